@@ -1,0 +1,33 @@
+# Every target sets up what it needs: a virtual environment in .venv, from the pinned constraints.
+PYTHON ?= python3
+MISSION ?= missions/pennovation/mission.yaml
+SPEED ?= 10
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: setup sim test lint bench clean
+
+setup: $(VENV)/.ready
+
+$(VENV)/.ready: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit("air-router needs Python 3.11 or newer, this is " + sys.version.split()[0] + "; try make PYTHON=python3.12") if sys.version_info < (3, 11) else 0'
+	@$(PYTHON) -m venv $(VENV) || { echo "no virtual environment: on Debian/Ubuntu run 'sudo apt-get install python3-venv' and try again" >&2; exit 1; }
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,dev]'
+	@touch $@
+
+sim: setup
+	$(BIN)/air-router sim $(MISSION) --speed $(SPEED)
+
+test: setup
+	$(BIN)/python -m pytest
+
+lint: setup
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+bench: setup
+	$(BIN)/python -m benchmarks
+
+clean:
+	rm -rf $(VENV) build *.egg-info

@@ -1,0 +1,85 @@
+"""What robots tell each other, in JSON: where they are, where they go, what they see.
+
+Latitude and longitude, because robots need not share a local frame. Everything that comes from
+the network is bounded and checked here before anybody uses it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+POSE_TOPIC: Final = "/pose"
+PATH_TOPIC: Final = "/path"
+SIGHTINGS_TOPIC: Final = "/sightings"
+MAP_TOPIC: Final = "/map"
+
+MESSAGE_LIMIT_BYTES: Final = 1 << 20
+
+Latitude = Annotated[float, Field(ge=-90, le=90)]
+Longitude = Annotated[float, Field(ge=-180, le=180)]
+Stamp = Annotated[float, Field(ge=0, le=1e11)]
+
+
+class MessageError(ValueError):
+    """A peer's message is not what its topic promises; it is counted and left alone."""
+
+
+class _Message(BaseModel):
+    """JSON in both directions; unknown keys are left to newer versions of us."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    def encode(self) -> bytes:
+        """The message as UTF-8 JSON."""
+        return self.model_dump_json().encode()
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Read a message from a peer.
+
+        Raises:
+            MessageError: what is wrong with it.
+        """
+        if len(data) > MESSAGE_LIMIT_BYTES:
+            raise MessageError(f"{cls.__name__} of {len(data)} bytes: too large")
+        try:
+            return cls.model_validate_json(data)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            where = ".".join(str(part) for part in first["loc"]) or "message"
+            raise MessageError(f"{cls.__name__}: {where}: {first['msg']}") from None
+
+
+class PoseMessage(_Message):
+    """Where a robot is: WGS-84 degrees, heading clockwise from true north, Unix seconds."""
+
+    stamp_s: Stamp
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    heading_deg: Annotated[float, Field(ge=-360, le=720)] = 0.0
+
+
+class PathMessage(_Message):
+    """Where a robot intends to go: (latitude, longitude) points, the last is its destination."""
+
+    stamp_s: Stamp
+    points: Annotated[tuple[tuple[Latitude, Longitude], ...], Field(max_length=10_000)]
+
+
+class SeenObject(BaseModel):
+    """One thing that a robot saw, and where."""
+
+    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
+
+    kind: Literal["vehicle", "person", "building", "other"]
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+
+
+class SightingsMessage(_Message):
+    """Everything that a robot has seen so far, so that the newest message says it all."""
+
+    stamp_s: Stamp
+    objects: Annotated[tuple[SeenObject, ...], Field(max_length=10_000)]

@@ -1,0 +1,144 @@
+"""The port through which the controller sees and commands a vehicle.
+
+One implementation flies a real or simulated PX4 (`air_router.px4`); tests drive the same flight
+shell with another. Positions are east/north metres in the mission's local frame; altitudes are
+metres above home; times are seconds on the vehicle's own clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+from air_router.flight_plan import FlightPlan
+from geo.frame import Point
+
+
+class FlightMode(Enum):
+    """The flight modes that matter to a mission, under the names pilots know."""
+
+    MISSION = "Mission"
+    HOLD = "Hold"
+    TAKEOFF = "Takeoff"
+    RETURN = "Return"
+    LAND = "Land"
+    OTHER = "other"  # Position, Altitude, Manual, Offboard ...: somebody is flying by hand
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """What the vehicle said of itself last; one value for everything that changes steadily.
+
+    Attributes:
+        time_s: Seconds on the vehicle's clock since it booted.
+        position: Horizontal position, metres east/north of the mission's origin.
+        altitude_m: Metres above home.
+        velocity_m_s: Velocity (east, north) in metres per second.
+        heading_deg: Clockwise from true north, None when unknown.
+        armed: Motors may turn.
+        in_air: The autopilot's own word, not a guess from altitude.
+        mode: The flight mode the autopilot reports, never the one that was asked for.
+        failsafe: The autopilot acts on a failsafe of its own.
+        battery: Remaining charge from 0 to 1, None when unknown.
+        item: Sequence number of the plan item it flies to, None when unknown.
+    """
+
+    time_s: float
+    position: Point
+    altitude_m: float
+    velocity_m_s: tuple[float, float] = (0.0, 0.0)
+    heading_deg: float | None = None
+    armed: bool = False
+    in_air: bool = False
+    mode: FlightMode = FlightMode.OTHER
+    failsafe: bool = False
+    battery: float | None = None
+    item: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ItemReached:
+    """The autopilot says that it has reached a plan item."""
+
+    time_s: float
+    item: int
+
+
+@dataclass(frozen=True, slots=True)
+class PlanReplaced:
+    """The plan on board is no longer the one that was uploaded: somebody else sent another."""
+
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSilent:
+    """Nothing has come from the vehicle for a while.
+
+    Attributes:
+        time_s: The vehicle's clock when it was last heard.
+        silent_s: Wall-clock seconds since then.
+    """
+
+    time_s: float
+    silent_s: float
+
+
+VehicleEvent = Telemetry | ItemReached | PlanReplaced | LinkSilent
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleInfo:
+    """Who answered: system id, autopilot and its version, and where its home is."""
+
+    system_id: int
+    autopilot: str
+    version: str
+    home: Point | None
+    home_altitude_amsl_m: float | None
+
+
+class Vehicle(Protocol):
+    """Verbs of a vehicle. Each returns when the vehicle has confirmed it, or raises.
+
+    Raises:
+        NoVehicleError: from `connect`, with a diagnosis.
+        PlanRefusedError: from `upload`, when what is on board is not what was sent.
+        ArmingRefusedError: from `arm`, with the autopilot's reasons.
+        NotConfirmedError: when a command was sent and the vehicle did not follow.
+    """
+
+    async def connect(self) -> VehicleInfo:
+        """Find the vehicle, or say within seconds what is wrong."""
+
+    def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
+        """Hand every event to `callback`, in order, on the event loop."""
+
+    async def upload(self, plan: FlightPlan) -> None:
+        """Put nodes and fence on board and read both back."""
+
+    async def arm(self) -> None:
+        """Arm, waiting for the autopilot's health first."""
+
+    async def start(self) -> None:
+        """Enter Mission mode: on the ground this takes off."""
+
+    async def jump(self, item: int) -> None:
+        """Fly straight to a plan item and hover there, in Mission mode."""
+
+    async def reposition(self, point: Point, altitude_m: float) -> None:
+        """Fly straight to a point at an altitude above home and hover there, in Hold mode."""
+
+    async def hold(self) -> None:
+        """Stop and hover here."""
+
+    async def land(self) -> None:
+        """Descend here and touch down."""
+
+    async def announce(self, text: str) -> None:
+        """Tell the pilot: shown by ground stations, kept in the autopilot's log."""
+
+    async def close(self) -> None:
+        """Let go of the link; the vehicle keeps doing what it does."""

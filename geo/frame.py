@@ -1,0 +1,84 @@
+"""The local frame of a mission: metres east and north of an origin on the WGS-84 ellipsoid.
+
+The projection is azimuthal equidistant: distances and directions from the origin are exact, and
+distances between any two points within 5 km of it are right to better than a millimetre, also at
+UTM zone borders, at high latitudes and on the antimeridian.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+from pyproj import Transformer
+
+_FARTHEST_M = 19_000_000.0
+"""Beyond this (almost the antipode) the projection has no meaning."""
+
+
+class FrameError(ValueError):
+    """A coordinate that is not a place on Earth, or too far from the frame's origin."""
+
+
+class Point(NamedTuple):
+    """A place in a local frame, in metres east and north of its origin."""
+
+    east_m: float
+    north_m: float
+
+
+class Geodetic(NamedTuple):
+    """A place on the WGS-84 ellipsoid, in degrees; latitude first, as in plans and MAVLink."""
+
+    latitude_deg: float
+    longitude_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class LocalFrame:
+    """Converts between WGS-84 degrees and metres east/north of `origin`.
+
+    Raises:
+        FrameError: the origin, or a converted coordinate, is not finite or out of range.
+    """
+
+    origin: Geodetic
+
+    def __post_init__(self) -> None:
+        _check(self.origin.latitude_deg, self.origin.longitude_deg)
+
+    def to_local(self, latitude_deg: float, longitude_deg: float) -> Point:
+        """Metres east and north of the origin, of a place given in degrees."""
+        _check(latitude_deg, longitude_deg)
+        to_local, _ = _transformers(*self.origin)
+        east_m, north_m = to_local.transform(longitude_deg, latitude_deg)
+        if not (math.isfinite(east_m) and math.isfinite(north_m)):
+            raise FrameError(
+                f"{latitude_deg}, {longitude_deg} lies too far from the frame's origin {self.origin}"
+            )
+        return Point(east_m, north_m)
+
+    def to_geodetic(self, point: Point) -> Geodetic:
+        """Latitude and longitude in degrees, of a place given in metres east and north."""
+        east_m, north_m = point
+        if not math.hypot(east_m, north_m) < _FARTHEST_M:
+            raise FrameError(f"{east_m}, {north_m} metres is not a place of this local frame")
+        _, to_geodetic = _transformers(*self.origin)
+        longitude_deg, latitude_deg = to_geodetic.transform(east_m, north_m)
+        return Geodetic(latitude_deg, longitude_deg)
+
+
+def _check(latitude_deg: float, longitude_deg: float) -> None:
+    if not abs(latitude_deg) <= 90:  # also catches NaN
+        raise FrameError(f"latitude {latitude_deg} is not within -90..90 degrees")
+    if not abs(longitude_deg) <= 180:
+        raise FrameError(f"longitude {longitude_deg} is not within -180..180 degrees")
+
+
+@lru_cache(maxsize=32)  # making a transformer costs 25 ms; one is thread-safe and lasts
+def _transformers(latitude_deg: float, longitude_deg: float) -> tuple[Transformer, Transformer]:
+    local = f"+proj=aeqd +lat_0={latitude_deg!r} +lon_0={longitude_deg!r} +ellps=WGS84 +units=m"
+    forward = Transformer.from_crs("OGC:CRS84", local, always_xy=True)
+    return forward, Transformer.from_crs(local, "OGC:CRS84", always_xy=True)

@@ -1,0 +1,145 @@
+"""What pydantic finds wrong, in words for the person who wrote the file: what, and what to do."""
+
+from __future__ import annotations
+
+import difflib
+import types
+import typing
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import BaseModel
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from pydantic_core import ErrorDetails
+
+Key = str | int
+
+_WANTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "set_type": "a list",
+    "dict_type": "a mapping (key: value)",
+    "model_type": "a mapping (key: value)",
+    "model_attributes_type": "a mapping (key: value)",
+}
+_LIMITS = {
+    "greater_than": ("greater than", "gt"),
+    "greater_than_equal": ("at least", "ge"),
+    "less_than": ("less than", "lt"),
+    "less_than_equal": ("at most", "le"),
+}
+
+
+def as_label(key: Any) -> str:
+    """A key as the text that JSON makes of it; how keys of a document are compared."""
+    if isinstance(key, bool):
+        return str(key).lower()
+    return "null" if key is None else str(key)
+
+
+def complaint(detail: ErrorDetails, model: type[BaseModel]) -> str:
+    """One line about one pydantic error: what is wrong and what to do."""
+    kind, keys, found = detail["type"], detail["loc"], detail.get("input")
+    context = detail.get("ctx", {})
+    name = _name(keys)
+    if kind == "missing":
+        return f"missing key '{keys[-1]}'{_about(model, keys)}; add it"
+    if kind == "extra_forbidden":
+        known = _field_names(model, keys[:-1])
+        return f"unknown key '{keys[-1]}'; {_suggestion(str(keys[-1]), known)}"
+    if kind in _WANTED:
+        return f"{name} must be {_WANTED[kind]}, found {_shown(found)}; {_advice(kind, found)}"
+    if kind in _LIMITS:
+        words, key = _LIMITS[kind]
+        return f"{name} must be {words} {context.get(key)}, found {_shown(found)}; change it"
+    if kind in ("literal_error", "enum"):
+        choices = [part.strip("' ") for part in str(context["expected"]).split(", ")]
+        choices = [part.strip("' ") for choice in choices for part in choice.split(" or ")]
+        return f"{name} cannot be {_shown(found)}; {_suggestion(str(found), choices)}"
+    if kind == "value_error":
+        return f"{name}: {context.get('error', detail['msg'])}"
+    return f"{name}: {detail['msg']}, found {_shown(found)}; change it"
+
+
+def _name(keys: Sequence[Key]) -> str:
+    path = ""
+    for key in keys:
+        if isinstance(key, int):
+            path += f"[{key}]"
+        elif key != "[key]":
+            path += f".{key}" if path else key
+    return f"'{path}'" if path else "the document"
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, str):
+        return f"text '{value if len(value) <= 40 else value[:37] + '...'}'"
+    if isinstance(value, list):
+        return "a list"
+    if isinstance(value, dict):
+        return "a mapping"
+    return as_label(value)
+
+
+def _advice(kind: str, found: Any) -> str:
+    if kind in ("float_type", "int_type", "bool_type") and isinstance(found, str):
+        return "write the value without quotes"
+    if kind == "string_type" and isinstance(found, bool | int | float):
+        return "put it in quotes"
+    return "correct it" if found is not None else "fill it in"
+
+
+def _suggestion(word: str, known: Iterable[str]) -> str:
+    known = sorted(known)
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean '{close[0]}'?"
+    return f"use one of {', '.join(known)}" if known else "remove it"
+
+
+def _about(model: type[BaseModel], keys: Sequence[Key]) -> str:
+    for parent in _models_at(model, keys[:-1]):
+        for name, field in parent.model_fields.items():
+            if keys[-1] in (name, field.alias) and field.description:
+                return f" ({field.description})"
+    return ""
+
+
+def _field_names(model: type[BaseModel], keys: Sequence[Key]) -> set[str]:
+    return {
+        field.alias or name
+        for parent in _models_at(model, keys)
+        for name, field in parent.model_fields.items()
+    }
+
+
+def _models_at(annotation: Any, keys: Sequence[Key]) -> Iterator[type[BaseModel]]:
+    """The models that can stand at a key path below an annotation."""
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        yield from _models_at(arguments[0], keys)
+    elif origin in (typing.Union, types.UnionType):
+        for member in arguments:
+            yield from _models_at(member, keys)
+            # pydantic puts the name of the tried member between the keys
+            if keys and keys[0] == getattr(member, "__name__", None):
+                yield from _models_at(member, keys[1:])
+    elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        if not keys:
+            yield annotation
+            return
+        for name, field in annotation.model_fields.items():
+            if keys[0] in (name, field.alias):
+                yield from _models_at(field.annotation, keys[1:])
+    elif origin is not None and keys:  # a list, tuple or mapping: one step into it
+        for item in arguments:
+            yield from _models_at(item, keys[1:])

@@ -1,0 +1,273 @@
+"""A YAML document whose every value knows its place, so that every error can name it.
+
+Scalars follow the YAML 1.2 core schema: only ``true`` and ``false`` are booleans (a robot may be
+called ``no``), ``1e3`` is a number, ``12:30`` and ``2026-01-01`` are text.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import pydantic
+import yaml
+
+from mocha_link.complaint import Key, as_label, complaint
+from mocha_link.errors import MochaLinkError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+MAX_BYTES = 4 * 1024 * 1024
+MAX_VALUES = 200_000  # aliases may repeat a value; this bounds what they expand to
+
+M = TypeVar("M", bound=pydantic.BaseModel)
+
+_TAG = "tag:yaml.org,2002:"
+_CONSTANTS: dict[str, bool] = {"true": True, "false": False}
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Problem:
+    """One thing wrong with a file; ``str()`` is ``path:line:column: message`` (both 1-based)."""
+
+    path: Path
+    line: int
+    column: int
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.line}:{self.column}: {self.message}"
+
+
+class DocumentError(MochaLinkError):
+    """A file cannot be used; carries every problem found in it, in file order."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(sorted(set(problems)))
+        super().__init__("\n".join(map(str, self.problems)))
+
+
+class _Loader(yaml.SafeLoader):
+    """Composes nodes with marks; reads plain scalars by the YAML 1.2 core schema."""
+
+    yaml_implicit_resolvers = {}  # noqa: RUF012 - PyYAML reads and fills this very attribute
+
+
+for _name, _pattern, _first in (
+    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
+    (
+        "float",
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+        "-+.0123456789",
+    ),
+    ("merge", r"<<", "<"),
+):
+    _Loader.add_implicit_resolver(_TAG + _name, re.compile(f"^(?:{_pattern})$"), list(_first))
+
+
+class Document:
+    """A loaded YAML file: plain values in ``data``, and the place of each of them.
+
+    Made by `Document.load` (a file) or `Document.from_text`.
+    """
+
+    def __init__(self, path: Path, root: yaml.Node | None, data: Any) -> None:
+        self.path = path
+        self.data = data
+        self._root = root
+
+    @classmethod
+    def load(cls, path: Path) -> Document:
+        """Read and check a file.
+
+        Raises:
+            DocumentError: the file cannot be read, is larger than 4 MiB, is not UTF-8, is not
+                YAML, repeats a key or uses a YAML feature that we do not read.
+        """
+        try:
+            with path.open("rb") as file:
+                raw = file.read(MAX_BYTES + 1)
+        except OSError as error:
+            reason = error.strerror or type(error).__name__
+            raise _one(path, 1, 1, f"cannot read the file: {reason}; check the path") from None
+        if len(raw) > MAX_BYTES:
+            raise _one(path, 1, 1, f"larger than {MAX_BYTES} bytes; split the file or thin it out")
+        try:
+            text = raw.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            line, column = _line_column(raw[: error.start])
+            raise _one(path, line, column, "not UTF-8 text; save the file as UTF-8") from None
+        return cls.from_text(text, path)
+
+    @classmethod
+    def from_text(cls, text: str, path: Path) -> Document:
+        """Read YAML from `text`; `path` only names it in messages. Raises DocumentError."""
+        try:
+            root = _Loader(text).get_single_node()
+            plain = _Plain(path)
+            data = None if root is None else plain.value(root)
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+            what = " ".join(filter(None, (error.context, error.problem))) or "not readable"
+            raise _one(path, line, column, f"not valid YAML: {what}; correct it") from None
+        except yaml.reader.ReaderError as error:
+            line, column = _line_column(text[: error.position].encode())
+            raise _one(path, line, column, "control character in the text; remove it") from None
+        except RecursionError:
+            raise _one(path, 1, 1, "nested too deeply; flatten it") from None
+        if plain.problems:
+            raise DocumentError(plain.problems)
+        return cls(path, root, data)
+
+    def place(self, *keys: Key) -> tuple[int, int]:
+        """Line and column (1-based) of the value at a key path, or of its nearest parent."""
+        value, _ = self._find(keys)
+        return _mark(value)
+
+    def place_of_key(self, *keys: Key) -> tuple[int, int]:
+        """Line and column (1-based) of the last key itself, or of its nearest parent."""
+        value, key = self._find(keys)
+        return _mark(key or value)
+
+    def problem(self, keys: Sequence[Key], message: str) -> Problem:
+        """A problem with the value at a key path, for checks that a model cannot do."""
+        return Problem(self.path, *self.place(*keys), message)
+
+    def parse(self, model: type[M]) -> M:
+        """The document as a pydantic model, strictly: no text for a number, no unknown key.
+
+        Raises:
+            DocumentError: with all problems at once. A missing key points to the mapping that
+                lacks it, an unknown one to the key itself.
+        """
+        # Strictness as in JSON: arrays may fill tuples and text may fill enums, nothing else bends.
+        text = json.dumps(self.data)
+        try:
+            return model.model_validate_json(text, strict=True, extra="forbid")
+        except pydantic.ValidationError as error:
+            problems = []
+            for detail in error.errors(include_url=False):
+                unknown = detail["type"] == "extra_forbidden"
+                missing = detail["type"] == "missing"
+                keys = detail["loc"][:-1] if missing else detail["loc"]
+                place = self.place_of_key(*keys) if unknown else self.place(*keys)
+                problems.append(Problem(self.path, *place, complaint(detail, model)))
+            raise DocumentError(problems) from None
+
+    def _find(self, keys: Sequence[Key]) -> tuple[yaml.Node | None, yaml.Node | None]:
+        """The value node and its key node; steps that the document does not have are skipped."""
+        value, key = self._root, None
+        for step in keys:
+            if isinstance(value, yaml.MappingNode):
+                for key_node, value_node in value.value:
+                    if as_label(_scalar(key_node)) == as_label(step):
+                        value, key = value_node, key_node
+                        break
+            elif isinstance(value, yaml.SequenceNode) and isinstance(step, int):
+                if 0 <= step < len(value.value):
+                    value, key = value.value[step], None
+        return value, key
+
+
+class _Plain:
+    """Turns nodes into plain values and collects what is wrong with them."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.problems: list[Problem] = []
+        self._count = 0
+        self._open: set[int] = set()
+
+    def value(self, node: yaml.Node) -> Any:
+        self._count += 1
+        if id(node) in self._open:
+            raise DocumentError([self._problem(node, "an alias inside its own anchor; remove it")])
+        if self._count > MAX_VALUES:
+            message = f"more than {MAX_VALUES} values; split the file or thin it out"
+            raise DocumentError([self._problem(node, message)])
+        self._open.add(id(node))
+        try:
+            if isinstance(node, yaml.MappingNode):
+                return self._mapping(node)
+            if isinstance(node, yaml.SequenceNode):
+                return [self.value(item) for item in node.value]
+            return self._scalar(node)
+        finally:
+            self._open.discard(id(node))
+
+    def _mapping(self, node: yaml.MappingNode) -> dict[Any, Any]:
+        result: dict[Any, Any] = {}
+        first_line: dict[str, int] = {}
+        for key_node, value_node in node.value:
+            if key_node.tag == _TAG + "merge":
+                self._add(key_node, "merge keys (<<) are not read; write the keys out")
+                continue
+            if not isinstance(key_node, yaml.ScalarNode):
+                self._add(key_node, "a key must be a word, not a list or a mapping; rename it")
+                continue
+            key = self._scalar(key_node)
+            label = as_label(key)
+            if label in first_line:
+                where = first_line[label]
+                self._add(key_node, f"key '{label}' is already on line {where}; remove one")
+                continue
+            first_line[label] = key_node.start_mark.line + 1
+            result[key] = self.value(value_node)
+        return result
+
+    def _scalar(self, node: yaml.Node) -> Any:
+        try:
+            return _scalar(node)
+        except ValueError as error:
+            self._add(node, str(error))
+            return None
+
+    def _add(self, node: yaml.Node, message: str) -> None:
+        self.problems.append(self._problem(node, message))
+
+    def _problem(self, node: yaml.Node, message: str) -> Problem:
+        return Problem(self.path, *_mark(node), message)
+
+
+def _scalar(node: yaml.Node) -> Any:
+    """The plain value of a scalar node. Raises ValueError with words for the user."""
+    kind, text = node.tag.removeprefix(_TAG), node.value
+    if kind == "str" or not isinstance(node, yaml.ScalarNode):
+        return text
+    try:
+        if kind == "null":
+            return None
+        if kind == "bool":
+            return _CONSTANTS[text.lower()]
+        if kind == "int":
+            return int(text, 0) if text.startswith(("0o", "0x")) else int(text)
+        if kind == "float":
+            number = float(text.replace(".inf", "inf").replace(".nan", "nan").lower())
+            if not math.isfinite(number):
+                raise ValueError
+            return number
+    except (KeyError, ValueError):
+        raise ValueError(f"{text[:40]!r} is not a finite {kind} value; correct it") from None
+    raise ValueError(f"YAML tag {node.tag} is not read; remove it")
+
+
+def _mark(node: yaml.Node | None) -> tuple[int, int]:
+    return (node.start_mark.line + 1, node.start_mark.column + 1) if node else (1, 1)
+
+
+def _line_column(before: bytes) -> tuple[int, int]:
+    line = before.count(b"\n") + 1
+    column = len(before.rpartition(b"\n")[2].decode("utf-8", "replace")) + 1
+    return line, column
+
+
+def _one(path: Path, line: int, column: int, message: str) -> DocumentError:
+    return DocumentError([Problem(path, line, column, message)])

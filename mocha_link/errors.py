@@ -1,0 +1,5 @@
+"""The root of the package's errors; each cause has its own class in the module that finds it."""
+
+
+class MochaLinkError(Exception):
+    """Anything that mocha_link reports: the message says what, where, and what to do."""

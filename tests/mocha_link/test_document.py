@@ -1,0 +1,197 @@
+"""Documents name the place of every value and report every problem at once."""
+
+from __future__ import annotations
+
+import enum
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import BaseModel, Field
+
+from mocha_link.document import MAX_BYTES, Document, DocumentError, Problem
+
+PATH = Path("fleet.yaml")
+
+TEXT = """\
+name: survey
+altitude_m: 60
+kind: slow
+points:
+  - {east_m: 1, north_m: 2}
+  - east_m: 3
+    north_m: 4.5
+"""
+
+
+class Kind(enum.Enum):
+    SLOW = "slow"
+    FAST = "fast"
+
+
+class Point(BaseModel):
+    east_m: float
+    north_m: float
+
+
+class Survey(BaseModel):
+    name: str
+    altitude_m: float = Field(gt=0, description="metres above home")
+    kind: Kind = Kind.SLOW
+    points: tuple[Point, ...] = ()
+    by_name: dict[str, Point] = {}
+    other: Point | None = None
+
+
+def problems_of(text: str, model: type[BaseModel] | None = None) -> list[str]:
+    with pytest.raises(DocumentError) as caught:
+        document = Document.from_text(text, PATH)
+        if model:
+            document.parse(model)
+    assert str(caught.value) == "\n".join(map(str, caught.value.problems))
+    return [str(problem) for problem in caught.value.problems]
+
+
+def test_values_and_places():
+    document = Document.from_text(TEXT, PATH)
+    assert document.data["points"] == [{"east_m": 1, "north_m": 2}, {"east_m": 3, "north_m": 4.5}]
+    assert document.place() == (1, 1)
+    assert document.place("altitude_m") == (2, 13)
+    assert document.place("points", 0, "north_m") == (5, 26)
+    assert document.place("points", 1, "north_m") == (7, 14)
+    assert document.place_of_key("points", 1, "north_m") == (7, 5)
+    assert document.place("points", 1, "up_m") == document.place("points", 1) == (6, 5)
+    assert document.place("points", 9) == document.place("points")
+    assert document.problem(["kind"], "bad; fix") == Problem(PATH, 3, 7, "bad; fix")
+    assert str(document.problem(["kind"], "bad; fix")) == "fleet.yaml:3:7: bad; fix"
+
+
+def test_parse_fills_tuples_and_enums():
+    survey = Document.from_text(TEXT, PATH).parse(Survey)
+    assert survey.kind is Kind.SLOW
+    assert survey.points[1] == Point(east_m=3, north_m=4.5)
+
+
+def test_load_reads_a_file(tmp_path):
+    path = tmp_path / "fleet.yaml"
+    path.write_text("\ufeff" + TEXT, encoding="utf-8")
+    document = Document.load(path)
+    assert document.path == path
+    assert document.data["name"] == "survey"
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("no", "no"),
+        ("on", "on"),
+        ("1e3", 1000.0),
+        ("010", 10),
+        ("0x10", 16),
+        ("12:30", "12:30"),
+        ("2026-01-01", "2026-01-01"),
+        ("127.0.0.1", "127.0.0.1"),
+        ("TRUE", True),
+        ("~", None),
+        ("", None),
+        ("'5'", "5"),
+        ("-.5", -0.5),
+    ],
+)
+def test_scalars_follow_yaml_1_2(text, value):
+    assert Document.from_text(f"key: {text}", PATH).data == {"key": value}
+
+
+def test_every_problem_is_reported_in_file_order():
+    text = (
+        'name: 7\naltitude_m: "60"\nkind: sloow\nspeed: 3\n'
+        "points:\n  - {east_m: 1, nort_m: 2}\n  - 5\nby_name: {a: {east_m: 1}}\n"
+    )
+    assert problems_of(text, Survey) == [
+        "fleet.yaml:1:7: 'name' must be text, found 7; put it in quotes",
+        "fleet.yaml:2:13: 'altitude_m' must be a number, found text '60'; "
+        "write the value without quotes",
+        "fleet.yaml:3:7: 'kind' cannot be text 'sloow'; did you mean 'slow'?",
+        "fleet.yaml:4:1: unknown key 'speed'; use one of altitude_m, by_name, kind, name, other, "
+        "points",
+        "fleet.yaml:6:5: missing key 'north_m'; add it",
+        "fleet.yaml:6:17: unknown key 'nort_m'; did you mean 'north_m'?",
+        "fleet.yaml:7:5: 'points[1]' must be a mapping (key: value), found 5; correct it",
+        "fleet.yaml:8:14: missing key 'north_m'; add it",
+    ]
+
+
+def test_limits_and_missing_keys_say_what_to_do():
+    assert problems_of("name: a\naltitude_m: -1\nother: {eas_m: 1, north_m: 1}", Survey) == [
+        "fleet.yaml:2:13: 'altitude_m' must be greater than 0.0, found -1; change it",
+        "fleet.yaml:3:8: missing key 'east_m'; add it",
+        "fleet.yaml:3:9: unknown key 'eas_m'; did you mean 'east_m'?",
+    ]
+    assert problems_of("name: a", Survey) == [
+        "fleet.yaml:1:1: missing key 'altitude_m' (metres above home); add it"
+    ]
+
+
+def test_an_empty_file_is_not_a_survey():
+    assert problems_of("", Survey) == [
+        "fleet.yaml:1:1: the document must be a mapping (key: value), found nothing; fill it in"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("a: 1\nb: [1, 2\nc: 3\n", "fleet.yaml:3:2: not valid YAML"),
+        ("a: 1\na: 2\n", "fleet.yaml:2:1: key 'a' is already on line 1; remove one"),
+        ("a: !!python/object:os.system {}", "fleet.yaml:1:4: YAML tag"),
+        ("a: !thing x", "fleet.yaml:1:4: YAML tag !thing is not read; remove it"),
+        ("? [a]\n: 1", "fleet.yaml:1:3: a key must be a word"),
+        ("a: &x {b: 1}\nc: {<<: *x}", "fleet.yaml:2:5: merge keys (<<) are not read"),
+        ("a: .inf", "fleet.yaml:1:4: '.inf' is not a finite float value"),
+        ("a: 1e999", "fleet.yaml:1:4: '1e999' is not a finite float value"),
+        ("a: " + "9" * 5000, "fleet.yaml:1:4: "),
+        ("a: 1\nb: \x07", "fleet.yaml:2:4: control character"),
+        ("a: &x [*x]", "fleet.yaml:1:4: an alias inside its own anchor; remove it"),
+        ("a: 1\n---\nb: 2", "fleet.yaml:2:1: not valid YAML"),
+        ("a: *nobody", "fleet.yaml:1:4: not valid YAML"),
+        ("[" * 5000, "fleet.yaml:1:1: nested too deeply; flatten it"),
+    ],
+)
+def test_broken_documents_name_the_place(text, problem):
+    (found,) = problems_of(text)
+    assert found.startswith(problem)
+
+
+def test_aliases_cannot_blow_up():
+    text = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
+    for name, before in zip("bcdefgh", "abcdefg", strict=True):
+        text += f"{name}: &{name} [{', '.join([f'*{before}'] * 10)}]\n"
+    (found,) = problems_of(text)
+    assert "more than 200000 values" in found
+
+
+def test_unreadable_files(tmp_path):
+    missing = tmp_path / "missing.yaml"
+    with pytest.raises(DocumentError, match=r"missing.yaml:1:1: cannot read the file: No such"):
+        Document.load(missing)
+    with pytest.raises(DocumentError, match="cannot read the file: Is a directory"):
+        Document.load(tmp_path)
+    large = tmp_path / "large.yaml"
+    large.write_bytes(b"#" * (MAX_BYTES + 1))
+    with pytest.raises(DocumentError, match="larger than"):
+        Document.load(large)
+    latin = tmp_path / "latin.yaml"
+    latin.write_bytes("a: 1\nb: é\n".encode("latin-1"))
+    with pytest.raises(DocumentError, match="latin.yaml:2:4: not UTF-8 text"):
+        Document.load(latin)
+
+
+@settings(deadline=None, max_examples=150)
+@given(st.one_of(st.text(max_size=80), st.text(alphabet="a:[]{}&*-,<'\"\n 1.!|>?#%", max_size=60)))
+def test_any_text_is_a_document_or_a_document_error(text):
+    try:
+        Document.from_text(text, PATH).parse(Survey)
+    except DocumentError as error:
+        assert error.problems
+        assert all(problem.line >= 1 and problem.column >= 1 for problem in error.problems)
