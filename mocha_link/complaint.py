@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import types
 import typing
 from typing import TYPE_CHECKING, Annotated, Any
@@ -49,23 +50,23 @@ def complaint(detail: ErrorDetails, model: type[BaseModel]) -> str:
     kind, keys, found = detail["type"], detail["loc"], detail.get("input")
     context = detail.get("ctx", {})
     name = _name(keys)
+    what = f"{name}: {detail['msg']}, found {_shown(found)}; change it"
     if kind == "missing":
-        return f"missing key '{keys[-1]}'{_about(model, keys)}; add it"
-    if kind == "extra_forbidden":
+        what = f"missing key '{keys[-1]}'{_about(model, keys)}; add it"
+    elif kind == "extra_forbidden":
         known = _field_names(model, keys[:-1])
-        return f"unknown key '{keys[-1]}'; {_suggestion(str(keys[-1]), known)}"
-    if kind in _WANTED:
-        return f"{name} must be {_WANTED[kind]}, found {_shown(found)}; {_advice(kind, found)}"
-    if kind in _LIMITS:
-        words, key = _LIMITS[kind]
-        return f"{name} must be {words} {context.get(key)}, found {_shown(found)}; change it"
-    if kind in ("literal_error", "enum"):
-        choices = [part.strip("' ") for part in str(context["expected"]).split(", ")]
-        choices = [part.strip("' ") for choice in choices for part in choice.split(" or ")]
-        return f"{name} cannot be {_shown(found)}; {_suggestion(str(found), choices)}"
-    if kind == "value_error":
-        return f"{name}: {context.get('error', detail['msg'])}"
-    return f"{name}: {detail['msg']}, found {_shown(found)}; change it"
+        what = f"unknown key '{keys[-1]}'; {_suggestion(str(keys[-1]), known)}"
+    elif kind in _WANTED:
+        what = f"{name} must be {_WANTED[kind]}, found {_shown(found)}; {_advice(kind, found)}"
+    elif kind in _LIMITS:
+        words, limit = _LIMITS[kind]
+        what = f"{name} must be {words} {context.get(limit)}, found {_shown(found)}; change it"
+    elif kind in ("literal_error", "enum"):
+        choices = re.findall(r"'([^']*)'", str(context.get("expected", "")))
+        what = f"{name} cannot be {_shown(found)}; {_suggestion(str(found), choices)}"
+    elif kind == "value_error":
+        what = f"{name}: {context.get('error', detail['msg'])}"
+    return what
 
 
 def _name(keys: Sequence[Key]) -> str:
@@ -124,22 +125,27 @@ def _field_names(model: type[BaseModel], keys: Sequence[Key]) -> set[str]:
 
 def _models_at(annotation: Any, keys: Sequence[Key]) -> Iterator[type[BaseModel]]:
     """The models that can stand at a key path below an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel) and not keys:
+        yield annotation
+    for inner, rest in _steps(annotation, keys):
+        yield from _models_at(inner, rest)
+
+
+def _steps(annotation: Any, keys: Sequence[Key]) -> Iterator[tuple[Any, Sequence[Key]]]:
+    """What an annotation is made of, each with the keys that are left to walk inside it."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
-        yield from _models_at(arguments[0], keys)
+        yield arguments[0], keys
     elif origin in (typing.Union, types.UnionType):
         for member in arguments:
-            yield from _models_at(member, keys)
+            yield member, keys
             # pydantic puts the name of the tried member between the keys
             if keys and keys[0] == getattr(member, "__name__", None):
-                yield from _models_at(member, keys[1:])
-    elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        if not keys:
-            yield annotation
-            return
+                yield member, keys[1:]
+    elif origin is not None:  # a list, tuple or mapping: one step into it
+        if keys:
+            yield from ((item, keys[1:]) for item in arguments)
+    elif isinstance(annotation, type) and issubclass(annotation, BaseModel) and keys:
         for name, field in annotation.model_fields.items():
             if keys[0] in (name, field.alias):
-                yield from _models_at(field.annotation, keys[1:])
-    elif origin is not None and keys:  # a list, tuple or mapping: one step into it
-        for item in arguments:
-            yield from _models_at(item, keys[1:])
+                yield field.annotation, keys[1:]

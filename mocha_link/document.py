@@ -19,7 +19,7 @@ from mocha_link.complaint import Key, as_label, complaint
 from mocha_link.errors import MochaLinkError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
 MAX_BYTES = 4 * 1024 * 1024
@@ -28,7 +28,7 @@ MAX_VALUES = 200_000  # aliases may repeat a value; this bounds what they expand
 M = TypeVar("M", bound=pydantic.BaseModel)
 
 _TAG = "tag:yaml.org,2002:"
-_CONSTANTS: dict[str, bool] = {"true": True, "false": False}
+_MAPPING, _SEQUENCE = _TAG + "map", _TAG + "seq"
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -171,9 +171,8 @@ class Document:
                     if as_label(_scalar(key_node)) == as_label(step):
                         value, key = value_node, key_node
                         break
-            elif isinstance(value, yaml.SequenceNode) and isinstance(step, int):
-                if 0 <= step < len(value.value):
-                    value, key = value.value[step], None
+            elif isinstance(value, yaml.SequenceNode) and step in range(len(value.value)):
+                value, key = value.value[int(step)], None
         return value, key
 
 
@@ -195,6 +194,9 @@ class _Plain:
             raise DocumentError([self._problem(node, message)])
         self._open.add(id(node))
         try:
+            if isinstance(node, yaml.CollectionNode) and node.tag not in (_MAPPING, _SEQUENCE):
+                self._add(node, _strange(node))
+                return None
             if isinstance(node, yaml.MappingNode):
                 return self._mapping(node)
             if isinstance(node, yaml.SequenceNode):
@@ -237,26 +239,40 @@ class _Plain:
         return Problem(self.path, *_mark(node), message)
 
 
+def _whole(text: str) -> int:
+    return int(text, 0) if text.startswith(("0o", "0x")) else int(text)
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError
+    return number
+
+
+_READERS: dict[str, Callable[[str], Any]] = {
+    "str": str,
+    "null": lambda _: None,
+    "bool": lambda text: {"true": True, "false": False}[text.lower()],
+    "int": _whole,
+    "float": _finite,
+}
+
+
 def _scalar(node: yaml.Node) -> Any:
     """The plain value of a scalar node. Raises ValueError with words for the user."""
-    kind, text = node.tag.removeprefix(_TAG), node.value
-    if kind == "str" or not isinstance(node, yaml.ScalarNode):
-        return text
+    kind = node.tag.removeprefix(_TAG)
+    if kind not in _READERS:
+        raise ValueError(_strange(node))
     try:
-        if kind == "null":
-            return None
-        if kind == "bool":
-            return _CONSTANTS[text.lower()]
-        if kind == "int":
-            return int(text, 0) if text.startswith(("0o", "0x")) else int(text)
-        if kind == "float":
-            number = float(text.replace(".inf", "inf").replace(".nan", "nan").lower())
-            if not math.isfinite(number):
-                raise ValueError
-            return number
+        return _READERS[kind](node.value)
     except (KeyError, ValueError):
-        raise ValueError(f"{text[:40]!r} is not a finite {kind} value; correct it") from None
-    raise ValueError(f"YAML tag {node.tag} is not read; remove it")
+        text = f"{node.value[:40]!r} is not a finite {kind} value; correct it"
+        raise ValueError(text) from None
+
+
+def _strange(node: yaml.Node) -> str:
+    return f"YAML tag {node.tag} is not read; remove it"
 
 
 def _mark(node: yaml.Node | None) -> tuple[int, int]:
