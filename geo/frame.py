@@ -56,7 +56,7 @@ class LocalFrame:
         east_m, north_m = to_local.transform(longitude_deg, latitude_deg)
         if not (math.isfinite(east_m) and math.isfinite(north_m)):
             raise FrameError(
-                f"{latitude_deg}, {longitude_deg} lies too far from the frame's origin {self.origin}"
+                f"{latitude_deg}, {longitude_deg} lies too far from the origin {self.origin}"
             )
         return Point(east_m, north_m)
 

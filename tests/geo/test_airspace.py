@@ -1,0 +1,230 @@
+import itertools
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import LineString, Polygon
+
+from geo.airspace import FENCE, Airspace
+from geo.frame import Point
+from geo.zone import Zone, ZoneError, checked_ring, circle_ring
+
+
+def ring(*corners):
+    return tuple(Point(*corner) for corner in corners)
+
+
+def box(name, west, south, east, north):
+    return Zone(name, ring((west, south), (east, south), (east, north), (west, north)))
+
+
+def airspace(*zones, fence=None, clearance_m=5.0):
+    return Airspace(fence and ring(*fence), zones, clearance_m)
+
+
+P = Point
+FENCED = [(-100, -100), (100, -100), (100, 100), (-100, 100)]
+NOTCHED = [
+    (-100, -100),
+    (100, -100),
+    (100, 100),
+    (20, 100),
+    (20, 0),
+    (-20, 0),
+    (-20, 100),
+    (-100, 100),
+]
+
+
+def test_a_leg_is_clear_at_exactly_the_clearance_and_not_below():
+    space = airspace(box("hall", 0, 0, 10, 10))
+    assert space.leg_clear(P(-20, 15), P(30, 15))
+    assert not space.leg_clear(P(-20, 14.999), P(30, 14.999))
+    assert space.point_clear(P(-5, 5))
+    assert not space.point_clear(P(-4.999, 5))
+    assert not space.point_clear(P(5, 5))
+
+
+def test_corners_are_rounded_not_square():
+    space = airspace(box("hall", 0, 0, 10, 10))
+    assert space.point_clear(P(13.6, 13.6))  # 5.09 m from the corner, though within 5 m each way
+    assert not space.point_clear(P(13.5, 13.5))
+
+
+def test_a_leg_without_length_is_its_point():
+    space = airspace(box("hall", 0, 0, 10, 10), fence=FENCED)
+    for point in (P(5, 14), P(97, 50)):
+        assert not space.leg_clear(point, point)
+        assert not space.swept_clear([point, point])
+        assert space.legs_clear(point, [point]) == [False]
+        assert len(space.blockers(point, point)) == 1
+    assert space.leg_clear(P(5, 16), P(5, 16))
+
+
+def test_blockers_are_named():
+    space = airspace(box("a", 0, 0, 10, 10), box("b", 30, 0, 40, 10), fence=FENCED)
+    assert space.blockers(P(-50, 5), P(20, 5)) == ("a",)
+    assert space.blockers(P(-50, 5), P(150, 5)) == ("a", "b", FENCE)
+    assert space.blockers(P(-50, 50), P(20, 50)) == ()
+
+
+def test_both_ends_inside_a_notched_fence_but_not_the_leg():
+    space = airspace(fence=NOTCHED)
+    assert space.point_clear(P(-60, 50))
+    assert space.point_clear(P(60, 50))
+    assert not space.leg_clear(P(-60, 50), P(60, 50))
+    assert space.leg_clear(P(-60, -5), P(60, -5))
+    assert not space.leg_clear(P(-60, -4.9), P(60, -4.9))
+
+
+def test_outside_of_the_fence_nothing_is_clear():
+    space = airspace(fence=FENCED)
+    assert not space.leg_clear(P(200, 200), P(300, 300))
+    assert not space.point_clear(P(200, 200))
+    assert space.distance_m(P(103, 0)) == pytest.approx(-3)
+    assert space.distance_m(P(97, 0)) == pytest.approx(3)
+
+
+def test_no_way_along_the_seam_of_two_zones():
+    for clearance_m in (0, 5):
+        touching = airspace(
+            box("w", 0, 0, 10, 10), box("e", 10, 0, 20, 10), clearance_m=clearance_m
+        )
+        assert not touching.leg_clear(P(10, -5), P(10, 15))
+        corner = airspace(
+            box("sw", 0, 0, 10, 10), box("ne", 10, 10, 20, 20), clearance_m=clearance_m
+        )
+        assert not corner.leg_clear(P(0, 20), P(20, 0))
+
+
+def test_without_clearance_a_leg_may_not_cross_or_touch():
+    space = airspace(box("hall", 0, 0, 10, 10), fence=FENCED, clearance_m=0)
+    assert not space.leg_clear(P(-20, 5), P(30, 5))
+    assert not space.leg_clear(P(-20, 10), P(30, 10))
+    assert space.leg_clear(P(-20, 10.001), P(30, 10.001))
+    assert not space.leg_clear(P(0, 50), P(0, 150))
+
+
+def test_a_swept_area_is_more_than_its_sides():
+    space = airspace(box("mast", 45, 20, 46, 21))
+    corners = [P(0, 0), P(100, 0), P(50, 80)]
+    sides = [*itertools.pairwise(corners), (corners[2], corners[0])]
+    assert all(space.leg_clear(a, b) for a, b in sides)
+    assert not space.swept_clear(corners)
+    assert space.swept_clear([P(0, 0), P(100, 0), P(50, 0)])  # a hull that is a line
+    assert not space.swept_clear([P(46, 21)])  # and one that is a point
+
+
+def test_distance_is_negative_inside_a_zone():
+    space = airspace(box("hall", 0, 0, 10, 10))
+    assert space.distance_m(P(5, 3)) == pytest.approx(-3)
+    assert space.distance_m(P(5, 13)) == pytest.approx(3)
+    assert airspace().distance_m(P(0, 0)) == math.inf
+
+
+def test_closest_approach_of_a_track():
+    space = airspace(box("hall", 0, 0, 10, 10), fence=FENCED)
+    assert space.track_distance_m([P(-50, 20), P(50, 20)]) == (10, "hall")
+    assert space.track_distance_m([P(-50, 97), P(50, 97)]) == (pytest.approx(3), FENCE)
+    assert space.track_distance_m([P(-50, 8), P(5, 8)]) == (-2, "hall")
+    assert space.track_distance_m([P(-50, 5), P(50, 5)]) == (0, "hall")
+    assert space.track_distance_m([P(150, 0), P(160, 0)]) == (-60, FENCE)
+    assert space.track_distance_m([P(0, 13)]) == (3, "hall")
+    assert airspace().track_distance_m([P(0, 0), P(1, 1)]) == (math.inf, "")
+    assert space.track_distance_m([]) == (math.inf, "")
+
+
+def test_nearest_clear_place():
+    space = airspace(box("hall", 0, 0, 10, 10), fence=FENCED)
+    assert space.nearest_clear(P(50, 50)) == (50, 50)
+    near = space.nearest_clear(P(5, 8))
+    assert near == pytest.approx((5, 15.01))
+    assert space.nearest_clear(P(0, 300)) == pytest.approx((0, 94.99))
+    full = airspace(box("all", -99, -99, 99, 99), fence=FENCED)
+    assert full.nearest_clear(P(0, 0)) is None
+
+
+def test_holders_say_what_one_is_in():
+    space = airspace(box("a", 0, 0, 10, 10), box("b", 5, 5, 20, 20), fence=FENCED)
+    assert space.holders(P(7, 7)) == ("a", "b")
+    assert space.holders(P(0, 200)) == (FENCE,)
+    assert space.without(["a"]).holders(P(7, 7)) == ("b",)
+    assert space.without([FENCE]).holders(P(0, 200)) == ()
+
+
+@pytest.mark.parametrize(
+    ("corners", "reason"),
+    [
+        ([(0, 0), (10, 0)], "2 different corners"),
+        ([(0, 0), (10, 0), (0, 0), (10, 0)], "2 different corners"),
+        ([(0, 0), (10, 0), (20, 0)], "on one line"),
+        ([(0, 0), (100, 100), (100, 0), (0, 30)], "crosses or touches itself"),
+        ([(0, 0), (10, 0), (math.nan, 5)], "not a finite number"),
+        ([(0, 0), (10, 0), (math.inf, 5)], "not a finite number"),
+        ([], "0 different corners"),
+    ],
+)
+def test_rings_without_an_area_are_refused(corners, reason):
+    with pytest.raises(ZoneError, match=reason):
+        Zone("z", tuple(Point(*corner) for corner in corners))
+
+
+def test_repeated_and_closing_corners_are_harmless():
+    assert checked_ring([(0, 0), (0, 0), (9, 0), (9, 9), (9, 9), (0, 0)]) == ring(
+        (0, 0), (9, 0), (9, 9)
+    )
+
+
+@pytest.mark.parametrize("radius_m", [0.5, 30, 2000])
+def test_circles_are_never_too_small_as_zones_nor_too_large_as_fences(radius_m):
+    centre = P(3, 4)
+    zone = Polygon(circle_ring(centre, radius_m))
+    fence = Polygon(circle_ring(centre, radius_m, outward=False))
+    for step in range(360):
+        a = math.radians(step)
+        on_circle = P(3 + radius_m * math.cos(a), 4 + radius_m * math.sin(a))
+        assert zone.distance(LineString([centre, on_circle])) == 0
+        assert zone.buffer(1e-9).covers(LineString([centre, on_circle]))
+    assert all(math.dist(centre, c) <= radius_m + 1e-9 for c in fence.exterior.coords)
+    assert all(math.dist(centre, c) <= radius_m * 1.0025 for c in zone.exterior.coords)
+
+
+@pytest.mark.parametrize("radius_m", [0, -1, math.nan, math.inf])
+def test_circles_without_a_radius_are_refused(radius_m):
+    with pytest.raises(ZoneError, match="radius"):
+        circle_ring(P(0, 0), radius_m)
+
+
+@pytest.mark.parametrize("clearance_m", [-1, math.nan, math.inf])
+def test_a_clearance_is_a_distance(clearance_m):
+    with pytest.raises(ValueError, match="clearance"):
+        airspace(clearance_m=clearance_m)
+
+
+coordinate = st.floats(-90, 90).map(lambda value: round(value, 3))
+place = st.builds(Point, coordinate, coordinate)
+triangle = st.tuples(place, place, place).filter(lambda t: Polygon(t).area > 1)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(triangle, max_size=4), place, place, st.floats(0.1, 15), st.floats(0.1, 10))
+def test_legs_are_symmetric_monotone_in_clearance_and_judged_by_distance(
+    triangles, a, b, clearance_m, more_m
+):
+    zones = [Zone(f"zone {n}", t) for n, t in enumerate(triangles)]
+    space = Airspace(ring(*FENCED), zones, clearance_m)
+    clear = space.leg_clear(a, b)
+    assert clear == space.leg_clear(b, a)
+    assert clear == (space.blockers(a, b) == ())
+    assert clear == space.swept_clear([a, b])
+    assert space.legs_clear(a, [b, a]) == [clear, space.point_clear(a)]
+    if not clear:
+        assert not space.with_clearance(clearance_m + more_m).leg_clear(a, b)
+    distance_m, _ = space.track_distance_m([a, b])
+    if abs(distance_m - clearance_m) > 1e-5:
+        assert clear == (distance_m > clearance_m)
+    if clear:
+        assert space.distance_m(a) >= clearance_m - 2e-6
+    nearest = space.nearest_clear(a)
+    assert nearest is None or space.point_clear(nearest)
