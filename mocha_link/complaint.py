@@ -64,6 +64,8 @@ def complaint(detail: ErrorDetails, model: type[BaseModel]) -> str:
     elif kind in ("literal_error", "enum"):
         choices = re.findall(r"'([^']*)'", str(context.get("expected", "")))
         what = f"{name} cannot be {_shown(found)}; {_suggestion(str(found), choices)}"
+    elif kind == "string_pattern_mismatch" and (wanted := _described(model, keys)):
+        what = f"{name} must be {wanted}, found {_shown(found)}; correct it"
     elif kind == "value_error":
         what = f"{name}: {context.get('error', detail['msg'])}"
     return what
@@ -108,10 +110,15 @@ def _suggestion(word: str, known: Iterable[str]) -> str:
 
 
 def _about(model: type[BaseModel], keys: Sequence[Key]) -> str:
+    description = _described(model, keys)
+    return f" ({description})" if description else ""
+
+
+def _described(model: type[BaseModel], keys: Sequence[Key]) -> str:
     for parent in _models_at(model, keys[:-1]):
         for name, field in parent.model_fields.items():
             if keys[-1] in (name, field.alias) and field.description:
-                return f" ({field.description})"
+                return field.description
     return ""
 
 

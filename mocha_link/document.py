@@ -287,3 +287,14 @@ def _line_column(before: bytes) -> tuple[int, int]:
 
 def _one(path: Path, line: int, column: int, message: str) -> DocumentError:
     return DocumentError([Problem(path, line, column, message)])
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes exactly what `_Loader` would not read as text."""
+
+    yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
+
+
+def as_yaml(data: Any) -> str:
+    """Plain values as YAML text that `Document.from_text` reads back as they are."""
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True)

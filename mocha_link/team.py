@@ -1,0 +1,347 @@
+"""The configuration that all robots share: who they are, where they listen, what they say.
+
+Ids and ports follow from the file exactly as in the original MOCHA nodes, so every robot must use
+the same file: robot_id = index in the sorted names; topic_id = position in the list of the kind;
+dtype = index of the first occurrence in the sorted list of the types of all topics of all kinds
+(with repetitions); the port that a peer dials = base_port + index of the peer in ``clients``.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, StringConstraints
+from pydantic import Field as Key
+
+from mocha_link.document import Document, DocumentError, Problem, as_yaml
+from mocha_link.errors import MochaLinkError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+IDS = 256  # robot, topic and type ids are one byte on the wire
+
+
+class UnknownRobotError(MochaLinkError):
+    """A name that is not a robot of the team, or not a robot that is linked to the asking one."""
+
+    def __init__(self, name: str, known: Mapping[str, Any] | tuple[str, ...], where: str) -> None:
+        names = ", ".join(sorted(known)) or "none"
+        super().__init__(f"no robot '{name}' {where}; use one of {names}")
+
+
+class UnknownTopicError(MochaLinkError):
+    """A topic that the robot does not have in the team file."""
+
+    def __init__(self, robot: Robot, name: str, known: tuple[Topic, ...]) -> None:
+        names = ", ".join(topic.name for topic in known) or "none"
+        super().__init__(
+            f"{robot.name} ({robot.kind}) has no topic '{name}'; "
+            f"use one of {names}, or add it to the team file"
+        )
+
+
+class Priority(enum.IntEnum):
+    """How urgent a topic is; more urgent messages of a robot are exchanged first."""
+
+    NONE = 0
+    LOW = 1
+    MEDIUM = 2
+    HIGH = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One kind of message of a robot; only its newest message is kept and carried."""
+
+    name: str
+    topic_id: int
+    type: str
+    dtype: int
+    priority: Priority
+    min_interval_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """One robot of the team. `address` is what others dial, `listen` what its node binds."""
+
+    name: str
+    robot_id: int
+    kind: str
+    address: str
+    base_port: int
+    listen: str
+    clients: tuple[str, ...]
+    radio: str | None = None
+    key: str | None = None
+
+    @property
+    def peers(self) -> tuple[str, ...]:
+        """The robots that it exchanges messages with: its clients without itself."""
+        return tuple(name for name in self.clients if name != self.name)
+
+    def port_for(self, peer: str) -> int:
+        """The port on which this robot answers `peer`. Raises UnknownRobotError."""
+        if peer not in self.peers:
+            raise UnknownRobotError(peer, self.peers, f"among the clients of {self.name}")
+        return self.base_port + self.clients.index(peer)
+
+
+@dataclass(frozen=True, slots=True)
+class Trigger:
+    """When a node pulls from a peer: in contact (by RSSI) at once, then every `interval_s`.
+
+    A robot without a radio tries every `interval_s`. In contact means RSSI at or above the
+    threshold; the contact ends `hysteresis_db` below it.
+    """
+
+    rssi_threshold_dbm: float = -75.0
+    hysteresis_db: float = 3.0
+    interval_s: float = 2.0
+
+
+Name = Annotated[str, StringConstraints(pattern=r"^[^\s/:]{1,64}$")]
+Host = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9._-]+$")]
+
+
+class _TopicModel(BaseModel):
+    name: Annotated[str, StringConstraints(min_length=1, max_length=256)]
+    type: Annotated[
+        str,
+        StringConstraints(pattern=r"^[A-Za-z0-9_]+/[A-Za-z0-9_]+$"),
+        Key(description="package/Type, letters, digits and _ only"),
+    ]
+    priority: Literal["none", "low", "medium", "high"] = "none"
+    min_interval_s: Annotated[float, Key(ge=0)] = 0.0
+
+
+class _KindModel(BaseModel):
+    topics: Annotated[list[_TopicModel], Key(max_length=IDS)]
+
+
+class _RobotModel(BaseModel):
+    kind: Annotated[str, Key(description="one of the names under kinds")]
+    address: Annotated[Host, Key(description="host name or IPv4 address that the others dial")]
+    base_port: Annotated[int, Key(ge=1, le=65535, description="first of its ports")]
+    clients: Annotated[list[Name], Key(description="the robots that may link to it, in port order")]
+    listen: Annotated[
+        str,
+        StringConstraints(pattern=r"^(\*|[A-Za-z0-9._-]+)$"),
+        Key(description="* or an address of this machine"),
+    ] = "*"
+    radio: Annotated[
+        Annotated[str, StringConstraints(pattern=r"^udp://[^\s/:]+:\d{1,5}$")] | None,
+        Key(description="udp://host:port, where its RSSI reports arrive"),
+    ] = None
+    key: str | None = None
+
+
+class _TriggerModel(BaseModel):
+    rssi_threshold_dbm: Annotated[float, Key(ge=-200, le=200)] = -75.0
+    hysteresis_db: Annotated[float, Key(ge=0, le=100)] = 3.0
+    interval_s: Annotated[float, Key(gt=0)] = 2.0
+
+
+class _TeamModel(BaseModel):
+    robots: Annotated[dict[Name, _RobotModel], Key(min_length=1, max_length=IDS)]
+    kinds: dict[str, _KindModel]
+    trigger: _TriggerModel = _TriggerModel()
+
+
+@dataclass(frozen=True, slots=True)
+class Team:
+    """All robots and topics, with the ids that the wire format uses for them."""
+
+    robots: Mapping[str, Robot]
+    kinds: Mapping[str, tuple[Topic, ...]]
+    trigger: Trigger
+    path: Path
+    _by_id: tuple[Robot, ...] = field(repr=False)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read a team file. Raises DocumentError with every problem of the file."""
+        return cls.from_document(Document.load(path))
+
+    @classmethod
+    def from_document(cls, document: Document) -> Self:
+        """Build the team from a loaded document. Raises DocumentError."""
+        model = document.parse(_TeamModel)
+        problems = list(_problems(document, model))
+        if problems:
+            raise DocumentError(problems)
+        types = sorted(topic.type for kind in model.kinds.values() for topic in kind.topics)
+        kinds = {
+            name: tuple(
+                Topic(
+                    name=topic.name,
+                    topic_id=topic_id,
+                    type=topic.type,
+                    dtype=types.index(topic.type),
+                    priority=Priority[topic.priority.upper()],
+                    min_interval_s=topic.min_interval_s,
+                )
+                for topic_id, topic in enumerate(kind.topics)
+            )
+            for name, kind in model.kinds.items()
+        }
+        ids = {name: robot_id for robot_id, name in enumerate(sorted(model.robots))}
+        robots = {
+            name: Robot(
+                name=name,
+                robot_id=ids[name],
+                kind=robot.kind,
+                address=robot.address,
+                base_port=robot.base_port,
+                listen=robot.listen,
+                clients=tuple(robot.clients),
+                radio=robot.radio,
+                key=robot.key,
+            )
+            for name, robot in model.robots.items()
+        }
+        return cls(
+            robots=MappingProxyType(robots),
+            kinds=MappingProxyType(kinds),
+            trigger=Trigger(**model.trigger.model_dump()),
+            path=document.path,
+            _by_id=tuple(robots[name] for name in sorted(robots)),
+        )
+
+    def robot(self, name: str) -> Robot:
+        """The robot of that name. Raises UnknownRobotError, which lists the known ones."""
+        if name not in self.robots:
+            raise UnknownRobotError(name, self.robots, f"in {self.path}")
+        return self.robots[name]
+
+    def topics_of(self, name: str) -> tuple[Topic, ...]:
+        """The topics of a robot, in the order of their ids. Raises UnknownRobotError."""
+        return self.kinds[self.robot(name).kind]
+
+    def topic(self, robot: str, name: str) -> Topic:
+        """One topic of a robot. Raises UnknownRobotError or UnknownTopicError."""
+        topics = self.topics_of(robot)
+        for topic in topics:
+            if topic.name == name:
+                return topic
+        raise UnknownTopicError(self.robot(robot), name, topics)
+
+    def by_ids(self, robot_id: int, topic_id: int) -> tuple[Robot, Topic] | None:
+        """Who and what the ids of a header stand for; None if the team does not know them."""
+        if robot_id not in range(len(self._by_id)):
+            return None
+        robot = self._by_id[robot_id]
+        topics = self.kinds[robot.kind]
+        return (robot, topics[topic_id]) if topic_id in range(len(topics)) else None
+
+    def with_robots(self, changes: Mapping[str, Mapping[str, Any]]) -> Team:
+        """The team with other values for some robots, e.g. ``{"io": {"base_port": 24100}}``.
+
+        Raises:
+            UnknownRobotError: a name that is not in the team (a new robot would move the ids).
+            DocumentError: the changed team would not be valid.
+        """
+        data = self._data()
+        for name, values in changes.items():
+            robot = self.robot(name)
+            data["robots"][robot.name].update(
+                {key: list(v) if isinstance(v, tuple) else v for key, v in values.items()}
+            )
+        return Team.from_document(Document.from_text(as_yaml(data), self.path))
+
+    def dump(self) -> str:
+        """The team as the text of a team file."""
+        return as_yaml(self._data())
+
+    def _data(self) -> dict[str, Any]:
+        robot_keys = ("kind", "address", "listen", "base_port", "radio", "key")
+        trigger_keys = ("rssi_threshold_dbm", "hysteresis_db", "interval_s")
+        return {
+            "robots": {
+                name: {
+                    **{key: getattr(robot, key) for key in robot_keys},
+                    "clients": list(robot.clients),
+                }
+                for name, robot in self.robots.items()
+            },
+            "kinds": {
+                name: {
+                    "topics": [
+                        {
+                            "name": topic.name,
+                            "type": topic.type,
+                            "priority": topic.priority.name.lower(),
+                            "min_interval_s": topic.min_interval_s,
+                        }
+                        for topic in topics
+                    ]
+                }
+                for name, topics in self.kinds.items()
+            },
+            "trigger": {key: getattr(self.trigger, key) for key in trigger_keys},
+        }
+
+
+def _problems(document: Document, model: _TeamModel) -> Iterator[Problem]:
+    """What a model of single values cannot see: names that must fit together, ports that clash."""
+    count = 0
+    for name, kind in model.kinds.items():
+        seen: dict[str, int] = {}
+        for index, topic in enumerate(kind.topics):
+            keys = ("kinds", name, "topics", index, "name")
+            if topic.name in seen:
+                yield document.problem(keys, f"topic '{topic.name}' is listed twice; remove one")
+            seen[topic.name] = index
+            count += 1
+    if count > IDS:
+        yield document.problem(["kinds"], f"{count} topics, at most {IDS} fit; remove some")
+    for name, robot in model.robots.items():
+        if robot.kind not in model.kinds:
+            kinds = ", ".join(model.kinds) or "none"
+            message = f"no kind '{robot.kind}' under kinds; use one of {kinds}, or add it"
+            yield document.problem(["robots", name, "kind"], message)
+        yield from _client_problems(document, model, name, robot)
+        yield from _port_problems(document, model, name, robot)
+
+
+def _client_problems(
+    document: Document, model: _TeamModel, name: str, robot: _RobotModel
+) -> Iterator[Problem]:
+    for index, client in enumerate(robot.clients):
+        keys = ("robots", name, "clients", index)
+        if client in robot.clients[:index]:
+            yield document.problem(keys, f"'{client}' is listed twice; remove one")
+        elif client not in model.robots:
+            names = ", ".join(sorted(model.robots))
+            yield document.problem(keys, f"no robot '{client}' under robots; use one of {names}")
+        elif name not in model.robots[client].clients:
+            message = f"'{client}' does not list '{name}'; add it to the clients of {client}"
+            yield document.problem(keys, message)
+
+
+def _port_problems(
+    document: Document, model: _TeamModel, name: str, robot: _RobotModel
+) -> Iterator[Problem]:
+    keys = ("robots", name, "base_port")
+    last = robot.base_port + len(robot.clients) - 1
+    if last > 65535:
+        yield document.problem(keys, f"the last port would be {last}; use a lower base_port")
+    for other_name, other in model.robots.items():
+        if other_name == name:
+            break  # each pair once, reported at the later robot
+        other_last = other.base_port + len(other.clients) - 1
+        if (
+            other.address == robot.address
+            and robot.base_port <= other_last
+            and other.base_port <= last
+        ):
+            message = (
+                f"ports {robot.base_port} to {last} overlap those of {other_name} at the same "
+                f"address ({other.base_port} to {other_last}); use {other_last + 1} or more"
+            )
+            yield document.problem(keys, message)

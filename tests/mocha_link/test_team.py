@@ -1,0 +1,172 @@
+"""The team file: ids and ports as the original derives them, and clear errors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mocha_link.document import Document, DocumentError
+from mocha_link.team import Priority, Team, Trigger, UnknownRobotError, UnknownTopicError
+
+PATH = Path("team.yaml")
+TEXT = """\
+robots:
+  titan:
+    kind: aerial_robot
+    address: 127.0.1.4
+    listen: 127.0.0.4
+    base_port: 26234
+    clients: [callisto, io]
+    radio: udp://127.0.0.1:24490
+  callisto:
+    kind: ground_robot
+    address: 127.0.0.1
+    base_port: 23234
+    clients: [io, titan]
+  io:
+    kind: ground_robot
+    address: 127.0.0.1
+    base_port: 24234
+    clients: [io, callisto, titan]
+kinds:
+  ground_robot:
+    topics:
+      - {name: /pose, type: geometry_msgs/PoseWithCovarianceStamped, priority: high}
+      - {name: /map, type: sensor_msgs/PointCloud2}
+      - {name: /path, type: nav_msgs/Path, priority: medium}
+  aerial_robot:
+    topics:
+      - {name: /key_pose, type: geometry_msgs/PoseStamped}
+      - {name: /path, type: nav_msgs/Path, priority: low, min_interval_s: 5}
+  base_station:
+    topics:
+      - {name: /target_goals, type: geometry_msgs/PoseArray, priority: high}
+"""
+
+
+def team(text: str = TEXT) -> Team:
+    return Team.from_document(Document.from_text(text, PATH))
+
+
+def problems(text: str) -> list[str]:
+    with pytest.raises(DocumentError) as caught:
+        team(text)
+    return str(caught.value).splitlines()
+
+
+def test_ids_are_the_original_ones():
+    # The ids of the captured exchange: callisto 1 (of basestation, callisto, io, titan) there.
+    assert {name: robot.robot_id for name, robot in team().robots.items()} == {
+        "titan": 2,
+        "callisto": 0,
+        "io": 1,
+    }
+    dtypes = {topic.name: topic.dtype for topic in team().topics_of("callisto")}
+    # PoseArray 0, PoseStamped 1, PoseWithCovarianceStamped 2, Path 3 and 4, PointCloud2 5
+    assert dtypes == {"/pose": 2, "/map": 5, "/path": 3}
+    assert [topic.topic_id for topic in team().topics_of("io")] == [0, 1, 2]
+    assert team().topic("titan", "/path").priority is Priority.LOW
+    assert team().topic("titan", "/path").min_interval_s == 5
+    assert team().topic("titan", "/key_pose").priority is Priority.NONE
+
+
+def test_ports_are_indices_in_the_own_client_list():
+    titan, io = team().robot("titan"), team().robot("io")
+    assert titan.port_for("callisto") == 26234
+    assert titan.port_for("io") == 26235
+    assert io.port_for("titan") == 24236  # its own name keeps index 0
+    assert io.peers == ("callisto", "titan")
+    with pytest.raises(UnknownRobotError, match="among the clients of io; use one of callisto"):
+        io.port_for("io")
+
+
+def test_defaults():
+    assert team().robot("io").listen == "*"
+    assert team().robot("io").radio is None
+    assert team().trigger == Trigger(-75.0, 3.0, 2.0)
+
+
+def test_ids_of_a_header():
+    found = team().by_ids(2, 1)
+    assert found is not None
+    assert (found[0].name, found[1].name) == ("titan", "/path")
+    assert team().by_ids(2, 2) is None
+    assert team().by_ids(3, 0) is None
+    assert team().by_ids(255, 255) is None
+
+
+def test_unknown_names_list_the_known_ones():
+    with pytest.raises(UnknownRobotError, match=r"no robot 'mars' in team.yaml; use one of call"):
+        team().robot("mars")
+    with pytest.raises(UnknownTopicError, match=r"titan \(aerial_robot\) has no topic '/map'; use"):
+        team().topic("titan", "/map")
+
+
+def test_dump_reads_back_the_same():
+    assert team(team().dump()) == team()
+
+
+def test_with_robots_changes_and_checks():
+    changed = team().with_robots({"io": {"base_port": 30000, "clients": ("callisto", "titan")}})
+    assert changed.robot("io").port_for("titan") == 30001
+    assert changed.robot("titan") == team().robot("titan")
+    with pytest.raises(UnknownRobotError):
+        team().with_robots({"mars": {}})
+    with pytest.raises(DocumentError, match="overlap"):
+        team().with_robots({"io": {"base_port": 23234}})
+
+
+def test_load_reads_a_file(tmp_path):
+    path = tmp_path / "team.yaml"
+    path.write_text(TEXT)
+    assert Team.load(path).path == path
+
+
+def test_names_that_do_not_fit_together():
+    text = TEXT.replace("clients: [callisto, io]", "clients: [calisto, io, io]")
+    text = text.replace("kind: ground_robot", "kind: groundrobot", 1)
+    text = text.replace("name: /map", "name: /pose")
+    assert problems(text) == [
+        "team.yaml:7:15: no robot 'calisto' under robots; use one of callisto, io, titan",
+        "team.yaml:7:28: 'io' is listed twice; remove one",
+        (
+            "team.yaml:10:11: no kind 'groundrobot' under kinds; "
+            "use one of ground_robot, aerial_robot, base_station, or add it"
+        ),
+        ("team.yaml:13:19: 'titan' does not list 'callisto'; add it to the clients of titan"),
+        "team.yaml:23:16: topic '/pose' is listed twice; remove one",
+    ]
+
+
+def test_ports_that_clash():
+    text = TEXT.replace("base_port: 24234", "base_port: 23235").replace("26234", "65535")
+    assert problems(text) == [
+        "team.yaml:6:16: the last port would be 65536; use a lower base_port",
+        (
+            "team.yaml:17:16: ports 23235 to 23237 overlap those of callisto at the same "
+            "address (23234 to 23235); use 23236 or more"
+        ),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("base_port: 26234", 'base_port: "26234"', "team.yaml:6:16: 'robots.titan.base_port' must"),
+        ("    address: 127.0.1.4\n", "", "team.yaml:3:5: missing key 'address' (host name"),
+        ("address: 127.0.1.4", "adress: 127.0.1.4", "team.yaml:4:5: unknown key 'adress'; did you"),
+        ("priority: low", "priority: urgent", "team.yaml:28:54: 'kinds.aerial_robot.topics[1].pri"),
+        ("min_interval_s: 5", "min_interval_s: -5", "team.yaml:28:75: 'kinds.aerial_robot.topics"),
+        ("udp://127.0.0.1:24490", "serial", "team.yaml:8:12: 'robots.titan.radio' must be udp://"),
+        (
+            "nav_msgs/Path",
+            "Path",
+            "team.yaml:24:29: 'kinds.ground_robot.topics[2].type' must be pa",
+        ),
+        ("127.0.1.4", "tcp://127.0.1.4", "team.yaml:4:14: 'robots.titan.address' must be"),
+    ],
+)
+def test_wrong_values_name_their_place(old, new, problem):
+    found = problems(TEXT.replace(old, new, 1))
+    assert any(line.startswith(problem) for line in found), found
