@@ -98,7 +98,10 @@ class FlightPlan:
         altitude_m = mission.altitude_above_home_m
         radius_m = mission.planner.acceptance_radius_m
         speed = PlanItem(
-            Command.CHANGE_SPEED, Frame.MISSION, (1.0, mission.speed_m_s, -1.0, 0.0), autocontinue=True
+            Command.CHANGE_SPEED,
+            Frame.MISSION,
+            (1.0, mission.speed_m_s, -1.0, 0.0),
+            autocontinue=True,
         )
         # Frame, position and NaN yaw as PX4 gives them back: what was sent can be compared.
         takeoff = PlanItem(
@@ -151,7 +154,12 @@ def _fence_items(mission: Mission) -> list[PlanItem]:
             x, y = _degrees_e7(mission.frame, vertex)
             items.append(
                 PlanItem(
-                    command, Frame.GLOBAL_INT, (float(len(ring)), 0.0, 0.0, 0.0), x, y, autocontinue=True
+                    command,
+                    Frame.GLOBAL_INT,
+                    (float(len(ring)), 0.0, 0.0, 0.0),
+                    x,
+                    y,
+                    autocontinue=True,
                 )
             )
     return items

@@ -1,0 +1,426 @@
+"""The mission controller: what happened and the vehicle's time in, what to do out.
+
+Pure: no sockets, no clocks, no files. The same object flies a real PX4, the simulated one, and
+the discrete-event world, and a recorded flight replays to the same decisions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from air_router.actions import (
+    Action,
+    Announce,
+    Finish,
+    FlyToNode,
+    HoldHere,
+    LandHere,
+    Motion,
+    PublishMap,
+    StateChanged,
+)
+from air_router.behaviour import EXPLORING, Signal, State, knows, next_state
+from air_router.custody import Custody
+from air_router.events import CommandConfirmed, CommandFailed, Event, Request, RobotPath, RobotPose
+from air_router.exploration import Exploration
+from air_router.flight_plan import HOME_NODE
+from air_router.navigator import Goal, Navigator, Progress
+from air_router.targets import Roster
+from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced, Telemetry
+from mocha_link.metrics import Direction, SyncEnded, SyncStarted
+
+if TYPE_CHECKING:
+    from air_router.flight_plan import FlightPlan
+    from air_router.mission import Mission
+    from air_router.router import Router
+    from geo.frame import Point
+
+FOLLOW_M: Final = 8.0
+"""A robot that has moved so far from where we hover (or search) is followed."""
+
+RETRY_S: Final = 3.0
+"""Pause before something that could not be done is tried again."""
+
+_TIMED: Final = frozenset({State.INIT, State.SEARCH, State.COMM, State.EXPL})
+
+
+class Controller:
+    """Flies one mission.
+
+    Args:
+        mission: What to fly.
+        plan: The plan on board, for the autopilot's item numbers.
+        router: Routes over the mission's graph.
+        seek: Names of the robots to seek, in order.
+    """
+
+    def __init__(
+        self, mission: Mission, plan: FlightPlan, router: Router, seek: tuple[str, ...]
+    ) -> None:
+        self._mission = mission
+        self._plan = plan
+        self.navigator = Navigator(mission, router)
+        self.roster = Roster(seek)
+        self.state = State.READY
+        self._left = State.READY
+        self.robot: str | None = None
+        self.telemetry: Telemetry | None = None
+        self.exploration = Exploration(mission.waypoints)
+        self.custody = Custody()
+        self._now_s = 0.0
+        self._entered_s = 0.0
+        self._timer_from_s: float | None = None
+        self._airborne_s: float | None = None
+        self._retry_at_s: float | None = None
+        self._was_armed = False
+        self._open_syncs: set[Direction] = set()
+        self._synced: set[Direction] = set()
+        self._come_home_why: str | None = None
+        self._actions: list[Action] = []
+
+    # What others read.
+
+    @property
+    def time_left_s(self) -> float | None:
+        """Seconds until the state's timer, None while it does not run."""
+        limit_s = self._limit_s()
+        if limit_s is None or self._timer_from_s is None:
+            return None
+        return max(0.0, limit_s - (self._now_s - self._timer_from_s))
+
+    @property
+    def in_charge(self) -> bool:
+        """Whether the vehicle in the air flies by our commands."""
+        return self.state not in {State.READY, State.PASSIVE, State.DONE}
+
+    # What happens.
+
+    def handle(self, event: Event, now_s: float) -> list[Action]:
+        """Take one event in at vehicle time `now_s`; returns what to do about it, in order."""
+        self._actions = []
+        self._now_s = max(self._now_s, now_s)
+        # Other events (links of others, metrics) are recorded and shown, not decided on.
+        reaction = self._reactions.get(type(event))
+        if reaction is not None:
+            reaction(self, event)
+        return self._actions
+
+    def _on_telemetry(self, telemetry: Telemetry) -> None:
+        self.telemetry = telemetry
+        if telemetry.armed:
+            self._was_armed = True
+        elif self._was_armed and not telemetry.in_air and knows(self.state, Signal.GROUNDED):
+            self._signal(Signal.GROUNDED)
+            return
+        if self.in_charge and self.custody.taken(telemetry):
+            what = "an autopilot failsafe" if telemetry.failsafe else "the pilot"
+            self._taken_over(f"{what} chose {telemetry.mode.value} mode")
+            return
+        if self.state is State.READY:
+            self._watch_takeoff(telemetry)
+        elif self.in_charge:
+            self.exploration.passing(telemetry.position, self._now_s)
+            self._check_end(telemetry)
+            self._check_timer()
+            self._advance(self.navigator.update(telemetry))
+            self._check_retry(telemetry)
+
+    def _on_item(self, event: ItemReached) -> None:
+        if self.telemetry is None or not self.in_charge:
+            return
+        node = self._plan.node_of(event.item)
+        if isinstance(self.custody.pending, FlyToNode):
+            return  # the report may be of the node before; the vehicle has not confirmed the jump
+        self._advance(self.navigator.update(self.telemetry, reached_node=node))
+
+    def _on_pose(self, event: RobotPose) -> None:
+        if not self.roster.pose_heard(event.robot, event.position, event.stamp_s, self._now_s):
+            return
+        if event.robot != self.robot:
+            return
+        if self.state is State.SEARCH and event.peer == event.robot:
+            self._signal(Signal.FOUND)
+        elif self.state in {State.SEARCH, State.COMM}:
+            self._follow()
+
+    def _on_path(self, event: RobotPath) -> None:
+        self.roster.path_heard(event.robot, event.destination, event.stamp_s, self._now_s)
+
+    def _on_sync_started(self, event: SyncStarted) -> None:
+        # Only a sync that began after we found the robot carries all that both had by then.
+        if self.state is State.COMM and event.peer == self.robot:
+            self._open_syncs.add(event.direction)
+
+    def _on_sync_ended(self, event: SyncEnded) -> None:
+        if self.state is not State.COMM or event.peer != self.robot:
+            return
+        if event.direction in self._open_syncs:
+            self._open_syncs.discard(event.direction)
+            self._synced.add(event.direction)
+        if self._synced >= {Direction.IN, Direction.OUT}:
+            self._signal(Signal.SYNCED)
+
+    def _on_confirmed(self, event: CommandConfirmed) -> None:
+        self.custody.confirmed(event.action)
+
+    def _on_failed(self, event: CommandFailed) -> None:
+        if self.custody.failed(event.action):
+            self._say(f"the vehicle did not follow: {event.reason}")
+            self._retry_at_s = self._now_s + RETRY_S
+
+    def _on_request(self, request: Request) -> None:
+        if request is Request.COME_HOME:
+            self._come_home("the operator's word")
+
+    def _on_plan_replaced(self, _event: PlanReplaced) -> None:
+        self._taken_over("the plan on board was replaced")
+
+    def _on_link_silent(self, event: LinkSilent) -> None:
+        self._say(f"nothing heard from the vehicle for {event.silent_s:.0f} s")
+
+    _reactions: Final[dict[type, Callable[[Controller, Any], None]]] = {
+        Telemetry: _on_telemetry,
+        ItemReached: _on_item,
+        RobotPose: _on_pose,
+        RobotPath: _on_path,
+        SyncStarted: _on_sync_started,
+        SyncEnded: _on_sync_ended,
+        CommandConfirmed: _on_confirmed,
+        CommandFailed: _on_failed,
+        Request: _on_request,
+        PlanReplaced: _on_plan_replaced,
+        LinkSilent: _on_link_silent,
+    }
+
+    # Transitions.
+
+    def _signal(self, signal: Signal) -> None:
+        target = next_state(self.state, signal)
+        self._left, self.state = self.state, target
+        self._entered_s = self._now_s
+        self._timer_from_s = self._now_s
+        self._retry_at_s = None
+        self._actions.append(StateChanged(self._left, signal, target, self.robot))
+        self._enter[self.state](self)
+
+    def _enter_exploring(self) -> None:
+        self.robot = None
+        self._explore()
+
+    def _enter_search(self) -> None:
+        self._timer_from_s = None  # t_s counts from arrival at the search position
+        assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
+        for robot in self.roster.candidates(self._now_s):
+            place = self.roster.place(robot, self._now_s)
+            position, reason = place.position, place.reason
+            if position is None:
+                goal = self.exploration.longest_unseen()
+            else:
+                goal = Goal(self._legal(position, robot))
+            motion = self.navigator.go(goal, self.telemetry)
+            if self.navigator.progress is Progress.STRANDED:
+                self._say(f"no way to {robot}: {self._refusal()}")
+                continue
+            self.robot = robot
+            self.roster.sought(robot)
+            self._say(f"SEARCH {robot}: {reason}")
+            self._advance(motion)
+            return
+        self.robot = None
+        self._command(HoldHere("no robot can be sought from here"))
+        if self.exploration.remaining:
+            self._signal(Signal.NO_TARGET)
+        else:
+            self._retry_at_s = self._now_s + RETRY_S
+
+    def _enter_comm(self) -> None:
+        self._open_syncs = set()
+        self._synced = set()
+        self._actions.append(PublishMap())
+        self._say(f"COMM {self.robot}: found")
+        self._follow(force=True)
+
+    def _enter_home(self) -> None:
+        self.robot = None
+        self._say(f"coming home: {self._come_home_why}")
+        self._go_home()
+
+    def _enter_land(self) -> None:
+        self._command(LandHere())
+
+    def _enter_passive(self) -> None:
+        self.navigator.stop()
+        self.custody.release()
+
+    def _enter_done(self) -> None:
+        self.navigator.stop()
+        landed_by_us = self._left is State.LAND
+        why = "landed at home" if landed_by_us else "landed, but not by our command"
+        self._actions.append(Finish(landed_by_us=landed_by_us, why=why))
+
+    _enter: Final[dict[State, Callable[[Controller], None]]] = {
+        State.INIT: _enter_exploring,
+        State.EXPL: _enter_exploring,
+        State.SEARCH: _enter_search,
+        State.COMM: _enter_comm,
+        State.HOME: _enter_home,
+        State.LAND: _enter_land,
+        State.PASSIVE: _enter_passive,
+        State.DONE: _enter_done,
+    }
+
+    # Watching.
+
+    def _watch_takeoff(self, telemetry: Telemetry) -> None:
+        above_home = (
+            math.dist(telemetry.position, self._mission.home)
+            <= self._mission.planner.acceptance_radius_m + 1.0
+        )
+        # PX4 corrects its home altitude in flight, so relative altitude is good to about 2 m.
+        high = telemetry.altitude_m >= self._mission.altitude_above_home_m - 2.0
+        if telemetry.in_air and telemetry.mode is FlightMode.MISSION and above_home and high:
+            self.custody.assume(FlightMode.MISSION)
+            self._airborne_s = self._now_s
+            self._signal(Signal.AIRBORNE)
+
+    def _taken_over(self, why: str) -> None:
+        if knows(self.state, Signal.TAKEN_OVER):
+            self._say(f"hands off: {why}")
+            self._signal(Signal.TAKEN_OVER)
+
+    def _check_end(self, telemetry: Telemetry) -> None:
+        duration_s = self._mission.duration_s
+        if telemetry.battery is not None and telemetry.battery <= self._mission.battery_reserve:
+            self._come_home(f"battery at {telemetry.battery:.0%}")
+        elif (
+            duration_s is not None
+            and self._airborne_s is not None
+            and self._now_s - self._airborne_s >= duration_s
+        ):
+            self._come_home(f"{duration_s:.0f} s of mission are over")
+
+    def _come_home(self, why: str) -> None:
+        if not knows(self.state, Signal.COME_HOME):
+            return
+        self._come_home_why = why
+        on_ground = self.telemetry is None or not self.telemetry.in_air
+        self._signal(Signal.GROUNDED if on_ground else Signal.COME_HOME)
+
+    def _check_timer(self) -> None:
+        if self.time_left_s == 0.0 and self.state in _TIMED:
+            self._signal(Signal.TIMER)
+
+    def _check_retry(self, telemetry: Telemetry) -> None:
+        if self._retry_at_s is None or self._now_s < self._retry_at_s or self.custody.pending:
+            return
+        self._retry_at_s = None
+        if self.state is State.SEARCH and self.robot is None:
+            self._enter_search()
+        elif self.state is State.HOME:
+            self._go_home()
+        elif self.state is State.LAND:
+            self._enter_land()
+        elif self.state is State.COMM:
+            self._follow(force=True)
+        else:
+            self._advance(self.navigator.again(telemetry))
+
+    def _limit_s(self) -> float | None:
+        timers = self._mission.timers
+        return {
+            State.INIT: timers.init_s,
+            State.SEARCH: timers.search_s,
+            State.COMM: timers.communicate_s,
+            State.EXPL: timers.explore_s,
+        }.get(self.state)
+
+    # Flying.
+
+    def _advance(self, motion: Motion | None) -> None:
+        """Command the next motion, and act on where the journey stands."""
+        if motion is not None:
+            self._command(motion)
+        progress = self.navigator.progress
+        if progress is Progress.ARRIVED:
+            self._arrived()
+        elif progress is Progress.STRANDED:
+            self._stranded()
+
+    def _arrived(self) -> None:
+        goal = self.navigator.goal
+        if self.state in EXPLORING:
+            self.exploration.visited()
+            self._explore()
+        elif self.state is State.SEARCH and self._timer_from_s is None:
+            self._timer_from_s = self._now_s
+            self._say(f"at the search position of {self.robot}")
+        elif self.state is State.HOME and goal is not None and goal.node == HOME_NODE:
+            self._signal(Signal.ARRIVED)
+
+    def _stranded(self) -> None:
+        refusal = self._refusal()
+        if self.state in EXPLORING:
+            self._say(f"waypoint {self.exploration.leave_out()} left out: {refusal}")
+            self._explore()
+        elif self._retry_at_s is None:
+            self._command(HoldHere(refusal))
+            self._retry_at_s = self._now_s + RETRY_S
+
+    def _explore(self) -> None:
+        """Fly to the waypoint whose turn it is, or say that none is left."""
+        assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
+        while self.exploration.remaining:
+            motion = self.navigator.go(self.exploration.goal, self.telemetry)
+            if self.navigator.progress is Progress.FLYING:
+                self._advance(motion)
+                return
+            if self.navigator.progress is Progress.STRANDED:
+                number = self.exploration.leave_out()
+                self._say(f"waypoint {number} left out: {self._refusal()}")
+            else:
+                self.exploration.visited()
+        self._signal(Signal.EXPLORED)
+
+    def _follow(self, *, force: bool = False) -> None:
+        """Hover over (or search at) the robot's newest position once it has moved away."""
+        if self.robot is None or self.telemetry is None:
+            return
+        position = self.roster.position_of(self.robot)
+        goal = self.navigator.goal
+        if position is None:
+            return
+        legal = self._legal(position, self.robot)
+        if not force and goal is not None and math.dist(goal.position, legal) < FOLLOW_M:
+            return
+        self._advance(self.navigator.go(Goal(legal), self.telemetry))
+
+    def _go_home(self) -> None:
+        assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
+        self._advance(self.navigator.go(Goal(self._mission.home, HOME_NODE), self.telemetry))
+
+    def _legal(self, position: Point, robot: str) -> Point:
+        """The position itself, or the closest one where hovering keeps the clearance."""
+        airspace = self._mission.planning_airspace
+        if airspace.point_clear(position):
+            return position
+        nearest = airspace.nearest_clear(position)
+        if nearest is None:
+            return position  # the router says why there is no way
+        self._say(
+            f"{robot} is where we may not hover; "
+            f"waiting {math.dist(position, nearest):.0f} m beside it"
+        )
+        return nearest
+
+    def _command(self, motion: Motion) -> None:
+        self.custody.commanded(motion)
+        self._actions.append(motion)
+
+    def _refusal(self) -> str:
+        refusal = self.navigator.refusal
+        return refusal.reason if refusal is not None else "no clear way"
+
+    def _say(self, text: str) -> None:
+        self._actions.append(Announce(text))

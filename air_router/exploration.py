@@ -1,0 +1,60 @@
+"""Which waypoint is next, which were left out, and when each was last passed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from air_router.navigator import Goal
+
+if TYPE_CHECKING:
+    from air_router.mission import Waypoint
+    from geo.frame import Point
+
+PASSING_M = 15.0
+"""Passing a waypoint so closely counts as having been there when we look for a lost robot."""
+
+
+@dataclass(slots=True)
+class Exploration:
+    """The waypoints in the operator's order, explored once; resumes where it stopped."""
+
+    waypoints: Sequence[Waypoint]
+    left_out: list[int] = field(default_factory=list)
+    _next: int = 0
+    _passed_s: dict[int, float] = field(default_factory=dict)
+
+    @property
+    def remaining(self) -> int:
+        """How many waypoints are still to be visited."""
+        return len(self.waypoints) - self._next
+
+    @property
+    def goal(self) -> Goal:
+        """The waypoint whose turn it is; only while some remain."""
+        waypoint = self.waypoints[self._next]
+        return Goal(waypoint.position, waypoint.number)
+
+    def visited(self) -> None:
+        """The waypoint whose turn it was is done."""
+        self._next += 1
+
+    def leave_out(self) -> int:
+        """Give the waypoint whose turn it was up; returns its number."""
+        number = self.waypoints[self._next].number
+        self.left_out.append(number)
+        self._next += 1
+        return number
+
+    def passing(self, position: Point, now_s: float) -> None:
+        """Note which waypoints the vehicle is near."""
+        for waypoint in self.waypoints:
+            if math.dist(position, waypoint.position) <= PASSING_M:
+                self._passed_s[waypoint.number] = now_s
+
+    def longest_unseen(self) -> Goal:
+        """The waypoint that was passed longest ago, or never: where a robot may be unheard."""
+        waypoint = min(self.waypoints, key=lambda w: self._passed_s.get(w.number, float("-inf")))
+        return Goal(waypoint.position, waypoint.number)

@@ -1,0 +1,195 @@
+"""Flies a route leg by leg: every leg is checked from where the vehicle is, then commanded.
+
+Pure: telemetry in, one motion (or none) out. The vehicle hovers at the end of each leg until
+the next one is commanded, so a late companion costs time and never a metre off the route.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from air_router.actions import FlyToNode, FlyToPoint, HoldHere, Motion
+from air_router.router import Leg, NoRoute, Route
+from geo.frame import Point
+
+if TYPE_CHECKING:
+    from air_router.mission import Mission
+    from air_router.router import Router
+    from air_router.vehicle import Telemetry
+
+BRAKING_M_S2 = 2.0
+"""Deceleration to count on. PX4 brakes with MPC_ACC_HOR 3 m/s2, but jerk-limited, so later."""
+
+REACTION_S = 0.3
+"""Flight time between the telemetry that a decision rests on and the vehicle acting on it."""
+
+STANDING_M_S = 0.5
+"""Slower than this counts as hovering: estimates and gusts never read exactly zero."""
+
+
+class Progress(Enum):
+    """How far a journey is."""
+
+    IDLE = "nowhere to go"
+    FLYING = "on the way"
+    ARRIVED = "there"
+    STRANDED = "no clear way from here"
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Where to: a node of the plan, or any point."""
+
+    position: Point
+    node: int | None = None
+
+
+class Navigator:
+    """Takes the vehicle to one goal at a time.
+
+    Args:
+        mission: Altitudes, acceptance radius, and the airspace that every leg must keep to.
+        router: Plans routes; its answers are checked again from the true position.
+    """
+
+    def __init__(self, mission: Mission, router: Router) -> None:
+        self._mission = mission
+        self._router = router
+        self._legs: deque[Leg] = deque()
+        self.goal: Goal | None = None
+        self.leg: Leg | None = None
+        self.progress = Progress.IDLE
+        self.refusal: NoRoute | None = None
+        self._braking = False
+
+    @property
+    def remaining(self) -> tuple[Leg, ...]:
+        """The leg that is flown and those to come."""
+        return ((self.leg,) if self.leg is not None else ()) + tuple(self._legs)
+
+    def go(self, goal: Goal, telemetry: Telemetry) -> Motion | None:
+        """Set out for a goal from where the vehicle is, however fast it moves.
+
+        Returns the motion to command; None with `progress` ARRIVED when there is nothing to fly.
+        When no way is clear at the present speed the vehicle is stopped first and asked again
+        when it stands; STRANDED, with `refusal` saying why, when it stands and still has no way.
+        """
+        self.goal = goal
+        self.leg = None
+        self._legs.clear()
+        self._braking = False
+        self.refusal = None
+        return self._plan(telemetry)
+
+    def stop(self) -> None:
+        """Forget the goal."""
+        self.goal = None
+        self.leg = None
+        self._legs.clear()
+        self._braking = False
+        self.progress = Progress.IDLE
+
+    def update(self, telemetry: Telemetry, reached_node: int | None = None) -> Motion | None:
+        """Follow the vehicle; returns the next leg's motion when it is time for it.
+
+        A leg's end is reached when the vehicle is within the acceptance radius, or when the
+        autopilot says so (`reached_node`): either alone is enough, so none is missed.
+        """
+        if self.progress is not Progress.FLYING:
+            return None
+        standing = _speed_m_s(telemetry) < STANDING_M_S
+        if self._braking:
+            return self._plan(telemetry) if standing else None
+        if self.leg is None or not self._at_end(self.leg, telemetry, reached_node):
+            return None
+        if not self._legs:
+            self.leg = None
+            self.progress = Progress.ARRIVED
+            return None
+        if self._clear(telemetry, self._legs[0].to):
+            return self._command(self._legs.popleft())
+        # At the end of the leg, but not yet where the next one is clear: let the vehicle settle
+        # on the node; only if it stands and still has no clear way, plan anew.
+        return self._plan(telemetry) if standing else None
+
+    def again(self, telemetry: Telemetry) -> Motion | None:
+        """Plan anew to the same goal: the vehicle did not follow, or something has changed."""
+        return self._plan(telemetry) if self.goal is not None else None
+
+    @property
+    def _radius_m(self) -> float:
+        return self._mission.planner.acceptance_radius_m
+
+    def _at_end(self, leg: Leg, telemetry: Telemetry, reached_node: int | None) -> bool:
+        if reached_node is not None and reached_node == leg.node:
+            return True
+        return _distance_m(telemetry.position, leg.to) <= self._radius_m
+
+    def _plan(self, telemetry: Telemetry) -> Motion | None:
+        assert self.goal is not None  # noqa: S101 - every caller has set one
+        target = self.goal.position if self.goal.node is None else self.goal.node
+        stopping = stopping_point(telemetry)
+        route = self._router.route(telemetry.position, target, stopping=stopping)
+        if isinstance(route, Route):
+            legs = deque(route.legs)
+            while len(legs) > 1 and _distance_m(telemetry.position, legs[0].to) <= 0.1:
+                legs.popleft()
+            if not legs or (
+                len(legs) == 1 and _distance_m(telemetry.position, legs[0].to) <= self._radius_m
+            ):
+                self._legs.clear()
+                self.leg = None
+                self.progress = Progress.ARRIVED
+                # Near, but perhaps fast: let the vehicle settle on the point itself.
+                return self._motion(legs[0]) if legs else None
+            self._legs = legs
+            if self._clear(telemetry, self._legs[0].to):
+                return self._command(self._legs.popleft())
+            route = NoRoute("the first leg is not clear from here", ())
+        if _speed_m_s(telemetry) >= STANDING_M_S and not self._braking:
+            self._braking = True
+            self.progress = Progress.FLYING
+            return HoldHere("no clear way at this speed; stopping to look again")
+        self.refusal = route
+        self.progress = Progress.STRANDED
+        return None
+
+    def _command(self, leg: Leg) -> Motion:
+        self.leg = leg
+        self._braking = False
+        self.progress = Progress.FLYING
+        return self._motion(leg)
+
+    def _motion(self, leg: Leg) -> Motion:
+        if leg.node is not None:
+            return FlyToNode(leg.node, leg.to)
+        return FlyToPoint(leg.to, self._mission.altitude_above_home_m)
+
+    def _clear(self, telemetry: Telemetry, target: Point) -> bool:
+        return self._router.check_leg(
+            telemetry.position, target, stopping=stopping_point(telemetry)
+        )
+
+
+def stopping_point(telemetry: Telemetry) -> Point:
+    """Where the vehicle comes to rest if it brakes now.
+
+    The vehicle sweeps at most the triangle of its position, this point and its new target.
+    """
+    east_m_s, north_m_s = telemetry.velocity_m_s
+    speed_m_s = math.hypot(east_m_s, north_m_s)
+    travel_s = REACTION_S + speed_m_s / (2 * BRAKING_M_S2)
+    east_m, north_m = telemetry.position
+    return Point(east_m + east_m_s * travel_s, north_m + north_m_s * travel_s)
+
+
+def _speed_m_s(telemetry: Telemetry) -> float:
+    return math.hypot(*telemetry.velocity_m_s)
+
+
+def _distance_m(a: Point, b: Point) -> float:
+    return math.hypot(a[0] - b[0], a[1] - b[1])
