@@ -1,0 +1,95 @@
+"""Awaitable MAVSDK calls, built on its callback layer.
+
+MAVSDK's own asyncio layer parks an executor thread in C for each call: cancelling such an await
+(a time-out is enough) keeps the process from ever ending. Its callback layer has no such
+thread, so a call that never answers costs a forgotten future and nothing else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections.abc import Callable
+from typing import Any
+
+from mavsdk.logging import LogLevel, log_subscribe
+from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkMessage
+
+_log = logging.getLogger(__name__)
+
+_LEVELS = {
+    LogLevel.DEBUG: logging.DEBUG,
+    LogLevel.INFO: logging.DEBUG,  # its chatter is ours to debug with
+    LogLevel.WARN: logging.INFO,
+    LogLevel.ERROR: logging.WARNING,
+}
+
+
+def route_log() -> None:
+    """Send MAVSDK's log, which it prints on stdout, to Python's logging."""
+
+    def to_logging(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
+        _log.log(_LEVELS.get(level, logging.INFO), "MAVSDK: %s", message)
+        return True
+
+    log_subscribe(to_logging)
+
+
+async def call(method: Callable[..., None], *arguments: Any, timeout_s: float) -> tuple[Any, ...]:
+    """Call a `..._async` method of a MAVSDK plugin and await what it hands to its callback.
+
+    Args:
+        method: The bound method; it takes its arguments, then a callback.
+        arguments: What comes before the callback.
+        timeout_s: Wall-clock limit.
+
+    Returns:
+        The callback's arguments without the user data.
+
+    Raises:
+        TimeoutError: no answer in time; a late one is ignored.
+    """
+    loop = asyncio.get_running_loop()
+    answer: asyncio.Future[tuple[Any, ...]] = loop.create_future()
+
+    def settle(values: tuple[Any, ...]) -> None:
+        if not answer.done():
+            answer.set_result(values)
+
+    def on_answer(*values: Any) -> None:  # on MAVSDK's thread
+        _from_thread(loop, settle, values[:-1])
+
+    method(*arguments, on_answer)
+    async with asyncio.timeout(timeout_s):
+        return await answer
+
+
+def subscribe(
+    direct: MavlinkDirect, name: str, callback: Callable[[dict[str, Any], int, int], None]
+) -> None:
+    """Hand every message of a name to `callback(fields, system_id, component_id)` on the loop."""
+    loop = asyncio.get_running_loop()
+
+    def on_message(message: MavlinkMessage, _user_data: Any) -> None:  # on MAVSDK's thread
+        fields = json.loads(message.fields_json)
+        _from_thread(loop, callback, fields, message.system_id, message.component_id)
+
+    direct.subscribe_message(name, on_message)
+
+
+def message(name: str, fields: dict[str, Any], target: int = 0) -> MavlinkMessage:
+    """A message to send through MavlinkDirect; fields as in the MAVLink definition."""
+    return MavlinkMessage(
+        message_name=name,
+        target_system_id=target,
+        target_component_id=1 if target else 0,
+        fields_json=json.dumps(fields),
+    )
+
+
+def _from_thread(loop: asyncio.AbstractEventLoop, function: Callable[..., None], *args: Any) -> None:
+    try:
+        loop.call_soon_threadsafe(function, *args)
+    except RuntimeError:
+        _log.debug("a message came after the flight had ended")
