@@ -88,7 +88,9 @@ def message(name: str, fields: dict[str, Any], target: int = 0) -> MavlinkMessag
     )
 
 
-def _from_thread(loop: asyncio.AbstractEventLoop, function: Callable[..., None], *args: Any) -> None:
+def _from_thread(
+    loop: asyncio.AbstractEventLoop, function: Callable[..., None], *args: Any
+) -> None:
     try:
         loop.call_soon_threadsafe(function, *args)
     except RuntimeError:

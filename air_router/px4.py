@@ -1,0 +1,241 @@
+"""A PX4 vehicle through MAVSDK: the one implementation of `air_router.vehicle.Vehicle`.
+
+Commands are believed when the vehicle's own messages show them (HEARTBEAT and CURRENT_MODE,
+MISSION_CURRENT), never for their acknowledgement: PX4 1.16 and 1.17 acknowledge every mode
+change before they decide on it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from mavsdk.plugins.action.action import Action, ActionResult
+from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkDirectError
+from mavsdk.plugins.mission_raw.mission_raw import MissionRaw, MissionRawResult
+
+from air_router.errors import ArmingRefusedError, NotConfirmedError
+from air_router.mavsdk_bridge import call, message
+from air_router.px4_connection import Px4Connection
+from air_router.px4_plan import upload_plan
+from air_router.px4_telemetry import Px4Telemetry
+from air_router.vehicle import FlightMode, LinkSilent, Vehicle, VehicleEvent, VehicleInfo
+
+if TYPE_CHECKING:
+    from air_router.clock import VehicleClock
+    from air_router.flight_plan import FlightPlan
+    from air_router.mission import Mission
+    from geo.frame import Point
+
+_log = logging.getLogger(__name__)
+
+COMPANION_COMPONENT: Final = 191
+ANSWER_S: Final = 5.0
+"""Wall-clock limit for a command's answer; on the ground these take milliseconds."""
+
+CONFIRM_S: Final = 3.0
+"""Wall-clock limit for a command to show: modes appear with the next HEARTBEAT, at 1 Hz."""
+
+ATTEMPTS: Final = 3
+SILENT_S: Final = 3.0
+POSITION_RATE_HZ: Final = 10.0
+HEALTH_S: Final = 60.0
+NOTICE: Final = 5
+TEXT_LIMIT: Final = 50
+
+
+class Px4Vehicle(Vehicle):
+    """Flies one PX4.
+
+    Args:
+        mission: Its local frame and speed; the vehicle is told WGS-84 degrees.
+        url: MAVSDK connection URL, such as `udpin://0.0.0.0:14540`.
+        clock: Told the vehicle's time.
+        system_id: The vehicle's MAVLink system id; ours must be the same.
+    """
+
+    def __init__(
+        self, mission: Mission, url: str, clock: VehicleClock, *, system_id: int = 1
+    ) -> None:
+        self._mission = mission
+        self._connection = Px4Connection(url, system_id)
+        self._telemetry = Px4Telemetry(mission.frame, clock)
+        self._action: Action
+        self._raw: MissionRaw
+        self._direct: MavlinkDirect
+        self._watch: asyncio.Task[None] | None = None
+        self._callback: Callable[[VehicleEvent], None] | None = None
+
+    @property
+    def telemetry(self) -> Px4Telemetry:
+        """What the vehicle said last."""
+        return self._telemetry
+
+    async def connect(self) -> VehicleInfo:
+        """See `Vehicle.connect`; also asks for the positions often enough to fly by them."""
+        system = await self._connection.open()
+        self._action = Action(system)
+        self._raw = MissionRaw(system)
+        self._direct = MavlinkDirect(system)
+        self._telemetry.listen(self._direct, self._connection.system_id)
+        await self._set_interval(33, POSITION_RATE_HZ)
+        await self._connection.heard(self._telemetry.complete, "positions")
+        self._watch = asyncio.create_task(self._watch_silence())
+        return VehicleInfo(
+            system_id=self._connection.system_id,
+            autopilot="PX4",
+            version=await self._version(),
+            home=self._telemetry.home,
+            home_altitude_amsl_m=self._telemetry.home_altitude_amsl_m,
+        )
+
+    def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
+        """See `Vehicle.subscribe`."""
+        self._callback = callback
+        self._telemetry.subscribe(callback)
+
+    async def upload(self, plan: FlightPlan) -> None:
+        """See `Vehicle.upload`: fence first, so that the mission is judged against it."""
+        await upload_plan(self._raw, self._telemetry, plan)
+        self._telemetry.guard_plan()
+
+    async def arm(self) -> None:
+        """See `Vehicle.arm`."""
+        if self._telemetry.armed:
+            return
+        try:
+            await self._shown(lambda: self._telemetry.health_good, HEALTH_S)
+        except TimeoutError:
+            raise ArmingRefusedError(
+                f"not ready to arm after {HEALTH_S:.0f} s{self._telemetry.said()}; "
+                "see the arming checks in the ground station"
+            ) from None
+        for _ in range(ATTEMPTS):
+            (result,) = await self._answer(self._action.arm_async)
+            if result == ActionResult.SUCCESS and await self._shows(lambda: self._telemetry.armed):
+                return
+        raise ArmingRefusedError(
+            f"the autopilot answers {result.name}{self._telemetry.said()}; "
+            "see the arming checks in the ground station"
+        )
+
+    async def start(self) -> None:
+        """See `Vehicle.start`."""
+        await self._mode(FlightMode.MISSION, self._raw.start_mission_async)
+
+    async def jump(self, item: int) -> None:
+        """See `Vehicle.jump`: the item first, then the mode, so that no old item is flown to."""
+        for _ in range(ATTEMPTS):
+            (result,) = await self._answer(self._raw.set_current_mission_item_async, item)
+            if result == MissionRawResult.INVALID_ARGUMENT:
+                raise NotConfirmedError(f"the plan on board has no item {item}")
+            # PX4 drops the jump without an answer while somebody downloads the plan.
+            if await self._shows(lambda: self._telemetry.item == item):
+                break
+        else:
+            raise NotConfirmedError(f"the jump to item {item} did not show in MISSION_CURRENT")
+        if self._telemetry.mode is not FlightMode.MISSION:
+            await self.start()
+            await self._set_speed()
+
+    async def reposition(self, point: Point, altitude_m: float) -> None:
+        """See `Vehicle.reposition`.
+
+        DO_REPOSITION is always above mean sea level. Home's altitude moves in flight, so the
+        target is the present altitude corrected by what is missing, both of one message.
+        """
+        latitude_deg, longitude_deg = self._mission.frame.to_geodetic(point)
+        amsl_m = self._telemetry.altitude_amsl_m + altitude_m - self._telemetry.altitude_m
+        (result,) = await self._answer(
+            self._action.goto_location_async, latitude_deg, longitude_deg, amsl_m, math.nan
+        )
+        if result != ActionResult.SUCCESS:
+            raise NotConfirmedError(f"reposition: {result.name}{self._telemetry.said()}")
+        if not await self._shows(lambda: self._telemetry.mode is FlightMode.HOLD):
+            raise NotConfirmedError(f"reposition: still in {self._telemetry.mode.value} mode")
+        await self._set_speed()
+
+    async def hold(self) -> None:
+        """See `Vehicle.hold`."""
+        await self._mode(FlightMode.HOLD, self._action.hold_async)
+
+    async def land(self) -> None:
+        """See `Vehicle.land`."""
+        await self._mode(FlightMode.LAND, self._action.land_async)
+
+    async def announce(self, text: str) -> None:
+        """See `Vehicle.announce`: PX4 forwards a companion's STATUSTEXT to the ground station."""
+        fields = {"severity": NOTICE, "text": text[:TEXT_LIMIT], "id": 0, "chunk_seq": 0}
+        try:
+            self._direct.send_message(message("STATUSTEXT", fields))
+        except MavlinkDirectError as error:
+            _log.warning("the pilot was not told %r: %s", text, error.result.name)
+
+    async def close(self) -> None:
+        """See `Vehicle.close`."""
+        if self._watch is not None:
+            self._watch.cancel()
+        await self._connection.close()
+
+    async def _mode(self, mode: FlightMode, command: Callable[..., None]) -> None:
+        for _ in range(ATTEMPTS):
+            await self._answer(command)
+            if await self._shows(lambda: self._telemetry.mode is mode):
+                return
+        raise NotConfirmedError(
+            f"{mode.value} mode was asked for and the vehicle stays in "
+            f"{self._telemetry.mode.value}{self._telemetry.said()}"
+        )
+
+    async def _set_speed(self) -> None:
+        """A mode change sets PX4's speed back to its parameter; say the mission's again."""
+        (result,) = await self._answer(
+            self._action.set_current_speed_async, self._mission.speed_m_s
+        )
+        if result != ActionResult.SUCCESS:
+            _log.warning("speed %.1f m/s: %s", self._mission.speed_m_s, result.name)
+
+    async def _answer(self, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:
+        try:
+            return await call(method, *arguments, timeout_s=ANSWER_S)
+        except TimeoutError:
+            name = method.__name__.removesuffix("_async")
+            raise NotConfirmedError(f"{name}: no answer within {ANSWER_S:.0f} s") from None
+
+    async def _shown(self, condition: Callable[[], bool], limit_s: float) -> None:
+        async with asyncio.timeout(limit_s):
+            await self._telemetry.wait_for(condition)
+
+    async def _shows(self, condition: Callable[[], bool]) -> bool:
+        try:
+            await self._shown(condition, CONFIRM_S)
+        except TimeoutError:
+            return False
+        return True
+
+    async def _set_interval(self, message_id: int, rate_hz: float) -> None:
+        fields = {
+            "target_system": self._connection.system_id,
+            "target_component": 1,
+            "command": 511,
+            "confirmation": 0,
+            "param1": float(message_id),
+            "param2": 1e6 / rate_hz,
+            **{f"param{n}": 0.0 for n in range(3, 8)},
+        }
+        command = message("COMMAND_LONG", fields, self._connection.system_id)
+        await self._answer(self._direct.send_command_async, command)
+
+    async def _version(self) -> str:
+        version = self._telemetry.version
+        return version if version is not None else "of unknown version"
+
+    async def _watch_silence(self) -> None:
+        while True:
+            await asyncio.sleep(SILENT_S / 3)
+            silent_s = self._telemetry.silent_s()
+            if silent_s > SILENT_S and self._callback is not None:
+                self._callback(LinkSilent(self._telemetry.time_s, silent_s))

@@ -1,0 +1,125 @@
+"""Finding the autopilot on a connection, or saying within seconds why there is none."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+from mavsdk.autopilot import Autopilot
+from mavsdk.component_type import ComponentType
+from mavsdk.exceptions import MavsdkError
+from mavsdk.mavsdk import Configuration, Mavsdk
+
+from air_router.errors import NoVehicleError
+from air_router.mavsdk_bridge import route_log
+
+if TYPE_CHECKING:
+    from mavsdk.system import System
+
+_log = logging.getLogger(__name__)
+
+COMPANION_COMPONENT: Final = 191
+FIND_S: Final = 10.0
+"""Wall-clock limit for the first heartbeat: an autopilot sends one every second."""
+
+DATA_S: Final = 20.0
+_URL = re.compile(r"(udpin|udpout|tcpin|tcpout|serial|serial_flowcontrol)://(\S+)")
+
+
+class Px4Connection:
+    """One MAVSDK instance on one connection.
+
+    As a companion computer has to, it takes the vehicle's own system id and component 191, and
+    sends heartbeats as an onboard controller.
+    """
+
+    def __init__(self, url: str, system_id: int) -> None:
+        if _URL.fullmatch(url) is None:
+            raise NoVehicleError(
+                f"{url}: not a connection; write udpin://0.0.0.0:14540 (PX4's usual), "
+                "udpout://HOST:PORT, tcpout://HOST:PORT or serial:///dev/ttyACM0:57600"
+            )
+        self._url = url
+        self.system_id = system_id
+        self._mavsdk: Mavsdk | None = None
+
+    async def open(self) -> System:
+        """Wait for a PX4.
+
+        Raises:
+            NoVehicleError: nothing answers, something else does, or the port is taken.
+        """
+        route_log()
+        configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
+        configuration.system_id = self.system_id
+        configuration.component_id = COMPANION_COMPONENT
+        self._mavsdk = Mavsdk(configuration)
+        try:
+            self._mavsdk.add_any_connection_with_handle(self._url)
+        except (MavsdkError, ConnectionError) as error:
+            raise NoVehicleError(
+                f"{self._url}: cannot be opened ({error}); is another program using it?"
+            ) from None
+        system = await self._first_autopilot(self._mavsdk)
+        found_id = system.get_system_id()
+        if found_id != self.system_id:
+            raise NoVehicleError(
+                f"{self._url}: the vehicle has system id {found_id}, not {self.system_id}; "
+                f"if it is the right one, say --sysid {found_id}"
+            )
+        if system.autopilot_type() != Autopilot.PX4:
+            raise NoVehicleError(
+                f"{self._url}: the autopilot is {system.autopilot_type().name}, not PX4; "
+                "only PX4 is flown"
+            )
+        return system
+
+    async def heard(self, condition: Callable[[], bool], what: str) -> None:
+        """Wait until `condition` holds, once a second of nothing is not yet a fault."""
+        try:
+            async with asyncio.timeout(DATA_S):
+                while not condition():  # noqa: ASYNC110 - a handful of turns, once per flight
+                    await asyncio.sleep(0.02)
+        except TimeoutError:
+            raise NoVehicleError(
+                f"{self._url}: PX4 answers but sends no {what} within {DATA_S:.0f} s; "
+                "is its GPS ready, and is the link set to MAVLink mode 'Onboard'?"
+            ) from None
+
+    async def close(self) -> None:
+        """Let go of the connection and of MAVSDK's threads."""
+        mavsdk, self._mavsdk = self._mavsdk, None
+        if mavsdk is not None:
+            await asyncio.get_running_loop().run_in_executor(None, mavsdk.destroy)
+
+    async def _first_autopilot(self, mavsdk: Mavsdk) -> System:
+        loop = asyncio.get_running_loop()
+        found: asyncio.Future[System | None] = loop.create_future()
+
+        def settle(system: System | None) -> None:
+            if not found.done():
+                found.set_result(system)
+
+        handle = mavsdk.first_autopilot_async(
+            FIND_S, lambda system: loop.call_soon_threadsafe(settle, system)
+        )
+        try:
+            system = await found
+        finally:
+            mavsdk.cancel_first_autopilot(handle)
+        if system is not None:
+            return system
+        others = [other.get_system_id() for other in mavsdk.get_systems()]
+        if others:
+            raise NoVehicleError(
+                f"{self._url}: MAVLink comes from system {others[0]}, but no autopilot's "
+                "heartbeat; a ground station, perhaps: connect to the vehicle's own link"
+            )
+        raise NoVehicleError(
+            f"{self._url}: nothing heard within {FIND_S:.0f} s; is the vehicle on, and does it "
+            "send here? PX4 sends to port 14540 + instance of its own machine and keeps to the "
+            "first partner that answers it: restart it if another program was there before"
+        )

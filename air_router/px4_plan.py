@@ -1,0 +1,151 @@
+"""Putting a plan on board of a PX4 and making sure that it is the one that flies.
+
+An accepted upload means *stored*: whether PX4 finds the mission feasible shows later, and only
+in MISSION_CURRENT.mission_state. So what is on board is read back, compared, and waited for.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Any, Final
+
+from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRaw, MissionRawResult
+
+from air_router.errors import PlanRefusedError
+from air_router.flight_plan import Command, Frame, PlanItem
+from air_router.mavsdk_bridge import call
+from air_router.px4_telemetry import MISSION_INVALID
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from air_router.flight_plan import FlightPlan
+    from air_router.px4_telemetry import Px4Telemetry
+
+TRANSFER_S: Final = 30.0
+"""Wall-clock limit for one transfer; a slow telemetry radio takes its time."""
+
+FEASIBLE_S: Final = 5.0
+"""Wall-clock limit for PX4 to judge a mission: it does within a second."""
+
+BUSY_ATTEMPTS: Final = 3
+BUSY_S: Final = 5.5
+"""PX4 ignores uploads for five seconds after a transfer that nobody finished."""
+
+MISSION, FENCE = 0, 1  # MAV_MISSION_TYPE
+
+
+async def upload_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan) -> None:
+    """Upload fence and items, read both back, and wait until PX4 finds the mission feasible.
+
+    Raises:
+        PlanRefusedError: not taken, not the same when read back, or judged infeasible.
+    """
+    await _upload("the fence", raw.upload_geofence_async, plan.fence, FENCE, telemetry)
+    await _upload("the mission", raw.upload_mission_async, plan.items, MISSION, telemetry)
+    fence = await _download("the fence", raw.download_geofence_async, telemetry)
+    # PX4 gives fence vertices back in a global frame of its choice: they have no altitude.
+    _compare("the fence", [_fence_vertex(v) for v in plan.fence], [_fence_vertex(v) for v in fence])
+    items = await _download("the mission", raw.download_mission_async, telemetry)
+    _compare("the mission", list(plan.items), items)
+    await _feasible(telemetry, len(plan.items))
+
+
+async def _upload(
+    what: str,
+    method: Callable[..., None],
+    items: Sequence[PlanItem],
+    mission_type: int,
+    telemetry: Px4Telemetry,
+) -> None:
+    raw_items = [_to_raw(seq, item, mission_type) for seq, item in enumerate(items)]
+    for attempt in range(BUSY_ATTEMPTS):
+        result = (await _transfer(what, method, raw_items))[0]
+        if result == MissionRawResult.SUCCESS:
+            return
+        if result not in {MissionRawResult.BUSY, MissionRawResult.ERROR}:
+            break
+        if attempt + 1 < BUSY_ATTEMPTS:
+            await asyncio.sleep(BUSY_S)
+    raise PlanRefusedError(f"{what} was not taken: {result.name}{telemetry.said()}")
+
+
+async def _download(
+    what: str, method: Callable[..., None], telemetry: Px4Telemetry
+) -> list[PlanItem]:
+    result, items = await _transfer(what, method)
+    if result != MissionRawResult.SUCCESS:
+        raise PlanRefusedError(f"{what} cannot be read back: {result.name}{telemetry.said()}")
+    return [_from_raw(what, item) for item in items]
+
+
+async def _transfer(what: str, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:
+    try:
+        return await call(method, *arguments, timeout_s=TRANSFER_S)
+    except TimeoutError:
+        raise PlanRefusedError(
+            f"{what}: the transfer did not end within {TRANSFER_S:.0f} s; is the link very slow?"
+        ) from None
+
+
+async def _feasible(telemetry: Px4Telemetry, total: int) -> None:
+    def judged() -> bool:
+        return telemetry.item_total == total and telemetry.mission_state > MISSION_INVALID
+
+    try:
+        async with asyncio.timeout(FEASIBLE_S):
+            await telemetry.wait_for(judged)
+    except TimeoutError:
+        raise PlanRefusedError(
+            f"PX4 stored the mission but finds that it cannot be flown{telemetry.said()}; "
+            "its reason is in the ground station's messages"
+        ) from None
+
+
+def _compare(what: str, sent: list[PlanItem], on_board: list[PlanItem]) -> None:
+    if len(sent) != len(on_board):
+        raise PlanRefusedError(f"{what}: {len(sent)} items sent, {len(on_board)} are on board")
+    for seq, (mine, theirs) in enumerate(zip(sent, on_board, strict=True)):
+        if not mine.same_as(theirs):
+            raise PlanRefusedError(f"{what}: item {seq} was sent as {mine}, on board is {theirs}")
+
+
+def _fence_vertex(item: PlanItem) -> PlanItem:
+    return PlanItem(
+        item.command, Frame.GLOBAL_INT, (item.params[0], 0, 0, 0), item.x_deg_e7, item.y_deg_e7
+    )
+
+
+def _to_raw(seq: int, item: PlanItem, mission_type: int) -> MissionItem:
+    first = int(seq == 0 and mission_type == MISSION)
+    return MissionItem(
+        seq=seq,
+        frame=int(item.frame),
+        command=int(item.command),
+        current=first,
+        autocontinue=int(item.autocontinue),
+        param1=item.params[0],
+        param2=item.params[1],
+        param3=item.params[2],
+        param4=item.params[3],
+        x=item.x_deg_e7,
+        y=item.y_deg_e7,
+        z=item.z_m,
+        mission_type=mission_type,
+    )
+
+
+def _from_raw(what: str, item: MissionItem) -> PlanItem:
+    try:
+        command, frame = Command(item.command), Frame(item.frame)
+    except ValueError as error:
+        raise PlanRefusedError(f"{what}: item {item.seq} on board is not ours: {error}") from None
+    return PlanItem(
+        command=command,
+        frame=frame,
+        params=(item.param1, item.param2, item.param3, item.param4),
+        x_deg_e7=item.x,
+        y_deg_e7=item.y,
+        z_m=item.z,
+        autocontinue=bool(item.autocontinue),
+    )

@@ -1,0 +1,214 @@
+"""What a PX4 says of itself, put together from its messages into `Telemetry` and events."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from air_router.mavsdk_bridge import subscribe
+from air_router.px4_mode import flight_mode
+from air_router.vehicle import FlightMode, ItemReached, PlanReplaced, Telemetry, VehicleEvent
+
+if TYPE_CHECKING:
+    from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
+
+    from air_router.clock import VehicleClock
+    from geo.frame import LocalFrame, Point
+
+_log = logging.getLogger(__name__)
+
+ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
+CRITICAL: Final = 5  # MAV_STATE_CRITICAL: a failsafe acts
+IN_AIR: Final = frozenset({2, 3, 4})  # MAV_LANDED_STATE: in air, taking off, landing
+PREARM_GOOD: Final = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
+MISSION_INVALID: Final = 1  # MISSION_STATE_NO_MISSION: none on board, or none that can be flown
+UNKNOWN_TOTAL: Final = 65535
+AUTOPILOT: Final = 1
+
+
+class Px4Telemetry:
+    """Listens to a PX4 and keeps what it said last; all of it on the event loop."""
+
+    def __init__(self, frame: LocalFrame, clock: VehicleClock) -> None:
+        self._frame = frame
+        self._clock = clock
+        self._system_id = 0
+        self._callbacks: list[Callable[[VehicleEvent], None]] = []
+        self._news = asyncio.Event()
+        self._heard_s = time.monotonic()
+        self._texts: deque[str] = deque(maxlen=3)
+        self._plan_ids: tuple[int, int] | None = None
+        self._guarding = False
+        self._last_reached: tuple[int, int | None] | None = None
+        self._position: Point | None = None
+        self.time_s = 0.0
+        self.altitude_m = 0.0
+        self.altitude_amsl_m = 0.0
+        self.velocity_m_s = (0.0, 0.0)
+        self.heading_deg: float | None = None
+        self.mode: FlightMode | None = None
+        self.armed = False
+        self.failsafe = False
+        self.in_air: bool | None = None
+        self.battery: float | None = None
+        self.health_good = False
+        self.item: int | None = None
+        self.item_total = 0
+        self.mission_state = 0
+        self.home: Point | None = None
+        self.home_altitude_amsl_m: float | None = None
+        self.version: str | None = None
+
+    def listen(self, direct: MavlinkDirect, system_id: int) -> None:
+        """Take the messages of the autopilot with this system id."""
+        self._system_id = system_id
+        handlers: dict[str, Callable[[dict[str, Any]], None]] = {
+            "HEARTBEAT": self._on_heartbeat,
+            "CURRENT_MODE": self._on_current_mode,
+            "GLOBAL_POSITION_INT": self._on_position,
+            "EXTENDED_SYS_STATE": self._on_extended_state,
+            "SYS_STATUS": self._on_sys_status,
+            "SYSTEM_TIME": self._on_system_time,
+            "HOME_POSITION": self._on_home,
+            "MISSION_CURRENT": self._on_mission_current,
+            "MISSION_ITEM_REACHED": self._on_item_reached,
+            "STATUSTEXT": self._on_text,
+            "AUTOPILOT_VERSION": self._on_version,
+        }
+        for name, handler in handlers.items():
+            subscribe(direct, name, self._only_autopilot(handler))
+
+    def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
+        """Hand every event to `callback`."""
+        self._callbacks.append(callback)
+
+    def complete(self) -> bool:
+        """Whether everything that a flight rests on was heard once."""
+        return self._position is not None and self.mode is not None and self.in_air is not None
+
+    def silent_s(self) -> float:
+        """Wall-clock seconds since anything was heard."""
+        return time.monotonic() - self._heard_s
+
+    def said(self) -> str:
+        """The autopilot's last words, to add to an error."""
+        return f' (it says: "{"; ".join(self._texts)}")' if self._texts else ""
+
+    def guard_plan(self) -> None:
+        """From now on report when the plan on board is replaced by another."""
+        self._plan_ids = None
+        self._guarding = True
+
+    async def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Return once `condition` holds, looked at after every message."""
+        while not condition():
+            await self._news.wait()
+
+    def snapshot(self) -> Telemetry | None:
+        """The telemetry of this moment, None before the first position."""
+        if self._position is None or self.mode is None:
+            return None
+        return Telemetry(
+            time_s=self.time_s,
+            position=self._position,
+            altitude_m=self.altitude_m,
+            velocity_m_s=self.velocity_m_s,
+            heading_deg=self.heading_deg,
+            armed=self.armed,
+            in_air=bool(self.in_air),
+            mode=self.mode,
+            failsafe=self.failsafe,
+            battery=self.battery,
+            item=self.item,
+        )
+
+    def _only_autopilot(
+        self, handler: Callable[[dict[str, Any]], None]
+    ) -> Callable[[dict[str, Any], int, int], None]:
+        def on_message(fields: dict[str, Any], system_id: int, component_id: int) -> None:
+            if (system_id, component_id) != (self._system_id, AUTOPILOT):
+                return
+            self._heard_s = time.monotonic()
+            handler(fields)
+            self._wake_waiters()
+
+        return on_message
+
+    def _wake_waiters(self) -> None:
+        self._news.set()
+        self._news = asyncio.Event()
+
+    def _emit(self, event: VehicleEvent) -> None:
+        for callback in self._callbacks:
+            callback(event)
+
+    def _on_heartbeat(self, fields: dict[str, Any]) -> None:
+        self.mode = flight_mode(fields["custom_mode"])
+        self.armed = bool(fields["base_mode"] & ARMED)
+        self.failsafe = fields["system_status"] >= CRITICAL
+
+    def _on_current_mode(self, fields: dict[str, Any]) -> None:
+        self.mode = flight_mode(fields["custom_mode"])
+
+    def _on_position(self, fields: dict[str, Any]) -> None:
+        self.time_s = fields["time_boot_ms"] / 1e3
+        self._clock.heard(self.time_s)
+        self._position = self._frame.to_local(fields["lat"] / 1e7, fields["lon"] / 1e7)
+        self.altitude_m = fields["relative_alt"] / 1e3
+        self.altitude_amsl_m = fields["alt"] / 1e3
+        self.velocity_m_s = (fields["vy"] / 100, fields["vx"] / 100)  # MAVLink: x north, y east
+        self.heading_deg = None if fields["hdg"] == 65535 else fields["hdg"] / 100
+        snapshot = self.snapshot()
+        if snapshot is not None:
+            self._emit(snapshot)
+
+    def _on_extended_state(self, fields: dict[str, Any]) -> None:
+        if fields["landed_state"] != 0:
+            self.in_air = fields["landed_state"] in IN_AIR
+
+    def _on_sys_status(self, fields: dict[str, Any]) -> None:
+        remaining = fields["battery_remaining"]
+        self.battery = None if remaining is None or remaining < 0 else remaining / 100
+        self.health_good = bool(fields["onboard_control_sensors_health"] & PREARM_GOOD)
+
+    def _on_system_time(self, fields: dict[str, Any]) -> None:
+        if fields["time_unix_usec"] > 0:
+            self._clock.heard_unix(fields["time_unix_usec"] / 1e6, fields["time_boot_ms"] / 1e3)
+
+    def _on_home(self, fields: dict[str, Any]) -> None:
+        self.home = self._frame.to_local(fields["latitude"] / 1e7, fields["longitude"] / 1e7)
+        self.home_altitude_amsl_m = fields["altitude"] / 1e3
+
+    def _on_mission_current(self, fields: dict[str, Any]) -> None:
+        total = fields.get("total", UNKNOWN_TOTAL)
+        self.item_total = 0 if total == UNKNOWN_TOTAL else total
+        self.mission_state = fields.get("mission_state", 0)
+        self.item = fields["seq"]
+        ids = (fields.get("mission_id", 0), fields.get("fence_id", 0))
+        if not self._guarding:
+            return
+        if self._plan_ids is None:
+            self._plan_ids = ids
+        elif ids != self._plan_ids:
+            self._guarding = False
+            self._emit(PlanReplaced(self.time_s))
+
+    def _on_item_reached(self, fields: dict[str, Any]) -> None:
+        # PX4 repeats the report once or twice a second while it holds; once is enough.
+        reached = (fields["seq"], self.item)
+        if reached != self._last_reached:
+            self._last_reached = reached
+            self._emit(ItemReached(self.time_s, fields["seq"]))
+
+    def _on_text(self, fields: dict[str, Any]) -> None:
+        text = str(fields["text"]).rstrip("\t\0 ")
+        self._texts.append(text)
+        _log.info("PX4: %s", text)
+
+    def _on_version(self, fields: dict[str, Any]) -> None:
+        number = fields["flight_sw_version"]
+        self.version = ".".join(str((number >> shift) & 0xFF) for shift in (24, 16, 8))
