@@ -1,39 +1,48 @@
-"""The errors of air_router: one class per cause, each with the exit code it ends a command with.
-
-Exit codes: 0 done, 1 ended otherwise, 2 usage, 3 invalid file, 4 no vehicle, 5 refused before
-take-off, 6 the pilot took over, 130 interrupted.
-"""
+"""The tree of errors that end a command: one class per cause, each knows its exit code."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from enum import IntEnum
 from typing import ClassVar
+
+from mocha_link.document import Problem
+
+
+class ExitCode(IntEnum):
+    """What a command of `air-router` tells the shell."""
+
+    DONE = 0
+    ENDED_OTHERWISE = 1
+    USAGE = 2
+    INVALID_FILE = 3
+    NO_VEHICLE = 4
+    REFUSED = 5
+    PILOT_TOOK_OVER = 6
+    INTERRUPTED = 130
 
 
 class AirRouterError(Exception):
-    """Anything that air_router reports: the message says what, where, and what to do."""
+    """Something that ends a command; the message says what, where, and what to do."""
 
-    exit_code: ClassVar[int] = 1
-
-
-class NoVehicleError(AirRouterError):
-    """No autopilot that we can fly answers on the connection."""
-
-    exit_code = 4
+    exit_code: ClassVar[ExitCode] = ExitCode.ENDED_OTHERWISE
 
 
-class RefusedError(AirRouterError):
-    """The flight does not start; nothing has moved."""
+class UsageError(AirRouterError):
+    """The command line asks for something that the mission does not have."""
 
-    exit_code = 5
-
-
-class PlanRefusedError(RefusedError):
-    """The vehicle did not take the plan or its fence, or gave back another than was sent."""
+    exit_code = ExitCode.USAGE
 
 
-class ArmingRefusedError(RefusedError):
-    """The autopilot does not arm."""
+class MissionFileError(AirRouterError):
+    """A mission cannot be flown as it is written; carries every problem, in file order."""
+
+    exit_code = ExitCode.INVALID_FILE
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(sorted(set(problems)))
+        super().__init__("\n".join(map(str, self.problems)))
 
 
-class NotConfirmedError(AirRouterError):
-    """A command was sent and the vehicle did not follow it."""
+class PictureError(AirRouterError):
+    """A picture cannot be drawn or written."""
