@@ -1,0 +1,141 @@
+"""A ground robot that patrols: where it is, where it heads, what it has seen.
+
+Pure kinematics: constant speed along straight legs, turning on the spot in no time. A robot with
+one patrol point stands there.
+"""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from geo.frame import Point
+
+SIGHT_M = 15.0
+"""A robot sees vehicles within this distance."""
+
+PATH_POINTS = 3
+"""How many patrol points ahead a robot announces; the last of them is its destination."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place on a patrol: position, heading clockwise from north, and the leg it lies on."""
+
+    position: Point
+    heading_deg: float
+    leg: int
+
+
+class Patrol:
+    """Straight legs through points, for ever: round and round, or there and back.
+
+    Args:
+        points: Patrol points in metres east/north; one point: standing there.
+        closed: After the last point on to the first; otherwise back the way it came.
+
+    Raises:
+        ValueError: there is no point.
+    """
+
+    def __init__(self, points: Iterable[Point], *, closed: bool = True) -> None:
+        stops = [point for point, _ in itertools.groupby(points)]
+        if not stops:
+            raise ValueError("a patrol needs at least one point")
+        if not closed:
+            stops += stops[-2:0:-1]
+        elif len(stops) > 1 and stops[0] == stops[-1]:
+            stops.pop()
+        self.stops = tuple(stops)
+        lengths = (math.dist(a, b) for a, b in self.legs())
+        self._starts_m = tuple(itertools.accumulate(lengths, initial=0.0))
+        self.length_m = self._starts_m[-1]
+
+    def legs(self) -> tuple[tuple[Point, Point], ...]:
+        """Start and end of every leg of one whole round; empty for a single point."""
+        if len(self.stops) == 1:
+            return ()
+        return tuple(itertools.pairwise((*self.stops, self.stops[0])))
+
+    def at(self, distance_m: float) -> Place:
+        """The place after so many metres from the first point."""
+        if not self.length_m:
+            return Place(self.stops[0], 0.0, 0)
+        distance_m %= self.length_m
+        leg = min(bisect.bisect_right(self._starts_m, distance_m) - 1, len(self.stops) - 1)
+        start, end = self.stops[leg], self.stops[(leg + 1) % len(self.stops)]
+        part = (distance_m - self._starts_m[leg]) / math.dist(start, end)
+        east_m = end.east_m - start.east_m
+        north_m = end.north_m - start.north_m
+        heading_deg = math.degrees(math.atan2(east_m, north_m)) % 360
+        position = Point(start.east_m + part * east_m, start.north_m + part * north_m)
+        return Place(position, heading_deg, leg)
+
+    def ahead(self, leg: int) -> tuple[Point, ...]:
+        """The next points to come while on a leg."""
+        count = min(PATH_POINTS, len(self.stops))
+        return tuple(self.stops[(leg + 1 + i) % len(self.stops)] for i in range(count))
+
+
+@dataclass(slots=True)
+class GroundRobot:
+    """A robot on patrol.
+
+    Attributes:
+        name: Its name in the team.
+        patrol: Where it drives.
+        speed_m_s: How fast.
+        vehicles: Every vehicle in the world; the robot looks for them as it drives.
+        start_m: How far along the patrol it starts.
+        driven_m: Metres driven so far.
+    """
+
+    name: str
+    patrol: Patrol
+    speed_m_s: float
+    vehicles: tuple[Point, ...] = ()
+    start_m: float = 0.0
+    driven_m: float = 0.0
+    _place: Place = field(init=False)
+    _seen: list[int] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._place = self.patrol.at(self.start_m)
+        self._look()
+
+    def step(self, dt_s: float) -> None:
+        """Drive for `dt_s` seconds of simulated time."""
+        if not self.patrol.length_m or dt_s <= 0:
+            return
+        self.driven_m += self.speed_m_s * dt_s
+        self._place = self.patrol.at(self.start_m + self.driven_m)
+        self._look()
+
+    @property
+    def position(self) -> Point:
+        """Metres east/north."""
+        return self._place.position
+
+    @property
+    def heading_deg(self) -> float:
+        """Degrees clockwise from north."""
+        return self._place.heading_deg
+
+    @property
+    def path(self) -> tuple[Point, ...]:
+        """The next points on its way; the last is its destination."""
+        return self.patrol.ahead(self._place.leg)
+
+    @property
+    def sightings(self) -> tuple[Point, ...]:
+        """Vehicles seen so far, in the order in which they were first seen."""
+        return tuple(self.vehicles[index] for index in self._seen)
+
+    def _look(self) -> None:
+        here = self._place.position
+        for index, vehicle in enumerate(self.vehicles):
+            if index not in self._seen and math.dist(here, vehicle) <= SIGHT_M:
+                self._seen.append(index)
