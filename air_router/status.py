@@ -1,0 +1,94 @@
+"""What a person sees while the vehicle flies: one live line, and news above it."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final, TextIO
+
+from air_router.behaviour import State
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from air_router.controller import Controller
+    from mocha_link.metrics import LinkMetrics
+
+REFRESH_S: Final = 0.25
+PLAIN_REFRESH_S: Final = 10.0
+"""Where there is no terminal, a line now and then instead of one that is drawn over."""
+
+
+class StatusLine:
+    """Draws the line on a terminal, prints it now and then elsewhere; always on stderr."""
+
+    def __init__(
+        self,
+        out: TextIO | None = None,
+        monotonic: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._out = out if out is not None else sys.stderr
+        self._monotonic = monotonic
+        self._live = self._out.isatty()
+        self._shown_s = -math.inf
+        self._width = 0
+
+    def show(self, line: Callable[[], str]) -> None:
+        """Draw the line if the last one is old enough; `line` is asked only then."""
+        now_s = self._monotonic()
+        if now_s - self._shown_s < (REFRESH_S if self._live else PLAIN_REFRESH_S):
+            return
+        self._shown_s = now_s
+        text = line()
+        if self._live:
+            self._out.write("\r" + text.ljust(self._width))
+            self._width = len(text)
+        else:
+            self._out.write(text + "\n")
+        self._out.flush()
+
+    def say(self, text: str) -> None:
+        """Print a line of news that stays."""
+        if self._live:
+            self._out.write("\r" + " " * self._width + "\r")
+            self._width = 0
+            self._shown_s = -math.inf
+        self._out.write(text + "\n")
+        self._out.flush()
+
+    def end(self) -> None:
+        """Leave the line standing and go on below it."""
+        if self._live and self._width:
+            self._out.write("\n")
+            self._width = 0
+            self._out.flush()
+
+
+def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str:
+    """State, target, time left in the state, next node, battery and links in one line."""
+    parts = [controller.state.name.ljust(6)]
+    if controller.robot is not None:
+        parts.append(controller.robot)
+    left_s = controller.time_left_s
+    if left_s is not None:
+        parts.append(f"{left_s:4.0f} s left")
+    elif controller.state is State.SEARCH:
+        parts.append("on the way")
+    leg = controller.navigator.leg
+    if leg is not None:
+        node = {None: "point", 0: "home"}.get(leg.node, f"waypoint {leg.node}")
+        parts.append(f"-> {node}")
+    telemetry = controller.telemetry
+    if telemetry is not None:
+        parts.append(f"{telemetry.altitude_m:.0f} m")
+        if telemetry.battery is not None:
+            parts.append(f"battery {telemetry.battery:.0%}")
+    heard = [
+        f"{peer} {link.rssi_dbm:.0f} dBm"
+        for peer, link in sorted(links.items())
+        if link.rssi_dbm is not None
+    ]
+    parts.append("links: " + (", ".join(heard) if heard else "none"))
+    return " | ".join(parts)
