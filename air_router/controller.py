@@ -95,6 +95,12 @@ class Controller:
         """Whether the vehicle in the air flies by our commands."""
         return self.state not in {State.READY, State.PASSIVE, State.DONE}
 
+    def may_fly(self, motion: Motion) -> bool:
+        """Whether a motion decided a moment ago is still clear from where the vehicle is now."""
+        if self.telemetry is None or isinstance(motion, HoldHere | LandHere):
+            return True
+        return self.navigator.clear(self.telemetry, motion.position)
+
     # What happens.
 
     def handle(self, event: Event, now_s: float) -> list[Action]:

@@ -110,7 +110,7 @@ class Navigator:
             self.leg = None
             self.progress = Progress.ARRIVED
             return None
-        if self._clear(telemetry, self._legs[0].to):
+        if self.clear(telemetry, self._legs[0].to):
             return self._command(self._legs.popleft())
         # At the end of the leg, but not yet where the next one is clear: let the vehicle settle
         # on the node; only if it stands and still has no clear way, plan anew.
@@ -147,7 +147,7 @@ class Navigator:
                 # Near, but perhaps fast: let the vehicle settle on the point itself.
                 return self._motion(legs[0]) if legs else None
             self._legs = legs
-            if self._clear(telemetry, self._legs[0].to):
+            if self.clear(telemetry, self._legs[0].to):
                 return self._command(self._legs.popleft())
             route = NoRoute("the first leg is not clear from here", ())
         if _speed_m_s(telemetry) >= STANDING_M_S and not self._braking:
@@ -169,7 +169,8 @@ class Navigator:
             return FlyToNode(leg.node, leg.to)
         return FlyToPoint(leg.to, self._mission.altitude_above_home_m)
 
-    def _clear(self, telemetry: Telemetry, target: Point) -> bool:
+    def clear(self, telemetry: Telemetry, target: Point) -> bool:
+        """Whether a straight leg from where the vehicle is, at its speed, keeps the clearance."""
         return self._router.check_leg(
             telemetry.position, target, stopping=stopping_point(telemetry)
         )

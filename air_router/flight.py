@@ -1,0 +1,310 @@
+"""One flight, from connecting to the vehicle to the last report: the shell around the controller.
+
+It feeds the controller with what the vehicle, the gossip node and the operator say, carries out
+what it answers, and decides nothing itself.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import os
+import signal
+from collections.abc import Coroutine
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from air_router.actions import (
+    Action,
+    Announce,
+    Finish,
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    LandHere,
+    Motion,
+    PublishMap,
+    StateChanged,
+)
+from air_router.behaviour import State
+from air_router.controller import Controller
+from air_router.errors import AirRouterError, NotConfirmedError, RefusedError
+from air_router.events import CommandConfirmed, CommandFailed, Event
+from air_router.flight_plan import FlightPlan
+from air_router.graph import WaypointGraph
+from air_router.ledger import Ledger, RobotAccount
+from air_router.mapper import Mapper, receive_patches
+from air_router.router import Router
+from air_router.status import StatusLine, flight_line
+from air_router.vehicle import LinkSilent, Telemetry, VehicleEvent
+
+if TYPE_CHECKING:
+    from air_router.clock import VehicleClock
+    from air_router.gossip import Gossip
+    from air_router.mission import Mission
+    from air_router.recorder import Recorder
+    from air_router.vehicle import Vehicle
+    from geo.frame import Point
+
+_log = logging.getLogger(__name__)
+
+HOME_TOLERANCE_M: Final = 20.0
+"""The vehicle must stand this close to the mission's home, or it is another place's mission."""
+
+LOST_S: Final = 60.0
+"""Wall-clock silence of the vehicle after which the flight is reported as lost."""
+
+INTERRUPTED: Final = 130
+PILOT: Final = 6
+
+
+@dataclass(frozen=True, slots=True)
+class FlightResult:
+    """How a flight ended."""
+
+    outcome: str
+    exit_code: int
+    report: dict[str, object]
+    track: tuple[Point, ...]
+
+
+class Flight:
+    """Flies a mission once.
+
+    Args:
+        mission: What to fly.
+        vehicle: A vehicle that is not yet connected.
+        clock: The vehicle's clock, told by the vehicle.
+        gossip: The UAV's node, not yet started.
+        mapper: The map that `gossip` publishes.
+        seek: The robots to seek, in order.
+        recorder: Where every event and decision goes.
+        status: What the operator sees.
+        camera: Endpoint of the camera's patches, None without a camera.
+        arm: Arm and start; otherwise wait for the pilot to do it.
+    """
+
+    def __init__(  # noqa: PLR0913 - the parts that a flight is put together from
+        self,
+        mission: Mission,
+        vehicle: Vehicle,
+        *,
+        clock: VehicleClock,
+        gossip: Gossip,
+        mapper: Mapper,
+        seek: tuple[str, ...],
+        recorder: Recorder,
+        status: StatusLine,
+        camera: str | None = None,
+        arm: bool = False,
+    ) -> None:
+        self._mission = mission
+        self._vehicle = vehicle
+        self._clock = clock
+        self._gossip = gossip
+        self._mapper = mapper
+        self._recorder = recorder
+        self._status = status
+        self._camera = camera
+        self._arm = arm
+        self._plan = FlightPlan.of(mission)
+        self.router = Router(WaypointGraph(mission))
+        self.controller = Controller(mission, self._plan, self.router, seek)
+        self.ledger = Ledger(mission, mapper, {name: RobotAccount() for name in seek})
+        self._finish: asyncio.Future[tuple[str, int]]
+        self._motion: Motion | None = None
+        self._motion_waits = asyncio.Event()
+        self._interrupted = False
+        self._ours = False
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def run(self) -> FlightResult:
+        """Fly.
+
+        Raises:
+            NoVehicleError, PlanRefusedError, ArmingRefusedError, RefusedError: before take-off.
+        """
+        loop = asyncio.get_running_loop()
+        self._finish = loop.create_future()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self._on_interrupt)
+        try:
+            self._start(self._begin())
+            outcome, exit_code = await self._finish
+        finally:
+            await self._let_go()
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.remove_signal_handler(number)
+        return self._result(outcome, exit_code)
+
+    async def _begin(self) -> None:
+        await self._prepare()
+        self._start(self._carry_out_motions())
+        if self._camera is not None:
+            self._start(receive_patches(self._camera, self._mapper.paint))
+        if self._arm:
+            self._ours = True
+            await self._vehicle.arm()
+            await self._vehicle.start()
+            self._status.say("armed and taking off")
+        else:
+            self._status.say("ready: waiting for the pilot to arm and choose Mission mode")
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        """Run something beside the flight; an error in it ends the flight."""
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._on_task_done)
+
+    async def _prepare(self) -> None:
+        info = await self._vehicle.connect()
+        self._status.say(f"{info.autopilot} {info.version}, system {info.system_id}")
+        self._vehicle.subscribe(self._on_vehicle)
+        telemetry = await self._first_telemetry()
+        self._check_start(telemetry)
+        self._gossip.start(self._on_event)
+        await self._vehicle.upload(self._plan)
+        self._status.say(
+            f"on board and read back: {len(self._plan.items)} plan items, "
+            f"{len(self._plan.fence)} fence vertices"
+        )
+
+    async def _first_telemetry(self) -> Telemetry:
+        while self.controller.telemetry is None:  # noqa: ASYNC110 - once, for a tenth of a second
+            await asyncio.sleep(0.01)
+        return self.controller.telemetry
+
+    def _check_start(self, telemetry: Telemetry) -> None:
+        """Refuse what cannot become a safe flight."""
+        if telemetry.in_air:
+            raise RefusedError("the vehicle is flying; land it, then start the mission")
+        if telemetry.armed:
+            raise RefusedError("the vehicle is armed; disarm it, then start the mission")
+        away_m = math.dist(telemetry.position, self._mission.home)
+        if away_m > HOME_TOLERANCE_M:
+            raise RefusedError(
+                f"the vehicle stands {away_m:.0f} m from the mission's home; bring it there, "
+                "or put home where it stands"
+            )
+        if not self.router.check_leg(telemetry.position, self._mission.home):
+            raise RefusedError("the way up from where the vehicle stands to home is not clear")
+
+    # Events in, actions out.
+
+    def _on_vehicle(self, event: VehicleEvent) -> None:
+        if isinstance(event, LinkSilent) and event.silent_s > LOST_S:
+            self._end("lost: the vehicle is silent", 1)
+        self._on_event(event)
+        if isinstance(event, Telemetry):
+            self._gossip.tell(event)
+            self._status.show(lambda: flight_line(self.controller, self._gossip.links()))
+
+    def _on_event(self, event: Event) -> None:
+        now_s = self._clock.boot_s()
+        self._recorder.event(event, now_s)
+        self.ledger.event(event, now_s)
+        for action in self.controller.handle(event, now_s):
+            self._recorder.action(action, now_s)
+            self.ledger.action(action)
+            self._act(action, now_s)
+
+    def _act(self, action: Action, now_s: float) -> None:
+        match action:
+            case FlyToNode() | FlyToPoint() | HoldHere() | LandHere():
+                self._motion = action
+                self._motion_waits.set()
+            case PublishMap():
+                self._gossip.publish_map(now_s)
+            case Announce(text=text):
+                self._tell(text, now_s)
+            case StateChanged(source=source, target=target):
+                self._status.say(f"{now_s:8.1f} s  {source.name} -> {target.name}")
+            case Finish(landed_by_us=True):
+                self._end("done", 0)
+            case Finish(why=why):
+                pilot = State.PASSIVE in self.ledger.states
+                self._end("pilot" if pilot else f"ended: {why}", PILOT if pilot else 1)
+
+    def _tell(self, text: str, now_s: float) -> None:
+        self._status.say(f"{now_s:8.1f} s  {text}")
+        self._start(self._vehicle.announce(f"air_router: {text}"))
+
+    async def _carry_out_motions(self) -> None:
+        """Send one motion at a time, always the newest; an older one that waits is void."""
+        while True:
+            await self._motion_waits.wait()
+            self._motion_waits.clear()
+            motion, self._motion = self._motion, None
+            if motion is None:
+                continue
+            if not self.controller.may_fly(motion):
+                self._on_event(CommandFailed(motion, "the leg was no longer clear in its turn"))
+                continue
+            try:
+                await self._send(motion)
+            except NotConfirmedError as error:
+                self._on_event(CommandFailed(motion, str(error)))
+            else:
+                self._on_event(CommandConfirmed(motion))
+
+    async def _send(self, motion: Motion) -> None:
+        match motion:
+            case FlyToNode(node=node):
+                await self._vehicle.jump(self._plan.item_of(node))
+            case FlyToPoint(position=position, altitude_m=altitude_m):
+                await self._vehicle.reposition(position, altitude_m)
+            case HoldHere():
+                await self._vehicle.hold()
+            case LandHere():
+                await self._vehicle.land()
+
+    # Ends.
+
+    def _end(self, outcome: str, exit_code: int) -> None:
+        if not self._finish.done():
+            self._finish.set_result((outcome, exit_code))
+
+    def _on_task_done(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        error = None if task.cancelled() else task.exception()
+        if error is not None and not self._finish.done():
+            self._finish.set_exception(error)
+
+    def _on_interrupt(self) -> None:
+        """First: hold (if we fly it) and end. Second: leave at once; the vehicle stays as it is."""
+        if self._interrupted:
+            self._recorder.close()
+            os._exit(INTERRUPTED)
+        self._interrupted = True
+        self._status.say("interrupted; once more to leave at once")
+        self._end("interrupted", INTERRUPTED)
+
+    async def _let_go(self) -> None:
+        tasks = tuple(self._tasks)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        if self._interrupted and self._flies_by_us():
+            try:
+                await self._vehicle.hold()
+                self._status.say("the vehicle holds; take over, or let it return")
+            except AirRouterError as error:
+                self._status.say(f"the vehicle was told to hold and did not confirm: {error}")
+        self._status.end()
+        self._gossip.close()
+        await self._vehicle.close()
+
+    def _flies_by_us(self) -> bool:
+        controller = self.controller
+        if controller.telemetry is None or not controller.telemetry.in_air:
+            return False
+        return controller.in_charge or (self._ours and controller.state is State.READY)
+
+    def _result(self, outcome: str, exit_code: int) -> FlightResult:
+        for name, stamp_s in self._gossip.newest_stamps().items():
+            if name in self.ledger.robots:
+                self.ledger.robots[name].newest_stamp_s = stamp_s
+        report = self.ledger.report(outcome, self._clock.now_s())
+        self._recorder.write("flight", self._clock.boot_s(), {"type": "Report", **report})
+        return FlightResult(outcome, exit_code, report, tuple(self.ledger.track))

@@ -1,0 +1,193 @@
+"""`air-router fly`: flies a mission with a vehicle that is already there."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import dataclasses
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from air_router.clock import VehicleClock
+from air_router.errors import RefusedError
+from air_router.flight import Flight, FlightResult
+from air_router.gossip import Gossip
+from air_router.mapper import Mapper
+from air_router.mission import load_mission
+from air_router.px4 import Px4Vehicle
+from air_router.recorder import Recorder
+from air_router.report import write_report
+from air_router.status import StatusLine
+from mocha_link import PortInUseError, Team
+
+if TYPE_CHECKING:
+    from air_router.mission import Mission
+
+DEFAULT_URL = "udpin://0.0.0.0:14540"
+AERIAL = "aerial_robot"
+
+
+@dataclass(frozen=True, slots=True)
+class FlyOptions:
+    """What a flight needs to know beside its mission.
+
+    Attributes:
+        url: MAVSDK connection URL of the vehicle.
+        team: Team file, None for the mission's own.
+        duration_s: Come home after so long in the air, None for the mission's own.
+    """
+
+    url: str = DEFAULT_URL
+    system_id: int = 1
+    team: Path | None = None
+    camera: str | None = None
+    duration_s: float | None = None
+    arm: bool = False
+    log_dir: Path | None = None
+
+
+def fly(mission: Mission, options: FlyOptions) -> FlightResult:
+    """Fly a mission to its end; the exceptions say why one did not start."""
+    if options.duration_s is not None:
+        mission = dataclasses.replace(mission, duration_s=options.duration_s)
+    team_path = options.team or mission.team
+    if team_path is None:
+        raise RefusedError(
+            f"{mission.path}: names no team file, so there is nobody to talk to; "
+            "add `team: team.yaml` to it or say --team FILE"
+        )
+    team = Team.load(team_path)
+    uav = mission.uav or only_uav(team)
+    clock = VehicleClock()
+    mapper = Mapper(mission)
+    with Recorder(options.log_dir, str(mission.path)) as recorder:
+        flight = Flight(
+            mission,
+            Px4Vehicle(mission, options.url, clock, system_id=options.system_id),
+            clock=clock,
+            gossip=Gossip(mission.frame, team, uav, clock, mapper),
+            mapper=mapper,
+            seek=mission.seek or ground_robots(team, uav),
+            recorder=recorder,
+            status=StatusLine(),
+            camera=options.camera,
+            arm=options.arm,
+        )
+        try:
+            return asyncio.run(flight.run())
+        except PortInUseError as error:
+            raise RefusedError(str(error)) from None
+
+
+def only_uav(team: Team) -> str:
+    """The team's UAV, for missions that do not say which robot they fly."""
+    uavs = [robot.name for robot in team.robots.values() if robot.kind == AERIAL]
+    if len(uavs) != 1:
+        raise RefusedError(
+            f"{team.path}: has {len(uavs)} robots of kind {AERIAL}; "
+            "say in the mission which one it flies, `uav: NAME`"
+        )
+    return uavs[0]
+
+
+def ground_robots(team: Team, uav: str) -> tuple[str, ...]:
+    """Everybody in the team that the UAV has a link with and that does not fly."""
+    return tuple(peer for peer in team.robot(uav).peers if team.robot(peer).kind != AERIAL)
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `fly` to the command line."""
+    parser = commands.add_parser(
+        "fly",
+        help="fly a mission with a vehicle that is already there",
+        description="Fly a mission with a PX4 that is already there. Waits for the pilot to arm "
+        "and to choose Mission mode, unless --arm is confirmed.",
+        epilog="example: air-router fly missions/pennovation/mission.yaml "
+        "--connect udpin://0.0.0.0:14540",
+    )
+    parser.add_argument(
+        "--connect",
+        metavar="URL",
+        default=DEFAULT_URL,
+        help="the vehicle's link (default %(default)s); also serial:///dev/ttyACM0:57600",
+    )
+    parser.add_argument(
+        "--sysid", type=int, default=1, metavar="N", help="its MAVLink system id (default 1)"
+    )
+    parser.add_argument("--team", type=Path, metavar="FILE", help="team file (the mission's)")
+    parser.add_argument(
+        "--camera", metavar="URL", help="ZeroMQ endpoint that publishes map patches, tcp://..."
+    )
+    parser.add_argument("--arm", action="store_true", help="arm and take off, once confirmed")
+    parser.add_argument("--yes", action="store_true", help="confirm --arm without being asked")
+    add_flight_arguments(parser)
+    parser.set_defaults(run=run)
+
+
+def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `fly` and `sim` have in common."""
+    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
+    parser.add_argument(
+        "--duration",
+        type=_positive,
+        metavar="S",
+        help="come home after so many seconds in the air, on the vehicle's clock",
+    )
+    parser.add_argument(
+        "--log-dir", type=Path, metavar="D", help="write every event and decision there"
+    )
+    parser.add_argument("--png", type=Path, metavar="F", help="draw the flown track into F")
+    parser.add_argument("--json", action="store_true", help="end with one JSON object on stdout")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fly, and report on stdout."""
+    mission = load_mission(arguments.mission)
+    if arguments.arm and not arguments.yes and not _confirmed(mission):
+        raise RefusedError("not confirmed: the vehicle stays disarmed")
+    result = fly(
+        mission,
+        FlyOptions(
+            url=arguments.connect,
+            system_id=arguments.sysid,
+            team=arguments.team,
+            camera=arguments.camera,
+            duration_s=arguments.duration,
+            arm=arguments.arm,
+            log_dir=arguments.log_dir,
+        ),
+    )
+    return finish(mission, result, arguments)
+
+
+def finish(mission: Mission, result: FlightResult, arguments: argparse.Namespace) -> int:
+    """Print a flight's result as asked, draw its track, and give its exit code."""
+    picture = arguments.png
+    if picture is None and arguments.log_dir is not None:
+        picture = arguments.log_dir / "track.png"
+    write_report(mission, result, picture)
+    if arguments.json:
+        json.dump(result.report, sys.stdout)
+        sys.stdout.write("\n")
+    return result.exit_code
+
+
+def _confirmed(mission: Mission, ask: Callable[[str], str] = input) -> bool:
+    sys.stderr.write(
+        f"The vehicle will arm, take off and fly {mission.name} by itself. Propellers clear?\n"
+    )
+    try:
+        return ask("type 'fly' to go: ").strip().lower() == "fly"
+    except EOFError:
+        return False
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number of seconds")
+    return value
