@@ -8,7 +8,7 @@ and no buffer polygon takes part. A place or a leg is clear when it keeps `clear
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -31,6 +31,8 @@ TOLERANCE_M = 1e-6
 _NODE_MARGIN_M = 0.01
 """Corners of detours keep this much more than the clearance, so that legs along a zone's side
 never fail their own test by rounding."""
+
+_ARC_STEPS = 16
 
 
 class Airspace:
@@ -131,7 +133,11 @@ class Airspace:
         It is negative inside a zone (how deep) and outside of the fence (how far); infinite when
         there is neither zone nor fence.
         """
-        return min((distance for distance, _ in self._distances(point)), default=math.inf)
+        return self.nearest(point)[0]
+
+    def nearest(self, point: Point) -> tuple[float, str]:
+        """`distance_m`, and the name of the zone (or `FENCE`) that is so near; "" for nothing."""
+        return min(self._distances(point), default=(math.inf, ""))
 
     def track_distance_m(self, points: Sequence[Point]) -> tuple[float, str]:
         """Closest approach of a polyline, and the name of what it approached.
@@ -149,7 +155,7 @@ class Airspace:
             closest = min(closest, (float(self._border.distance(track)), FENCE))
         if closest[0] > 0 and not self.holders(points[0]):
             return closest
-        return min(closest, *(min(self._distances(point), default=closest) for point in points))
+        return min(closest, *(self.nearest(point) for point in points))
 
     def nearest_clear(self, point: Point) -> Point | None:
         """The closest place to go to: the point itself if it is clear; None if nowhere is."""
@@ -163,23 +169,34 @@ class Airspace:
 
     @cached_property
     def free(self) -> BaseGeometry:
-        """The clear area, drawn a centimetre too small, with mitred corners.
+        """The clear area, drawn a centimetre (and 0.3 % of the clearance) too small.
 
-        For finding places and corners to fly to; the tests above do not use it. Without a fence it
-        reaches a kilometre beyond the zones.
+        For finding places and telling regions apart; the tests above do not use it. Without a
+        fence it reaches a kilometre beyond the zones.
         """
-        reach_m = self.clearance_m + _NODE_MARGIN_M
-        if self._inside is not None:
-            inside = _inflated(self._inside, -reach_m)
-        elif self._polygons:
-            inside = shapely.box(*shapely.total_bounds(self._polygons)).buffer(1000 + reach_m)
-        else:
-            inside = shapely.box(-1e6, -1e6, 1e6, 1e6)
-        return inside.difference(shapely.union_all(self.inflated(reach_m)))
+        return self._free(_rounded)
+
+    @cached_property
+    def free_mitred(self) -> BaseGeometry:
+        """The clear area with few corners; up to a tenth of the clearance too small at corners."""
+        return self._free(_mitred)
 
     def inflated(self, reach_m: float) -> list[BaseGeometry]:
         """Every zone, grown by `reach_m` or slightly more, never less; in the order of `zones`."""
-        return [_inflated(polygon, reach_m) for polygon in self._polygons]
+        return [_rounded(polygon, reach_m) for polygon in self._polygons]
+
+    def _free(self, grown: Callable[[Polygon, float], BaseGeometry]) -> BaseGeometry:
+        reach_m = self.clearance_m + _NODE_MARGIN_M
+        if self._inside is not None:
+            inside = grown(self._inside, -reach_m)
+        elif self._polygons:
+            west, south, east, north = shapely.total_bounds(self._polygons).tolist()
+            far_m = 1000 + reach_m
+            inside = shapely.box(west - far_m, south - far_m, east + far_m, north + far_m)
+        else:
+            inside = shapely.box(-1e6, -1e6, 1e6, 1e6)
+        zones = [grown(polygon, reach_m) for polygon in self._polygons]
+        return inside.difference(shapely.union_all(zones))
 
     def _clear(self, shape: BaseGeometry) -> bool:
         hits = self._tree.query(shape, predicate="dwithin", distance=self._threshold_m)
@@ -211,7 +228,13 @@ def _line(start: Point, end: Point) -> BaseGeometry:
     return LineString((start, end)) if tuple(start) != tuple(end) else ShapelyPoint(start)
 
 
-def _inflated(polygon: Polygon, reach_m: float) -> BaseGeometry:
-    # Mitred to 1.1: measured never to fall short of the reach; GEOS' round corners do (0.989 with
-    # 8 segments), and bevelled ones cut to 0.06 of it.
+def _mitred(polygon: Polygon, reach_m: float) -> BaseGeometry:
+    # A mitre limit of 1.1 was measured never to fall short of the reach; bevelled corners do.
     return polygon.buffer(reach_m, join_style="mitre", mitre_limit=1.1)
+
+
+def _rounded(polygon: Polygon, reach_m: float) -> BaseGeometry:
+    # GEOS rounds the number of steps of an arc, so that a step may be half as long again: the
+    # usual compensation for the chord still falls short, this one does not.
+    step = 1.5 * (math.pi / 2) / _ARC_STEPS
+    return polygon.buffer(reach_m / math.cos(step / 2), quad_segs=_ARC_STEPS)

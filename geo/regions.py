@@ -12,9 +12,6 @@ from shapely.geometry.base import BaseGeometry
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
 
-_REACH_M = 0.05
-"""The clear area is drawn a centimetre too small; legal places may lie just beside it."""
-
 _MOST_NAMES = 40
 """Up to so many zones we look for the ones that matter among those that surround a place."""
 
@@ -26,6 +23,7 @@ class Regions:
         self._airspace = airspace
         self._parts = _polygons(airspace.free)
         self._tree = STRtree(self._parts)
+        self._reach_m = _reach_m(airspace)
 
     def __len__(self) -> int:
         return len(self._parts)
@@ -33,7 +31,7 @@ class Regions:
     def of(self, point: Point) -> int | None:
         """The number of the region that a place lies in; None if it is not clear."""
         place = ShapelyPoint(point)
-        hits = self._tree.query_nearest(place, max_distance=_REACH_M, all_matches=False)
+        hits = self._tree.query_nearest(place, max_distance=self._reach_m, all_matches=False)
         return int(hits[0]) if len(hits) else None
 
     def connected(self, a: Point, b: Point) -> bool:
@@ -52,8 +50,7 @@ class Regions:
         names += [zone.name for zone in self._airspace.zones]
         wall = _wall_between(a, b, self._airspace)
         if wall is not None:
-            reach_m = self._airspace.clearance_m + _REACH_M
-            shapes = self._airspace.inflated(reach_m)
+            shapes = self._airspace.inflated(self._airspace.clearance_m + self._reach_m)
             zones = zip(self._airspace.zones, shapes, strict=True)
             near = {zone.name for zone, shape in zones if shape.intersects(wall)}
             names = [name for name in names if name in near or name == FENCE]
@@ -81,16 +78,21 @@ def _wall_between(a: Point, b: Point, airspace: Airspace) -> Polygon | None:
     ).tolist()
     world = shapely.box(west - 10, south - 10, east + 10, north + 10)
     for wall in _polygons(world.difference(free)):
-        if _side(wall, a) != _side(wall, b):
+        if _side(wall, a, _reach_m(airspace)) != _side(wall, b, _reach_m(airspace)):
             return wall
     return None
 
 
-def _side(wall: Polygon, point: Point) -> int:
+def _reach_m(airspace: Airspace) -> float:
+    """How far a legal place may lie outside of the clear area, which is drawn a bit too small."""
+    return 0.03 + 0.005 * airspace.clearance_m
+
+
+def _side(wall: Polygon, point: Point, reach_m: float) -> int:
     """Which hole of the wall a place lies in; -1 if it is around the wall or in the wall itself."""
     place = ShapelyPoint(point)
     for number, hole in enumerate(wall.interiors):
-        if Polygon(hole).dwithin(place, _REACH_M):
+        if Polygon(hole).dwithin(place, reach_m):
             return number
     return -1
 

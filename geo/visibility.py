@@ -2,23 +2,26 @@
 
 A visibility graph: its corners lie a centimetre outside of the clearance, its legs are judged by
 the airspace's own exact test, so that every leg of a path that is returned is clear. A gap that is
-less than two centimetres wider than twice the clearance counts as closed.
+less than two centimetres (and 0.6 % of the clearance) wider than twice the clearance counts as
+closed.
 """
 
 from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Iterator
-from functools import lru_cache
+from collections.abc import Callable
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from geo.airspace import Airspace
 from geo.frame import Point
+from geo.regions import Regions
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -29,24 +32,20 @@ _SLACK_M2 = 1e-6
 
 def shortest_path(airspace: Airspace, start: Point, end: Point) -> tuple[Point, ...] | None:
     """The shortest clear path from start to end, both included; None if there is none."""
-    return corners_of(airspace).path(start, end)
+    return path_finder(airspace).path(start, end)
 
 
 @lru_cache(maxsize=8)
-def corners_of(airspace: Airspace) -> Corners:
-    """The corners of an airspace; made once, then kept."""
-    return Corners(airspace)
+def path_finder(airspace: Airspace) -> PathFinder:
+    """The path finder of an airspace; made once, then kept."""
+    return PathFinder(airspace)
 
 
-class Corners:
-    """The corners that shortest paths of an airspace turn at, and who sees whom."""
+class PathFinder:
+    """Finds shortest paths with few corners, and looks closer only where there is none."""
 
     def __init__(self, airspace: Airspace) -> None:
         self._airspace = airspace
-        here, before, after = _reflex_corners(airspace)
-        self._here, self._before, self._after = here, before, after
-        self._points = [Point(float(east), float(north)) for east, north in here]
-        self._seen: dict[int, list[tuple[int, float]]] = {}
 
     def path(
         self, start: Point, end: Point, *, first: Callable[[Point], bool] | None = None
@@ -58,6 +57,42 @@ class Corners:
             end: where it ends.
             first: what the first leg must satisfy, told by its end, instead of being clear.
         """
+        path = self._mitred.path(start, end, first=first)
+        if path is None and (first is not None or self._regions.connected(start, end)):
+            path = self._round.path(start, end, first=first)
+        return path
+
+    def nearest_corners(self, point: Point) -> list[Point]:
+        """The corners that paths turn at, nearest first."""
+        return self._mitred.nearest(point)
+
+    @cached_property
+    def _regions(self) -> Regions:
+        return Regions(self._airspace)
+
+    @cached_property
+    def _mitred(self) -> Corners:
+        return Corners(self._airspace, self._airspace.free_mitred)
+
+    @cached_property
+    def _round(self) -> Corners:
+        return Corners(self._airspace, self._airspace.free)
+
+
+class Corners:
+    """The corners of an airspace's clear area, and who sees whom."""
+
+    def __init__(self, airspace: Airspace, free: BaseGeometry) -> None:
+        self._airspace = airspace
+        here, before, after = _reflex_corners(free)
+        self._here, self._before, self._after = here, before, after
+        self._points = [Point(float(east), float(north)) for east, north in here]
+        self._seen: dict[int, list[tuple[int, float]]] = {}
+
+    def path(
+        self, start: Point, end: Point, *, first: Callable[[Point], bool] | None = None
+    ) -> tuple[Point, ...] | None:
+        """As `PathFinder.path`, by way of these corners only."""
         start_ok = first or (lambda to: self._airspace.leg_clear(start, to))
         if start_ok(end):
             return (start, end)
@@ -87,9 +122,9 @@ class Corners:
                 heapq.heappush(queue, (reach_m, reach_m, goal, corner))
         return None
 
-    def nearest(self, point: Point) -> Iterator[Point]:
+    def nearest(self, point: Point) -> list[Point]:
         """The corners, nearest first."""
-        yield from sorted(self._points, key=lambda corner: math.dist(corner, point))
+        return sorted(self._points, key=lambda corner: math.dist(corner, point))
 
     def _trace(self, came_from: dict[int, int], corner: int) -> list[Point]:
         path = []
@@ -145,10 +180,9 @@ def _one_sided(a: Floats, b: Floats, first: Floats, second: Floats) -> Flags:
     return np.asarray(same, dtype=np.bool_)
 
 
-def _reflex_corners(airspace: Airspace) -> tuple[Floats, Floats, Floats]:
+def _reflex_corners(free: BaseGeometry) -> tuple[Floats, Floats, Floats]:
     """The corners that stick out into the clear area, with their neighbours on the border."""
     found: list[Floats] = []
-    free = airspace.free
     parts = free.geoms if isinstance(free, MultiPolygon) else [free]
     for part in parts:
         if not isinstance(part, Polygon) or part.is_empty:

@@ -1,0 +1,49 @@
+"""The numbers of a mission that have sensible defaults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Timers:
+    """How long the mission's states last, in seconds of the vehicle's clock (defaults: paper).
+
+    Attributes:
+        init_s: first exploration, before any robot is sought (the paper's t_i).
+        explore_s: exploration between two searches (t_e).
+        search_s: waiting for a robot, from the arrival where it should be (t_s).
+        communicate_s: the longest that the vehicle hovers over a robot (t_c).
+    """
+
+    init_s: float = 180.0
+    explore_s: float = 120.0
+    search_s: float = 45.0
+    communicate_s: float = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerSettings:
+    """How routes are planned.
+
+    Attributes:
+        clearance_m: the least distance of the vehicle to zones and fence.
+        tracking_margin_m: kept on top of it when planning: what wind, position noise and braking
+            may take.
+        max_edge_m: the longest connection between two waypoints of the graph.
+        acceptance_radius_m: nearer than this to a waypoint counts as there.
+    """
+
+    clearance_m: float = 5.0
+    tracking_margin_m: float = 1.5
+    max_edge_m: float = 100.0
+    acceptance_radius_m: float = 2.0
+
+    @property
+    def distance_m(self) -> float:
+        """What routes keep away: clearance and tracking margin."""
+        return self.clearance_m + self.tracking_margin_m
+
+
+DEFAULT_SPEED_M_S = 3.5
+DEFAULT_BATTERY_RESERVE = 0.25
