@@ -140,7 +140,9 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--log-dir", type=Path, metavar="D", help="write every event and decision there"
     )
-    parser.add_argument("--png", type=Path, metavar="F", help="draw the flown track into F")
+    parser.add_argument(
+        "--png", type=Path, metavar="F", help="draw the flown track into F (track.png)"
+    )
     parser.add_argument("--json", action="store_true", help="end with one JSON object on stdout")
 
 
@@ -166,9 +168,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def finish(mission: Mission, result: FlightResult, arguments: argparse.Namespace) -> int:
     """Print a flight's result as asked, draw its track, and give its exit code."""
-    picture = arguments.png
-    if picture is None and arguments.log_dir is not None:
-        picture = arguments.log_dir / "track.png"
+    picture = arguments.png or (arguments.log_dir or Path()) / "track.png"
     write_report(mission, result, picture)
     if arguments.json:
         json.dump(result.report, sys.stdout)

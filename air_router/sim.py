@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self
+from typing import Any, Self
 
 from air_router.errors import NoVehicleError
 from air_router.fly import FlyOptions, add_flight_arguments, finish, fly
@@ -45,16 +45,18 @@ class SimOptions:
 class Child:
     """A process of the simulated world: says on stdout when it is ready, ends on SIGTERM."""
 
-    def __init__(self, name: str, arguments: list[str], log: IO[bytes]) -> None:
+    def __init__(self, name: str, arguments: list[str], log: Path) -> None:
         self._name = name
-        self._process = subprocess.Popen(  # noqa: S603 - our own program, our own arguments
-            [sys.executable, "-m", "sitl", *arguments],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=log,
-            # Ctrl-C is for the flight: the world has to last until the vehicle holds.
-            start_new_session=True,
-        )
+        self._log = log
+        with log.open("wb") as stderr:
+            self._process = subprocess.Popen(  # noqa: S603 - our own program and arguments
+                [sys.executable, "-m", "sitl", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                # Ctrl-C is for the flight: the world has to last until the vehicle holds.
+                start_new_session=True,
+            )
 
     def ready(self) -> dict[str, Any]:
         """What it says when it is ready.
@@ -73,7 +75,8 @@ class Child:
             byte = os.read(stdout.fileno(), 1)
             if not byte:
                 code = self._process.wait()
-                raise NoVehicleError(f"sitl {self._name}: ended with code {code}; see above why")
+                said = self._log.read_text(errors="replace").strip() or "nothing"
+                raise NoVehicleError(f"sitl {self._name} ended with code {code}; it said: {said}")
             line += byte
         ready: dict[str, Any] = json.loads(line)
         return ready
@@ -102,6 +105,7 @@ class World:
     """
 
     def __init__(self, mission: Path, options: SimOptions, folder: Path) -> None:
+        self._folder = folder
         self._report = folder / "world.json"
         api_port, truth_port, camera_port = _free_ports()
         epoch_s = str(int(time.time()))
@@ -149,7 +153,7 @@ class World:
         self.camera = str(ready["camera"])
 
     def _start(self, name: str, arguments: list[str]) -> Child:
-        child = Child(name, arguments, sys.stderr.buffer)
+        child = Child(name, arguments, self._folder / f"{name}.log")
         self._children.append(child)
         return child
 

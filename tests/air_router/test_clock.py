@@ -1,0 +1,63 @@
+import pytest
+
+from air_router.clock import VehicleClock
+
+
+class Wall:
+    def __init__(self):
+        self.now_s = 100.0
+
+    def __call__(self):
+        return self.now_s
+
+
+def test_before_anything_is_heard_it_is_this_machine_s_time():
+    clock = VehicleClock(monotonic=Wall(), unix=lambda: 5e8)
+    assert clock.boot_s() == 0.0
+    assert clock.now_s() == 5e8
+
+
+def test_it_runs_on_at_the_vehicle_s_rate_between_two_messages():
+    wall = Wall()
+    clock = VehicleClock(monotonic=wall, unix=lambda: 5e8)
+    for step in range(30):
+        wall.now_s = 100.0 + step * 0.1
+        clock.heard(7.0 + step)  # ten times real time
+    wall.now_s += 0.05
+    assert clock.boot_s() == pytest.approx(36.5, abs=0.1)
+
+
+def test_it_stands_still_when_the_vehicle_is_silent():
+    wall = Wall()
+    clock = VehicleClock(monotonic=wall)
+    clock.heard(10.0)
+    wall.now_s += 1000.0
+    assert clock.boot_s() == pytest.approx(12.0)
+
+
+def test_it_never_runs_backwards_when_a_message_is_late():
+    wall = Wall()
+    clock = VehicleClock(monotonic=wall)
+    clock.heard(10.0)
+    wall.now_s += 1.0
+    ahead_s = clock.boot_s()
+    clock.heard(10.5)
+    assert clock.boot_s() >= ahead_s
+
+
+def test_a_rebooted_vehicle_starts_anew():
+    wall = Wall()
+    clock = VehicleClock(monotonic=wall)
+    clock.heard(500.0)
+    assert clock.boot_s() == 500.0
+    wall.now_s += 5.0
+    clock.heard(2.0)
+    assert clock.boot_s() == pytest.approx(2.0)
+
+
+def test_unix_time_is_the_vehicle_s_once_it_has_told_it():
+    clock = VehicleClock(monotonic=Wall(), unix=lambda: 5e8)
+    clock.heard(10.0)
+    assert clock.now_s() == pytest.approx(5e8)
+    clock.heard_unix(1.7e9, 10.0)
+    assert clock.now_s() == pytest.approx(1.7e9)
