@@ -46,3 +46,27 @@ class MissionFileError(AirRouterError):
 
 class PictureError(AirRouterError):
     """A picture cannot be drawn or written."""
+
+
+class NoVehicleError(AirRouterError):
+    """No autopilot that we can fly answers on the connection."""
+
+    exit_code = ExitCode.NO_VEHICLE
+
+
+class RefusedError(AirRouterError):
+    """The flight does not start; nothing has moved."""
+
+    exit_code = ExitCode.REFUSED
+
+
+class PlanRefusedError(RefusedError):
+    """The vehicle did not take the plan or its fence, or gave back another than was sent."""
+
+
+class ArmingRefusedError(RefusedError):
+    """The autopilot does not arm."""
+
+
+class NotConfirmedError(AirRouterError):
+    """A command was sent and the vehicle did not follow it."""

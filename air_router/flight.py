@@ -29,7 +29,7 @@ from air_router.actions import (
 )
 from air_router.behaviour import State
 from air_router.controller import Controller
-from air_router.errors import AirRouterError, NotConfirmedError, RefusedError
+from air_router.errors import AirRouterError, ExitCode, NotConfirmedError, RefusedError
 from air_router.events import CommandConfirmed, CommandFailed, Event
 from air_router.flight_plan import FlightPlan
 from air_router.graph import WaypointGraph
@@ -55,16 +55,13 @@ HOME_TOLERANCE_M: Final = 20.0
 LOST_S: Final = 60.0
 """Wall-clock silence of the vehicle after which the flight is reported as lost."""
 
-INTERRUPTED: Final = 130
-PILOT: Final = 6
-
 
 @dataclass(frozen=True, slots=True)
 class FlightResult:
     """How a flight ended."""
 
     outcome: str
-    exit_code: int
+    exit_code: ExitCode
     report: dict[str, object]
     track: tuple[Point, ...]
 
@@ -112,7 +109,7 @@ class Flight:
         self.router = Router(WaypointGraph(mission))
         self.controller = Controller(mission, self._plan, self.router, seek)
         self.ledger = Ledger(mission, mapper, {name: RobotAccount() for name in seek})
-        self._finish: asyncio.Future[tuple[str, int]]
+        self._finish: asyncio.Future[tuple[str, ExitCode]]
         self._motion: Motion | None = None
         self._motion_waits = asyncio.Event()
         self._interrupted = False
@@ -194,7 +191,7 @@ class Flight:
 
     def _on_vehicle(self, event: VehicleEvent) -> None:
         if isinstance(event, LinkSilent) and event.silent_s > LOST_S:
-            self._end("lost: the vehicle is silent", 1)
+            self._end("lost: the vehicle is silent", ExitCode.ENDED_OTHERWISE)
         self._on_event(event)
         if isinstance(event, Telemetry):
             self._gossip.tell(event)
@@ -221,10 +218,13 @@ class Flight:
             case StateChanged(source=source, target=target):
                 self._status.say(f"{now_s:8.1f} s  {source.name} -> {target.name}")
             case Finish(landed_by_us=True):
-                self._end("done", 0)
+                self._end("done", ExitCode.DONE)
             case Finish(why=why):
                 pilot = State.PASSIVE in self.ledger.states
-                self._end("pilot" if pilot else f"ended: {why}", PILOT if pilot else 1)
+                self._end(
+                    "pilot" if pilot else f"ended: {why}",
+                    ExitCode.PILOT_TOOK_OVER if pilot else ExitCode.ENDED_OTHERWISE,
+                )
 
     def _tell(self, text: str, now_s: float) -> None:
         self._status.say(f"{now_s:8.1f} s  {text}")
@@ -261,7 +261,7 @@ class Flight:
 
     # Ends.
 
-    def _end(self, outcome: str, exit_code: int) -> None:
+    def _end(self, outcome: str, exit_code: ExitCode) -> None:
         if not self._finish.done():
             self._finish.set_result((outcome, exit_code))
 
@@ -275,10 +275,10 @@ class Flight:
         """First: hold (if we fly it) and end. Second: leave at once; the vehicle stays as it is."""
         if self._interrupted:
             self._recorder.close()
-            os._exit(INTERRUPTED)
+            os._exit(ExitCode.INTERRUPTED)
         self._interrupted = True
         self._status.say("interrupted; once more to leave at once")
-        self._end("interrupted", INTERRUPTED)
+        self._end("interrupted", ExitCode.INTERRUPTED)
 
     async def _let_go(self) -> None:
         tasks = tuple(self._tasks)
@@ -301,7 +301,7 @@ class Flight:
             return False
         return controller.in_charge or (self._ours and controller.state is State.READY)
 
-    def _result(self, outcome: str, exit_code: int) -> FlightResult:
+    def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
         for name, stamp_s in self._gossip.newest_stamps().items():
             if name in self.ledger.robots:
                 self.ledger.robots[name].newest_stamp_s = stamp_s

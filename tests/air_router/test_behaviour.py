@@ -23,7 +23,7 @@ PAPER = {
 }
 
 
-@pytest.mark.parametrize(("state", "signal"), itertools.product(State, Signal))
+@pytest.mark.parametrize(("state", "signal"), list(itertools.product(State, Signal)))
 def test_every_state_answers_every_signal_by_the_table_or_not_at_all(state, signal):
     if (state, signal) in TRANSITIONS:
         assert knows(state, signal)
@@ -36,7 +36,7 @@ def test_every_state_answers_every_signal_by_the_table_or_not_at_all(state, sign
             next_state(state, signal)
 
 
-@pytest.mark.parametrize(("source", "signal"), PAPER)
+@pytest.mark.parametrize(("source", "signal"), list(PAPER))
 def test_the_paper_s_transitions(source, signal):
     assert next_state(source, signal) is PAPER[source, signal]
 

@@ -17,6 +17,6 @@ CAPTURED = {
 }
 
 
-@pytest.mark.parametrize(("custom_mode", "mode"), CAPTURED.items())
+@pytest.mark.parametrize(("custom_mode", "mode"), list(CAPTURED.items()))
 def test_custom_modes(custom_mode, mode):
     assert flight_mode(custom_mode) is mode
