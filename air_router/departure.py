@@ -1,0 +1,98 @@
+"""What the first leg from where the vehicle is has to satisfy, however cramped the place is.
+
+* Over its whole length it is clear in the mission's planning airspace.
+* A moving vehicle needs the whole area clear that its curve may sweep.
+* A vehicle that is inside the margin already (wind, noise, a newly drawn zone) may leave it: in the
+  first metres the leg may be as close to zones as the vehicle is now, never closer.
+* A vehicle inside a zone, or outside of the fence, takes a short way out that meets no other zone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from air_router.mission import Mission
+from geo.airspace import FENCE
+from geo.frame import Point
+
+_GIVE_M = 0.01
+"""How much closer than the vehicle is now a leg out of the margin may come: rounding."""
+
+
+class Departure:
+    """Judges first legs from one place.
+
+    Args:
+        mission: whose planning airspace and clearance count.
+        start: where the vehicle is.
+        stopping: where it comes to rest if it brakes now; None if it stands.
+
+    Attributes:
+        start: where the vehicle is.
+        rest: where it would come to rest.
+        moving: whether these differ.
+        cramped: whether the vehicle is where routes do not go.
+        warnings: what the operator should know about that.
+    """
+
+    def __init__(self, mission: Mission, start: Point, stopping: Point | None) -> None:
+        airspace = mission.planning_airspace
+        self._airspace = airspace
+        self.start = start
+        self.moving = stopping is not None and stopping != start
+        self.rest = stopping if stopping is not None else start
+        self.cramped = not airspace.point_clear(start)
+        self.warnings: tuple[str, ...] = ()
+        self._near = airspace
+        self._reach_m = 0.0
+        if not self.cramped:
+            return
+        distance_m, name = airspace.nearest(start)
+        holders = airspace.holders(start)
+        if holders:
+            where = "outside of the fence" if FENCE in holders else f"inside {names_of(holders)}"
+            self.warnings = (f"the vehicle is {where}: it takes the shortest way out",)
+            nearest = airspace.nearest_clear(start)
+            self._reach_m = 0.0 if nearest is None else 1.5 * math.dist(start, nearest) + 1.0
+            self._near = airspace.without(holders).with_clearance(airspace.clearance_m / 2)
+        else:
+            kept_m = min(distance_m, airspace.distance_m(self.rest)) - _GIVE_M
+            if distance_m < mission.planner.clearance_m:
+                where = f"{distance_m:.1f} m from {names_of((name,))}"
+                self.warnings = (f"the vehicle is {where}: it moves away first",)
+            self._reach_m = 2 * (airspace.clearance_m - distance_m) + 1.0
+            self._near = airspace.with_clearance(max(kept_m, 0.0))
+
+    def allows(self, end: Point) -> bool:
+        """Whether the vehicle may be sent straight to `end`, which is clear."""
+        if not self.cramped:
+            if not self.moving:
+                return self._airspace.leg_clear(self.start, end)
+            return self._airspace.swept_clear([self.start, self.rest, end])
+        length_m = math.dist(self.start, end)
+        if length_m <= self._reach_m:
+            onward = True
+        else:
+            share = self._reach_m / length_m
+            turn = Point(
+                self.start.east_m + share * (end.east_m - self.start.east_m),
+                self.start.north_m + share * (end.north_m - self.start.north_m),
+            )
+            onward = self._airspace.leg_clear(turn, end)
+        return onward and self._near.swept_clear([self.start, self.rest, end])
+
+    def allowed(self, ends: Sequence[Point]) -> list[bool]:
+        """`allows` for many."""
+        if self.cramped:
+            return [self.allows(end) for end in ends]
+        straight = self._airspace.legs_clear(self.start, ends)
+        if not self.moving:
+            return straight
+        return [ok and self.allows(end) for ok, end in zip(straight, ends, strict=True)]
+
+
+def names_of(names: Sequence[str]) -> str:
+    """Zones, and the fence, as words of a sentence."""
+    words = ["the fence" if name == FENCE else f"no-fly zone '{name}'" for name in names]
+    return " and ".join(words)
