@@ -2,8 +2,9 @@
 
 * Over its whole length it is clear in the mission's planning airspace.
 * A moving vehicle needs the whole area clear that its curve may sweep.
-* A vehicle that is inside the margin already (wind, noise, a newly drawn zone) may leave it: in the
-  first metres the leg may be as close to zones as the vehicle is now, never closer.
+* A vehicle that is inside the margin already (wind, noise, a newly drawn zone), or comes to rest in
+  it, may leave it: in the first metres the leg may be as close to zones as the vehicle is or will
+  be anyhow, never closer. One that would come to rest within the clearance has to brake first.
 * A vehicle inside a zone, or outside of the fence, takes a short way out that meets no other zone.
 """
 
@@ -13,11 +14,14 @@ import math
 from collections.abc import Sequence
 
 from air_router.mission import Mission
-from geo.airspace import FENCE
+from geo.airspace import FENCE, Airspace
 from geo.frame import Point
 
 _GIVE_M = 0.01
 """How much closer than the vehicle is now a leg out of the margin may come: rounding."""
+
+_DRIFT_M = 0.25
+"""What a hovering vehicle may seem to drift within its stopping distance."""
 
 
 class Departure:
@@ -42,27 +46,35 @@ class Departure:
         self.start = start
         self.moving = stopping is not None and stopping != start
         self.rest = stopping if stopping is not None else start
-        self.cramped = not airspace.point_clear(start)
+        self.cramped = not (airspace.point_clear(start) and airspace.point_clear(self.rest))
         self.warnings: tuple[str, ...] = ()
-        self._near = airspace
+        self._near: Airspace | None = airspace
         self._reach_m = 0.0
-        if not self.cramped:
-            return
-        distance_m, name = airspace.nearest(start)
-        holders = airspace.holders(start)
+        if self.cramped:
+            self._squeeze(mission.planner.clearance_m)
+
+    def _squeeze(self, clearance_m: float) -> None:
+        """Find out how close to zones, and over how many metres, the leg may be at first."""
+        holders = self._airspace.holders(self.start)
         if holders:
             where = "outside of the fence" if FENCE in holders else f"inside {names_of(holders)}"
             self.warnings = (f"the vehicle is {where}: it takes the shortest way out",)
-            nearest = airspace.nearest_clear(start)
-            self._reach_m = 0.0 if nearest is None else 1.5 * math.dist(start, nearest) + 1.0
-            self._near = airspace.without(holders).with_clearance(airspace.clearance_m / 2)
-        else:
-            kept_m = min(distance_m, airspace.distance_m(self.rest)) - _GIVE_M
-            if distance_m < mission.planner.clearance_m:
-                where = f"{distance_m:.1f} m from {names_of((name,))}"
-                self.warnings = (f"the vehicle is {where}: it moves away first",)
-            self._reach_m = 2 * (airspace.clearance_m - distance_m) + 1.0
-            self._near = airspace.with_clearance(max(kept_m, 0.0))
+            nearest = self._airspace.nearest_clear(self.start)
+            self._reach_m = 0.0 if nearest is None else 1.5 * math.dist(self.start, nearest) + 1.0
+            others = self._airspace.without(holders)
+            self._near = others.with_clearance(self._airspace.clearance_m / 2)
+            return
+        distance_m, name = self._airspace.nearest(self.start)
+        if distance_m < clearance_m:
+            where = f"{distance_m:.1f} m from {names_of((name,))}"
+            self.warnings = (f"the vehicle is {where}: it moves away first",)
+        kept_m = min(distance_m, self._airspace.distance_m(self.rest))
+        if kept_m < (clearance_m if distance_m >= clearance_m else distance_m - _DRIFT_M):
+            self._near = None  # too fast towards a zone: brake before anything else
+            return
+        drift_m = math.dist(self.start, self.rest)
+        self._reach_m = 2 * (self._airspace.clearance_m - kept_m) + drift_m + 1.0
+        self._near = self._airspace.with_clearance(max(kept_m - _GIVE_M, 0.0))
 
     def allows(self, end: Point) -> bool:
         """Whether the vehicle may be sent straight to `end`, which is clear."""
@@ -70,6 +82,8 @@ class Departure:
             if not self.moving:
                 return self._airspace.leg_clear(self.start, end)
             return self._airspace.swept_clear([self.start, self.rest, end])
+        if self._near is None:
+            return False
         length_m = math.dist(self.start, end)
         if length_m <= self._reach_m:
             onward = True
