@@ -32,7 +32,10 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-COMPANION_COMPONENT: Final = 191
+AUTOPILOT: Final = 1  # MAV_COMP_ID_AUTOPILOT1
+SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512  # MAV_CMD
+GLOBAL_POSITION_INT, AUTOPILOT_VERSION, HOME_POSITION = 33, 148, 242  # message ids
+
 ANSWER_S: Final = 5.0
 """Wall-clock limit for a command's answer; on the ground these take milliseconds."""
 
@@ -81,13 +84,15 @@ class Px4Vehicle(Vehicle):
         self._raw = MissionRaw(system)
         self._direct = MavlinkDirect(system)
         self._telemetry.listen(self._direct, self._connection.system_id)
-        await self._set_interval(33, POSITION_RATE_HZ)
+        await self._command(SET_MESSAGE_INTERVAL, GLOBAL_POSITION_INT, 1e6 / POSITION_RATE_HZ)
+        await self._command(REQUEST_MESSAGE, HOME_POSITION)
+        await self._command(REQUEST_MESSAGE, AUTOPILOT_VERSION)
         await self._connection.heard(self._telemetry.complete, "positions")
         self._watch = asyncio.create_task(self._watch_silence())
         return VehicleInfo(
             system_id=self._connection.system_id,
             autopilot="PX4",
-            version=await self._version(),
+            version=self._telemetry.version or "of unknown version",
             home=self._telemetry.home,
             home_altitude_amsl_m=self._telemetry.home_altitude_amsl_m,
         )
@@ -216,22 +221,18 @@ class Px4Vehicle(Vehicle):
             return False
         return True
 
-    async def _set_interval(self, message_id: int, rate_hz: float) -> None:
+    async def _command(self, command: int, *params: float) -> None:
+        """Send a COMMAND_LONG and wait for its answer, whatever that says."""
+        values = (*params, *(0.0,) * (7 - len(params)))
         fields = {
             "target_system": self._connection.system_id,
-            "target_component": 1,
-            "command": 511,
+            "target_component": AUTOPILOT,
+            "command": command,
             "confirmation": 0,
-            "param1": float(message_id),
-            "param2": 1e6 / rate_hz,
-            **{f"param{n}": 0.0 for n in range(3, 8)},
+            **{f"param{n}": value for n, value in enumerate(values, start=1)},
         }
-        command = message("COMMAND_LONG", fields, self._connection.system_id)
-        await self._answer(self._direct.send_command_async, command)
-
-    async def _version(self) -> str:
-        version = self._telemetry.version
-        return version if version is not None else "of unknown version"
+        text = message("COMMAND_LONG", fields, self._connection.system_id)
+        await self._answer(self._direct.send_command_async, text)
 
     async def _watch_silence(self) -> None:
         while True:

@@ -50,7 +50,8 @@ class Px4Telemetry:
         self.altitude_amsl_m = 0.0
         self.velocity_m_s = (0.0, 0.0)
         self.heading_deg: float | None = None
-        self.mode: FlightMode | None = None
+        self.mode = FlightMode.OTHER
+        self._mode_told = False
         self.armed = False
         self.failsafe = False
         self.in_air: bool | None = None
@@ -88,7 +89,7 @@ class Px4Telemetry:
 
     def complete(self) -> bool:
         """Whether everything that a flight rests on was heard once."""
-        return self._position is not None and self.mode is not None and self.in_air is not None
+        return self._position is not None and self._mode_told and self.in_air is not None
 
     def silent_s(self) -> float:
         """Wall-clock seconds since anything was heard."""
@@ -110,7 +111,7 @@ class Px4Telemetry:
 
     def snapshot(self) -> Telemetry | None:
         """The telemetry of this moment, None before the first position."""
-        if self._position is None or self.mode is None:
+        if self._position is None or not self._mode_told:
             return None
         return Telemetry(
             time_s=self.time_s,
@@ -148,6 +149,7 @@ class Px4Telemetry:
 
     def _on_heartbeat(self, fields: dict[str, Any]) -> None:
         self.mode = flight_mode(fields["custom_mode"])
+        self._mode_told = True
         self.armed = bool(fields["base_mode"] & ARMED)
         self.failsafe = fields["system_status"] >= CRITICAL
 

@@ -1,0 +1,215 @@
+"""A pretended flight: the pure controller in a world of points, as fast as Python runs."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import pytest
+
+from air_router.actions import (
+    Announce,
+    Finish,
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    LandHere,
+    PublishMap,
+    StateChanged,
+)
+from air_router.controller import Controller
+from air_router.events import CommandConfirmed, CommandFailed, Request, RobotPath, RobotPose
+from air_router.flight_plan import FlightPlan
+from air_router.graph import WaypointGraph
+from air_router.mission import load_mission
+from air_router.router import Router
+from air_router.vehicle import FlightMode, ItemReached, Telemetry
+from geo.frame import Point
+from mocha_link.metrics import Direction, SyncEnded, SyncStarted
+
+MISSIONS = Path(__file__).parents[2] / "missions"
+STEP_S = 0.1
+ACCELERATION_M_S2 = 3.0
+SYNC_EVERY_S = 2.0
+SYNC_TAKES_S = 0.3
+
+
+class PretendFlight:
+    """Flies a controller: a vehicle with inertia, robots that can be heard within a radius."""
+
+    def __init__(self, mission, *, radius_m=60.0, seek=("callisto", "europa", "io")):
+        self.mission = mission
+        self.plan = FlightPlan.of(mission)
+        self.router = Router(WaypointGraph(mission))
+        self.controller = Controller(mission, self.plan, self.router, seek)
+        self.now_s = 100.0
+        self.position = mission.home
+        self.velocity = (0.0, 0.0)
+        self.altitude_m = 0.0
+        self.mode = FlightMode.HOLD
+        self.armed = self.in_air = False
+        self.battery = 1.0
+        self.failsafe = False
+        self.target = None
+        self.radius_m = radius_m
+        self.robots = {}
+        self.destinations = {}
+        self.deaf = False  # commands are lost
+        self.actions = []
+        self.events = []
+        self.track = []
+        self.finished = None
+        self._syncs = {}
+
+    # Verbs.
+
+    def take_off(self):
+        self.armed = self.in_air = True
+        self.mode = FlightMode.MISSION
+        self.altitude_m = self.mission.altitude_above_home_m
+        self.step()
+
+    def step(self):
+        self.now_s += STEP_S
+        self._move()
+        self._gossip()
+        self.give(self.telemetry())
+
+    def fly_until(self, condition, limit_s=2000.0):
+        end_s = self.now_s + limit_s
+        while not condition():
+            assert self.now_s < end_s, f"not within {limit_s} s; now {self.controller.state}"
+            self.step()
+
+    def fly_to_state(self, state, limit_s=2000.0):
+        self.fly_until(lambda: self.controller.state is state, limit_s)
+
+    def pilot_chooses(self, mode):
+        self.mode = mode
+        self.target = None
+        self.step()
+
+    def operator_asks(self, request=Request.COME_HOME):
+        self.give(request)
+
+    # What happened.
+
+    @property
+    def states(self):
+        return [a.target for a in self.actions if isinstance(a, StateChanged)]
+
+    @property
+    def said(self):
+        return [a.text for a in self.actions if isinstance(a, Announce)]
+
+    @property
+    def motions(self):
+        return [
+            a for a in self.actions if isinstance(a, FlyToNode | FlyToPoint | HoldHere | LandHere)
+        ]
+
+    def telemetry(self):
+        return Telemetry(
+            time_s=self.now_s,
+            position=self.position,
+            altitude_m=self.altitude_m,
+            velocity_m_s=self.velocity,
+            armed=self.armed,
+            in_air=self.in_air,
+            mode=self.mode,
+            failsafe=self.failsafe,
+            battery=self.battery,
+        )
+
+    def give(self, event):
+        self.events.append((event, self.now_s))
+        for action in self.controller.handle(event, self.now_s):
+            self.actions.append(action)
+            self._act(action)
+
+    def _act(self, action):
+        match action:
+            case StateChanged() | Announce() | PublishMap():
+                return
+            case Finish():
+                self.finished = action
+                return
+        if self.deaf:
+            self.give(CommandFailed(action, "deaf"))
+            return
+        match action:
+            case FlyToNode(node=node, position=position):
+                assert self.plan.item_of(node) >= self.plan.first_node_item
+                self.mode, self.target = FlightMode.MISSION, position
+            case FlyToPoint(position=position):
+                self.mode, self.target = FlightMode.HOLD, position
+            case HoldHere():
+                self.mode, self.target = FlightMode.HOLD, None
+            case LandHere():
+                self.mode, self.target = FlightMode.LAND, None
+        self.give(CommandConfirmed(action))
+
+    def _move(self):
+        speed = self.mission.speed_m_s
+        wanted = (0.0, 0.0)
+        if self.target is not None:
+            east, north = self.target[0] - self.position[0], self.target[1] - self.position[1]
+            away = math.hypot(east, north)
+            if away > 1e-9:
+                pace = min(speed, math.sqrt(2 * ACCELERATION_M_S2 * away), away / STEP_S)
+                wanted = (east / away * pace, north / away * pace)
+        change = (wanted[0] - self.velocity[0], wanted[1] - self.velocity[1])
+        size, limit = math.hypot(*change), ACCELERATION_M_S2 * STEP_S
+        if size > limit:
+            change = (change[0] / size * limit, change[1] / size * limit)
+        self.velocity = (self.velocity[0] + change[0], self.velocity[1] + change[1])
+        self.position = Point(
+            self.position[0] + self.velocity[0] * STEP_S,
+            self.position[1] + self.velocity[1] * STEP_S,
+        )
+        if self.in_air:
+            self.track.append(self.position)
+        if self.mode is FlightMode.LAND and self.in_air:
+            self.altitude_m -= 0.7 * STEP_S
+            if self.altitude_m <= 0:
+                self.in_air = self.armed = False
+
+    def _gossip(self):
+        for name, place in self.robots.items():
+            near = math.dist(place, self.position) <= self.radius_m
+            began_s = self._syncs.get(name)
+            if began_s is None:
+                if near and self.now_s - self._syncs.get((name, "last"), -1e9) >= SYNC_EVERY_S:
+                    self._syncs[name] = self._syncs[name, "last"] = self.now_s
+                    for direction in Direction:
+                        self.give(SyncStarted(name, self.now_s, direction))
+                continue
+            if self.now_s - began_s < SYNC_TAKES_S:
+                continue
+            del self._syncs[name]
+            if near:
+                self.give(RobotPose(name, place, self.now_s, name))
+                if name in self.destinations:
+                    self.give(RobotPath(name, self.destinations[name], self.now_s))
+                for direction in Direction:
+                    self.give(SyncEnded(name, self.now_s, direction, 1, 100, 0.1))
+
+
+@pytest.fixture(scope="session")
+def pennovation():
+    return load_mission(MISSIONS / "pennovation" / "mission.yaml")
+
+
+@pytest.fixture
+def pretend(pennovation):
+    def make(mission=None, *, radius_m=60.0, seek=("callisto", "europa", "io"), **changes):
+        changed = dataclasses.replace(mission or pennovation, **changes)
+        return PretendFlight(changed, radius_m=radius_m, seek=seek)
+
+    return make
+
+
+@pytest.fixture
+def item_reached():
+    return ItemReached

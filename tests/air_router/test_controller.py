@@ -1,0 +1,276 @@
+import dataclasses
+import itertools
+import math
+
+import pytest
+
+from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, PublishMap
+from air_router.behaviour import State
+from air_router.events import RobotPose
+from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced
+from geo.frame import Point
+from mocha_link.metrics import Direction, SyncEnded, SyncStarted
+
+CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
+
+
+def closest_m(flight):
+    return flight.mission.airspace.track_distance_m(flight.track)[0]
+
+
+def fly_away(flight):
+    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 60.0)
+
+
+def test_a_whole_flight(pretend):
+    flight = pretend(duration_s=1500.0)
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    flight.fly_until(lambda: flight.finished is not None, 2500.0)
+    assert flight.finished.landed_by_us
+    assert {State.INIT, State.SEARCH, State.COMM, State.EXPL} <= set(flight.states)
+    found = {a.robot for a in flight.actions if getattr(a, "target", None) is State.COMM}
+    assert found == set(CORNERS)
+    assert math.dist(flight.position, flight.mission.home) < 1.0
+    assert closest_m(flight) >= flight.mission.planner.clearance_m
+
+
+def test_the_paper_s_times(pretend):
+    flight = pretend()
+    flight.take_off()
+    began_s = flight.now_s
+    flight.fly_to_state(State.SEARCH)
+    assert flight.now_s - began_s == pytest.approx(180.0, abs=0.2)
+    flight.fly_until(lambda: flight.controller.time_left_s is not None)
+    arrived_s = flight.now_s
+    flight.fly_to_state(State.EXPL)
+    assert flight.now_s - arrived_s == pytest.approx(45.0, abs=0.2)
+    exploring_s = flight.now_s
+    flight.fly_to_state(State.SEARCH)
+    assert flight.now_s - exploring_s == pytest.approx(120.0, abs=0.2)
+
+
+def test_the_search_timer_waits_for_the_arrival(pretend):
+    flight = pretend()
+    flight.robots = {"europa": CORNERS["europa"]}
+    flight.take_off()
+    flight.give(RobotPose("callisto", Point(-160.0, 60.0), 1.0, "europa"))
+    flight.fly_to_state(State.SEARCH)
+    assert flight.controller.time_left_s is None
+    flight.fly_until(lambda: flight.controller.time_left_s is not None)
+    assert math.dist(flight.position, Point(-160.0, 60.0)) < 3.0
+
+
+def test_comm_ends_when_both_directions_have_synced(pretend):
+    flight = pretend()
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    flight.fly_to_state(State.COMM)
+    began_s = flight.now_s
+    assert any(isinstance(a, PublishMap) for a in flight.actions)
+    flight.fly_to_state(State.EXPL)
+    assert flight.now_s - began_s < 5.0
+
+
+def test_comm_ends_after_t_c_when_only_one_direction_syncs(pretend):
+    flight = pretend()
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    flight.fly_to_state(State.COMM)
+    robot, began_s = flight.controller.robot, flight.now_s
+    flight.robots = {}
+    flight.give(SyncStarted(robot, 0.0, Direction.IN))
+    flight.give(SyncEnded(robot, 0.0, Direction.IN, 1, 1, 0.1))
+    flight.fly_to_state(State.EXPL)
+    assert flight.now_s - began_s == pytest.approx(20.0, abs=0.3)
+
+
+def test_a_sync_that_began_before_the_robot_was_found_does_not_count(pretend):
+    flight = pretend()
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    flight.fly_to_state(State.COMM)
+    robot = flight.controller.robot
+    flight.robots = {}
+    for direction in Direction:
+        flight.give(SyncEnded(robot, 0.0, direction, 1, 1, 0.1))
+    assert flight.controller.state is State.COMM
+
+
+def test_a_carried_pose_moves_the_search_but_is_not_found(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_to_state(State.SEARCH)
+    robot = flight.controller.robot
+    flight.give(RobotPose(robot, CORNERS["io"], 10.0, "europa"))
+    assert flight.controller.state is State.SEARCH
+    assert flight.controller.navigator.goal.position == CORNERS["io"]
+    flight.give(RobotPose(robot, CORNERS["io"], 11.0, robot))
+    assert flight.controller.state is State.COMM
+
+
+def test_exploration_resumes_where_it_stopped_and_then_only_search_remains(pretend):
+    short = dataclasses.replace
+    flight = pretend()
+    flight = pretend(timers=short(flight.mission.timers, init_s=60.0, search_s=1.0))
+    flight.take_off()
+    flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 4000.0)
+    visited = [m.node for m in flight.motions if isinstance(m, FlyToNode)]
+    assert set(range(1, 40)) <= set(visited)
+    assert flight.controller.exploration.left_out == []
+    seen = len(flight.states)
+    flight.fly_until(lambda: len(flight.states) > seen + 6, 4000.0)
+    later = flight.states[seen:]
+    assert State.COMM not in later
+    # EXPL is left in the moment it is entered: nothing is explored any more.
+    assert all(b is State.SEARCH for a, b in itertools.pairwise(later) if a is State.EXPL)
+
+
+def test_a_robot_over_a_zone_is_waited_for_beside_it(pretend):
+    flight = pretend(radius_m=200.0)
+    inside = Point(
+        *(sum(axis) / len(axis) for axis in zip(*flight.mission.zones[0].ring, strict=True))
+    )
+    assert flight.mission.airspace.distance_m(inside) < 0
+    flight.robots = {"callisto": inside}
+    flight.take_off()
+    flight.fly_to_state(State.COMM)
+    goal = flight.controller.navigator.goal.position
+    assert flight.mission.planning_airspace.point_clear(goal)
+    assert any("may not hover" in text for text in flight.said)
+
+
+def test_the_battery_reserve_brings_it_home(pretend):
+    flight = pretend()
+    flight.take_off()
+    fly_away(flight)
+    flight.battery = flight.mission.battery_reserve
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    assert any("battery" in text for text in flight.said)
+    assert closest_m(flight) >= flight.mission.planner.clearance_m
+
+
+def test_the_operator_s_word_brings_it_home_from_every_state(pretend):
+    for state in (State.INIT, State.SEARCH, State.COMM, State.EXPL):
+        flight = pretend()
+        flight.robots = dict(CORNERS)
+        flight.take_off()
+        fly_away(flight)
+        flight.fly_to_state(state)
+        flight.operator_asks()
+        assert flight.controller.state is State.HOME
+        flight.fly_until(lambda f=flight: f.finished is not None)
+        assert flight.finished.landed_by_us
+
+
+@pytest.mark.parametrize("state", [State.INIT, State.SEARCH, State.COMM, State.EXPL, State.HOME])
+@pytest.mark.parametrize("mode", [FlightMode.OTHER, FlightMode.RETURN, FlightMode.LAND])
+def test_the_pilot_wins_and_is_left_alone(pretend, state, mode):
+    flight = pretend()
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    if state is State.HOME:
+        fly_away(flight)
+        flight.operator_asks()
+    flight.fly_to_state(state)
+    flight.pilot_chooses(mode)
+    assert flight.controller.state is State.PASSIVE
+    commanded = len(flight.motions)
+    for _ in range(600):
+        flight.step()
+    flight.operator_asks()
+    flight.give(RobotPose("io", CORNERS["io"], 1e9, "io"))
+    assert len(flight.motions) == commanded
+    flight.mode = FlightMode.LAND
+    flight.fly_until(lambda: flight.finished is not None)
+    assert not flight.finished.landed_by_us
+
+
+def test_another_plan_on_board_means_hands_off(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_to_state(State.INIT)
+    flight.give(PlanReplaced(flight.now_s))
+    assert flight.controller.state is State.PASSIVE
+
+
+def test_a_command_that_fails_is_tried_again(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_until(lambda: flight.controller.exploration.remaining < 39)
+    flight.deaf = True
+    flight.fly_until(lambda: any("did not follow" in text for text in flight.said))
+    for _ in range(50):
+        flight.step()
+    flight.deaf = False
+    left = flight.controller.exploration.remaining
+    flight.fly_until(lambda: flight.controller.exploration.remaining < left - 1)
+
+
+def test_a_repeated_report_of_an_earlier_node_does_not_skip_one(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_until(lambda: flight.controller.exploration.remaining == 37)
+    before = flight.controller.navigator.leg
+    flight.give(ItemReached(flight.now_s, flight.plan.item_of(1)))
+    assert flight.controller.navigator.leg == before
+
+
+def test_the_autopilot_s_report_alone_is_enough_to_go_on(pretend):
+    flight = pretend()
+    flight.take_off()
+    leg = flight.controller.navigator.leg
+    flight.position = Point(leg.to.east_m + 2.5, leg.to.north_m)  # outside our radius, inside PX4's
+    flight.velocity = (0.0, 0.0)
+    flight.target = None
+    flight.step()
+    assert flight.controller.navigator.leg == leg
+    flight.give(ItemReached(flight.now_s, flight.plan.item_of(leg.node)))
+    assert flight.controller.navigator.leg != leg
+
+
+def test_on_the_ground_the_operator_s_word_ends_the_mission(pretend):
+    flight = pretend()
+    flight.step()
+    flight.operator_asks()
+    assert flight.finished is not None
+    assert flight.motions == []
+
+
+def test_silence_of_the_vehicle_commands_nothing(pretend):
+    flight = pretend()
+    flight.take_off()
+    commanded = len(flight.motions)
+    flight.give(LinkSilent(flight.now_s, 5.0))
+    assert len(flight.motions) == commanded
+    assert any("nothing heard" in text for text in flight.said)
+
+
+def test_the_same_events_lead_to_the_same_decisions(pretend):
+    flight = pretend(duration_s=900.0)
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    flight.fly_until(lambda: flight.finished is not None)
+    again = pretend(duration_s=900.0).controller
+    actions = [a for event, now_s in flight.events for a in again.handle(event, now_s)]
+    assert [a for a in actions if not isinstance(a, HoldHere | LandHere | FlyToNode | FlyToPoint)]
+    assert {type(a) for a in actions} == {type(a) for a in flight.actions}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_wherever_the_robots_are_no_zone_is_touched(pretend, seed):
+    import random  # noqa: PLC0415
+
+    chance = random.Random(seed)
+    flight = pretend(duration_s=1200.0, radius_m=chance.uniform(20, 90))
+    flight.robots = {
+        name: Point(chance.uniform(-180, 130), chance.uniform(-180, 90)) for name in CORNERS
+    }
+    flight.destinations = {
+        name: Point(chance.uniform(-180, 130), chance.uniform(-180, 90)) for name in CORNERS
+    }
+    flight.take_off()
+    flight.fly_until(lambda: flight.finished is not None, 3000.0)
+    assert flight.finished.landed_by_us
+    assert closest_m(flight) >= flight.mission.planner.clearance_m
