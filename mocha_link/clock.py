@@ -1,0 +1,28 @@
+"""Two times: the robot's Unix time (stamps, ages, triggers) and steady time (socket time-outs)."""
+
+from __future__ import annotations
+
+import time
+from typing import NamedTuple, Protocol
+
+
+class Clock(Protocol):
+    """The robot's clock; a simulation brings its own, which may run faster or stand still."""
+
+    def now_s(self) -> float:
+        """Unix seconds."""
+
+
+class SystemClock:
+    """The clock of this machine."""
+
+    def now_s(self) -> float:
+        """Unix seconds."""
+        return time.time()
+
+
+class Instant(NamedTuple):
+    """One moment on both clocks; how time comes into everything that decides."""
+
+    unix_s: float
+    steady_s: float

@@ -1,0 +1,250 @@
+"""A gossip node to embed: give it the team and a name, publish, and watch the links."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
+
+from mocha_link import payload
+from mocha_link.broadcast import Broadcast, EventStream
+from mocha_link.clock import Clock, Instant, SystemClock
+from mocha_link.errors import MochaLinkError
+from mocha_link.gossip import TIMEOUT_S, Gossip
+from mocha_link.radios import Radio, UdpRadio
+from mocha_link.transport import Transport
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import TracebackType
+
+    from mocha_link.database import Record
+    from mocha_link.header import Header
+    from mocha_link.metrics import LinkEvent, LinkMetrics
+    from mocha_link.team import Priority, Robot, Team
+
+__all__ = ["Clock", "Message", "Node", "NodeClosedError", "SystemClock"]
+
+
+class NodeClosedError(MochaLinkError):
+    """A node was used after its end, or started twice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """The newest message of a topic of a robot.
+
+    `stamp_s` is when the robot published it, `received_s` when it got here: Unix seconds.
+    """
+
+    robot: str
+    topic: str
+    header: Header
+    priority: Priority
+    data: bytes = field(repr=False)
+    stamp_s: float
+    received_s: float
+
+
+class Node:
+    """The gossip node of one robot: its ports, its pulls, its messages.
+
+    Use it as a context manager, or call `start` and `close`. Every method may be called from any
+    thread.
+
+    Args:
+        team: who there is; the same file on every robot.
+        name: which robot this node is.
+        clock: the robot's clock for stamps, ages and triggers; default: this machine's.
+        radio: where RSSI comes from; default: what the team file says for the robot. A robot
+            without a radio pulls from everybody by the timer.
+        timeout_s: real seconds without a byte after which a pull breaks off.
+
+    Raises:
+        UnknownRobotError: the team has no robot of that name.
+        RadioError: the team file's radio cannot be read.
+    """
+
+    def __init__(
+        self,
+        team: Team,
+        name: str,
+        *,
+        clock: Clock | None = None,
+        radio: Radio | None = None,
+        timeout_s: float = TIMEOUT_S,
+    ) -> None:
+        robot = team.robot(name)
+        if radio is None and robot.radio is not None:
+            radio = UdpRadio(robot.radio)
+        self.team = team
+        self.name = name
+        self.clock: Clock = clock or SystemClock()
+        self._radio = radio
+        self._lock = threading.Lock()
+        self._gossip = Gossip(team, name, by_timer=radio is None, timeout_s=timeout_s)
+        self._broadcast = Broadcast()
+        self._transport: Transport | None = None
+        self._closed = False
+
+    @property
+    def robot(self) -> Robot:
+        """The robot of this node."""
+        return self._gossip.me
+
+    def start(self) -> None:
+        """Bind the ports and begin to answer and to pull.
+
+        Raises:
+            PortInUseError: another process or node has one of the ports.
+            ListenError: the robot's `listen` is not an address of this machine.
+            RadioError: the radio's port is taken.
+            NodeClosedError: it has been started or closed before.
+        """
+        if self._transport or self._closed:
+            raise NodeClosedError(f"the node of {self.name} runs once; make a new one")
+        transport = Transport(
+            self._gossip,
+            self.team,
+            lock=self._lock,
+            now=self._now,
+            deliver=self._broadcast.send,
+        )
+        transport.start()
+        self._transport = transport
+        if self._radio:
+            try:
+                self._radio.start(self._heard)
+            except MochaLinkError:
+                self.close()
+                raise
+
+    def close(self) -> None:
+        """Stop within a second and give up every socket and thread; may be called twice."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._radio:
+            self._radio.close()
+        if self._transport:
+            self._transport.close()
+        self._broadcast.close()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def publish(self, topic: str, data: bytes, *, now: bool = False) -> Header:
+        """Put a message of this robot where the others can pull it; returns its header.
+
+        If the topic's `min_interval_s` since the last one is not over, the message waits (the
+        newest one replaces it) until it is; `now` sends it without waiting.
+
+        Raises:
+            UnknownTopicError: the team file gives this robot no such topic.
+            PayloadError: larger than 64 MiB.
+            NodeClosedError: the node is closed.
+        """
+        self._check_open()
+        known = self.team.topic(self.name, topic)
+        body = payload.pack(known.dtype, known.priority, data)
+        with self._lock:
+            header = self._gossip.publish(known, body, self._now(), at_once=now)
+        self._wake()
+        return header
+
+    def flush(self, topic: str) -> None:
+        """Stop holding the message of a topic that waits. Raises UnknownTopicError."""
+        self._check_open()
+        known = self.team.topic(self.name, topic)
+        with self._lock:
+            self._gossip.flush(known, self._now())
+        self._wake()
+
+    def latest(self, robot: str, topic: str) -> Message | None:
+        """The newest message of a topic of a robot; None if there is none yet.
+
+        Raises:
+            UnknownRobotError: the team has no such robot.
+            UnknownTopicError: the robot has no such topic.
+        """
+        known = self.team.topic(robot, topic)
+        robot_id = self.team.robot(robot).robot_id
+        record = self._gossip.database.newest(robot_id, known.topic_id)
+        return self._message(record) if record else None
+
+    def messages(self) -> list[Message]:
+        """The newest message of every topic of every robot, most urgent first."""
+        return [self._message(record) for record in self._gossip.database.records()]
+
+    def links(self) -> dict[str, LinkMetrics]:
+        """The state of the link to every peer, by its name."""
+        with self._lock:
+            return self._gossip.links(self._now())
+
+    def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
+        """Call back on the node's thread for every event; call the answer to end it.
+
+        The callback must be quick. What it raises is logged and does not stop the node.
+        """
+        return self._broadcast.subscribe(callback)
+
+    def events(self) -> EventStream:
+        """An asynchronous iterator over every event from now on, until the node closes.
+
+        A slow reader loses the oldest events; the stream counts them in `dropped`.
+        """
+        return self._broadcast.stream()
+
+    def sync(self, peer: str) -> bool:
+        """Pull from a peer now; False if a pull from it is already under way.
+
+        Raises:
+            UnknownRobotError: the peer is not linked to this robot.
+            NodeClosedError: the node is closed.
+        """
+        self._check_open()
+        with self._lock:
+            started = self._gossip.sync(peer, self._now())
+        self._wake()
+        return started
+
+    def _heard(self, peer: str, rssi_dbm: float | None) -> None:
+        with self._lock:
+            self._gossip.heard(peer, rssi_dbm, self._now())
+        self._wake()
+
+    def _message(self, record: Record) -> Message:
+        known = self.team.by_ids(record.header.robot_id, record.header.topic_id)
+        if known is None:
+            raise MochaLinkError(f"{record.header} is not of this team")
+        robot, topic = known
+        return Message(
+            robot=robot.name,
+            topic=topic.name,
+            header=record.header,
+            priority=topic.priority,
+            data=payload.unpack(record.body),
+            stamp_s=record.stamp_s,
+            received_s=record.received_s,
+        )
+
+    def _now(self) -> Instant:
+        return Instant(self.clock.now_s(), time.monotonic())
+
+    def _wake(self) -> None:
+        if self._transport:
+            self._transport.wake()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise NodeClosedError(f"the node of {self.name} is closed; make a new one")

@@ -1,0 +1,179 @@
+"""A node's link metrics and events for other processes, as JSON over ZeroMQ.
+
+One XPUB socket. Whoever subscribes gets a snapshot at once, then every event, and a snapshot
+every second. Messages have two frames: ``links`` or ``event``, and a JSON object.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import enum
+import errno
+import json
+import queue
+import socket
+import threading
+from typing import TYPE_CHECKING, Any, Self
+
+import zmq
+
+from mocha_link.errors import MochaLinkError
+from mocha_link.header import Header
+from mocha_link.transport import ListenError, PortInUseError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import TracebackType
+
+    from mocha_link.metrics import LinkEvent, LinkMetrics
+    from mocha_link.node import Node
+
+LINKS, EVENT = b"links", b"event"
+SNAPSHOT_MS = 1000
+MAX_MESSAGE_BYTES = 1024 * 1024
+
+
+class MetricsError(MochaLinkError):
+    """No metrics can be had from an endpoint."""
+
+
+def as_fields(value: LinkEvent | LinkMetrics) -> dict[str, Any]:
+    """An event or metrics as plain values for JSON: enums by value, headers as hex digits."""
+    return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, enum.Enum):
+        return value.value
+    return str(value) if isinstance(value, Header) else value
+
+
+def snapshot(node: Node) -> dict[str, Any]:
+    """All link metrics of a node: ``{"robot": ..., "at_s": ..., "links": {peer: {...}}}``."""
+    links = {peer: as_fields(link) for peer, link in node.links().items()}
+    return {"robot": node.name, "at_s": node.clock.now_s(), "links": links}
+
+
+class MetricsServer:
+    """Serves the metrics of a started node at an endpoint, e.g. ``tcp://127.0.0.1:24500``.
+
+    Port ``*`` takes a free one; `endpoint` then says which. Use as a context manager, or call
+    `start` and `close`.
+    """
+
+    def __init__(self, node: Node, endpoint: str) -> None:
+        self.endpoint = endpoint
+        self._node = node
+        self._events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()
+        self._stopping = False
+        self._waker: socket.socket | None = None
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Begin to serve. Raises PortInUseError or ListenError."""
+        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        publisher = context.socket(zmq.XPUB)
+        publisher.setsockopt(zmq.LINGER, 0)
+        publisher.setsockopt(zmq.XPUB_VERBOSE, 1)  # every newcomer gets its snapshot
+        publisher.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
+        try:
+            publisher.bind(self.endpoint)
+        except zmq.ZMQError as error:
+            context.destroy(0)
+            what = f"cannot serve metrics on {self.endpoint}"
+            if error.errno == errno.EADDRINUSE:
+                raise PortInUseError(f"{what}: it is in use; choose another port") from None
+            raise ListenError(f"{what}: {error.strerror}; write tcp://address:port") from None
+        self.endpoint = publisher.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0")
+        self._waker, woken = socket.socketpair()
+        self._waker.setblocking(False)
+        self._thread = threading.Thread(
+            target=self._run, args=(context, publisher, woken), name="mocha-link metrics"
+        )
+        self._thread.daemon = True
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop serving; may be called twice."""
+        self._stopping = True
+        self._wake()
+        if self._thread and self._waker:
+            self._thread.join()
+            self._waker.close()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _note(self, event: LinkEvent) -> None:
+        self._events.put(event)
+        self._wake()
+
+    def _wake(self) -> None:
+        if self._waker:
+            with contextlib.suppress(OSError):  # full: awake anyway; closed: too late
+                self._waker.send(b"\0")
+
+    def _run(
+        self,
+        context: zmq.Context[zmq.Socket[bytes]],
+        publisher: zmq.Socket[bytes],
+        woken: socket.socket,
+    ) -> None:
+        poller = zmq.Poller()
+        poller.register(publisher, zmq.POLLIN)
+        poller.register(woken, zmq.POLLIN)
+        unsubscribe = self._node.subscribe(self._note)
+        with context, publisher, woken:
+            while not self._stopping:
+                ready = dict(poller.poll(SNAPSHOT_MS))
+                if woken.fileno() in ready:
+                    woken.recv(4096)
+                if publisher in ready:
+                    publisher.recv_multipart()  # a subscription: answered with a snapshot
+                while not self._events.empty():
+                    event = self._events.get()
+                    fields = {"event": type(event).__name__, **as_fields(event)}
+                    publisher.send_multipart([EVENT, json.dumps(fields).encode()])
+                if publisher in ready or not ready:
+                    publisher.send_multipart([LINKS, json.dumps(snapshot(self._node)).encode()])
+        unsubscribe()
+
+
+def watch(endpoint: str, *, timeout_s: float = 5.0) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Follow a node's metrics: ("links", snapshot) first, then events and snapshots.
+
+    Raises:
+        MetricsError: nothing comes from the endpoint for `timeout_s` (real seconds), or what
+            comes is not a node's metrics.
+    """
+    with zmq.Context() as context, context.socket(zmq.SUB) as subscriber:
+        subscriber.setsockopt(zmq.LINGER, 0)
+        subscriber.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
+        subscriber.setsockopt(zmq.SUBSCRIBE, b"")
+        try:
+            subscriber.connect(endpoint)
+        except zmq.ZMQError as error:
+            raise MetricsError(f"'{endpoint}' is no endpoint ({error.strerror})") from None
+        while subscriber.poll(int(timeout_s * 1000)):
+            frames = subscriber.recv_multipart()
+            try:
+                kind, fields = frames[0].decode(), json.loads(frames[1])
+            except (ValueError, IndexError, RecursionError):
+                raise MetricsError(f"what {endpoint} sends is not a node's metrics") from None
+            if not isinstance(fields, dict):
+                raise MetricsError(f"what {endpoint} sends is not a node's metrics")
+            yield kind, fields
+        raise MetricsError(
+            f"nothing from {endpoint} for {timeout_s:g} s; is a node running there with "
+            f"--metrics {endpoint}?"
+        )

@@ -1,0 +1,124 @@
+"""Teams on free ports, clocks that stand still, and waiting for events instead of sleeping."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import socket
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import pytest
+
+from mocha_link.document import Document
+from mocha_link.metrics import LinkEvent
+from mocha_link.node import Node
+from mocha_link.radios import ManualRadio
+from mocha_link.team import Team
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+E = TypeVar("E")
+
+WAIT_S = 20  # a limit against hangs; nothing waits so long unless something is broken
+TEAM = """\
+robots:
+  titan: {kind: aerial_robot, address: 127.0.0.1, base_port: 10, clients: [callisto, io]}
+  callisto: {kind: ground_robot, address: 127.0.0.1, base_port: 20, clients: [io, titan]}
+  io: {kind: ground_robot, address: 127.0.0.1, base_port: 30, clients: [callisto, titan]}
+kinds:
+  aerial_robot:
+    topics:
+      - {name: /map, type: grid/SemanticMap, priority: high}
+      - {name: /slow, type: json/Pose, min_interval_s: 5}
+  ground_robot:
+    topics:
+      - {name: /pose, type: json/Pose, priority: high}
+      - {name: /path, type: json/Path, priority: medium}
+      - {name: /cloud, type: json/Cloud, priority: none}
+trigger: {interval_s: 2}
+"""
+
+
+def free_ports(host: str, count: int) -> int:
+    """The first of `count` ports in a row that are free on a host."""
+    while True:
+        with contextlib.ExitStack() as stack, contextlib.suppress(OSError):
+            first = stack.enter_context(socket.socket())
+            first.bind((host, 0))
+            base: int = first.getsockname()[1]
+            for port in range(base + 1, base + count):
+                stack.enter_context(socket.socket()).bind((host, port))
+            return base
+
+
+class ManualClock:
+    """A clock that a test sets."""
+
+    def __init__(self, now_s: float = 1_795_175_900.0) -> None:
+        self.time_s = now_s
+
+    def now_s(self) -> float:
+        return self.time_s
+
+
+class Witness:
+    """Sees every event of a node, and waits for the one that a test needs."""
+
+    def __init__(self, node: Node) -> None:
+        self.seen: list[LinkEvent] = []
+        self._events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()
+        node.subscribe(self._events.put)
+
+    def wait(self, kind: type[E], /, **fields: object) -> E:
+        """The next event of that kind with these fields."""
+        while True:
+            event = self._events.get(timeout=WAIT_S)
+            self.seen.append(event)
+            if isinstance(event, kind) and all(
+                getattr(event, name) == value for name, value in fields.items()
+            ):
+                return event
+
+
+class Field:
+    """Nodes of a team on loopback, each with a radio that the test speaks through."""
+
+    def __init__(self, stack: contextlib.ExitStack) -> None:
+        self._stack = stack
+        base = free_ports("127.0.0.1", 6)
+        self.team = Team.from_document(Document.from_text(TEAM, Path("team.yaml"))).with_robots(
+            {
+                name: {"base_port": base + 2 * index}
+                for index, name in enumerate(("titan", "callisto", "io"))
+            }
+        )
+
+    def node(self, name: str, **options: object) -> tuple[Node, ManualRadio, Witness]:
+        """A started node, its radio, and the witness of its events."""
+        radio = ManualRadio()
+        node = Node(self.team, name, radio=radio, **options)
+        witness = Witness(node)
+        self._stack.enter_context(node)
+        return node, radio, witness
+
+
+@pytest.fixture
+def field() -> Iterator[Field]:
+    """A field where nodes run until the test ends; they must leave no thread behind."""
+    before = set(threading.enumerate())
+    with contextlib.ExitStack() as stack:
+        yield Field(stack)
+    assert set(threading.enumerate()) == before
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock()
+
+
+@pytest.fixture
+def team() -> Team:
+    return Team.from_document(Document.from_text(TEAM, Path("team.yaml")))
