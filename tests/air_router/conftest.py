@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
 import math
 from pathlib import Path
@@ -24,7 +25,7 @@ from air_router.flight_plan import FlightPlan
 from air_router.graph import WaypointGraph
 from air_router.mission import load_mission
 from air_router.router import Router
-from air_router.vehicle import FlightMode, ItemReached, Telemetry
+from air_router.vehicle import FlightMode, Telemetry, Vehicle, VehicleInfo
 from geo.frame import Point
 from mocha_link.metrics import Direction, SyncEnded, SyncStarted
 
@@ -35,14 +36,11 @@ SYNC_EVERY_S = 2.0
 SYNC_TAKES_S = 0.3
 
 
-class PretendFlight:
-    """Flies a controller: a vehicle with inertia, robots that can be heard within a radius."""
+class Airframe:
+    """A point with inertia that flies straight to its target and stops there."""
 
-    def __init__(self, mission, *, radius_m=60.0, seek=("callisto", "europa", "io")):
+    def __init__(self, mission):
         self.mission = mission
-        self.plan = FlightPlan.of(mission)
-        self.router = Router(WaypointGraph(mission))
-        self.controller = Controller(mission, self.plan, self.router, seek)
         self.now_s = 100.0
         self.position = mission.home
         self.velocity = (0.0, 0.0)
@@ -52,27 +50,81 @@ class PretendFlight:
         self.battery = 1.0
         self.failsafe = False
         self.target = None
+        self.track = []
+
+    def take_off(self):
+        self.armed = self.in_air = True
+        self.mode = FlightMode.MISSION
+        self.altitude_m = self.mission.altitude_above_home_m
+
+    def move(self):
+        self.now_s += STEP_S
+        wanted = self._wanted()
+        change = (wanted[0] - self.velocity[0], wanted[1] - self.velocity[1])
+        size, limit = math.hypot(*change), ACCELERATION_M_S2 * STEP_S
+        if size > limit:
+            change = (change[0] / size * limit, change[1] / size * limit)
+        self.velocity = (self.velocity[0] + change[0], self.velocity[1] + change[1])
+        self.position = Point(
+            self.position[0] + self.velocity[0] * STEP_S,
+            self.position[1] + self.velocity[1] * STEP_S,
+        )
+        if self.in_air:
+            self.track.append(self.position)
+        if self.mode is FlightMode.LAND and self.in_air:
+            self.altitude_m -= 0.7 * STEP_S
+            if self.altitude_m <= 0:
+                self.in_air = self.armed = False
+
+    def telemetry(self):
+        return Telemetry(
+            time_s=self.now_s,
+            position=self.position,
+            altitude_m=self.altitude_m,
+            velocity_m_s=self.velocity,
+            armed=self.armed,
+            in_air=self.in_air,
+            mode=self.mode,
+            failsafe=self.failsafe,
+            battery=self.battery,
+        )
+
+    def _wanted(self):
+        if self.target is None:
+            return (0.0, 0.0)
+        east, north = self.target[0] - self.position[0], self.target[1] - self.position[1]
+        away = math.hypot(east, north)
+        if away < 1e-9:
+            return (0.0, 0.0)
+        pace = min(self.mission.speed_m_s, math.sqrt(2 * ACCELERATION_M_S2 * away), away / STEP_S)
+        return (east / away * pace, north / away * pace)
+
+
+class PretendFlight(Airframe):
+    """Flies a controller among robots that can be heard within a radius."""
+
+    def __init__(self, mission, *, radius_m=60.0, seek=("callisto", "europa", "io")):
+        super().__init__(mission)
+        self.plan = FlightPlan.of(mission)
+        self.router = Router(WaypointGraph(mission))
+        self.controller = Controller(mission, self.plan, self.router, seek)
         self.radius_m = radius_m
         self.robots = {}
         self.destinations = {}
         self.deaf = False  # commands are lost
         self.actions = []
         self.events = []
-        self.track = []
         self.finished = None
         self._syncs = {}
 
     # Verbs.
 
     def take_off(self):
-        self.armed = self.in_air = True
-        self.mode = FlightMode.MISSION
-        self.altitude_m = self.mission.altitude_above_home_m
+        super().take_off()
         self.step()
 
     def step(self):
-        self.now_s += STEP_S
-        self._move()
+        self.move()
         self._gossip()
         self.give(self.telemetry())
 
@@ -109,19 +161,6 @@ class PretendFlight:
             a for a in self.actions if isinstance(a, FlyToNode | FlyToPoint | HoldHere | LandHere)
         ]
 
-    def telemetry(self):
-        return Telemetry(
-            time_s=self.now_s,
-            position=self.position,
-            altitude_m=self.altitude_m,
-            velocity_m_s=self.velocity,
-            armed=self.armed,
-            in_air=self.in_air,
-            mode=self.mode,
-            failsafe=self.failsafe,
-            battery=self.battery,
-        )
-
     def give(self, event):
         self.events.append((event, self.now_s))
         for action in self.controller.handle(event, self.now_s):
@@ -149,31 +188,6 @@ class PretendFlight:
             case LandHere():
                 self.mode, self.target = FlightMode.LAND, None
         self.give(CommandConfirmed(action))
-
-    def _move(self):
-        speed = self.mission.speed_m_s
-        wanted = (0.0, 0.0)
-        if self.target is not None:
-            east, north = self.target[0] - self.position[0], self.target[1] - self.position[1]
-            away = math.hypot(east, north)
-            if away > 1e-9:
-                pace = min(speed, math.sqrt(2 * ACCELERATION_M_S2 * away), away / STEP_S)
-                wanted = (east / away * pace, north / away * pace)
-        change = (wanted[0] - self.velocity[0], wanted[1] - self.velocity[1])
-        size, limit = math.hypot(*change), ACCELERATION_M_S2 * STEP_S
-        if size > limit:
-            change = (change[0] / size * limit, change[1] / size * limit)
-        self.velocity = (self.velocity[0] + change[0], self.velocity[1] + change[1])
-        self.position = Point(
-            self.position[0] + self.velocity[0] * STEP_S,
-            self.position[1] + self.velocity[1] * STEP_S,
-        )
-        if self.in_air:
-            self.track.append(self.position)
-        if self.mode is FlightMode.LAND and self.in_air:
-            self.altitude_m -= 0.7 * STEP_S
-            if self.altitude_m <= 0:
-                self.in_air = self.armed = False
 
     def _gossip(self):
         for name, place in self.robots.items():
@@ -210,6 +224,83 @@ def pretend(pennovation):
     return make
 
 
+class PretendVehicle(Vehicle):
+    """An airframe behind the port that the flight shell commands; its time runs by itself."""
+
+    def __init__(self, mission, clock):
+        self.airframe = Airframe(mission)
+        self.clock = clock
+        self.callback = None
+        self.verbs = []
+        self.announced = []
+        self.plan = None
+        self.failures = {}  # verb -> errors to raise, one after the other
+        self.on_step = lambda: None
+        self._running = None
+
+    async def connect(self):
+        self._fail("connect")
+        return VehicleInfo(1, "PX4", "1.17.0", self.airframe.mission.home, 6.7)
+
+    def subscribe(self, callback):
+        self.callback = callback
+        self._running = asyncio.get_running_loop().create_task(self._run())
+
+    async def upload(self, plan):
+        self._fail("upload")
+        self.plan = plan
+
+    async def arm(self):
+        self._fail("arm")
+        self.airframe.armed = True
+
+    async def start(self):
+        self._fail("start")
+        self.airframe.take_off()
+
+    async def jump(self, item):
+        self._fail("jump")
+        node = self.plan.node_of(item)
+        mission = self.airframe.mission
+        self.airframe.target = mission.waypoints[node - 1].position if node else mission.home
+        self.airframe.mode = FlightMode.MISSION
+
+    async def reposition(self, point, altitude_m):
+        self._fail("reposition")
+        assert altitude_m == self.airframe.mission.altitude_above_home_m
+        self.airframe.target, self.airframe.mode = point, FlightMode.HOLD
+
+    async def hold(self):
+        self._fail("hold")
+        self.airframe.target, self.airframe.mode = None, FlightMode.HOLD
+
+    async def land(self):
+        self._fail("land")
+        self.airframe.target, self.airframe.mode = None, FlightMode.LAND
+
+    async def announce(self, text):
+        self.announced.append(text)
+
+    async def close(self):
+        self.verbs.append("close")
+        if self._running is not None:
+            self._running.cancel()
+
+    def _fail(self, verb):
+        self.verbs.append(verb)
+        if self.failures.get(verb):
+            raise self.failures[verb].pop(0)
+
+    async def _run(self):
+        while True:
+            self.airframe.move()
+            self.on_step()
+            self.clock.heard(self.airframe.now_s)
+            self.callback(self.airframe.telemetry())
+            for _ in range(4):  # let the commands through between two positions
+                await asyncio.sleep(0)
+
+
 @pytest.fixture
-def item_reached():
-    return ItemReached
+def pretend_vehicle():
+    return PretendVehicle

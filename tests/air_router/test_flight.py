@@ -1,0 +1,246 @@
+import asyncio
+import dataclasses
+import io
+import json
+import os
+import signal
+
+import pytest
+
+from air_router.clock import VehicleClock
+from air_router.errors import (
+    ArmingRefusedError,
+    ExitCode,
+    NotConfirmedError,
+    NoVehicleError,
+    PlanRefusedError,
+    RefusedError,
+)
+from air_router.flight import LOST_S, Flight
+from air_router.mapper import Mapper
+from air_router.recorder import Recorder
+from air_router.report import table
+from air_router.status import StatusLine
+from air_router.vehicle import FlightMode, LinkSilent
+from geo.frame import Point
+
+
+class Alone:
+    """The gossip of a UAV that meets nobody."""
+
+    def __init__(self):
+        self.closed = False
+        self.maps = 0
+
+    def start(self, deliver):
+        pass
+
+    def links(self):
+        return {}
+
+    def tell(self, telemetry):
+        pass
+
+    def publish_map(self, time_s):
+        self.maps += 1
+
+    def newest_stamps(self):
+        return {}
+
+    def close(self):
+        self.closed = True
+
+
+class Rig:
+    def __init__(self, mission, vehicle_class, log_dir, *, arm=True):
+        wall_s = iter(range(10**9))
+        self.clock = VehicleClock(monotonic=lambda: next(wall_s) * 1e-6, unix=lambda: 1.7e9)
+        self.vehicle = vehicle_class(mission, self.clock)
+        self.gossip = Alone()
+        self.out = io.StringIO()
+        self.recorder = Recorder(log_dir, "mission.yaml")
+        mapper = Mapper(mission)
+        self.flight = Flight(
+            mission,
+            self.vehicle,
+            clock=self.clock,
+            gossip=self.gossip,
+            mapper=mapper,
+            seek=("callisto",),
+            recorder=self.recorder,
+            status=StatusLine(self.out),
+            arm=arm,
+        )
+
+    def run(self):
+        with self.recorder:
+            return asyncio.run(self.flight.run())
+
+    def at(self, when, then):
+        """Once `when()` holds, do `then()`."""
+        done = []
+
+        def on_step():
+            if not done and when():
+                done.append(True)
+                then()
+
+        self.vehicle.on_step = on_step
+
+
+@pytest.fixture
+def rig(pennovation, pretend_vehicle, tmp_path):
+    def make(*, arm=True, **changes):
+        mission = dataclasses.replace(pennovation, **{"duration_s": 60.0, **changes})
+        return Rig(mission, pretend_vehicle, tmp_path, arm=arm)
+
+    return make
+
+
+def test_a_flight_from_connecting_to_landing(rig):
+    flight = rig()
+    result = flight.run()
+    assert (result.outcome, result.exit_code) == ("done", ExitCode.DONE)
+    assert flight.vehicle.verbs[:4] == ["connect", "upload", "arm", "start"]
+    assert flight.vehicle.verbs[-2:] == ["land", "close"]
+    assert flight.gossip.closed
+    report = result.report
+    assert report["states_visited"] == ["INIT", "HOME", "LAND", "DONE"]
+    assert report["duration_s"] > 60
+    assert report["distance_m"] > 100
+    assert report["closest_approach_m"] >= report["clearance_m"] == 5.0
+    assert report["robots"]["callisto"]["found"] == 0
+    assert json.loads(json.dumps(report)) == report
+    assert "done: " in table(report)
+    assert any("coming home" in text for text in flight.vehicle.announced)
+
+
+def test_everything_is_recorded_and_the_report_is_the_last_line(rig):
+    flight = rig()
+    result = flight.run()
+    lines = [json.loads(line) for line in flight.recorder.path.read_text().splitlines()]
+    assert {"Telemetry", "CommandConfirmed", "StateChanged", "FlyToNode"} <= {
+        line["type"] for line in lines
+    }
+    assert lines[-1]["type"] == "Report"
+    assert lines[-1]["outcome"] == result.outcome
+
+
+def test_without_arm_the_pilot_starts_it(rig):
+    flight = rig(arm=False)
+    flight.at(
+        lambda: "waiting for the pilot" in flight.out.getvalue(),
+        flight.vehicle.airframe.take_off,
+    )
+    assert flight.run().outcome == "done"
+    assert "arm" not in flight.vehicle.verbs
+    assert "start" not in flight.vehicle.verbs
+
+
+def test_the_pilot_takes_over_and_lands(rig):
+    flight = rig(duration_s=None)
+    airframe = flight.vehicle.airframe
+
+    def take():
+        airframe.mode, airframe.target = FlightMode.LAND, None
+
+    flight.at(lambda: airframe.now_s > 150.0, take)
+    result = flight.run()
+    assert (result.outcome, result.exit_code) == ("pilot", ExitCode.PILOT_TOOK_OVER)
+    assert "hold" not in flight.vehicle.verbs
+    assert "land" not in flight.vehicle.verbs
+
+
+def test_ctrl_c_holds_the_vehicle(rig):
+    flight = rig(duration_s=None)
+    flight.at(
+        lambda: flight.vehicle.airframe.now_s > 150.0,
+        lambda: os.kill(os.getpid(), signal.SIGINT),
+    )
+    result = flight.run()
+    assert (result.outcome, result.exit_code) == ("interrupted", ExitCode.INTERRUPTED)
+    assert flight.vehicle.verbs[-2:] == ["hold", "close"]
+    assert flight.vehicle.airframe.mode is FlightMode.HOLD
+    assert flight.gossip.closed
+
+
+def test_ctrl_c_leaves_a_pilot_s_vehicle_alone(rig):
+    flight = rig(duration_s=None)
+    airframe = flight.vehicle.airframe
+
+    def take():
+        airframe.mode, airframe.target = FlightMode.OTHER, None
+
+    def step():
+        if 150.0 < airframe.now_s < 150.2:
+            take()
+        elif 160.0 < airframe.now_s < 160.15:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    flight.vehicle.on_step = step
+    assert flight.run().exit_code == ExitCode.INTERRUPTED
+    assert "hold" not in flight.vehicle.verbs
+    assert airframe.mode is FlightMode.OTHER
+
+
+def test_ctrl_c_on_the_ground_commands_nothing(rig):
+    flight = rig(arm=False)
+    flight.at(
+        lambda: "waiting for the pilot" in flight.out.getvalue(),
+        lambda: os.kill(os.getpid(), signal.SIGINT),
+    )
+    assert flight.run().exit_code == ExitCode.INTERRUPTED
+    assert flight.vehicle.verbs == ["connect", "upload", "close"]
+
+
+@pytest.mark.parametrize(
+    ("verb", "error"),
+    [
+        ("connect", NoVehicleError("nobody there")),
+        ("upload", PlanRefusedError("not taken")),
+        ("arm", ArmingRefusedError("no GPS")),
+        ("start", NotConfirmedError("stays in Hold mode")),
+    ],
+)
+def test_what_fails_before_take_off_ends_the_flight_with_its_reason(rig, verb, error):
+    flight = rig()
+    flight.vehicle.failures[verb] = [error]
+    with pytest.raises(type(error), match=str(error)):
+        flight.run()
+    assert flight.vehicle.verbs[-1] == "close"
+    assert flight.gossip.closed
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"in_air": True}, "is flying"),
+        ({"armed": True}, "is armed"),
+        ({"position": Point(40.0, 0.0)}, "40 m from the mission's home"),
+    ],
+)
+def test_a_vehicle_that_is_not_ready_is_refused_before_anything_is_uploaded(rig, change, said):
+    flight = rig()
+    for name, value in change.items():
+        setattr(flight.vehicle.airframe, name, value)
+    with pytest.raises(RefusedError, match=said):
+        flight.run()
+    assert flight.vehicle.verbs == ["connect", "close"]
+
+
+def test_an_unconfirmed_jump_is_repeated(rig):
+    flight = rig()
+    flight.vehicle.failures["jump"] = [NotConfirmedError("lost")]
+    assert flight.run().outcome == "done"
+    assert any("did not follow: lost" in text for text in flight.vehicle.announced)
+
+
+def test_a_vehicle_that_stays_silent_is_lost(rig):
+    flight = rig(duration_s=None)
+    flight.at(
+        lambda: flight.vehicle.airframe.now_s > 150.0,
+        lambda: flight.vehicle.callback(LinkSilent(150.0, LOST_S + 1.0)),
+    )
+    result = flight.run()
+    assert result.exit_code == ExitCode.ENDED_OTHERWISE
+    assert "silent" in result.outcome

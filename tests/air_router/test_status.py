@@ -1,0 +1,62 @@
+import io
+
+from air_router.behaviour import State
+from air_router.status import PLAIN_REFRESH_S, StatusLine, flight_line
+from mocha_link.metrics import LinkMetrics
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+class Clock:
+    now_s = 0.0
+
+    def __call__(self):
+        return self.now_s
+
+
+def test_on_a_terminal_the_line_is_drawn_over_and_news_stay():
+    out, clock = Terminal(), Clock()
+    status = StatusLine(out, clock)
+    status.show(lambda: "a long line")
+    status.show(lambda: "not yet")
+    clock.now_s = 1.0
+    status.show(lambda: "short")
+    status.say("news")
+    status.show(lambda: "again")
+    status.end()
+    assert "not yet" not in out.getvalue()
+    assert out.getvalue().split("\r")[1:3] == ["a long line", "short      "]
+    assert "news\n" in out.getvalue()
+    assert out.getvalue().endswith("again\n")
+
+
+def test_without_a_terminal_a_line_now_and_then():
+    out, clock = io.StringIO(), Clock()
+    status = StatusLine(out, clock)
+    for second in range(int(PLAIN_REFRESH_S) * 2):
+        clock.now_s = float(second)
+        status.show(lambda s=second: f"line {s}")
+    status.end()
+    assert out.getvalue() == "line 0\nline 10\n"
+
+
+def test_the_line_says_state_target_time_left_next_node_and_links(pretend):
+    flight = pretend()
+    flight.robots = {"io": flight.mission.waypoints[26].position}
+    flight.take_off()
+    links = {
+        "io": LinkMetrics("io", rssi_dbm=-61.4),
+        "europa": LinkMetrics("europa"),
+    }
+    line = flight_line(flight.controller, links)
+    for part in ("INIT", "180 s left", "-> waypoint 1", "battery 100%", "io -61 dBm"):
+        assert part in line
+    assert "europa" not in line
+    flight.fly_to_state(State.SEARCH)
+    line = flight_line(flight.controller, {})
+    assert "callisto" in line
+    assert "on the way" in line
+    assert "links: none" in line
