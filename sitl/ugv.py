@@ -14,6 +14,9 @@ from dataclasses import dataclass, field
 
 from geo.frame import Point
 
+MAX_SPEED_M_S = 1.5
+"""Ground robots drive no faster than this."""
+
 SIGHT_M = 15.0
 """A robot sees vehicles within this distance."""
 
@@ -78,6 +81,15 @@ class Patrol:
         """The next points to come while on a leg."""
         count = min(PATH_POINTS, len(self.stops))
         return tuple(self.stops[(leg + 1 + i) % len(self.stops)] for i in range(count))
+
+
+@dataclass(frozen=True, slots=True)
+class PatrolPlan:
+    """How a robot is to drive: its patrol, its speed, and how far along it starts."""
+
+    patrol: Patrol
+    speed_m_s: float = 1.0
+    start_m: float = 0.0
 
 
 @dataclass(slots=True)
