@@ -1,0 +1,180 @@
+import math
+
+import pytest
+
+from air_router.messages import PathMessage, PoseMessage, SightingsMessage
+from geo.frame import Geodetic, LocalFrame, Point
+from sitl.camera import Camera
+from sitl.clock import SimClock
+from sitl.radio import RadioModel
+from sitl.terrain import Raster, Scene
+from sitl.ugv import GroundRobot, Patrol
+from sitl.world import STEP_S, Every, Settings, Truth, World
+
+FRAME = LocalFrame(Geodetic(40.0, -75.0))
+UNIX_S = 1_800_000_000.0
+ALL_TOPICS = ("/pose", "/path", "/sightings")
+WEST, EAST = Point(-200, 0), Point(200, 0)
+
+
+def make_world(**topics) -> World:
+    settings = Settings(
+        frame=FRAME,
+        vehicle="titan",
+        radio=RadioModel(),
+        camera=Camera(),
+        raster=Raster.draw(Scene(), (WEST, EAST), 1.0, 50.0),
+    )
+    robots = {
+        "io": GroundRobot("io", Patrol([WEST, Point(-200, 60)]), 1.0, vehicles=(Point(-195, 9),)),
+        "europa": GroundRobot("europa", Patrol([EAST]), 1.0),
+    }
+    return World(settings, robots, {name: topics.get(name, ALL_TOPICS) for name in robots})
+
+
+def truth(time_s: float, position: Point, height_m: float = 40.0) -> Truth:
+    return Truth(time_s, UNIX_S + time_s, position, height_m, 0.0)
+
+
+def drive(world: World, seconds: float, position: Point, start_s: float = 0.0):
+    return [
+        world.step(truth(start_s + count * STEP_S, position))
+        for count in range(round(seconds / STEP_S) + 1)
+    ]
+
+
+def test_links_follow_the_vehicle_and_contacts_are_counted():
+    world = make_world()
+    changes = [
+        change
+        for step in (*drive(world, 5, WEST), *drive(world, 5, EAST, 6), *drive(world, 5, WEST, 12))
+        for change in step.links
+    ]
+    assert [(c.a, c.b, c.up) for c in changes] == [
+        ("titan", "io", True),
+        ("titan", "io", False),
+        ("titan", "europa", True),
+        ("titan", "io", True),
+        ("titan", "europa", False),
+    ]
+    contact = world.contact("io", "titan")
+    assert contact.count == 2
+    assert contact.seconds == pytest.approx(11, abs=0.2)
+    assert contact.last_s == UNIX_S + 17
+    assert contact.closest_m == pytest.approx(39.5, abs=0.1)
+    assert world.contact("io", "europa").count == 0
+    assert world.contact("io", "europa").last_s is None
+
+
+def test_radios_say_who_is_heard_and_who_is_not():
+    steps = drive(make_world(), 2, WEST)
+    readings = {(r.robot, r.peer): r.rssi_dbm for r in steps[0].readings}
+    assert len(readings) == 6
+    assert readings["io", "titan"] == readings["titan", "io"]
+    assert -70 < readings["io", "titan"] < -60
+    assert readings["europa", "titan"] is None
+    assert readings["io", "europa"] is None
+    assert sum(bool(step.readings) for step in steps) == 5  # every half second
+
+
+def test_robots_publish_at_their_intervals_and_stamp_with_the_simulations_clock():
+    steps = drive(make_world(), 20, WEST)
+    said = [p for step in steps for p in step.publications if p.robot == "io"]
+    poses = [PoseMessage.decode(p.data) for p in said if p.topic == "/pose"]
+    assert len(poses) == 21
+    assert poses[10].stamp_s == pytest.approx(UNIX_S + 10, abs=0.01)
+    assert poses[10].heading_deg == pytest.approx(0)
+    here = FRAME.to_local(poses[10].latitude_deg, poses[10].longitude_deg)
+    assert here == pytest.approx((-200, 10), abs=0.01)
+    sightings = [SightingsMessage.decode(p.data) for p in said if p.topic == "/sightings"]
+    assert len(sightings) == 5
+    assert len(sightings[0].objects) == 1
+    assert sightings[0].objects[0].kind == "vehicle"
+
+
+def test_a_robot_tells_its_path_when_it_changes_and_every_ten_seconds():
+    steps = drive(make_world(), 65, WEST)
+    paths = [
+        PathMessage.decode(p.data)
+        for step in steps
+        for p in step.publications
+        if p.robot == "io" and p.topic == "/path"
+    ]
+    times = [round(path.stamp_s - UNIX_S, 1) for path in paths]
+    assert times == [0, 10, 20, 30, 40, 50, 60]
+    destinations = [FRAME.to_local(*path.points[-1]) for path in paths]
+    assert destinations[0] == pytest.approx((-200, 0), abs=0.01)
+    assert destinations[-1] == pytest.approx((-200, 60), abs=0.01)
+
+
+def test_a_robot_keeps_to_itself_what_its_kind_does_not_publish():
+    steps = drive(make_world(io=("/pose",)), 10, WEST)
+    assert {p.topic for step in steps for p in step.publications if p.robot == "io"} == {"/pose"}
+
+
+def test_the_camera_looks_once_a_second_while_the_vehicle_is_up():
+    world = make_world()
+    assert sum(step.patch is not None for step in drive(world, 5, WEST)) == 6
+    low = [world.step(truth(10 + t / 10, WEST, height_m=3.0)) for t in range(50)]
+    assert all(step.patch is None for step in low)
+
+
+def test_a_vehicle_on_the_ground_has_a_low_antenna():
+    def heard(height_m: float) -> bool:
+        world = make_world()
+        world.step(truth(0.0, Point(-160, 0), height_m))
+        return world.contact("titan", "io").up
+
+    assert heard(10.0)
+    assert not heard(0.0)
+
+
+def test_the_world_acts_at_most_every_tenth_of_a_second():
+    world = make_world()
+    acted = 0
+    for count in range(251):  # 10 s at 25 Hz
+        if world.due(count / 25):
+            world.step(truth(count / 25, WEST))
+            acted += 1
+    assert acted == 84  # every third packet
+    assert world.robots["io"].driven_m == pytest.approx(10, abs=0.1)
+
+
+def test_a_gap_in_the_truth_stream_is_driven_through():
+    world = make_world()
+    world.step(truth(0.0, WEST))
+    step = world.step(truth(30.0, WEST))
+    assert world.robots["io"].driven_m == pytest.approx(30)
+    assert len([p for p in step.publications if p.topic == "/pose"]) == 2
+
+
+def test_intervals_do_not_drift_and_missed_turns_are_not_made_up():
+    every = Every(1.0)
+    assert [t for t in range(100) if every.due(t * 0.3)] == [
+        math.ceil(second / 0.3 - 1e-9) for second in range(30)
+    ]
+    assert every.due(500.0)
+    assert not every.due(500.5)
+    assert every.due(501.0)
+
+
+def test_the_clock_follows_the_vehicle_and_never_runs_backwards():
+    clock = SimClock(UNIX_S)
+    assert clock.now_s() == UNIX_S
+    clock.advance(10.0)
+    clock.advance(9.9)
+    assert clock.now_s() == UNIX_S + 10
+    clock.advance(0.5)  # the vehicle was started anew
+    assert clock.now_s() == UNIX_S + 10
+    clock.advance(2.5)
+    assert clock.now_s() == UNIX_S + 12
+    assert clock.elapsed_s == 12
+
+
+def test_without_an_epoch_the_clock_starts_at_the_wall_time_of_the_first_packet():
+    wall = iter((1000.0, 1060.0))
+    clock = SimClock(None, wall_s=lambda: next(wall))
+    assert clock.epoch_s is None
+    clock.advance(45.0)
+    assert clock.epoch_s == 1015.0
+    assert clock.now_s() == 1060.0
