@@ -1,0 +1,149 @@
+"""`sitl team`: the ground robots, radios and camera of a simulation, as a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import logging
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+
+from air_router.errors import AirRouterError, ExitCode
+from air_router.mission import Mission, load_mission
+from mocha_link.document import DocumentError
+from mocha_link.errors import MochaLinkError
+from mocha_link.team import Team
+from sitl.free_ports import derive_team
+from sitl.team import (
+    DEFAULT_CAMERA,
+    DEFAULT_TRUTH,
+    Places,
+    TeamError,
+    TeamSimulation,
+    crew_of,
+    write_report,
+)
+from sitl.world_file import load_world
+
+_log = logging.getLogger(__name__)
+
+_EPILOG = """\
+Prints one JSON line on stdout when it is ready: {"ready": true, "team": ..., "camera": ...,
+"truth": ..., "vehicle": ..., "robots": [...]}. Runs until SIGINT or SIGTERM, then writes the
+report. See docs/world-file.md.
+
+example: sitl team missions/pennovation/mission.yaml --free-ports /tmp/world --report world.json
+"""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `team` to the command line."""
+    parser = commands.add_parser(
+        "team",
+        help="simulate the ground robots, radios and the camera beside a vehicle",
+        description="Simulate the ground robots of a team, the radios and the camera around a "
+        "simulated vehicle, whose true position and time are followed.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission file or .plan")
+    parser.add_argument("--team", type=Path, metavar="FILE", help="default: the mission's team")
+    parser.add_argument("--world", type=Path, metavar="FILE", help="default: the mission's world")
+    parser.add_argument(
+        "--truth",
+        default=DEFAULT_TRUTH,
+        metavar="URL",
+        help=f"where the vehicle sends HIL_STATE_QUATERNION (default {DEFAULT_TRUTH}, PX4's SIH)",
+    )
+    parser.add_argument(
+        "--camera",
+        default=DEFAULT_CAMERA,
+        metavar="URL",
+        help=f"where the camera publishes what it sees (ZeroMQ PUB, default {DEFAULT_CAMERA})",
+    )
+    parser.add_argument(
+        "--free-ports",
+        type=Path,
+        metavar="DIR",
+        help="write a team file with free loopback addresses and ports into DIR and use that one, "
+        "so that simulations can run side by side",
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write a report at the end")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all that is random")
+    parser.add_argument(
+        "--epoch",
+        type=float,
+        metavar="UNIX_S",
+        help="Unix time at the vehicle's time zero; give the vehicle the same one (default: so "
+        "that the vehicle's first packet comes now)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate until a signal comes; returns the exit code."""
+    try:
+        _simulate(arguments)
+    except AirRouterError as error:
+        return _failed(str(error), error.exit_code)
+    except DocumentError as error:
+        return _failed(str(error), ExitCode.INVALID_FILE)
+    except MochaLinkError as error:
+        return _failed(str(error), ExitCode.ENDED_OTHERWISE)
+    except OSError as error:
+        return _failed(f"{error.filename}: {error.strerror}", ExitCode.ENDED_OTHERWISE)
+    return ExitCode.DONE
+
+
+def _failed(message: str, code: ExitCode) -> int:
+    sys.stderr.write(f"{message}\n")
+    return code
+
+
+def _simulate(arguments: argparse.Namespace) -> None:
+    mission = load_mission(arguments.mission)
+    team = _team(arguments, mission)
+    crew = crew_of(mission, team)
+    plan = load_world(arguments.world or mission.world, mission, crew.ground, arguments.seed)
+    if arguments.free_ports is not None:
+        team = derive_team(team, arguments.free_ports)
+    with _stop_signal() as stop:
+        places = Places(arguments.truth, arguments.camera)
+        with TeamSimulation(mission, team, plan, places, epoch_s=arguments.epoch) as simulation:
+            sys.stdout.write(json.dumps(simulation.ready()) + "\n")
+            sys.stdout.flush()
+            simulation.run(stop)
+            content = simulation.report()
+        if arguments.report is not None:
+            write_report(arguments.report, content)
+
+
+def _team(arguments: argparse.Namespace, mission: Mission) -> Team:
+    path = arguments.team or mission.team
+    if path is None:
+        raise TeamError(
+            f"{mission.path} names no team; add 'team: team.yaml' to it, or give --team FILE"
+        )
+    return Team.load(path)
+
+
+@contextlib.contextmanager
+def _stop_signal() -> Iterator[threading.Event]:
+    """An event that SIGINT and SIGTERM set while this lasts."""
+    stop = threading.Event()
+
+    def note(number: int, _frame: FrameType | None) -> None:
+        _log.info("%s: stopping", signal.Signals(number).name)
+        stop.set()
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
