@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Self
 
+from air_router.errors import AirRouterError
 from mocha_link.team import Team
 from sitl.relayed_flow import Flow, RadioLink, Side, close_socket
 
@@ -33,7 +34,7 @@ _RATE_TICK_S = 0.01  # how often a limited link looks for new credit
 Endpoint = tuple[str, int]
 
 
-class RelayError(Exception):
+class RelayError(AirRouterError):
     """A relay cannot listen; the message says where and what to do."""
 
 
