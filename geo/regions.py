@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import shapely
-from shapely import MultiPolygon, Polygon, STRtree
 from shapely import Point as ShapelyPoint
-from shapely.geometry.base import BaseGeometry
+from shapely import Polygon, STRtree
 
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
+from geo.zone import polygons_of
 
 _MOST_NAMES = 40
 """Up to so many zones we look for the ones that matter among those that surround a place."""
@@ -21,7 +21,7 @@ class Regions:
 
     def __init__(self, airspace: Airspace) -> None:
         self._airspace = airspace
-        self._parts = _polygons(airspace.free)
+        self._parts = polygons_of(airspace.free)
         self._tree = STRtree(self._parts)
         self._reach_m = _reach_m(airspace)
 
@@ -77,7 +77,7 @@ def _wall_between(a: Point, b: Point, airspace: Airspace) -> Polygon | None:
         [free, ShapelyPoint(a), ShapelyPoint(b)]
     ).tolist()
     world = shapely.box(west - 10, south - 10, east + 10, north + 10)
-    for wall in _polygons(world.difference(free)):
+    for wall in polygons_of(world.difference(free)):
         if _side(wall, a, _reach_m(airspace)) != _side(wall, b, _reach_m(airspace)):
             return wall
     return None
@@ -95,11 +95,3 @@ def _side(wall: Polygon, point: Point, reach_m: float) -> int:
         if Polygon(hole).dwithin(place, reach_m):
             return number
     return -1
-
-
-def _polygons(shape: BaseGeometry) -> list[Polygon]:
-    if isinstance(shape, Polygon):
-        return [] if shape.is_empty else [shape]
-    if isinstance(shape, MultiPolygon):
-        return [polygon for polygon in shape.geoms if polygon.area > 0]
-    return [polygon for part in getattr(shape, "geoms", ()) for polygon in _polygons(part)]

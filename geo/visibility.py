@@ -16,12 +16,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from geo.airspace import Airspace
 from geo.frame import Point
 from geo.regions import Regions
+from geo.zone import polygons_of
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -183,10 +183,7 @@ def _one_sided(a: Floats, b: Floats, first: Floats, second: Floats) -> Flags:
 def _reflex_corners(free: BaseGeometry) -> tuple[Floats, Floats, Floats]:
     """The corners that stick out into the clear area, with their neighbours on the border."""
     found: list[Floats] = []
-    parts = free.geoms if isinstance(free, MultiPolygon) else [free]
-    for part in parts:
-        if not isinstance(part, Polygon) or part.is_empty:
-            continue
+    for part in polygons_of(free):
         oriented = shapely.geometry.polygon.orient(part)  # the clear area lies to the left
         for ring in (oriented.exterior, *oriented.interiors):
             here = shapely.get_coordinates(ring)[:-1]

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 from shapely.validation import explain_validity
 
 from geo.frame import Point
@@ -80,3 +81,10 @@ def circle_ring(
         Point(centre.east_m + reach_m * math.cos(a), centre.north_m + reach_m * math.sin(a))
         for a in angles
     )
+
+
+def polygons_of(shape: BaseGeometry) -> list[Polygon]:
+    """The polygons with an area that a shapely geometry consists of; lines and points are left."""
+    if isinstance(shape, Polygon):
+        return [shape] if shape.area > 0 else []
+    return [polygon for part in getattr(shape, "geoms", ()) for polygon in polygons_of(part)]
