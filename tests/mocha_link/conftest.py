@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
+import os
 import queue
 import socket
 import threading
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 E = TypeVar("E")
+_hosts = itertools.count()
 
 WAIT_S = 20  # a limit against hangs; nothing waits so long unless something is broken
 TEAM = """\
@@ -40,6 +43,13 @@ kinds:
       - {name: /cloud, type: json/Cloud, priority: none}
 trigger: {interval_s: 2}
 """
+
+
+def own_host() -> str:
+    """A loopback address that nobody else uses, so that ports found free stay free."""
+    number = next(_hosts)
+    pid = os.getpid()
+    return f"127.{pid // 254 % 254 + 1}.{pid % 254 + 1}.{number % 254 + 1}"
 
 
 def free_ports(host: str, count: int) -> int:
@@ -88,10 +98,11 @@ class Field:
 
     def __init__(self, stack: contextlib.ExitStack) -> None:
         self._stack = stack
-        base = free_ports("127.0.0.1", 6)
+        self.host = own_host()
+        base = free_ports(self.host, 6)
         self.team = Team.from_document(Document.from_text(TEAM, Path("team.yaml"))).with_robots(
             {
-                name: {"base_port": base + 2 * index}
+                name: {"base_port": base + 2 * index, "address": self.host, "listen": self.host}
                 for index, name in enumerate(("titan", "callisto", "io"))
             }
         )

@@ -1,0 +1,265 @@
+"""The asking side: checks everything that comes, keeps every whole message."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mocha_link import payload
+from mocha_link.client import WINDOW, ClientSession, Step
+from mocha_link.clock import Instant
+from mocha_link.database import Database, Record
+from mocha_link.document import Document
+from mocha_link.header import Header
+from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.team import Team
+
+NOW_S = 1_795_175_900.0
+MANY = ", ".join(f"{{name: /t{i}, type: a/B}}" for i in range(20))
+TEAM = Team.from_document(
+    Document.from_text(
+        f"""\
+robots:
+  io: {{kind: rover, address: a, base_port: 10, clients: [titan]}}
+  titan: {{kind: rover, address: b, base_port: 10, clients: [io]}}
+kinds:
+  rover: {{topics: [{MANY}]}}
+""",
+        Path("team.yaml"),
+    )
+)
+IO, TITAN = 0, 1
+
+
+def at(steady_s: float) -> Instant:
+    return Instant(NOW_S, steady_s)
+
+
+def header(topic_id: int, *, robot_id: int = IO, age_s: int = 10) -> Header:
+    return Header.at(robot_id, topic_id, int(NOW_S - age_s) * 1000)
+
+
+def body(data: bytes = b"data", dtype: int = 0) -> bytes:
+    return payload.pack(dtype, 0, data)
+
+
+class Pull:
+    """titan's pull from io, with everything that it did so far."""
+
+    def __init__(self) -> None:
+        numbers = itertools.count()
+        self.database = Database()
+        self.session = ClientSession(
+            "io",
+            "titan",
+            team=TEAM,
+            database=self.database,
+            new_id=lambda: next(numbers).to_bytes(6),
+            timeout_s=5,
+        )
+        self.open: list[bytes] = []
+        self.events: list[object] = []
+        self.refusals: list[str] = []
+        self.take(self.session.start(at(0)))
+
+    def take(self, step: Step) -> None:
+        self.open += step.frames
+        self.events += step.events
+        self.refusals += step.refusals
+
+    def answer(self, content: bytes, steady_s: float = 1) -> None:
+        """Answer the oldest open request."""
+        self.take(self.session.reply([self.open.pop(0)[:6] + content], at(steady_s)))
+
+    def offer(self, *headers: Header | bytes) -> None:
+        self.answer(b"".join(h.pack() if isinstance(h, Header) else h for h in headers))
+
+    @property
+    def asked(self) -> list[bytes]:
+        return [frame[6:] for frame in self.open]
+
+
+@pytest.fixture
+def pull() -> Pull:
+    return Pull()
+
+
+def test_nothing_new(pull):
+    assert pull.asked == [b"GHEAD"]
+    pull.offer()
+    assert pull.asked == [b"DENDTtitan"]
+    pull.answer(b"Ack", steady_s=3)
+    assert pull.session.over
+    assert pull.events == [
+        SyncStarted("io", NOW_S, Direction.IN),
+        SyncEnded("io", NOW_S, Direction.IN, messages=0, bytes=6 + 9, duration_s=3),
+    ]
+    assert pull.session.rtt_s == 2
+    assert pull.session.bandwidth_bytes_s is None
+
+
+def test_a_window_of_requests_is_under_way(pull):
+    headers = [header(i) for i in range(20)]
+    pull.offer(*headers)
+    assert pull.asked == [b"GDATA" + h.pack() for h in headers[:WINDOW]]
+    pull.answer(body(), steady_s=2)
+    assert len(pull.asked) == WINDOW
+    assert pull.asked[-1] == b"GDATA" + headers[WINDOW].pack()
+    for _ in range(19):
+        assert len(pull.open) <= WINDOW
+        pull.answer(body(), steady_s=3)
+    assert pull.asked == [b"DENDTtitan"]
+    pull.answer(b"Ack")
+    assert pull.events[-1].messages == 20
+    assert pull.session.bandwidth_bytes_s == 20 * (6 + len(body())) / 2
+    assert pull.refusals == []
+
+
+def test_replies_may_come_in_any_order(pull):
+    pull.offer(header(0), header(1))
+    pull.open.reverse()
+    pull.answer(body(b"one"))
+    pull.answer(body(b"zero"))
+    assert payload.unpack(pull.database.newest(IO, 0).body) == b"zero"
+    assert payload.unpack(pull.database.newest(IO, 1).body) == b"one"
+
+
+def test_unknown_and_unsafe_headers_are_never_fetched(pull):
+    unsafe = Header(IO, 3, 1, 0)
+    wrong_ms = Header(IO, 4, 50, 999).pack()[:4] + (1000).to_bytes(2)
+    pull.offer(header(20), header(0, robot_id=2), header(0, robot_id=255), unsafe, wrong_ms)
+    assert pull.asked == [b"DENDTtitan"]
+    assert len(pull.refusals) == 5
+    assert "no such robot or topic in the team" in pull.refusals[0]
+
+
+def test_only_the_newest_of_a_topic_is_fetched_once(pull):
+    pull.offer(header(0, age_s=20), header(0, age_s=5), header(0, age_s=9), header(0, age_s=5))
+    assert pull.asked == [b"GDATA" + header(0, age_s=5).pack()]
+
+
+@pytest.mark.parametrize("content", [b"SERRM", b"1234567", bytes(6 * 65537)])
+def test_a_list_that_is_none_ends_the_pull(pull, content):
+    pull.answer(content)
+    assert pull.session.over
+    assert pull.asked == []
+    assert isinstance(pull.events[-1], SyncTimedOut)
+    assert len(pull.refusals) == 1
+
+
+def test_an_error_reply_is_no_message(pull):
+    pull.offer(header(0), header(1))
+    pull.answer(b"SERRM")
+    pull.answer(body())
+    pull.answer(b"Ack")
+    assert pull.events[-1].messages == 1
+    assert pull.database.newest(IO, 0) is None
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "a body of 0 bytes"),
+        (b"\0\0", "a body of 2 bytes"),
+        (b"\0\0garbage", "not an LZ4 frame"),
+        (body()[:-5], "ends within its LZ4 frame"),
+        (body(dtype=7), "type id 7, but io /t0 is a/B (0) here"),
+        (body() + b"behind", ""),
+    ],
+)
+def test_bodies_are_checked(pull, content, reason):
+    pull.offer(header(0))
+    pull.answer(content)
+    assert pull.asked == [b"DENDTtitan"]
+    if reason:
+        assert reason in pull.refusals[0]
+        assert pull.database.records() == ()
+    else:
+        assert pull.database.newest(IO, 0).body == content
+
+
+def test_replies_to_nothing_do_not_keep_the_pull_alive(pull):
+    pull.take(pull.session.reply([b"abcdef" + header(0).pack()], at(4)))
+    pull.take(pull.session.reply([pull.open[0][:6], b"two parts"], at(4)))
+    pull.take(pull.session.reply([], at(4)))
+    assert len(pull.refusals) == 3
+    pull.take(pull.session.tick(at(5)))
+    assert not pull.session.over
+    pull.take(pull.session.tick(at(5.1)))
+    assert pull.session.over
+    assert pull.events[-1] == SyncTimedOut(
+        "io", NOW_S, Direction.IN, "no byte for 5 s, waiting for the reply to GHEAD"
+    )
+
+
+def test_time_runs_out_on_progress_not_on_the_whole(pull):
+    for second in range(1, 60):
+        pull.session.progress(at(second * 4))
+        pull.take(pull.session.tick(at(second * 4 + 4.9)))
+    assert not pull.session.over
+
+
+def test_a_broken_pull_leaves_whole_messages(pull):
+    pull.offer(header(0), header(1))
+    pull.answer(body(b"whole"))
+    pull.take(pull.session.fail("the link is gone", at(2)))
+    assert [type(event) for event in pull.events] == [SyncStarted, MessageStored, SyncTimedOut]
+    assert len(pull.database.records()) == 1
+    pull.answer(body(b"too late"))
+    assert len(pull.database.records()) == 1
+
+
+def own_record(age_s: int) -> Record:
+    own = header(0, robot_id=TITAN, age_s=age_s)
+    return Record(own, 0, body(b"mine"), NOW_S - age_s, NOW_S)
+
+
+def test_own_messages_are_not_fetched_over_newer_own_ones(pull):
+    pull.database.insert(own_record(10), NOW_S)
+    pull.offer(header(0, robot_id=TITAN, age_s=11), own_record(10).header)
+    assert pull.asked == [b"DENDTtitan"]
+
+
+def test_own_messages_come_back_after_a_restart(pull):
+    pull.offer(own_record(10).header)
+    pull.answer(body(b"mine"))
+    assert pull.events[-1].robot == "titan"
+    assert payload.unpack(pull.database.newest(TITAN, 0).body) == b"mine"
+
+
+def test_what_another_peer_brought_meanwhile_is_not_fetched(pull):
+    headers = [header(i) for i in range(WINDOW + 1)]
+    pull.offer(*headers)
+    last = headers[-1]
+    pull.database.insert(Record(last, 0, body(), last.stamp_s(NOW_S), NOW_S), NOW_S)
+    for _ in range(WINDOW):
+        pull.answer(body())
+    assert pull.asked == [b"DENDTtitan"]
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    st.lists(
+        st.one_of(
+            st.binary(max_size=40),
+            st.sampled_from([b"SERRM", b"Ack", b"", body(), header(0).pack() * 2]),
+            st.lists(
+                st.builds(header, st.integers(0, 21), robot_id=st.integers(0, 3)), max_size=6
+            ).map(lambda headers: b"".join(h.pack() for h in headers)),
+        ),
+        max_size=12,
+    )
+)
+def test_any_replies_leave_only_good_messages(contents):
+    pull = Pull()
+    for content in contents:
+        if not pull.open:
+            break
+        pull.answer(content)
+    for record in pull.database.records():
+        assert TEAM.by_ids(record.header.robot_id, record.header.topic_id)
+        payload.unpack(record.body)

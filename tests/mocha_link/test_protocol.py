@@ -1,0 +1,115 @@
+"""The answering side: any bytes get an answer, offered messages stay available."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mocha_link.clock import Instant
+from mocha_link.database import Database, Record
+from mocha_link.header import Header
+from mocha_link.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.protocol import ServerSession
+
+OUT = Direction.OUT
+ID = b"\0\xffabcd"
+
+
+def record(second: int, body: bytes = b"\0\0body") -> Record:
+    return Record(Header(0, 0, second, 0), 0, body, float(second), float(second))
+
+
+def at(steady_s: float) -> Instant:
+    return Instant(2000.0, steady_s)
+
+
+@pytest.fixture
+def database() -> Database:
+    result = Database()
+    result.insert(record(1500), 2000)
+    return result
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    st.lists(
+        st.one_of(
+            st.binary(max_size=24),
+            st.builds(
+                lambda code, rest: ID + code + rest,
+                st.sampled_from([b"GHEAD", b"GDATA", b"DENDT", b"SERRM", b"ghead"]),
+                st.binary(max_size=8),
+            ),
+        ),
+        max_size=3,
+    )
+)
+def test_any_parts_are_answered(parts):
+    held = Database()
+    held.insert(record(1500), 2000)
+    reply, _ = ServerSession("io", held).answer(parts, at(0))
+    first = parts[0] if parts else b""
+    assert reply.startswith(first[:6])
+    body, code = reply[len(first[:6]) :], first[6:11]
+    if len(parts) == 1 and code == b"GHEAD":
+        assert body == record(1500).header.pack()
+    elif len(parts) == 1 and code == b"DENDT":
+        assert body == b"Ack"
+    elif len(parts) == 1 and first[6:] == b"GDATA" + record(1500).header.pack():
+        assert body == b"\0\0body"
+    else:
+        assert body == b"SERRM"
+
+
+def test_nothing_held_is_an_empty_list():
+    assert ServerSession("io", Database()).answer([ID + b"GHEAD and more"], at(0))[0] == ID
+
+
+def test_a_pull_is_told(database):
+    session = ServerSession("io", database)
+    assert session.answer([ID + b"DENDTio"], at(0)) == (ID + b"Ack", [])
+    assert session.answer([ID + b"GHEAD"], at(1))[1] == [SyncStarted("io", 2000, OUT)]
+    session.answer([ID + b"GDATA" + record(1500).header.pack()], at(2))
+    session.answer([ID + b"GDATAnobody"], at(3))
+    assert session.answer([ID + b"DENDT\xff\xfe"], at(4)) == (
+        ID + b"Ack",
+        [SyncEnded("io", 2000, OUT, messages=1, bytes=12 + 12 + 11 + 9, duration_s=3)],
+    )
+
+
+def test_silence_and_a_new_beginning_break_a_pull_off(database):
+    session = ServerSession("io", database)
+    session.answer([ID + b"GHEAD"], at(0))
+    assert session.tick(at(13)) == []
+    (broken,) = session.tick(at(13.1))
+    assert broken == SyncTimedOut("io", 2000, OUT, "the peer asked nothing for 13 s")
+    assert session.tick(at(50)) == []
+    session.answer([ID + b"GHEAD"], at(60))
+    assert session.answer([ID + b"GHEAD"], at(61))[1] == [
+        SyncTimedOut("io", 2000, OUT, "the peer began anew"),
+        SyncStarted("io", 2000, OUT),
+    ]
+
+
+def test_the_end_of_a_slow_pull_still_counts(database):
+    session = ServerSession("io", database)
+    session.answer([ID + b"GHEAD"], at(0))
+    session.tick(at(14))
+    (ended,) = session.answer([ID + b"DENDTio"], at(30))[1]
+    assert isinstance(ended, SyncEnded)
+
+
+def test_what_was_offered_stays_available(database):
+    session = ServerSession("io", database)
+    ask = ID + b"GDATA" + record(1500).header.pack()
+    session.answer([ID + b"GHEAD"], at(0))
+    database.insert(record(1600, b"\0\0newer"), 2000)
+    # Old nodes would store an error reply as a message: a slow one gets what it was promised.
+    assert session.answer([ask], at(100))[0] == ID + b"\0\0body"
+    assert session.answer([ID + b"GDATA" + record(1600).header.pack()], at(100))[0] == (
+        ID + b"\0\0newer"
+    )
+    session.answer([ID + b"GHEAD"], at(101))
+    assert session.answer([ask], at(102))[0] == ID + b"SERRM"
+    assert ServerSession("europa", database).answer([ask], at(0))[0] == ID + b"SERRM"
