@@ -27,7 +27,7 @@ TICK_MS = 20  # the node's clock may be a simulated one: look at it often
 OBSERVE_S = 0.25
 BURST = 64  # requests of one port in a row, so that no peer starves the others
 MAX_REQUEST_BYTES = 65_536
-QUEUE_REPLIES = 64
+QUEUE_REPLIES = 32
 DEAD_PEER_S = 60
 
 LOG = logging.getLogger("mocha_link")

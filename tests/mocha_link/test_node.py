@@ -1,0 +1,488 @@
+"""Nodes over real sockets: exchanges, the data mule, a link cut in mid-sync, old and bad peers."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import random
+import socket
+import threading
+import time
+
+import pytest
+import zmq
+
+from mocha_link import payload
+from mocha_link.document import DocumentError
+from mocha_link.metrics import (
+    Direction,
+    LinkState,
+    MessageStored,
+    RssiChanged,
+    SyncEnded,
+    SyncStarted,
+    SyncTimedOut,
+)
+from mocha_link.node import Node, NodeClosedError
+from mocha_link.payload import PayloadError
+from mocha_link.radios import ManualRadio, RadioError, UdpRadio
+from mocha_link.team import UnknownRobotError, UnknownTopicError
+from mocha_link.transport import ListenError, PortInUseError
+
+IN, OUT = Direction.IN, Direction.OUT
+WAIT_MS = 20_000
+
+
+def test_two_nodes_exchange_both_ways(field):
+    titan, _, titan_saw = field.node("titan")
+    io, io_radio, io_saw = field.node("io")
+    titan.publish("/map", b"grid " * 50_000)
+    io.publish("/pose", b"here")
+    io_radio.report("titan", -60.0)
+    assert io_saw.wait(RssiChanged).rssi_dbm == -60.0
+    ended = io_saw.wait(SyncEnded, peer="titan", direction=IN)
+    assert ended.messages == 1
+    assert titan_saw.wait(SyncEnded, peer="io", direction=OUT).messages == 1
+    titan.sync("io")
+    titan_saw.wait(SyncEnded, peer="io", direction=IN)
+
+    message = io.latest("titan", "/map")
+    assert message.data == b"grid " * 50_000
+    assert (message.robot, message.topic, message.priority.name) == ("titan", "/map", "HIGH")
+    assert message.stamp_s == pytest.approx(message.received_s, abs=20)
+    assert titan.latest("io", "/pose").data == b"here"
+    assert titan.latest("io", "/path") is None
+    assert {(m.robot, m.topic) for m in titan.messages()} == {("titan", "/map"), ("io", "/pose")}
+
+    link = io.links()["titan"]
+    assert (link.state_in, link.syncs_in, link.rssi_dbm) == (LinkState.ENDED, 1, -60.0)
+    assert link.rtt_s > 0
+    assert link.bandwidth_bytes_s > 0
+    assert link.bytes_in == ended.bytes
+    assert 0 <= link.newest_age_s < 20
+    assert io.links()["callisto"].state is LinkState.IDLE
+
+
+def test_a_data_mule_between_robots_that_never_meet(field):
+    callisto, _, _ = field.node("callisto")
+    _, titan_radio, titan_saw = field.node("titan")
+    io, io_radio, io_saw = field.node("io")
+    callisto.publish("/path", b"to the bridge")
+    titan_radio.report("callisto", -60.0)
+    titan_saw.wait(SyncEnded, peer="callisto", direction=IN)
+    titan_radio.report("callisto", None)
+    io_radio.report("titan", -60.0)
+    io_saw.wait(SyncEnded, peer="titan", direction=IN)
+    assert io.latest("callisto", "/path").data == b"to the bridge"
+    assert io.links()["callisto"].state is LinkState.IDLE
+
+
+class CutRelay:
+    """Carries bytes to a port; stops without a word after so many, until it heals."""
+
+    def __init__(self, host: str, target: int, limit: int) -> None:
+        self._listener = socket.create_server((host, 0))
+        self.port = self._listener.getsockname()[1]
+        self._target = (host, target)
+        self.limit = limit
+        self.cut = threading.Event()
+        self._healed = threading.Event()
+        self._sockets: list[socket.socket] = [self._listener]
+        self._threads = [self._start(self._accept)]
+
+    def _start(self, target, *args) -> threading.Thread:
+        thread = threading.Thread(target=target, args=args, daemon=True)
+        thread.start()
+        return thread
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                near, _ = self._listener.accept()
+                far = socket.create_connection(self._target)
+            except OSError:
+                return
+            self._sockets += [near, far]
+            self._threads += [
+                self._start(self._carry, near, far, False),
+                self._start(self._carry, far, near, True),
+            ]
+
+    def _carry(self, source, sink, counts) -> None:
+        while True:
+            try:
+                data = source.recv(4096)
+                if not data:
+                    sink.shutdown(socket.SHUT_WR)
+                    return
+                if counts and not self._healed.is_set():
+                    data = data[: self.limit]
+                    self.limit -= len(data)
+                    if not self.limit:
+                        self.cut.set()
+                        sink.sendall(data)
+                        self._healed.wait()
+                        return  # what was on its way is lost; this connection stays dead
+                sink.sendall(data)
+            except OSError:
+                return
+
+    def heal(self) -> None:
+        self._healed.set()
+
+    def close(self) -> None:
+        self.heal()
+        for each in self._sockets:
+            with contextlib.suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+            each.close()
+        for thread in self._threads:
+            thread.join()
+
+
+def test_a_link_cut_in_mid_sync(field):
+    titan, _, titan_saw = field.node("titan")
+    whole = random.Random(1).randbytes(20_000)
+    large = random.Random(2).randbytes(300_000)
+    titan.publish("/map", whole)
+    titan.publish("/slow", large)
+    relay = CutRelay(field.host, field.team.robot("titan").port_for("io"), limit=120_000)
+    try:
+        index = field.team.robot("titan").clients.index("io")
+        field.team = field.team.with_robots({"titan": {"base_port": relay.port - index}})
+        io, _, io_saw = field.node("io", timeout_s=1.0)
+        io.sync("titan")
+        assert relay.cut.wait(20)
+        broken = io_saw.wait(SyncTimedOut, peer="titan", direction=IN)
+        assert "no byte for 1 s" in broken.reason
+        # The message before the cut is there, of the one in mid-payload there is nothing.
+        assert io.latest("titan", "/map").data == whole
+        assert io.latest("titan", "/slow") is None
+        relay.heal()
+        io.sync("titan")
+        assert io_saw.wait(SyncEnded, peer="titan", direction=IN).messages == 1
+        assert io.latest("titan", "/slow").data == large
+        assert io.links()["titan"].timeouts == 1
+        titan_saw.wait(SyncEnded, peer="io", direction=OUT)
+    finally:
+        relay.close()
+
+
+def test_a_slow_reply_is_progress(field):
+    """A large reply that trickles in does not time out: bytes count, not messages."""
+    host, port = field.host, field.team.robot("titan").port_for("io")
+    body = payload.pack(3, 0, random.Random(1).randbytes(40_000))
+    io, _, io_saw = field.node("io", timeout_s=1.5)
+    header = bytes([2, 1]) + int(time.time() % 65536 or 5).to_bytes(2) + b"\0\5"
+    with socket.create_server((host, port)) as listener:
+        io.sync("titan")
+        peer, _ = listener.accept()
+        with peer:
+            peer.settimeout(20)
+            peer.sendall(bytes.fromhex("ff00000000000000017f03014e554c4c") + bytes(48))
+            read = peer.makefile("rb")
+            read.read(64)
+            peer.sendall(bytes.fromhex("04190552454144590b536f636b65742d5479706500000003524550"))
+            ready = read.read(2)
+            read.read(ready[1])
+
+            def request() -> bytes:
+                assert read.read(2) == b"\1\0"
+                size = read.read(2)[1]
+                return read.read(size)
+
+            def reply(frame: bytes) -> bytes:
+                return b"\1\0\2" + len(frame).to_bytes(8) + frame
+
+            peer.sendall(reply(request()[:6] + header))
+            wire = reply(request()[:6] + body)
+            step = len(wire) // 8
+            for start in range(0, len(wire), step):
+                peer.sendall(wire[start : start + step])
+                threading.Event().wait(
+                    0.25
+                )  # a slow link: the whole takes longer than the time-out
+            peer.sendall(reply(request()[:6] + b"Ack"))
+            ended = io_saw.wait(SyncEnded, peer="titan", direction=IN)
+            read.close()
+    assert ended.messages == 1
+    assert not any(isinstance(event, SyncTimedOut) for event in io_saw.seen)
+
+
+def test_an_old_client_pulls_from_a_node(field):
+    """As the original does: a REQ socket per request."""
+    titan, _, titan_saw = field.node("titan")
+    header = titan.publish("/map", b"grid").pack()
+    with zmq.Context() as context:
+
+        def ask(body: bytes) -> bytes:
+            with context.socket(zmq.REQ) as client:
+                client.setsockopt(zmq.LINGER, 0)
+                client.connect(f"tcp://{field.host}:{titan.robot.port_for('io')}")
+                client.send(body)
+                assert client.poll(WAIT_MS)
+                return client.recv()
+
+        assert ask(b"idididGHEAD") == b"ididid" + header
+        titan_saw.wait(SyncStarted, peer="io", direction=OUT)
+        assert payload.unpack(ask(b"idididGDATA" + header)[6:]) == b"grid"
+        assert ask(b"idididGDATA" + header[:5]) == b"idididSERRM"
+        assert ask(b"idididDENDTio") == b"idididAck"
+    assert titan_saw.wait(SyncEnded, peer="io", direction=OUT).messages == 1
+
+
+def test_a_node_pulls_from_an_old_server(field):
+    """A REP socket that answers one request after the other, as the original does."""
+    clouds = {bytes([0, topic, 0x35, 0xDB, 0, 7]): bytes([topic]) * 1000 for topic in (0, 1, 2)}
+    dtypes = {0: 3, 1: 2, 2: 1}  # by the sorted types of the team
+    io, _, io_saw = field.node("io")
+    asked = []
+    with zmq.Context() as context, context.socket(zmq.REP) as server:
+        server.setsockopt(zmq.LINGER, 0)
+        server.bind(f"tcp://{field.host}:{field.team.robot('callisto').port_for('io')}")
+        io.sync("callisto")
+        while b"DENDTio" not in asked:
+            assert server.poll(WAIT_MS)
+            request = server.recv()
+            asked.append(request[6:])
+            if asked[-1] == b"GHEAD":
+                body = b"".join(clouds)
+            elif asked[-1].startswith(b"GDATA"):
+                topic = asked[-1][6]
+                body = payload.pack(dtypes[topic], 0, clouds[asked[-1][5:]])
+            else:
+                body = b"Ack"
+            server.send(request[:6] + body)
+        assert io_saw.wait(SyncEnded, peer="callisto", direction=IN).messages == 3
+    assert asked == [b"GHEAD", *(b"GDATA" + header for header in clouds), b"DENDTio"]
+    assert io.latest("callisto", "/cloud").data == bytes([2]) * 1000
+    assert io.links()["callisto"].refused == 0
+
+
+def test_hostile_bytes_do_not_stop_a_node(field):
+    titan, _, _ = field.node("titan")
+    generator = random.Random(7)
+    port = titan.robot.port_for("io")
+    with zmq.Context() as context, context.socket(zmq.DEALER) as attacker:
+        attacker.setsockopt(zmq.LINGER, 0)
+        attacker.connect(f"tcp://{field.host}:{port}")
+        for size in range(40):
+            attacker.send_multipart([b"", generator.randbytes(size)])
+            attacker.send_multipart([b"", b"\xff" * size, b"more", b""])
+            attacker.send_multipart([generator.randbytes(size + 1)])  # no envelope: ignored
+            attacker.send_multipart([generator.randbytes(9), b"", b"\x80bcdefGDAT\xff"])
+            attacker.send_multipart([b""])
+            for _ in range(3):
+                assert attacker.poll(WAIT_MS)
+                assert attacker.recv_multipart()[-1].endswith(b"SERRM")
+        # raw TCP: no ZeroMQ, half a handshake, a huge frame length
+        greeting = bytes.fromhex("ff00000000000000017f03014e554c4c") + bytes(48)
+        for raw in (b"GET / HTTP/1.1\r\n\r\n", generator.randbytes(300), greeting[:20]):
+            with socket.create_connection((field.host, port)) as connection:
+                connection.sendall(raw)
+        with socket.create_connection((field.host, port)) as connection:
+            ready = bytes.fromhex("04260552454144590b536f636b65742d547970650000000352455110")
+            connection.sendall(greeting + ready + b"\2" + (1 << 62).to_bytes(8))
+        attacker.send_multipart([b"", b"idididGHEAD"])
+        assert attacker.poll(WAIT_MS)
+        assert attacker.recv_multipart() == [b"", b"ididid"]
+
+
+def test_a_peer_that_is_no_node(field):
+    """What answers on the peer's port talks nonsense: the pull breaks off, the node goes on."""
+    io, _, io_saw = field.node("io")
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as peer:
+        peer.setsockopt(zmq.LINGER, 0)
+        peer.bind(f"tcp://{field.host}:{field.team.robot('titan').port_for('io')}")
+        io.sync("titan")
+        assert peer.poll(WAIT_MS)
+        identity, _, request = peer.recv_multipart()
+        peer.send_multipart([identity, b"", b"wrong id", b"and parts"])
+        peer.send_multipart([identity, b"no envelope"])
+        peer.send_multipart([identity, b""])
+        peer.send_multipart([identity, b"", request[:6] + b"SERRM"])
+        broken = io_saw.wait(SyncTimedOut, peer="titan", direction=IN)
+    assert "something else than headers" in broken.reason
+    assert io.links()["titan"].refused == 4
+
+
+def test_a_peer_that_closes_the_connection(field):
+    io, _, io_saw = field.node("io")
+    port = field.team.robot("titan").port_for("io")
+    with socket.create_server((field.host, port)) as listener:
+        io.sync("titan")
+        connection, _ = listener.accept()
+        connection.close()
+        broken = io_saw.wait(SyncTimedOut, peer="titan", direction=IN)
+    assert "connection" in broken.reason or "handshake" in broken.reason
+
+
+def test_a_port_in_use_is_named(field):
+    port = field.team.robot("titan").port_for("io")
+    with socket.create_server((field.host, port)):
+        node = Node(field.team, "titan", radio=ManualRadio())
+        with pytest.raises(PortInUseError, match=rf"titan cannot listen for io .* port {port} is "):
+            node.start()
+        node.close()
+    with Node(field.team, "titan", radio=ManualRadio()):  # and it is free again
+        pass
+    gc.collect()  # an unclosed socket would warn, and warnings are errors
+
+
+def test_an_address_of_another_machine(field):
+    field.team = field.team.with_robots({"titan": {"listen": "203.0.113.7"}})
+    node = Node(field.team, "titan", radio=ManualRadio())
+    with pytest.raises(ListenError, match="set 'listen' of titan to"):
+        node.start()
+
+
+def test_wrong_names_and_times(field):
+    with pytest.raises(UnknownRobotError, match=r"no robot 'mars' in team.yaml; use one of"):
+        Node(field.team, "mars")
+    titan, radio, _ = field.node("titan")
+    with pytest.raises(UnknownTopicError, match="has no topic '/pose'"):
+        titan.publish("/pose", b"")
+    with pytest.raises(UnknownTopicError):
+        titan.flush("/pose")
+    with pytest.raises(UnknownTopicError):
+        titan.latest("io", "/map")
+    with pytest.raises(UnknownRobotError):
+        titan.sync("titan")
+    with pytest.raises(UnknownRobotError):
+        radio.report("mars", -50)
+    with pytest.raises(NodeClosedError, match="runs once"):
+        titan.start()
+    titan.close()
+    titan.close()
+    with pytest.raises(NodeClosedError, match="the node of titan is closed"):
+        titan.publish("/map", b"")
+    with pytest.raises(NodeClosedError):
+        titan.sync("io")
+
+
+def test_too_large_a_message(field, monkeypatch):
+    titan, _, _ = field.node("titan")
+    monkeypatch.setattr(payload, "MAX_BYTES", 100)
+    with pytest.raises(PayloadError, match="101 bytes; at most 100"):
+        titan.publish("/map", bytes(101))
+    assert titan.messages() == []
+
+
+def test_the_clock_of_the_robot_counts(field, clock):
+    titan, radio, saw = field.node("titan", clock=clock)
+    header = titan.publish("/slow", b"1")
+    assert header.stamp_s(clock.now_s()) == clock.time_s
+    assert saw.wait(MessageStored).at_s == clock.time_s
+    titan.publish("/slow", b"2")
+    assert titan.latest("titan", "/slow").data == b"1"
+    clock.time_s += 5
+    saw.wait(MessageStored)
+    assert titan.latest("titan", "/slow").data == b"2"
+    titan.publish("/slow", b"3", now=True)
+    saw.wait(MessageStored)
+    titan.publish("/slow", b"4")
+    titan.flush("/slow")
+    saw.wait(MessageStored)
+    assert titan.latest("titan", "/slow").data == b"4"
+    radio.report("io", -90)
+    saw.wait(RssiChanged)
+    clock.time_s += 7
+    assert saw.wait(RssiChanged).rssi_dbm is None
+
+
+def test_without_a_radio_the_timer_pulls(field, clock):
+    titan, _, _ = field.node("titan")
+    titan.publish("/map", b"grid")
+    stored = threading.Event()
+    with Node(field.team, "io", clock=clock) as io:
+        io.subscribe(lambda event: stored.set() if isinstance(event, MessageStored) else None)
+        assert stored.wait(20)
+        assert io.latest("titan", "/map").data == b"grid"
+
+
+def test_a_radio_over_udp(field):
+    port = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with port:
+        port.bind((field.host, 0))
+        address = port.getsockname()
+        field.team = field.team.with_robots({"io": {"radio": f"udp://{field.host}:{address[1]}"}})
+        node = Node(field.team, "io")
+        with pytest.raises(RadioError, match="Address already in use; end the process"):
+            node.start()
+    radio = UdpRadio(f"udp://{field.host}:0")
+    heard = []
+    with Node(field.team, "io", radio=radio) as io:
+        told = threading.Event()
+        io.subscribe(lambda e: (heard.append(e), told.set()))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            for raw in (b"nonsense", b'{"peer": "mars", "rssi_dbm": -50}', b"[]", b"\xff"):
+                sender.sendto(raw, (field.host, radio.port))
+            sender.sendto(b'{"peer": "titan", "rssi_dbm": -90.5}', (field.host, radio.port))
+            assert told.wait(20)
+    assert [(e.peer, e.rssi_dbm) for e in heard] == [("titan", -90.5)]
+    assert radio.refused == 4
+
+
+def test_a_listener_that_fails_stops_nothing(field, caplog):
+    titan, radio, _ = field.node("titan")
+
+    def fail(_event: object) -> None:
+        raise ValueError("oops")
+
+    unsubscribe = titan.subscribe(fail)
+    saw = []
+    later = threading.Event()
+    titan.subscribe(lambda event: (saw.append(event), later.set()))
+    radio.report("io", -90)
+    assert later.wait(20)
+    assert "a listener failed on RssiChanged" in caplog.text
+    unsubscribe()
+    unsubscribe()
+
+
+def test_a_callback_may_close_its_node(field):
+    titan, radio, _ = field.node("titan")
+    closed = threading.Event()
+    titan.subscribe(lambda _event: (titan.close(), closed.set()))
+    radio.report("io", -90)
+    assert closed.wait(20)
+    for thread in threading.enumerate():
+        if thread.name == "mocha-link titan":
+            thread.join(20)
+
+
+def test_events_for_asyncio(field):
+    titan, radio, _ = field.node("titan")
+
+    async def watch() -> list[float | None]:
+        events = titan.events()
+        radio.report("io", -90)
+        seen = [(await anext(events)).rssi_dbm]
+        waiting = asyncio.ensure_future(anext(events))
+        await asyncio.sleep(0)
+        radio.report("io", -91)
+        seen.append((await waiting).rssi_dbm)
+        titan.close()
+        seen += [event.rssi_dbm async for event in events]
+        assert [event async for event in titan.events()] == []
+        return seen
+
+    assert asyncio.run(watch()) == [-90, -91]
+
+
+def test_closing_is_quick_even_in_mid_sync(field):
+    io, _, io_saw = field.node("io")
+    io.sync("titan")  # nobody answers there
+    io.sync("callisto")
+    io_saw.wait(SyncStarted, peer="callisto")
+    begin = time.monotonic()
+    io.close()
+    assert time.monotonic() - begin < 1
+    assert io.links()["titan"].state is LinkState.STARTED
+    gc.collect()
+
+
+def test_a_team_file_that_is_wrong_never_makes_a_node(field):
+    with pytest.raises(DocumentError, match=r"team.yaml:\d+:\d+: "):
+        field.team.with_robots({"io": {"base_port": 99999}})
