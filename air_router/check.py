@@ -54,19 +54,19 @@ def run(arguments: argparse.Namespace) -> int:
 def summary(mission: Mission, findings: Survey) -> list[str]:
     """A person's view of a mission that was found to be in order."""
     planner = mission.planner
+    margin = (
+        f"clearance {planner.clearance_m:g} m + tracking margin {planner.tracking_margin_m:g} m"
+    )
     fence = "a fence" if mission.fence is not None else "no fence"
     pieces = "in one piece" if findings.connected else "in pieces"
     minutes, seconds = divmod(round(findings.flight_time_s(mission.speed_m_s)), 60)
     lines = [
         (
-            f"{mission.name}: {len(mission.waypoints)} waypoints, {len(mission.zones)} no-fly zones, "
-            f"{fence}, {len(mission.rally_points)} rally points"
+            f"{mission.name}: {len(mission.waypoints)} waypoints, "
+            f"{len(mission.zones)} no-fly zones, {fence}, {len(mission.rally_points)} rally points"
         ),
         f"  flies      {mission.altitude_above_home_m:g} m above home at {mission.speed_m_s:g} m/s",
-        (
-            f"  keeps      {planner.distance_m:g} m from zones and fence "
-            f"(clearance {planner.clearance_m:g} m + tracking margin {planner.tracking_margin_m:g} m)"
-        ),
+        f"  keeps      {planner.distance_m:g} m from zones and fence ({margin})",
         (
             f"  graph      {findings.edges} clear connections up to {planner.max_edge_m:g} m, "
             f"{findings.detours} detours, {pieces}"

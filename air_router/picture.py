@@ -36,7 +36,7 @@ __all__ = ["PictureError", "draw_mission"]
 
 _FENCE, _ZONE, _EDGE = "#2f7d4f", "#c8383b", "#b9c0c8"
 _ROUTE, _TRACK = "#1565c0", "#7b3fa0"
-_DPI = 160
+_DPI = 130
 
 
 def draw_mission(

@@ -3,7 +3,8 @@
 A visibility graph: its corners lie a centimetre outside of the clearance, its legs are judged by
 the airspace's own exact test, so that every leg of a path that is returned is clear. A gap that is
 less than two centimetres (and 0.6 % of the clearance) wider than twice the clearance counts as
-closed.
+closed; one that is not much wider, at pointed corners up to half, is passed only where no other way
+is open.
 """
 
 from __future__ import annotations
@@ -84,6 +85,8 @@ class Corners:
 
     def __init__(self, airspace: Airspace, free: BaseGeometry) -> None:
         self._airspace = airspace
+        self._free = free
+        shapely.prepare(free)
         here, before, after = _reflex_corners(free)
         self._here, self._before, self._after = here, before, after
         self._points = [Point(float(east), float(north)) for east, north in here]
@@ -137,7 +140,10 @@ class Corners:
         self, point: Point, allowed: Callable[[Point], bool] | None = None
     ) -> list[tuple[int, float]]:
         """Corners that a path from the point can turn at first, with their distances."""
-        indices = np.flatnonzero(self._tangent_from(np.array(point)))
+        if shapely.intersects_xy(self._free, *point):
+            indices = np.flatnonzero(self._tangent_from(np.array(point)))
+        else:  # between the limit and the corners, which lie a bit outside of it
+            indices = np.arange(len(self._points))
         ends = [self._points[i] for i in indices]
         if allowed is None:
             clear = self._airspace.legs_clear(point, ends)
