@@ -1,0 +1,34 @@
+"""The documentation names every key, and its example is a team."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from mocha_link.document import Document
+from mocha_link.team import Team, _RobotModel, _TopicModel, _TriggerModel
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.mark.parametrize("model", [_RobotModel, _TopicModel, _TriggerModel])
+def test_every_key_is_documented_with_its_default(model):
+    text = (DOCS / "team-file.md").read_text()
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", text, re.MULTILINE))
+    for name, field in model.model_fields.items():
+        if field.is_required():
+            assert rows[name] == "required"
+        elif field.default is None:
+            assert rows[name] == "none"
+        else:
+            shown = rows[name].strip('`"')
+            assert shown == str(field.default) or float(shown) == field.default
+
+
+def test_the_example_is_a_team():
+    text = (DOCS / "team-file.md").read_text()
+    example = re.search(r"```yaml\n(.*?)```", text, re.DOTALL)[1]
+    team = Team.from_document(Document.from_text(example, Path("team.yaml")))
+    assert team.robot("titan").port_for("io") == 24400
