@@ -16,7 +16,7 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	@touch $@
 
 sim: setup
-	$(BIN)/air-router sim $(MISSION) --speed $(SPEED)
+	$(BIN)/air-router sim $(MISSION) --speed $(SPEED) --log-dir logs
 
 test: setup
 	$(BIN)/python -m pytest

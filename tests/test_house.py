@@ -1,0 +1,60 @@
+"""The rules of the house that can be checked: who imports whom, and no circles."""
+
+import ast
+from pathlib import Path
+
+import networkx as nx
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ALLOWED = {
+    "geo": set(),
+    "mocha_link": set(),
+    "air_router": {"geo", "mocha_link"},
+    "sitl": {"geo", "mocha_link", "air_router"},
+}
+MODULES = {
+    ".".join(path.relative_to(ROOT).with_suffix("").parts): path
+    for package in ALLOWED
+    for path in sorted((ROOT / package).rglob("*.py"))
+}
+
+
+def imports(path, *, typing_too):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    skipped = set()
+    if not typing_too:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+                skipped.update(id(inner) for inner in ast.walk(node))
+    for node in ast.walk(tree):
+        if id(node) in skipped:
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+@pytest.mark.parametrize("module", list(MODULES))
+def test_no_arrow_runs_up(module):
+    package = module.split(".")[0]
+    others = {name.split(".")[0] for name in imports(MODULES[module], typing_too=True)}
+    assert others & set(ALLOWED) <= ALLOWED[package] | {package}
+
+
+def test_no_circle_between_files():
+    graph = nx.DiGraph(
+        (module, name)
+        for module, path in MODULES.items()
+        for name in imports(path, typing_too=False)
+        if name in MODULES and name != module and not name.endswith("__init__")
+    )
+    assert list(nx.simple_cycles(graph)) == []
+
+
+@pytest.mark.parametrize("module", list(MODULES))
+def test_modules_stay_small(module):
+    assert len(MODULES[module].read_text(encoding="utf-8").splitlines()) <= 450
