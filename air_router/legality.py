@@ -37,10 +37,10 @@ def check_geometry(draft: Draft) -> None:
     if not draft.waypoints and "waypoints" not in draft.unread and not draft.problems:
         draft.complain(("waypoints",), "a mission needs at least one waypoint; add one")
     _check_names(draft)
-    _check_distances(draft)
     _check_fence_crossings(draft)
     _check_same_places(draft)
-    if _check_spots(draft) and "planner" not in draft.unread:
+    far = _check_distances(draft)
+    if _check_spots(draft, far) and not far and "planner" not in draft.unread:
         _check_ways(draft)
 
 
@@ -97,19 +97,26 @@ def _check_names(draft: Draft) -> None:
         first.setdefault(area.name, area)
 
 
-def _check_distances(draft: Draft) -> None:
-    """Far places are typing errors: digits, signs, or longitude before latitude."""
+def _check_distances(draft: Draft) -> set[str]:
+    """Far places are typing errors: digits, signs, or longitude before latitude.
+
+    Returns the labels of such places: nothing else needs to be said about them.
+    """
+    far: set[str] = set()
     if draft.home is None:
-        return
+        return far
     advice = "correct it (latitude comes first)" if not draft.in_metres else "correct it"
     for spot in (*draft.waypoints, *draft.rally_points):
         if (far_m := math.dist(spot.position, draft.home.position)) > _FAR_M:
             draft.complain(spot.keys, f"{spot.label} is {far_m / 1000:.0f} km from home; {advice}")
+            far.add(spot.label)
     for area in (*draft.zones, *([draft.fence] if draft.fence else [])):
         far_m = max(math.dist(corner, draft.home.position) for corner in area.ring)
         if far_m > _FAR_M:
             label = "the fence" if area is draft.fence else f"no-fly zone '{area.name}'"
             draft.complain(area.keys, f"{label} reaches {far_m / 1000:.0f} km from home; {advice}")
+            far.add(label)
+    return far
 
 
 def _check_fence_crossings(draft: Draft) -> None:
@@ -136,13 +143,14 @@ def _check_same_places(draft: Draft) -> None:
                 break
 
 
-def _check_spots(draft: Draft) -> bool:
+def _check_spots(draft: Draft, far: Collection[str]) -> bool:
     """Whether home, waypoints and rally points all keep their distance."""
     planner = draft.planner
     readable = "planner" not in draft.unread
     airspace = airspace_of(draft, planner.distance_m if readable else 0.0)
     spots = [*([draft.home] if draft.home else []), *draft.waypoints, *draft.rally_points]
-    wrong = [spot for spot in spots if not airspace.point_clear(spot.position)]
+    near = [spot for spot in spots if spot.label not in far]
+    wrong = [spot for spot in near if not airspace.point_clear(spot.position)]
     for spot in wrong:
         draft.complain(spot.keys, _complaint(spot, airspace, _needs(draft)))
     return not wrong

@@ -69,6 +69,16 @@ def _load_json(path: Path) -> Document:
     return Document.from_text(text.replace("\t", " "), path)
 
 
+def _named(keys: Keys) -> str:
+    """A value's key and place in lists, for messages: 'params[4]'."""
+    name = ""
+    for key in reversed(keys):
+        name = f"[{key}]{name}" if isinstance(key, int) else f"{key}{name}"
+        if isinstance(key, str):
+            break
+    return f"'{name}'"
+
+
 def _unreadable(path: Path, line: int, column: int, message: str) -> DocumentError:
     return DocumentError([Problem(path, line, column, message)])
 
@@ -109,7 +119,7 @@ class _PlanReader:
         if isinstance(value, int | float) and not isinstance(value, bool):
             return float(value)
         found = "nothing" if value is None else json.dumps(value)[:40]
-        self._draft.complain(keys, f"{keys[-1]!r} must be a number, found {found}; correct it")
+        self._draft.complain(keys, f"{_named(keys)} must be a number, found {found}; correct it")
         return None
 
     def _entries(self, *keys: str | int) -> list[Any]:
@@ -117,7 +127,7 @@ class _PlanReader:
         value = self._at(*keys)
         if isinstance(value, list):
             return value
-        self._draft.complain(keys, f"missing list '{keys[-1]}'; {_EXPORT_AGAIN}")
+        self._draft.complain(keys, f"missing list {_named(keys)}; {_EXPORT_AGAIN}")
         return []
 
     def _pair(self, *keys: str | int) -> tuple[float, float] | None:
@@ -135,7 +145,7 @@ class _PlanReader:
     def _version(self, keys: Keys, known: int) -> None:
         version = self._at(*keys, "version")
         if version != known:
-            what = keys[-1] if keys else "the plan"
+            what = _named(keys) if keys else "the plan"
             self._draft.complain(
                 (*keys, "version"),
                 f"{what} has version {json.dumps(version)}, read is {known}; {_EXPORT_AGAIN}",

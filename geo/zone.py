@@ -55,7 +55,7 @@ def checked_ring(corners: Iterable[Point | Sequence[float]]) -> Ring:
     if len(set(ring)) < 3:
         raise ZoneError(f"it has {len(set(ring))} different corners, an area needs 3")
     polygon = Polygon(ring)
-    if polygon.area < 1e-6:
+    if polygon.convex_hull.area < 1e-6:
         raise ZoneError("its corners lie on one line, so it has no area")
     if not polygon.is_valid:
         raise ZoneError(f"its border crosses or touches itself ({explain_validity(polygon)})")

@@ -1,0 +1,202 @@
+"""QGroundControl plans: what is read, and what is refused with its place in the file."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from air_router.errors import MissionFileError
+from air_router.mission import load_mission
+
+DATA = Path(__file__).parents[1] / "data"
+MISSIONS = Path(__file__).parents[2] / "missions"
+
+HOME = [47.0, 8.0, 500.0]
+
+
+def waypoint(lat, lon, *, altitude=30, frame=3, command=16):
+    return {
+        "type": "SimpleItem",
+        "command": command,
+        "frame": frame,
+        "params": [0, 0, 0, None, lat, lon, altitude],
+    }
+
+
+def plan():
+    return {
+        "fileType": "Plan",
+        "version": 1,
+        "mission": {
+            "version": 2,
+            "plannedHomePosition": list(HOME),
+            "hoverSpeed": 5,
+            "items": [
+                waypoint(47.0, 8.0, altitude=20, command=22),
+                waypoint(47.0005, 8.0),
+                waypoint(47.0005, 8.0005, altitude=540, frame=0),
+                {"type": "SimpleItem", "command": 20, "frame": 2, "params": [0] * 7},
+            ],
+        },
+        "geoFence": {
+            "version": 2,
+            "polygons": [
+                {
+                    "version": 1,
+                    "inclusion": False,
+                    "polygon": [[47.0002, 8.0002], [47.0003, 8.0002], [47.0003, 8.0003]],
+                }
+            ],
+            "circles": [
+                {"version": 1, "inclusion": True, "circle": {"center": HOME[:2], "radius": 200}},
+                {
+                    "version": 1,
+                    "inclusion": False,
+                    "circle": {"center": [46.9995, 8.0], "radius": 10},
+                },
+            ],
+        },
+        "rallyPoints": {"version": 2, "points": [[47.0, 8.0004, 0]]},
+    }
+
+
+def write(folder, data, indent=4):
+    path = folder / "town.plan"
+    path.write_text(data if isinstance(data, str) else json.dumps(data, indent=indent))
+    return path
+
+
+def problems(folder, data):
+    with pytest.raises(MissionFileError) as caught:
+        load_mission(write(folder, data))
+    assert caught.value.exit_code == 3
+    return [str(p).removeprefix(f"{folder}/town.plan:") for p in caught.value.problems]
+
+
+def test_the_real_plan():
+    mission = load_mission(DATA / "pennovation.plan")
+    assert mission.name == "pennovation"
+    assert len(mission.waypoints) == 39
+    assert (len(mission.fence), len(mission.zones), len(mission.rally_points)) == (16, 8, 5)
+    assert [len(zone.ring) for zone in mission.zones] == [11, 6, 5, 7, 4, 6, 4, 4]
+    assert mission.altitude_above_home_m == 40
+    assert mission.speed_m_s == 3.5
+    assert mission.home_altitude_amsl_m == pytest.approx(6.742, abs=1e-3)
+    assert (mission.team, mission.world) == (None, None)
+    same = load_mission(MISSIONS / "pennovation" / "mission.yaml")
+    for mine, theirs in zip(same.waypoints, mission.waypoints, strict=True):
+        assert mine.position == pytest.approx(tuple(theirs.position), abs=0.02)
+        assert mine.altitude_above_home_m == theirs.altitude_above_home_m
+    for mine, theirs in zip(same.zones, mission.zones, strict=True):
+        for a, b in zip(mine.ring, theirs.ring, strict=True):
+            assert a == pytest.approx(tuple(b), abs=0.02)
+
+
+@pytest.mark.parametrize("indent", [None, 1, "\t"])
+def test_a_plan_with_all_that_is_read(tmp_path, indent):
+    mission = load_mission(write(tmp_path, plan(), indent))
+    assert mission.altitude_above_home_m == 20  # the take-off's
+    assert [w.altitude_above_home_m for w in mission.waypoints] == [30, 40]
+    assert mission.waypoints[0].position == pytest.approx((0, 55.6), abs=0.1)
+    assert mission.speed_m_s == 5
+    assert mission.airspace.point_clear(mission.home)
+    assert mission.airspace.distance_m(mission.home) == pytest.approx(26.9, abs=0.1)
+    assert mission.airspace.nearest(mission.waypoints[0].position)[1] == "zone 1"
+    assert len(mission.rally_points) == 1
+
+
+def test_team_and_world_beside_the_plan_are_used(tmp_path):
+    team = (MISSIONS / "pennovation" / "team.yaml").read_text()
+    (tmp_path / "team.yaml").write_text(team)
+    (tmp_path / "world.yaml").write_text("{}")
+    mission = load_mission(write(tmp_path, plan()))
+    assert mission.team == tmp_path / "team.yaml"
+    assert mission.world == tmp_path / "world.yaml"
+    assert mission.uav == "titan"
+
+
+def put(data, *keys):
+    *path, last, value = keys
+    for key in path:
+        data = data[key]
+    if value is None:
+        del data[last]
+    else:
+        data[last] = value
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        (("fileType", "Mission"), '1:1: not a QGroundControl plan: "fileType" is not "Plan"'),
+        (("version", 2), "3:16: the plan has version 2, read is 1"),
+        (("geoFence", "version", 1), "72:20: 'geoFence' has version 1, read is 2"),
+        (("geoFence", None), "1:1: missing section 'geoFence'"),
+        (("rallyPoints", None), "1:1: missing section 'rallyPoints'"),
+        (("mission", "plannedHomePosition", None), "4:16: missing key 'plannedHomePosition'"),
+        (("mission", "plannedHomePosition", 0, 95), "6:32: home: latitude 95.0 is not within"),
+        (("mission", "plannedHomePosition", 0, "x"), '7:13: 'plannedHomePosition[0]' must be a number, found "x"'),
+        (("mission", "hoverSpeed", 0), "11:23: the speed must be more than 0"),
+        (("mission", "items", 1, "command", 82), "29:28: item 1: command 82 is not read yet"),
+        (("mission", "items", 0, "command", 20), "15:28: item 0: command 20 is not read yet"),
+        (("mission", "items", 1, "frame", 10), "30:26: altitude frame 10 is not read yet"),
+        (("mission", "items", 1, "params", 6, 0), "38:21: the altitude is 0 m above home"),
+        (("mission", "items", 1, "params", 5, "?"), '37:21: 'params[5]' must be a number, found "?"'),
+        (("mission", "items", 1, "params", 4, 97), "36:21: waypoint 1: latitude 97.0 is not"),
+        (("mission", "items", 1, "type", "ComplexItem"), '28:25: item 1: "ComplexItem" is not'),
+        (("mission", "items", None), "4:16: missing list 'items'"),
+        (("geoFence", "polygons", None), "missing list 'polygons'"),
+        (("geoFence", "polygons", 0, "inclusion", None), "'inclusion' must be true (a fence)"),
+        (("geoFence", "polygons", 0, "inclusion", True), "a second fence (inclusion area)"),
+        (("geoFence", "polygons", 0, "version", 7), "'polygons[0]' has version 7, read is 1"),
+        (("geoFence", "polygons", 0, "polygon", 0, [47]), "'polygon[0][1]' must be a number, found nothing"),
+        (("geoFence", "circles", 0, "circle", "radius", -1), "the fence cannot be an area"),
+        (("geoFence", "circles", 1, "circle", "radius", None), "'radius' must be a number"),
+        (("geoFence", "circles", 1, "circle", "radius", 70), "home lies inside no-fly zone"),
+        (("rallyPoints", "points", 0, [47.0, 9]), "rally point 1 is 76 km from home"),
+        (("rallyPoints", "points", 0, [47.00025, 8.00024]), "rally point 1 lies inside"),
+    ],
+)
+def test_what_is_not_understood_is_refused_with_its_place(tmp_path, keys, expected):
+    data = plan()
+    put(data, *keys)
+    found = problems(tmp_path, data)
+    assert any(expected in problem for problem in found), found
+
+
+def test_one_speed_only(tmp_path):
+    data = plan()
+    for speed_m_s in (3, 3, -1):
+        item = {"type": "SimpleItem", "command": 178, "frame": 2, "params": [1, speed_m_s, -1]}
+        data["mission"]["items"].insert(0, item)
+    assert load_mission(write(tmp_path, data)).speed_m_s == 3
+    data["mission"]["items"][1]["params"][1] = 6
+    assert "speeds change from 6 to 3 m/s; leave one speed item" in problems(tmp_path, data)[0]
+    data["mission"]["items"][1]["params"][0] = 0
+    assert "of type 0; write a ground speed" in problems(tmp_path, data)[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('{"fileType": "Plan",}', "1:2"),
+        ("", "1:1: not valid JSON"),
+        ("[1, 2]", '1:1: not a QGroundControl plan: "fileType" is not "Plan"'),
+        ('{"fileType": "Plan"}', "1:1: missing section 'geoFence'"),
+        ('{"a": 1, "a": 2}', "1:10: key 'a' is already on line 1"),
+        ("[" * 50_000, "1:1: nested too deeply"),
+    ],
+)
+def test_what_is_no_plan_at_all(tmp_path, text, expected):
+    assert any(problem.startswith(expected) for problem in problems(tmp_path, text))
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(MissionFileError, match="cannot read the file"):
+        load_mission(tmp_path / "nowhere.plan")
+    (tmp_path / "latin.plan").write_bytes(b'{"fileType": "Pl\xe4n"}')
+    with pytest.raises(MissionFileError, match="not UTF-8"):
+        load_mission(tmp_path / "latin.plan")
+    (tmp_path / "large.plan").write_bytes(b" " * (4 * 1024 * 1024 + 1))
+    with pytest.raises(MissionFileError, match="larger than"):
+        load_mission(tmp_path / "large.plan")
