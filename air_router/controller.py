@@ -24,12 +24,13 @@ from air_router.actions import (
 from air_router.behaviour import EXPLORING, Signal, State, knows, next_state
 from air_router.custody import Custody
 from air_router.events import CommandConfirmed, CommandFailed, Event, Request, RobotPath, RobotPose
+from air_router.exchange import Exchange
 from air_router.exploration import Exploration
 from air_router.flight_plan import HOME_NODE
 from air_router.navigator import Goal, Navigator, Progress
 from air_router.targets import Roster
 from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced, Telemetry
-from mocha_link.metrics import Direction, SyncEnded, SyncStarted
+from mocha_link.metrics import SyncEnded, SyncStarted
 
 if TYPE_CHECKING:
     from air_router.flight_plan import FlightPlan
@@ -75,8 +76,7 @@ class Controller:
         self._airborne_s: float | None = None
         self._retry_at_s: float | None = None
         self._was_armed = False
-        self._open_syncs: set[Direction] = set()
-        self._synced: set[Direction] = set()
+        self._exchange = Exchange()
         self._come_home_why: str | None = None
         self._actions: list[Action] = []
 
@@ -155,17 +155,11 @@ class Controller:
         self.roster.path_heard(event.robot, event.destination, event.stamp_s, self._now_s)
 
     def _on_sync_started(self, event: SyncStarted) -> None:
-        # Only a sync that began after we found the robot carries all that both had by then.
-        if self.state is State.COMM and event.peer == self.robot:
-            self._open_syncs.add(event.direction)
+        self._exchange.started(event)
 
     def _on_sync_ended(self, event: SyncEnded) -> None:
-        if self.state is not State.COMM or event.peer != self.robot:
-            return
-        if event.direction in self._open_syncs:
-            self._open_syncs.discard(event.direction)
-            self._synced.add(event.direction)
-        if self._synced >= {Direction.IN, Direction.OUT}:
+        self._exchange.ended(event)
+        if self.state is State.COMM and self._exchange.complete:
             self._signal(Signal.SYNCED)
 
     def _on_confirmed(self, event: CommandConfirmed) -> None:
@@ -217,23 +211,23 @@ class Controller:
 
     def _enter_search(self) -> None:
         self._timer_from_s = None  # t_s counts from arrival at the search position
-        assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
         for robot in self.roster.candidates(self._now_s):
             place = self.roster.place(robot, self._now_s)
-            position, reason = place.position, place.reason
-            if position is None:
+            if place.position is None:
                 goal = self.exploration.longest_unseen()
             else:
-                goal = Goal(self._legal(position, robot))
-            motion = self.navigator.go(goal, self.telemetry)
-            if self.navigator.progress is Progress.STRANDED:
-                self._say(f"no way to {robot}: {self._refusal()}")
-                continue
-            self.robot = robot
-            self.roster.sought(robot)
-            self._say(f"SEARCH {robot}: {reason}")
-            self._advance(motion)
-            return
+                goal = Goal(self._hover_point(place.position))
+            motion = self._plan_to(goal)
+            if self.navigator.progress is not Progress.STRANDED:
+                self.robot = robot
+                self.roster.sought(robot)
+                self._say(f"SEARCH {robot}: {place.reason}")
+                self._advance(motion)
+                return
+            self._say(f"no way to {robot}: {self._refusal()}")
+        self._no_target()
+
+    def _no_target(self) -> None:
         self.robot = None
         self._command(HoldHere("no robot can be sought from here"))
         if self.exploration.remaining:
@@ -242,8 +236,7 @@ class Controller:
             self._retry_at_s = self._now_s + RETRY_S
 
     def _enter_comm(self) -> None:
-        self._open_syncs = set()
-        self._synced = set()
+        self._exchange = Exchange(self.robot)
         self._actions.append(PublishMap())
         self._say(f"COMM {self.robot}: found")
         self._follow(force=True)
@@ -370,15 +363,17 @@ class Controller:
         if self.state in EXPLORING:
             self._say(f"waypoint {self.exploration.leave_out()} left out: {refusal}")
             self._explore()
+        elif self.state is State.SEARCH:
+            self._say(f"no way to {self.robot}: {refusal}")
+            self._no_target()
         elif self._retry_at_s is None:
             self._command(HoldHere(refusal))
             self._retry_at_s = self._now_s + RETRY_S
 
     def _explore(self) -> None:
         """Fly to the waypoint whose turn it is, or say that none is left."""
-        assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
         while self.exploration.remaining:
-            motion = self.navigator.go(self.exploration.goal, self.telemetry)
+            motion = self._plan_to(self.exploration.goal)
             if self.navigator.progress is Progress.FLYING:
                 self._advance(motion)
                 return
@@ -391,34 +386,31 @@ class Controller:
 
     def _follow(self, *, force: bool = False) -> None:
         """Hover over (or search at) the robot's newest position once it has moved away."""
-        if self.robot is None or self.telemetry is None:
-            return
-        position = self.roster.position_of(self.robot)
-        goal = self.navigator.goal
+        position = None if self.robot is None else self.roster.position_of(self.robot)
         if position is None:
             return
-        legal = self._legal(position, self.robot)
-        if not force and goal is not None and math.dist(goal.position, legal) < FOLLOW_M:
+        place = self._hover_point(position)
+        goal = self.navigator.goal
+        if not force and goal is not None and math.dist(goal.position, place) < FOLLOW_M:
             return
-        self._advance(self.navigator.go(Goal(legal), self.telemetry))
+        beside_m = math.dist(position, place)
+        if beside_m > 0:
+            self._say(f"no hovering over {self.robot}: waiting {beside_m:.0f} m beside it")
+        self._advance(self._plan_to(Goal(place)))
 
     def _go_home(self) -> None:
-        assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
-        self._advance(self.navigator.go(Goal(self._mission.home, HOME_NODE), self.telemetry))
+        self._advance(self._plan_to(Goal(self._mission.home, HOME_NODE)))
 
-    def _legal(self, position: Point, robot: str) -> Point:
+    def _hover_point(self, position: Point) -> Point:
         """The position itself, or the closest one where hovering keeps the clearance."""
         airspace = self._mission.planning_airspace
         if airspace.point_clear(position):
             return position
-        nearest = airspace.nearest_clear(position)
-        if nearest is None:
-            return position  # the router says why there is no way
-        self._say(
-            f"{robot} is where we may not hover; "
-            f"waiting {math.dist(position, nearest):.0f} m beside it"
-        )
-        return nearest
+        return airspace.nearest_clear(position) or position  # the router says why not
+
+    def _plan_to(self, goal: Goal) -> Motion | None:
+        assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
+        return self.navigator.go(goal, self.telemetry)
 
     def _command(self, motion: Motion) -> None:
         self.custody.commanded(motion)

@@ -1,7 +1,8 @@
-"""Who has the vehicle: what we commanded last, and whether somebody else has changed the mode.
+"""Who has the vehicle: what we commanded, and whether somebody else has changed the mode.
 
-The mode that the autopilot reports is the only truth. While a command is under way both the old
-and the new mode are ours to expect; once it is confirmed, any other mode is somebody else's.
+The mode that the autopilot reports is the only truth. While a command is under way (or has
+failed) the vehicle may be in the mode before it or in the one that it asks for; once it is
+confirmed only in that one. Any other mode was chosen by somebody else.
 """
 
 from __future__ import annotations
@@ -14,53 +15,52 @@ from air_router.vehicle import FlightMode, Telemetry
 
 @dataclass(slots=True)
 class Custody:
-    """The last command to the vehicle and the mode that it implies."""
+    """The last command to the vehicle and the modes that it implies."""
 
     pending: Motion | None = None
-    _mode: FlightMode | None = None
+    _modes: frozenset[FlightMode] = frozenset()
 
     def assume(self, mode: FlightMode) -> None:
         """Take the vehicle in the mode that the pilot (or the start) put it in."""
         self.pending = None
-        self._mode = mode
+        self._modes = frozenset({mode})
 
     def commanded(self, motion: Motion) -> None:
         """A motion was asked for; it is pending until confirmed or failed."""
         self.pending = motion
-        match motion:
-            case FlyToNode():
-                self._mode = FlightMode.MISSION
-            case LandHere():
-                self._mode = FlightMode.LAND
-            case _:
-                self._mode = FlightMode.HOLD
+        self._modes |= {mode_of(motion)}
 
     def confirmed(self, motion: Motion) -> None:
         """The vehicle follows; an older command's late confirmation changes nothing."""
         if motion is self.pending:
-            self.pending = None
+            self.assume(mode_of(motion))
 
     def failed(self, motion: Motion) -> bool:
-        """The vehicle did not follow; True if that was the last command.
-
-        The mode stays the one of the last success: if it is now another one, somebody chose it.
-        """
+        """The vehicle did not follow; True if that was the last command."""
         if motion is not self.pending:
             return False
         self.pending = None
-        self._mode = None
         return True
 
     def release(self) -> None:
         """Hands off."""
         self.pending = None
-        self._mode = None
+        self._modes = frozenset()
 
     def taken(self, telemetry: Telemetry) -> bool:
-        """Whether the vehicle flies in a mode that we did not ask for."""
-        if self.pending is not None:
-            return False
-        if self._mode is None:
-            # A command failed: hovering or flying the plan may still be ours, nothing else is.
-            return telemetry.mode not in {FlightMode.MISSION, FlightMode.HOLD, FlightMode.LAND}
-        return telemetry.mode is not self._mode
+        """Whether the vehicle in the air flies in a mode that we did not ask for.
+
+        On the ground the autopilot changes its mode by itself, when it disarms.
+        """
+        return telemetry.in_air and telemetry.mode not in self._modes
+
+
+def mode_of(motion: Motion) -> FlightMode:
+    """The flight mode in which a motion is flown."""
+    match motion:
+        case FlyToNode():
+            return FlightMode.MISSION
+        case LandHere():
+            return FlightMode.LAND
+        case _:
+            return FlightMode.HOLD

@@ -133,6 +133,7 @@ class Px4Vehicle(Vehicle):
 
     async def jump(self, item: int) -> None:
         """See `Vehicle.jump`: the item first, then the mode, so that no old item is flown to."""
+        before = self._telemetry.mode
         for _ in range(ATTEMPTS):
             (result,) = await self._answer(self._raw.set_current_mission_item_async, item)
             if result == MissionRawResult.INVALID_ARGUMENT:
@@ -142,7 +143,11 @@ class Px4Vehicle(Vehicle):
                 break
         else:
             raise NotConfirmedError(f"the jump to item {item} did not show in MISSION_CURRENT")
-        if self._telemetry.mode is not FlightMode.MISSION:
+        now = self._telemetry.mode
+        if now is not FlightMode.MISSION:
+            # Out of our own hovering; any other mode, or a change meanwhile, is the pilot's.
+            if now is not FlightMode.HOLD or before is not FlightMode.HOLD:
+                raise NotConfirmedError(f"somebody chose {now.value} mode")
             await self.start()
             await self._set_speed()
 

@@ -137,7 +137,7 @@ def test_a_robot_over_a_zone_is_waited_for_beside_it(pretend):
     flight.fly_to_state(State.COMM)
     goal = flight.controller.navigator.goal.position
     assert flight.mission.planning_airspace.point_clear(goal)
-    assert any("may not hover" in text for text in flight.said)
+    assert any("no hovering over callisto" in text for text in flight.said)
 
 
 def test_the_battery_reserve_brings_it_home(pretend):

@@ -14,22 +14,40 @@ MOTIONS = [
 ]
 
 
-def flying(mode):
-    return Telemetry(time_s=1.0, position=HERE, altitude_m=40.0, in_air=True, armed=True, mode=mode)
+def flying(mode, *, in_air=True):
+    return Telemetry(
+        time_s=1.0, position=HERE, altitude_m=40.0, in_air=in_air, armed=True, mode=mode
+    )
+
+
+def ours(custody):
+    return {mode for mode in FlightMode if not custody.taken(flying(mode))}
+
+
+@pytest.fixture
+def custody():
+    custody = Custody()
+    custody.assume(FlightMode.MISSION)
+    return custody
 
 
 @pytest.mark.parametrize(("motion", "mode"), MOTIONS)
-def test_a_confirmed_command_allows_only_its_own_mode(motion, mode):
-    custody = Custody()
+def test_a_command_under_way_allows_the_old_and_the_new_mode(custody, motion, mode):
     custody.commanded(motion)
-    assert not any(custody.taken(flying(other)) for other in FlightMode)
+    assert ours(custody) == {FlightMode.MISSION, mode}
     custody.confirmed(motion)
-    assert [m for m in FlightMode if not custody.taken(flying(m))] == [mode]
+    assert ours(custody) == {mode}
 
 
-def test_a_late_confirmation_of_an_older_command_changes_nothing():
+def test_a_failed_command_leaves_both_open_and_a_pilot_s_mode_is_still_seen(custody):
+    motion = FlyToNode(1, HERE)
+    custody.commanded(motion)
+    assert custody.failed(motion)
+    assert ours(custody) == {FlightMode.MISSION}
+
+
+def test_a_late_confirmation_of_an_older_command_changes_nothing(custody):
     first, second = FlyToNode(1, HERE), FlyToPoint(HERE, 40.0)
-    custody = Custody()
     custody.commanded(first)
     custody.commanded(second)
     custody.confirmed(first)
@@ -38,12 +56,6 @@ def test_a_late_confirmation_of_an_older_command_changes_nothing():
     assert custody.pending is second
 
 
-def test_after_a_failed_command_hovering_is_ours_and_flying_by_hand_is_not():
-    motion = FlyToNode(1, HERE)
-    custody = Custody()
-    custody.commanded(motion)
-    assert custody.failed(motion)
-    assert not custody.taken(flying(FlightMode.HOLD))
-    assert not custody.taken(flying(FlightMode.MISSION))
-    assert custody.taken(flying(FlightMode.OTHER))
-    assert custody.taken(flying(FlightMode.RETURN))
+def test_on_the_ground_the_autopilot_may_change_its_mode(custody):
+    custody.commanded(LandHere())
+    assert not custody.taken(flying(FlightMode.HOLD, in_air=False))
