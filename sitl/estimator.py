@@ -1,0 +1,65 @@
+"""What the autopilot believes its position to be: the truth plus slowly wandering errors.
+
+PX4's estimate in its own simulator is 0.1 to 0.2 m off horizontally, and its altitude wanders by
+some decimetres; so does, in flight, the altitude of home, which PX4 corrects as it goes.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Final
+
+_HORIZONTAL_SIGMA_M: Final = 0.1
+_HORIZONTAL_TAU_S: Final = 5.0
+_VERTICAL_SIGMA_M: Final = 0.15
+_VERTICAL_TAU_S: Final = 10.0
+_HOME_SIGMA_M: Final = 0.3
+_HOME_TAU_S: Final = 30.0
+
+
+class WanderingError:
+    """A first-order Gauss-Markov process: zero mean, given spread and correlation time."""
+
+    __slots__ = ("_sigma", "_tau_s", "value")
+
+    def __init__(self, sigma: float, tau_s: float) -> None:
+        self._sigma = sigma
+        self._tau_s = tau_s
+        self.value = 0.0
+
+    def step(self, step_s: float, normal: float) -> None:
+        """Wander on for `step_s`; `normal` is a draw from the standard normal distribution."""
+        keep = math.exp(-step_s / self._tau_s)
+        self.value = self.value * keep + self._sigma * math.sqrt(1.0 - keep * keep) * normal
+
+
+class EstimateErrors:
+    """The errors of position and home altitude; the same seed gives the same errors.
+
+    Attributes:
+        north_m: Of the position estimate.
+        east_m: Of the position estimate.
+        altitude_m: Of the altitude estimate.
+        home_altitude_m: Of home's altitude, once in flight.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._random = random.Random(seed)  # noqa: S311 - noise, not a secret
+        self._north = WanderingError(_HORIZONTAL_SIGMA_M, _HORIZONTAL_TAU_S)
+        self._east = WanderingError(_HORIZONTAL_SIGMA_M, _HORIZONTAL_TAU_S)
+        self._altitude = WanderingError(_VERTICAL_SIGMA_M, _VERTICAL_TAU_S)
+        self._home = WanderingError(_HOME_SIGMA_M, _HOME_TAU_S)
+        self.north_m = self.east_m = self.altitude_m = self.home_altitude_m = 0.0
+
+    def step(self, step_s: float, *, in_air: bool) -> None:
+        """Let the errors wander; home's altitude only does in flight."""
+        gauss = self._random.gauss
+        self._north.step(step_s, gauss(0.0, 1.0))
+        self._east.step(step_s, gauss(0.0, 1.0))
+        self._altitude.step(step_s, gauss(0.0, 1.0))
+        home = gauss(0.0, 1.0)  # drawn always: the same seed means the same noise on every flight
+        if in_air:
+            self._home.step(step_s, home)
+        self.north_m, self.east_m = self._north.value, self._east.value
+        self.altitude_m, self.home_altitude_m = self._altitude.value, self._home.value

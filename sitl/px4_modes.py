@@ -1,0 +1,87 @@
+"""PX4's flight modes and their numbers on the wire."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Final
+
+CUSTOM_MODE_ENABLED: Final = 1  # MAV_MODE_FLAG
+_AUTO_MAIN: Final = 4
+
+
+class UnsupportedAutoModeError(Exception):
+    """A DO_SET_MODE names an AUTO submode that PX4 does not have."""
+
+
+class FlightMode(Enum):
+    """A mode: PX4's main and sub mode, its name in PX4's texts, and flags of HEARTBEAT.base_mode.
+
+    The values are those of px4_custom_mode.h; in HEARTBEAT.custom_mode the main mode is in bits
+    16..23 and the submode in bits 24..31.
+    """
+
+    MANUAL = (1, 0, "Manual", 0x41)
+    ALTCTL = (2, 0, "Altitude", 0x51)
+    POSCTL = (3, 0, "Position", 0x51)
+    AUTO_TAKEOFF = (4, 2, "Takeoff", 0x1D)
+    AUTO_LOITER = (4, 3, "Hold", 0x1D)
+    AUTO_MISSION = (4, 4, "Mission", 0x1D)
+    AUTO_RTL = (4, 5, "Return", 0x1D)
+    AUTO_LAND = (4, 6, "Land", 0x1D)
+    ACRO = (5, 0, "Acro", 0x41)
+    OFFBOARD = (6, 0, "Offboard", 0x11)
+    STABILIZED = (7, 0, "Stabilized", 0x51)
+    TERMINATION = (10, 0, "Termination", 0x01)
+
+    def __init__(self, main: int, sub: int, label: str, base_mode: int) -> None:
+        self.custom_mode = main << 16 | sub << 24
+        self.label = label
+        self.base_mode = base_mode
+
+    @property
+    def prevents_arming(self) -> bool:
+        """Whether PX4 refuses to arm in this mode."""
+        return self in _PREVENT_ARMING
+
+    @property
+    def needs_pilot(self) -> bool:
+        """Whether the mode flies on a pilot's sticks, which this simulation does not have."""
+        return self in _STICKS
+
+
+_PREVENT_ARMING: Final = frozenset(
+    {FlightMode.AUTO_RTL, FlightMode.AUTO_LAND, FlightMode.TERMINATION}
+)
+_STICKS: Final = frozenset(
+    {
+        FlightMode.MANUAL,
+        FlightMode.ALTCTL,
+        FlightMode.POSCTL,
+        FlightMode.ACRO,
+        FlightMode.STABILIZED,
+    }
+)
+_BY_NUMBER: Final = {(mode.value[0], mode.value[1]): mode for mode in FlightMode}
+_BY_MAIN: Final = {
+    main: mode
+    for (main, sub), mode in _BY_NUMBER.items()
+    if sub == 0 and mode is not FlightMode.TERMINATION
+}
+
+
+def requested_mode(base_mode: int, main: int, sub: int) -> FlightMode | None:
+    """The mode that a DO_SET_MODE or SET_MODE asks for; None is PX4's silent "nothing to do".
+
+    Raises:
+        UnsupportedAutoModeError: no such AUTO submode.
+    """
+    if not base_mode & CUSTOM_MODE_ENABLED:
+        return FlightMode.AUTO_MISSION if base_mode & 4 else None
+    if main != _AUTO_MAIN:
+        return _BY_MAIN.get(main)
+    if sub == 0:
+        return FlightMode.AUTO_MISSION
+    try:
+        return _BY_NUMBER[(main, sub)]
+    except KeyError:
+        raise UnsupportedAutoModeError(f"AUTO submode {sub}") from None
