@@ -1,0 +1,107 @@
+"""A vehicle as MAVLink sees it: autopilot and links together, without sockets or clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from sitl.autopilot import Autopilot
+from sitl.mavlink_link import MavlinkLink
+from sitl.notice import Notice
+from sitl.outgoing import Outgoing
+from sitl.parameters import DEFAULTS, Parameters
+from sitl.situation import Place
+from sitl.telemetry import GROUND_RATES_HZ, ONBOARD_RATES_HZ, TRUTH_RATES_HZ, Telemetry
+
+STEP_S: Final = 0.02
+_WALL_CLOCK: Final = ("COM_DL_LOSS_T", "COM_RC_LOSS_T", "COM_OF_LOSS_T", "COM_OBC_LOSS_T")
+_ARGUMENTS: Final = 40
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleSettings:
+    """What a simulated vehicle is made with.
+
+    Attributes:
+        place: Where it starts.
+        system_id: MAVLink system id; PX4's instance N has N + 1.
+        seed: Of the estimate's errors.
+        speed: Simulated seconds per wall-clock second.
+        start_unix_s: Unix time of simulated time zero.
+        parameters: Values that differ from PX4's defaults.
+    """
+
+    place: Place
+    system_id: int = 1
+    seed: int = 0
+    speed: float = 1.0
+    start_unix_s: float = 0.0
+    parameters: Mapping[str, int | float] = field(default_factory=dict)
+
+
+class MavlinkVehicle:
+    """Autopilot with an onboard link, a ground station link and a truth link.
+
+    Attributes:
+        autopilot: The vehicle itself.
+        onboard: What PX4 calls the API or offboard link.
+        ground: The link to a ground station.
+        truth: Where the simulator says where the vehicle really is; nothing is received on it.
+    """
+
+    def __init__(self, settings: VehicleSettings) -> None:
+        parameters = Parameters(
+            {"MAV_SYS_ID": settings.system_id}
+            | _scaled_timeouts(settings.speed)
+            | dict(settings.parameters)
+        )
+        scale = settings.speed
+        self.autopilot = Autopilot(settings.place, parameters, seed=settings.seed, time_scale=scale)
+        self._telemetry = Telemetry(self.autopilot, settings.start_unix_s)
+        self.onboard = MavlinkLink(
+            self.autopilot, self._telemetry, ONBOARD_RATES_HZ, time_scale=scale
+        )
+        self.ground = MavlinkLink(
+            self.autopilot, self._telemetry, GROUND_RATES_HZ, time_scale=scale
+        )
+        self.truth = MavlinkLink(
+            self.autopilot, self._telemetry, TRUTH_RATES_HZ, reports_mission=False
+        )
+
+    def receive(self, link: MavlinkLink, datagram: bytes) -> None:
+        """A datagram came in on one of the two links; what is not for us goes to the other."""
+        other = self.ground if link is self.onboard else self.onboard
+        for frame in link.receive(datagram):
+            other.pass_on(frame)
+
+    def step(self) -> None:
+        """Let one step of simulated time pass and queue what is to be sent."""
+        self.autopilot.step(STEP_S)
+        notices = self.autopilot.take_notices()
+        events = [self._event(notice) for notice in notices if notice.event]
+        for link in (self.onboard, self.ground):
+            link.step(notices, events)
+        self.truth.step([], [])
+
+    def _event(self, notice: Notice) -> Outgoing:
+        status = self._telemetry.status
+        sequence = status.events_sent
+        status.events_sent += 1
+        return Outgoing(
+            "EVENT",
+            {
+                "id": notice.event_id,
+                "event_time_boot_ms": status.boot_ms,
+                "sequence": sequence & 0xFFFF,
+                "destination_component": 0,
+                "destination_system": 0,
+                "log_levels": notice.log_levels,
+                "arguments": notice.arguments[:_ARGUMENTS],
+            },
+        )
+
+
+def _scaled_timeouts(speed: float) -> dict[str, int | float]:
+    """PX4's start script keeps the wall-clock meaning of these when the simulation runs fast."""
+    return {name: DEFAULTS[name] * max(speed, 1.0) for name in _WALL_CLOCK}

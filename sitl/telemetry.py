@@ -1,0 +1,65 @@
+"""The messages that the autopilot streams: which ones, how often, and what is in them.
+
+Rates are PX4 1.17's on its SITL links, in simulated hertz, but ATTITUDE (50 instead of 100) and
+those that are left out because nobody flies by them: HIGHRES_IMU, ODOMETRY, SERVO_OUTPUT_RAW,
+the *_TARGETs, SCALED_PRESSURE, VIBRATION, Remote ID and the like.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from sitl.autopilot import Autopilot
+from sitl.outgoing import Outgoing
+from sitl.position_messages import PositionMessages
+from sitl.status_messages import StatusMessages
+
+ONBOARD_RATES_HZ: Final[dict[str, float]] = {
+    "HEARTBEAT": 1.0,
+    "SYS_STATUS": 5.0,
+    "SYSTEM_TIME": 1.0,
+    "GPS_RAW_INT": 8.0,
+    "ATTITUDE": 50.0,
+    "ATTITUDE_QUATERNION": 50.0,
+    "LOCAL_POSITION_NED": 30.0,
+    "GLOBAL_POSITION_INT": 50.0,
+    "VFR_HUD": 10.0,
+    "TIMESYNC": 10.0,
+    "ALTITUDE": 10.0,
+    "BATTERY_STATUS": 0.5,
+    "ESTIMATOR_STATUS": 1.0,
+    "HOME_POSITION": 0.5,
+    "EXTENDED_SYS_STATE": 5.0,
+    "CURRENT_EVENT_SEQUENCE": 1.0 / 3.0,
+    "CURRENT_MODE": 0.5,
+}
+GROUND_RATES_HZ: Final[dict[str, float]] = ONBOARD_RATES_HZ | {
+    "SYS_STATUS": 1.0,
+    "GPS_RAW_INT": 5.0,
+    "LOCAL_POSITION_NED": 50.0,
+    "VFR_HUD": 4.0,
+    "ALTITUDE": 1.0,
+    "EXTENDED_SYS_STATE": 1.0,
+}
+TRUTH_RATES_HZ: Final[dict[str, float]] = {"HEARTBEAT": 1.0, "HIL_STATE_QUATERNION": 25.0}
+
+
+class Telemetry:
+    """All messages that can be streamed or asked for.
+
+    Attributes:
+        status: Builder of the status messages, which also knows the time.
+    """
+
+    def __init__(self, autopilot: Autopilot, start_unix_s: float) -> None:
+        self.status = StatusMessages(autopilot, start_unix_s)
+        self._builders = self.status.builders() | PositionMessages(autopilot).builders()
+
+    def knows(self, name: str) -> bool:
+        """Whether a message can be streamed or asked for."""
+        return name in self._builders
+
+    def message(self, name: str) -> Outgoing | None:
+        """The message as it is now; None if there is nothing to say yet."""
+        fields = self._builders[name]()
+        return None if fields is None else Outgoing(name, fields)

@@ -1,0 +1,217 @@
+"""`sitl vehicle`: a simulated PX4 multirotor, as a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import math
+import signal
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final
+
+from air_router.errors import AirRouterError, UsageError
+from air_router.mission import load_mission
+from sitl.mavlink_vehicle import VehicleSettings
+from sitl.situation import Place
+from sitl.udp_link import Address
+from sitl.vehicle import Ports, VehicleProcess, px4_ports
+
+_log = logging.getLogger(__name__)
+
+PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
+"""Where PX4's own simulator starts if nobody says otherwise."""
+
+_MOST_INSTANCES: Final = 250
+_EPILOG = """\
+Prints one JSON line on stdout when it runs: {"ready": true, "mavlink": ..., "gcs": ...,
+"truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM.
+Ports are PX4's: instance N sends to 127.0.0.1 port 14540+N (API), 14550 (ground station) and
+19410+N (truth), and keeps, on each link, to the first partner that talks to it.
+
+examples:
+  sitl vehicle missions/pennovation/mission.yaml --speed 10
+  sitl vehicle --home 40.4406,-79.9959,280 --instance 1
+"""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `vehicle` to the command line."""
+    parser = commands.add_parser(
+        "vehicle",
+        help="simulate a vehicle that behaves as PX4 does, over MAVLink",
+        description="Simulate a multirotor with an autopilot that behaves as PX4 1.17 does.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    place = parser.add_mutually_exclusive_group()
+    place.add_argument(
+        "mission",
+        type=Path,
+        nargs="?",
+        metavar="MISSION",
+        help="mission file or .plan: start at its home (default: PX4's, near Zurich)",
+    )
+    place.add_argument(
+        "--home", type=_place, metavar="LAT,LON,ALT", help="start here: degrees, metres AMSL"
+    )
+    parser.add_argument(
+        "--instance", type=_instance, default=0, metavar="N", help="ports +N, system id N+1"
+    )
+    parser.add_argument(
+        "--speed", type=_positive, default=1.0, metavar="X", help="times real time (default 1)"
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the position noise")
+    parser.add_argument(
+        "--epoch", type=float, metavar="UNIX_S", help="Unix time at time zero (default: now)"
+    )
+    parser.add_argument(
+        "--battery-minutes",
+        type=_positive,
+        default=25.0,
+        metavar="M",
+        help="minutes from full to empty (default 25)",
+    )
+    parser.add_argument(
+        "--api-to",
+        type=_address,
+        metavar="HOST:PORT",
+        help="send the API link there (default 127.0.0.1:14540+N), from a free port",
+    )
+    parser.add_argument(
+        "--gcs-to", type=_address, metavar="HOST:PORT", help="the same for the GCS link (14550)"
+    )
+    parser.add_argument("--no-gcs", action="store_true", help="no link to a ground station")
+    parser.add_argument(
+        "--truth-to", type=_address, metavar="HOST:PORT", help="the same for the truth (19410+N)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate until a signal comes; returns the exit code."""
+    if arguments.no_gcs and arguments.gcs_to is not None:
+        sys.stderr.write("--no-gcs and --gcs-to contradict each other; give one of them\n")
+        return UsageError.exit_code
+    try:
+        _simulate(arguments)
+    except AirRouterError as error:
+        sys.stderr.write(f"{error}\n")
+        return error.exit_code
+    return 0
+
+
+def _simulate(arguments: argparse.Namespace) -> None:
+    settings = VehicleSettings(
+        arguments.home or _home_of(arguments.mission),
+        system_id=arguments.instance + 1,
+        seed=arguments.seed,
+        speed=arguments.speed,
+        start_unix_s=time.time() if arguments.epoch is None else arguments.epoch,
+        parameters={"SIM_BAT_DRAIN": arguments.battery_minutes * 60.0, "SIM_BAT_MIN_PCT": 0.0},
+    )
+    ports = _ports(arguments)
+    stop = _StopSignal()
+    with VehicleProcess(settings, ports) as process:
+        sys.stdout.write(json.dumps(_ready(settings, ports)) + "\n")
+        sys.stdout.flush()
+        process.run(stop.came)
+
+
+class _StopSignal:
+    """Remembers SIGINT and SIGTERM."""
+
+    def __init__(self) -> None:
+        self._came = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._note)
+
+    def came(self) -> bool:
+        """Whether one of them came."""
+        return self._came
+
+    def _note(self, number: int, _frame: FrameType | None) -> None:
+        _log.info("ended by %s", signal.Signals(number).name)
+        self._came = True
+
+
+def _home_of(path: Path | None) -> Place:
+    if path is None:
+        return PX4_HOME
+    mission = load_mission(path)
+    latitude_deg, longitude_deg = mission.frame.to_geodetic(mission.home)
+    altitude_m = mission.home_altitude_amsl_m
+    return Place(latitude_deg, longitude_deg, 0.0 if altitude_m is None else altitude_m)
+
+
+def _ports(arguments: argparse.Namespace) -> Ports:
+    """PX4's, except where the command line names a partner: those links take a free port."""
+    ports = px4_ports(arguments.instance)
+    if arguments.api_to is not None:
+        ports = replace(ports, onboard_bind=("", 0), onboard_to=arguments.api_to)
+    if arguments.gcs_to is not None:
+        ports = replace(ports, ground_bind=("", 0), ground_to=arguments.gcs_to)
+    if arguments.no_gcs:
+        ports = replace(ports, ground_to=None)
+    if arguments.truth_to is not None:
+        ports = replace(ports, truth_bind=("", 0), truth_to=arguments.truth_to)
+    return ports
+
+
+def _ready(settings: VehicleSettings, ports: Ports) -> dict[str, Any]:
+    ground = ports.ground_to
+    return {
+        "ready": True,
+        "mavlink": f"udpin://0.0.0.0:{ports.onboard_to[1]}",
+        "gcs": None if ground is None else f"udpin://0.0.0.0:{ground[1]}",
+        "truth": f"udp://{ports.truth_to[0]}:{ports.truth_to[1]}",
+        "system_id": settings.system_id,
+        "speed": settings.speed,
+        "home": {
+            "latitude_deg": settings.place.latitude_deg,
+            "longitude_deg": settings.place.longitude_deg,
+            "altitude_amsl_m": settings.place.altitude_m,
+        },
+    }
+
+
+def _place(text: str) -> Place:
+    try:
+        latitude_deg, longitude_deg, altitude_m = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is not LAT,LON,ALT; write for example 47.397742,8.545594,489.4"
+        ) from None
+    place = Place(latitude_deg, longitude_deg, altitude_m)
+    if not (abs(latitude_deg) < 90 and abs(longitude_deg) <= 180 and abs(altitude_m) < 10000):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a place on Earth")
+    return place
+
+
+def _address(text: str) -> Address:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise argparse.ArgumentTypeError(f"'{text}' is not HOST:PORT; write 127.0.0.1:14540")
+    return host, int(port)
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or value <= 0:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number above zero")
+    return value
+
+
+def _instance(text: str) -> int:
+    if not text.isdecimal() or int(text) > _MOST_INSTANCES:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is not an instance; write 0 to {_MOST_INSTANCES}"
+        )
+    return int(text)
