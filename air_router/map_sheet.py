@@ -16,6 +16,7 @@ from geo.frame import Point
 
 GROUND, BEYOND, INK, FAINT = "#fbfaf6", "#e9e6de", "#30363d", "#8b929a"
 WIDTH_INCH = 8.0
+_FLATTEST, _TALLEST = 0.4, 1.8
 
 
 def new_sheet(mission: Mission, track: Sequence[Point]) -> tuple[Figure, Axes]:
@@ -25,8 +26,13 @@ def new_sheet(mission: Mission, track: Sequence[Point]) -> tuple[Figure, Axes]:
     west, south, east, north = (float(v) for v in shapely.MultiPoint(points).bounds)
     pad_m = 0.04 * max(east - west, north - south, 50.0)
     west, south, east, north = west - pad_m, south - pad_m, east + pad_m, north + pad_m
-    height = WIDTH_INCH * min(max((north - south) / (east - west), 0.4), 1.8)
-    figure = Figure(figsize=(WIDTH_INCH, height))
+    missing_m = _FLATTEST * (east - west) - (north - south)
+    if missing_m > 0:
+        south, north = south - missing_m / 2, north + missing_m / 2
+    missing_m = (north - south) / _TALLEST - (east - west)
+    if missing_m > 0:
+        west, east = west - missing_m / 2, east + missing_m / 2
+    figure = Figure(figsize=(WIDTH_INCH, WIDTH_INCH * (north - south) / (east - west)))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)

@@ -34,6 +34,9 @@ never fail their own test by rounding."""
 
 _ARC_STEPS = 16
 
+_UNFENCED_M = (-1e6, -1e6, 1e6, 1e6)
+"""What is drawn of an airspace without a fence."""
+
 
 class Airspace:
     """A fence (or none), no-fly zones, and the distance to keep from both.
@@ -171,8 +174,7 @@ class Airspace:
     def free(self) -> BaseGeometry:
         """The clear area, drawn a centimetre (and 0.3 % of the clearance) too small.
 
-        For finding places and telling regions apart; the tests above do not use it. Without a
-        fence it reaches a kilometre beyond the zones.
+        For finding places and telling regions apart; the tests above do not use it.
         """
         return self._free(_rounded)
 
@@ -189,12 +191,9 @@ class Airspace:
         reach_m = self.clearance_m + _NODE_MARGIN_M
         if self._inside is not None:
             inside = grown(self._inside, -reach_m)
-        elif self._polygons:
-            west, south, east, north = shapely.total_bounds(self._polygons).tolist()
-            far_m = 1000 + reach_m
-            inside = shapely.box(west - far_m, south - far_m, east + far_m, north + far_m)
         else:
-            inside = shapely.box(-1e6, -1e6, 1e6, 1e6)
+            west, south, east, north = _UNFENCED_M
+            inside = shapely.box(west, south, east, north)
         zones = [grown(polygon, reach_m) for polygon in self._polygons]
         return inside.difference(shapely.union_all(zones))
 

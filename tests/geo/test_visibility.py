@@ -126,6 +126,7 @@ def test_without_a_fence_there_is_always_a_way_around():
     path = shortest_path(space, Point(0, 50), Point(0, -50))
     assert path is not None
     assert len(Regions(Airspace(None, [], 5))) == 1
+    assert Regions(space).connected(Point(0, 50), Point(40_000, -30_000))
 
 
 @pytest.mark.parametrize(("gap_m", "open_"), [(9.9, False), (10.2, True), (11, True)])

@@ -1,0 +1,143 @@
+"""The commands check and plan: what they print where, and their exit codes."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from air_router.cli import main
+
+ROOT = Path(__file__).parents[2]
+PENNOVATION = ROOT / "missions" / "pennovation" / "mission.yaml"
+PLAN = ROOT / "tests" / "data" / "pennovation.plan"
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def run(capsys, *arguments):
+    code = main([str(argument) for argument in arguments])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_check_says_what_to_expect(capsys):
+    code, out, err = run(capsys, "check", PENNOVATION)
+    assert (code, err) == (0, "")
+    assert out.splitlines()[0] == (
+        "Pennovation: 39 waypoints, 8 no-fly zones, a fence, 5 rally points"
+    )
+    assert "150 clear connections up to 100 m, 0 detours, in one piece" in out
+    assert "6 to 7 by way of 3, because of zone 8" in out
+    assert "titan flies and seeks callisto, europa, io" in out
+
+
+def test_check_for_scripts(capsys):
+    code, out, err = run(capsys, "check", "--json", PLAN)
+    facts = json.loads(out)
+    assert (code, err) == (0, "")
+    assert facts["valid"] is True
+    assert (facts["waypoints"], facts["zones"], facts["rally_points"]) == (39, 8, 5)
+    assert facts["connected"] is True
+    assert facts["stranded"] == []
+    assert facts["tightest_leg"]["distance_m"] >= facts["planning_distance_m"] - 1e-3
+    assert 1800 < facts["path_length_m"] < 2600
+    assert facts["flight_time_s"] > facts["path_length_m"] / 3.5
+
+
+def broken(folder):
+    path = folder / "mission.yaml"
+    text = PENNOVATION.read_text().replace("speed_m_s: 3.5", "speed_m_s: swift")
+    text = text.replace("team: team.yaml", "").replace("world: world.yaml", "")
+    path.write_text(text.replace("crosses_fence: true", "crosses_fence: false"))
+    return path
+
+
+def test_check_lists_all_problems_and_ends_with_3(capsys, tmp_path):
+    path = broken(tmp_path)
+    code, out, err = run(capsys, "check", path)
+    assert (code, out) == (3, "")
+    first, second = err.splitlines()
+    assert first.startswith(f"{path}:")
+    assert "'speed_m_s' must be a number, found text 'swift'" in first
+    assert "no-fly zone 'zone 4' crosses the fence" in second
+
+
+def test_check_gives_problems_to_scripts_too(capsys, tmp_path):
+    path = broken(tmp_path)
+    code, out, err = run(capsys, "check", "--json", path)
+    answer = json.loads(out)
+    assert code == 3
+    assert answer["valid"] is False
+    lines = path.read_text().splitlines()
+    for problem, line in zip(answer["problems"], err.splitlines(), strict=True):
+        assert problem["path"] == str(path)
+        where = f"{path}:{problem['line']}:{problem['column']}: "
+        assert line == where + problem["message"]
+        assert lines[problem["line"] - 1]
+
+
+def test_plan_prints_the_legs(capsys):
+    code, out, err = run(capsys, "plan", PENNOVATION, "--from", 1, "--to", 34)
+    lines = out.splitlines()
+    assert (code, err) == (0, "")
+    assert [line.split()[:2] for line in lines[1:-1]] == [["1", "19"], ["19", "38"], ["38", "34"]]
+    assert lines[-1].startswith("205.6 m, about ")
+    assert lines[-1].endswith("; closest approach 6.9 m to zone 5")
+
+
+def test_plan_for_scripts(capsys):
+    code, out, _ = run(capsys, "plan", PENNOVATION, "--from", 0, "--to", 34, "--json")
+    facts = json.loads(out)
+    assert code == 0
+    assert (facts["from"], facts["to"]) == (0, 34)
+    assert facts["legs"][-1]["node"] == 34
+    assert facts["length_m"] == pytest.approx(
+        sum(leg["length_m"] for leg in facts["legs"]), abs=0.01
+    )
+    assert facts["closest_approach_m"] == min(leg["closest_m"] for leg in facts["legs"])
+    assert facts["closest_approach_m"] >= 6.5
+    assert facts["legs"][-1]["latitude_deg"] == pytest.approx(39.9410544)
+
+
+def test_plan_names_waypoints_that_do_not_exist(capsys):
+    code, out, err = run(capsys, "plan", PENNOVATION, "--from", 1, "--to", 40)
+    assert (code, out) == (2, "")
+    assert err == "no waypoint 40; Pennovation has 1 to 39, and 0 is home\n"
+
+
+def test_plan_refuses_an_invalid_mission(capsys, tmp_path):
+    code, out, err = run(capsys, "plan", tmp_path / "none.yaml", "--from", 1, "--to", 2)
+    assert (code, out) == (3, "")
+    assert "none.yaml:1:1: cannot read the file" in err
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["plan"], ["check"], ["dance"], ["plan", "x", "--from", "a", "--to", "2"]]
+)
+def test_wrong_usage_ends_with_2(capsys, arguments):
+    code, out, err = run(capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert "usage: air-router" in err
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["check", "--help"], ["plan", "--help"]])
+def test_help_is_a_result(capsys, arguments):
+    code, out, err = run(capsys, *arguments)
+    assert (code, err) == (0, "")
+    assert out.startswith("usage: air-router")
+
+
+def test_pictures_are_drawn(capsys, tmp_path):
+    assert run(capsys, "check", PENNOVATION, "--png", tmp_path / "a.png")[0] == 0
+    target = tmp_path / "b.png"
+    assert run(capsys, "plan", PENNOVATION, "--from", 0, "--to", 34, "--png", target)[0] == 0
+    for name in ("a.png", "b.png"):
+        data = (tmp_path / name).read_bytes()
+        assert data.startswith(PNG)
+        assert len(data) > 50_000
+
+
+@pytest.mark.parametrize("name", ["missing/folder.png", "picture.docx"])
+def test_a_picture_that_cannot_be_written_is_an_error(capsys, tmp_path, name):
+    code, _, err = run(capsys, "check", PENNOVATION, "--png", tmp_path / name)
+    assert code == 1
+    assert err.startswith("cannot write the picture ")

@@ -1,0 +1,68 @@
+"""Pictures: what is drawn for missions of all shapes."""
+
+import json
+import struct
+
+import pytest
+
+from air_router.graph import WaypointGraph
+from air_router.mission import load_mission
+from air_router.picture import draw_mission
+from air_router.router import Router
+from geo.frame import Point
+
+
+def size(path):
+    """Width and height of a PNG in pixels."""
+    data = path.read_bytes()
+    assert data.startswith(b"\x89PNG\r\n\x1a\n")
+    return struct.unpack(">II", data[16:24])
+
+
+def made(folder, **changes):
+    data = {
+        "coordinates": "local",
+        "frame": {"origin": [38.5, -98.5]},
+        "home": [0, 0],
+        "altitude_m": 30,
+        "waypoints": [[50, 0], [50, 50]],
+        "fence": [[-100, -100], [100, -100], [100, 100], [-100, 100]],
+        "no_fly_zones": [[[-60, 20], [-20, 20], [-20, 60]]],
+    }
+    path = folder / "mission.yaml"
+    path.write_text(json.dumps(data | changes))
+    return load_mission(path)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"fence": None, "no_fly_zones": []},
+        {"no_fly_zones": [[[-80, 20], [80, 20], [80, 30], [-80, 30]]], "waypoints": [[0, 60]]},
+        {"rally_points": [[-50, -50]]},
+        {"waypoints": [[5000, 0], [0, 40]], "fence": None},
+    ],
+)
+def test_missions_of_all_shapes(tmp_path, changes):
+    mission = made(tmp_path, **changes)
+    graph = WaypointGraph(mission)
+    route = Router(graph).route(mission.home, 1)
+    target = tmp_path / "mission.png"
+    draw_mission(mission, target, graph=graph, route=(mission.home, route))
+    width, height = size(target)
+    assert 900 < width < 1500
+    assert 400 < height < 2400
+
+
+def test_a_track_outside_of_the_fence_is_still_in_the_picture(tmp_path):
+    mission = made(tmp_path)
+    inside, outside = tmp_path / "inside.png", tmp_path / "outside.png"
+    draw_mission(mission, inside, track=[Point(0, 0), Point(50, 0)])
+    draw_mission(mission, outside, track=[Point(0, 0), Point(0, 400)])
+    assert size(outside)[1] > 1.3 * size(inside)[1]
+
+
+def test_other_formats(tmp_path):
+    draw_mission(made(tmp_path), tmp_path / "mission.svg")
+    assert b"<svg" in (tmp_path / "mission.svg").read_bytes()[:2000]
