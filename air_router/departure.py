@@ -2,9 +2,10 @@
 
 * Over its whole length it is clear in the mission's planning airspace.
 * A moving vehicle needs the whole area clear that its curve may sweep.
-* A vehicle that is inside the margin already (wind, noise, a newly drawn zone), or comes to rest in
-  it, may leave it: in the first metres the leg may be as close to zones as the vehicle is or will
-  be anyhow, never closer. One that would come to rest within the clearance has to brake first.
+* A vehicle inside the tracking margin already (wind, noise, a newly drawn zone), or that comes to
+  rest in it, may go on: with half of the margin left, on a leg that is nowhere closer to zones than
+  the vehicle is or will be anyhow; with less, only in the first metres, and then the leg is clear.
+* One that would come to rest within the clearance has to brake first.
 * A vehicle inside a zone, or outside of the fence, takes a short way out that meets no other zone.
 """
 
@@ -14,6 +15,7 @@ import math
 from collections.abc import Sequence
 
 from air_router.mission import Mission
+from air_router.settings import PlannerSettings
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
 
@@ -51,9 +53,9 @@ class Departure:
         self._near: Airspace | None = airspace
         self._reach_m = 0.0
         if self.cramped:
-            self._squeeze(mission.planner.clearance_m)
+            self._squeeze(mission.planner)
 
-    def _squeeze(self, clearance_m: float) -> None:
+    def _squeeze(self, planner: PlannerSettings) -> None:
         """Find out how close to zones, and over how many metres, the leg may be at first."""
         holders = self._airspace.holders(self.start)
         if holders:
@@ -65,6 +67,7 @@ class Departure:
             self._near = others.with_clearance(self._airspace.clearance_m / 2)
             return
         distance_m, name = self._airspace.nearest(self.start)
+        clearance_m = planner.clearance_m
         if distance_m < clearance_m:
             where = f"{distance_m:.1f} m from {names_of((name,))}"
             self.warnings = (f"the vehicle is {where}: it moves away first",)
@@ -72,8 +75,11 @@ class Departure:
         if kept_m < (clearance_m if distance_m >= clearance_m else distance_m - _DRIFT_M):
             self._near = None  # too fast towards a zone: brake before anything else
             return
-        drift_m = math.dist(self.start, self.rest)
-        self._reach_m = 2 * (self._airspace.clearance_m - kept_m) + drift_m + 1.0
+        if kept_m >= clearance_m + planner.tracking_margin_m / 2:
+            self._reach_m = math.inf
+        else:
+            drift_m = math.dist(self.start, self.rest)
+            self._reach_m = 2 * (self._airspace.clearance_m - kept_m) + drift_m + 1.0
         self._near = self._airspace.with_clearance(max(kept_m - _GIVE_M, 0.0))
 
     def allows(self, end: Point) -> bool:

@@ -1,5 +1,6 @@
 """What a wrong mission file is told: every problem at once, each with its place."""
 
+import re
 import textwrap
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 
 from air_router.errors import MissionFileError
 from air_router.mission import load_mission
+from air_router.mission_file import _Frame, _Mission, _Planner, _Timers
 from air_router.settings import PlannerSettings, Timers
 
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -316,3 +318,18 @@ def test_longitude_before_latitude_is_noticed(tmp_path):
     found = problems(tmp_path, text)
     assert len(found) == 3
     assert all("km from home; correct it (latitude comes first)" in problem for problem in found)
+
+
+def test_the_documented_examples_load_and_the_table_has_every_key(tmp_path):
+    text = (MISSIONS.parent / "docs" / "mission-file.md").read_text()
+    shortest, areas = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+    assert len(load_mission(write(tmp_path, shortest)).waypoints) == 2
+    longer = shortest.replace("fence: null\nno_fly_zones: []\n", areas)
+    assert len(load_mission(write(tmp_path, longer)).zones) == 2
+    documented = set(re.findall(r"^\| \**`([a-z_.]+)`", text, re.MULTILINE))
+    nested = {"frame", "timers", "planner"}
+    known = set(_Mission.model_fields) - nested
+    for name in nested:
+        inner = {"frame": _Frame, "timers": _Timers, "planner": _Planner}[name]
+        known |= {f"{name}.{key}" for key in inner.model_fields}
+    assert documented == known

@@ -286,6 +286,9 @@ def test_a_vehicle_inside_the_margin_leaves_it_without_coming_closer(tmp_path, o
         assert judge.clear(first)
         assert router.check_leg(start, first)
         assert_clear(judge, first, Route(route.legs[1:], route.length_m - math.dist(start, first)))
+        beyond = LineString([start, first]).difference(MultiPoint([start]).buffer(2 * off_m + 1.1))
+        if off_m > 0.75 and not beyond.is_empty:
+            assert judge.distance_m(beyond) >= judge.limit_m
         assert bool(route.warnings) == (distance_m < mission.planner.clearance_m)
     assert not router.check_leg(start, Point(10, 50))
 
@@ -299,6 +302,27 @@ def test_a_drifting_vehicle_beside_the_margin_is_not_stranded(tmp_path):
         assert isinstance(route, Route)
         assert router.check_leg(start, route.legs[0].to, drift)
     assert mission.planner.distance_m == 6.5
+
+
+def test_a_vehicle_a_bit_off_a_tight_leg_may_fly_it_on(pennovation):
+    mission, graph, router, judge = pennovation
+    a, b = graph.position(21), graph.position(22)
+    along = (b.east_m - a.east_m, b.north_m - a.north_m)
+    length_m = math.hypot(*along)
+    shares = [share / 50 for share in range(1, 50)]
+    tight = min(
+        (Point(a.east_m + s * along[0], a.north_m + s * along[1]) for s in shares),
+        key=lambda place: judge.distance_m(MultiPoint([place])),
+    )
+    for off_m in (-0.5, -0.2, 0.2, 0.5):
+        start = Point(
+            tight.east_m - off_m * along[1] / length_m, tight.north_m + off_m * along[0] / length_m
+        )
+        for end in (a, b):
+            assert router.check_leg(start, end)
+            limit_m = min(judge.distance_m(MultiPoint([start])), judge.limit_m) - 0.02
+            assert judge.distance_m(LineString([start, end])) >= limit_m
+    assert mission.planner.tracking_margin_m == 1.5
 
 
 def test_a_vehicle_that_would_stop_within_the_clearance_brakes_first(tmp_path):
