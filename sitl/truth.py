@@ -1,9 +1,14 @@
-"""The vehicle's true position, as PX4's SIH simulator sends it: HIL_STATE_QUATERNION over UDP."""
+"""The vehicle's true position and time, as PX4's SIH simulator sends them over UDP.
+
+The position is in HIL_STATE_QUATERNION. PX4 leaves that message's time at zero; the simulated time
+stands in HIL_ACTUATOR_CONTROLS, which it sends on the same link.
+"""
 
 from __future__ import annotations
 
 import math
 import socket
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 from urllib.parse import urlsplit
@@ -13,6 +18,11 @@ from pymavlink.dialects.v20 import common as mavlink
 from air_router.errors import AirRouterError
 
 _LARGEST_DATAGRAM: Final = 65535
+
+_MAGIC, _HEADER, _CHECKSUM, _SIGNATURE = 0xFD, 10, 2, 13  # MAVLink 2 framing, bytes
+_WANTED: Final = frozenset(
+    {mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, mavlink.MAVLINK_MSG_ID_HIL_ACTUATOR_CONTROLS}
+)
 
 
 class TruthError(AirRouterError):
@@ -24,7 +34,7 @@ class VehicleState:
     """One HIL_STATE_QUATERNION, in SI units.
 
     Attributes:
-        time_s: Simulated seconds (time_usec).
+        time_s: Simulated seconds.
         latitude_deg: WGS-84.
         longitude_deg: WGS-84.
         altitude_amsl_m: Above mean sea level.
@@ -43,14 +53,20 @@ class TruthParser:
 
     def __init__(self) -> None:
         self._mavlink = mavlink.MAVLink(None)
-        self._mavlink.robust_parsing = True
+        self._time_s = 0.0
 
     def parse(self, datagram: bytes) -> VehicleState | None:
         """The last valid state in a datagram, or None."""
         state: VehicleState | None = None
-        for message in self._mavlink.parse_buffer(datagram) or ():
+        for frame in _frames(datagram, _WANTED):
+            try:
+                message = self._mavlink.decode(bytearray(frame))
+            except mavlink.MAVError:
+                continue
+            if message.time_usec:
+                self._time_s = message.time_usec / 1e6
             if message.get_type() == "HIL_STATE_QUATERNION":
-                state = _state(message) or state
+                state = _state(message, self._time_s) or state
         return state
 
 
@@ -80,15 +96,15 @@ class TruthReceiver:
 
     def receive(self, timeout_s: float) -> VehicleState | None:
         """The newest state, None if none came in time. Older ones that waited are passed over."""
-        newest: bytes | None = None
+        newest: VehicleState | None = None
         try:
             self._socket.settimeout(timeout_s)
-            newest = self._socket.recv(_LARGEST_DATAGRAM)
+            newest = self._parser.parse(self._socket.recv(_LARGEST_DATAGRAM))
             self._socket.setblocking(False)
             while True:
-                newest = self._socket.recv(_LARGEST_DATAGRAM)
+                newest = self._parser.parse(self._socket.recv(_LARGEST_DATAGRAM)) or newest
         except (TimeoutError, BlockingIOError):
-            return None if newest is None else self._parser.parse(newest)
+            return newest
 
     def close(self) -> None:
         """Free the port."""
@@ -106,11 +122,22 @@ def _endpoint(url: str) -> tuple[str, int]:
     return host, port
 
 
-def _state(message: Any) -> VehicleState | None:
+def _frames(datagram: bytes, wanted: frozenset[int]) -> Iterator[bytes]:
+    """The MAVLink 2 frames with a wanted message id: of PX4's stream most are something else."""
+    at = 0
+    while at + _HEADER <= len(datagram) and datagram[at] == _MAGIC:
+        signature = _SIGNATURE if datagram[at + 2] & 1 else 0
+        end = at + _HEADER + datagram[at + 1] + _CHECKSUM + signature
+        if int.from_bytes(datagram[at + 7 : at + 10], "little") in wanted:
+            yield datagram[at:end]
+        at = end
+
+
+def _state(message: Any, time_s: float) -> VehicleState | None:
     w, x, y, z = message.attitude_quaternion
     heading_deg = math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))) % 360
     state = VehicleState(
-        message.time_usec / 1e6,
+        time_s,
         message.lat / 1e7,
         message.lon / 1e7,
         message.alt / 1e3,

@@ -97,6 +97,16 @@ def test_the_parser_survives_whatever_comes():
     assert state.time_s == 4.0
 
 
+def test_px4_tells_its_time_in_another_message():
+    parser = TruthParser()
+    vehicle = mavlink.MAVLink(None)
+    time = vehicle.hil_actuator_controls_encode(7_250_000, [0.0] * 16, 0, 0).pack(vehicle)
+    assert parser.parse(time) is None
+    state = parser.parse(time + packet(0.0))
+    assert state is not None
+    assert state.time_s == 7.25
+
+
 def test_the_receiver_takes_the_newest_of_what_waits():
     receiver = TruthReceiver("udp://127.0.0.1:0")
     try:
