@@ -39,6 +39,7 @@ class VehicleClock:
         self._rate = 1.0
         self._mark: tuple[float, float] | None = None
         self._epoch_s: float | None = None
+        self._synchronised = False
         self._told_s = 0.0
 
     def heard(self, boot_s: float) -> None:
@@ -48,6 +49,7 @@ class VehicleClock:
             if self._boot_s is not None and boot_s < self._boot_s - 1.0:
                 self._mark = None  # it rebooted: start anew
                 self._told_s = 0.0
+                self._synchronised = False
             self._boot_s, self._heard_s = boot_s, wall_s
             if self._mark is None:
                 self._mark = (boot_s, wall_s)
@@ -57,9 +59,15 @@ class VehicleClock:
                 self._mark = (boot_s, wall_s)
 
     def heard_unix(self, unix_s: float, boot_s: float) -> None:
-        """A message said that it is `unix_s` on the vehicle's GPS clock."""
+        """A message said that it is `unix_s` on the vehicle's GPS clock.
+
+        The first one counts: from then on both clocks run together, whatever a simulated GPS
+        says (PX4's tells the wall's time, also at ten times real time).
+        """
         with self._lock:
-            self._epoch_s = unix_s - boot_s
+            if not self._synchronised:
+                self._synchronised = True
+                self._epoch_s = unix_s - boot_s
 
     def boot_s(self) -> float:
         """Seconds since the vehicle booted, never running backwards; 0 before it was heard."""

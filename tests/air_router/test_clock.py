@@ -61,3 +61,11 @@ def test_unix_time_is_the_vehicle_s_once_it_has_told_it():
     assert clock.now_s() == pytest.approx(5e8)
     clock.heard_unix(1.7e9, 10.0)
     assert clock.now_s() == pytest.approx(1.7e9)
+
+
+def test_a_simulated_gps_that_runs_at_another_rate_is_believed_once():
+    clock = VehicleClock(monotonic=Wall(), unix=lambda: 5e8)
+    for second in range(10):
+        clock.heard(10.0 * second)
+        clock.heard_unix(1.7e9 + second, 10.0 * second)
+    assert clock.now_s() == pytest.approx(1.7e9 + 90.0)
