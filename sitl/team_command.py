@@ -18,6 +18,7 @@ from air_router.mission import Mission, load_mission
 from mocha_link.document import DocumentError
 from mocha_link.errors import MochaLinkError
 from mocha_link.team import Team
+from sitl.default_team import default_team
 from sitl.free_ports import derive_team
 from sitl.team import (
     DEFAULT_CAMERA,
@@ -71,7 +72,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         type=Path,
         metavar="DIR",
         help="write a team file with free loopback addresses and ports into DIR and use that one, "
-        "so that simulations can run side by side",
+        "so that simulations can run side by side; a mission without a team gets a built-in one",
     )
     parser.add_argument("--report", type=Path, metavar="FILE", help="write a report at the end")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all that is random")
@@ -125,11 +126,14 @@ def _simulate(arguments: argparse.Namespace) -> None:
 
 def _team(arguments: argparse.Namespace, mission: Mission) -> Team:
     path = arguments.team or mission.team
-    if path is None:
-        raise TeamError(
-            f"{mission.path} names no team; add 'team: team.yaml' to it, or give --team FILE"
-        )
-    return Team.load(path)
+    if path is not None:
+        return Team.load(path)
+    if arguments.free_ports is not None:
+        return default_team()
+    raise TeamError(
+        f"{mission.path} names no team; add 'team: team.yaml' to it, give --team FILE, or "
+        "--free-ports DIR for a built-in team of three ground robots"
+    )
 
 
 @contextlib.contextmanager
