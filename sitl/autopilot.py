@@ -225,13 +225,17 @@ class Autopilot:
         self.terminated = True
         return True
 
+    def take_up_plan(self) -> None:
+        """Look whether another plan was stored; also done with every step."""
+        self._intake.step(self.situation)
+
     # Time
 
     def step(self, step_s: float) -> None:
         """Let `step_s` simulated seconds pass."""
         self._renew(step_s)
         self._watch(step_s)
-        self._intake.step(self.situation)
+        self.take_up_plan()
         self._fly(step_s)
         self._end_step()
 

@@ -74,6 +74,7 @@ class MavlinkVehicle:
         other = self.ground if link is self.onboard else self.onboard
         for frame in link.receive(datagram):
             other.pass_on(frame)
+        self.autopilot.take_up_plan()
 
     def step(self) -> None:
         """Let one step of simulated time pass and queue what is to be sent."""

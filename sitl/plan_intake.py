@@ -27,6 +27,7 @@ class PlanIntake:
     def step(self, situation: Situation) -> None:
         """Look for changes."""
         plan, mission = self._plan, self._mission
+        fence_loaded = self._guard.load_if_due(situation)
         if plan.revision != self._revision:
             self._revision = plan.revision
             self._return.rally_points = tuple(
@@ -40,19 +41,23 @@ class PlanIntake:
             elif plan.current is not None and plan.current != mission.index:
                 mission.jump(plan.current, situation)
             plan.current = None
-        if self._guard.load_if_due(situation):
+        if fence_loaded:
             mission.judge(valid=self._feasible(situation))
             if mission.under_way:
                 mission.restart(situation)
         plan.active = mission.result.current
 
     def _load(self, situation: Situation) -> None:
-        """A mission that replaces one in flight is flown on with, from the index it has."""
+        """A mission that replaces one in flight is flown on with, from the index it has.
+
+        While a fence is being loaded the verdict on the mission has to wait.
+        """
         mission = self._mission
         index = mission.index if self._plan.current is None else self._plan.current
         was_under_way = mission.under_way
         items = self._plan.items(MissionType.MISSION)
-        mission.load(items, index, valid=self._feasible(situation))
+        valid = mission.result.valid if self._guard.loading else self._feasible(situation)
+        mission.load(items, index, valid=valid and bool(items))
         if was_under_way:
             mission.restart(situation)
 

@@ -36,11 +36,11 @@ class PositionMessages:
 
     @property
     def _boot_ms(self) -> int:
-        return int(self._situation.time_s * 1e3)
+        return round(self._situation.time_s * 1e3)
 
     @property
     def _boot_us(self) -> int:
-        return int(self._situation.time_s * 1e6)
+        return round(self._situation.time_s * 1e6)
 
     def _gps(self) -> Fields:
         latitude, longitude = self._estimated_degrees_e7()

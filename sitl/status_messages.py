@@ -66,12 +66,12 @@ class StatusMessages:
     @property
     def boot_ms(self) -> int:
         """time_boot_ms."""
-        return int(self._situation.time_s * 1e3)
+        return round(self._situation.time_s * 1e3)
 
     @property
     def boot_us(self) -> int:
         """time_usec."""
-        return int(self._situation.time_s * 1e6)
+        return round(self._situation.time_s * 1e6)
 
     def _heartbeat(self) -> Fields:
         autopilot = self._autopilot
@@ -112,7 +112,7 @@ class StatusMessages:
 
     def _system_time(self) -> Fields:
         unix_s = self._start_unix_s + self._situation.time_s
-        return {"time_unix_usec": int(unix_s * 1e6), "time_boot_ms": self.boot_ms}
+        return {"time_unix_usec": round(unix_s * 1e6), "time_boot_ms": self.boot_ms}
 
     def _timesync(self) -> Fields:
         return {

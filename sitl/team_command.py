@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import logging
-import signal
 import sys
-import threading
-from collections.abc import Iterator
 from pathlib import Path
-from types import FrameType
 
 from air_router.errors import AirRouterError, ExitCode
 from air_router.mission import Mission, load_mission
@@ -20,6 +15,7 @@ from mocha_link.errors import MochaLinkError
 from mocha_link.team import Team
 from sitl.default_team import default_team
 from sitl.free_ports import derive_team
+from sitl.stop_signal import stop_signal
 from sitl.team import (
     DEFAULT_CAMERA,
     DEFAULT_TRUTH,
@@ -113,7 +109,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
     plan = load_world(arguments.world or mission.world, mission, crew.ground, arguments.seed)
     if arguments.free_ports is not None:
         team = derive_team(team, arguments.free_ports)
-    with _stop_signal() as stop:
+    with stop_signal() as stop:
         places = Places(arguments.truth, arguments.camera)
         with TeamSimulation(mission, team, plan, places, epoch_s=arguments.epoch) as simulation:
             sys.stdout.write(json.dumps(simulation.ready()) + "\n")
@@ -134,20 +130,3 @@ def _team(arguments: argparse.Namespace, mission: Mission) -> Team:
         f"{mission.path} names no team; add 'team: team.yaml' to it, give --team FILE, or "
         "--free-ports DIR for a built-in team of three ground robots"
     )
-
-
-@contextlib.contextmanager
-def _stop_signal() -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set while this lasts."""
-    stop = threading.Event()
-
-    def note(number: int, _frame: FrameType | None) -> None:
-        _log.info("%s: stopping", signal.Signals(number).name)
-        stop.set()
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

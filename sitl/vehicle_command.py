@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
-import logging
 import math
-import signal
 import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from types import FrameType
 from typing import Any, Final
 
 from air_router.errors import AirRouterError, UsageError
 from air_router.mission import load_mission
 from sitl.mavlink_vehicle import VehicleSettings
 from sitl.situation import Place
+from sitl.stop_signal import stop_signal
 from sitl.udp_link import Address
 from sitl.vehicle import Ports, VehicleProcess, px4_ports
-
-_log = logging.getLogger(__name__)
 
 PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
 """Where PX4's own simulator starts if nobody says otherwise."""
@@ -115,28 +111,10 @@ def _simulate(arguments: argparse.Namespace) -> None:
         parameters={"SIM_BAT_DRAIN": arguments.battery_minutes * 60.0, "SIM_BAT_MIN_PCT": 0.0},
     )
     ports = _ports(arguments)
-    stop = _StopSignal()
-    with VehicleProcess(settings, ports) as process:
+    with stop_signal() as stop, VehicleProcess(settings, ports) as process:
         sys.stdout.write(json.dumps(_ready(settings, ports)) + "\n")
         sys.stdout.flush()
-        process.run(stop.came)
-
-
-class _StopSignal:
-    """Remembers SIGINT and SIGTERM."""
-
-    def __init__(self) -> None:
-        self._came = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._note)
-
-    def came(self) -> bool:
-        """Whether one of them came."""
-        return self._came
-
-    def _note(self, number: int, _frame: FrameType | None) -> None:
-        _log.info("ended by %s", signal.Signals(number).name)
-        self._came = True
+        process.run(stop.is_set)
 
 
 def _home_of(path: Path | None) -> Place:
