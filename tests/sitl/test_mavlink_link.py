@@ -1,0 +1,377 @@
+"""What goes over the wire beside missions: answers, silences, streams, texts, parameters."""
+
+import math
+import struct
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import development as mavlink
+
+from sitl.mavlink_codec import DEFINITIONS, Receiver, Sender
+from sitl.notice import Notice, Severity
+from sitl.outgoing import Outgoing
+from sitl.parameters import Parameters, UnknownParameterError
+
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
+
+
+class TestCodec:
+    def test_a_packed_message_is_read_by_pymavlink(self):
+        fields = {
+            "time_boot_ms": 48940,
+            "lat": 473981053,
+            "lon": 85460568,
+            "alt": 512919,
+            "relative_alt": 23646,
+            "vx": 18,
+            "vy": 299,
+            "vz": -50,
+            "hdg": 9004,
+        }
+        sender, receiver = Sender(3), Receiver()
+        sender.pack(Outgoing("GLOBAL_POSITION_INT", fields))
+        (message,) = receiver.parse(sender.pack(Outgoing("GLOBAL_POSITION_INT", fields)))
+        assert {name: getattr(message, name) for name in fields} == fields
+        assert (message.get_srcSystem(), message.get_srcComponent(), message.get_seq()) == (3, 1, 1)
+
+    def test_a_recorded_frame_is_packed_byte_for_byte(self):
+        recorded = bytes.fromhex("fd0a0000aa01012a000000000600030111b5ebc2ff5d")
+        sender = Sender(1)
+        sender._sequence = 0xAA
+        fields = {
+            "seq": 0,
+            "total": 6,
+            "mission_state": 3,
+            "mission_mode": 1,
+            "mission_id": 3270227217,
+            "fence_id": 0,
+            "rally_points_id": 0,
+        }
+        assert sender.pack(Outgoing("MISSION_CURRENT", fields)) == recorded
+
+    def test_broken_frames_do_not_swallow_the_next_datagram(self):
+        frame = Sender(1).pack(Outgoing("HEARTBEAT", heartbeat()))
+        receiver = Receiver()
+        assert receiver.parse(b"\xfd\xff\x00" + frame) == []
+        assert len(receiver.parse(frame)) == 1
+        assert receiver.parse(frame[:-1] + b"\x00") == []
+        assert len(receiver.parse(b"noise" + frame)) == 1
+
+    @pytest.mark.parametrize(
+        ("name", "number"),
+        [
+            ("commander_armed_by", 26266355),
+            ("mission_execute", 32375217),
+            ("commander_rtl", 20262116),
+            ("rtl_land_at_destination", 16962474),
+        ],
+    )
+    def test_event_ids_are_px4s(self, name, number):
+        assert Notice(Severity.INFO, event=name).event_id == number
+
+    def test_the_dialect_has_what_is_streamed(self, rig):
+        rig.run(5)
+        names = rig.vehicle._telemetry._builders
+        assert all(name in DEFINITIONS for name in names)
+        assert all(rig.vehicle._telemetry.message(name) is not None for name in names)
+
+
+def heartbeat():
+    names = ("type", "autopilot", "base_mode", "custom_mode", "system_status", "mavlink_version")
+    return dict.fromkeys(names, 0)
+
+
+class TestCommands:
+    def test_unknown_ones_are_unsupported(self, rig):
+        rig.run(5)
+        assert [rig.command(number) for number in (31999, 9, 193, 224)] == [[UNSUPPORTED]] * 4
+
+    def test_another_target_gets_no_answer_at_all(self, rig):
+        rig.run(5)
+        for target in ((7, 1), (0, 0), (1, 33)):
+            assert rig.command(512, 148, target=target) == []
+        assert rig.command(512, 148, target=(1, 0)) == [ACCEPTED]
+
+    def test_failure_injection_is_not_answered(self, rig):
+        rig.run(5)
+        assert rig.command(420, 1) == []
+
+    def test_home_and_reboot(self, rig):
+        rig.run(5)
+        assert rig.command(179, 1) == [ACCEPTED]
+        latitude, longitude = rig.degrees(30, 0)
+        assert rig.command(179, 0, 0, 0, 0, latitude, longitude, 480) == [ACCEPTED]
+        assert rig.autopilot.situation.home == pytest.approx((30, 0), abs=1)
+        assert rig.command(179, 0) == [DENIED]
+        assert rig.command(246, 0) == [ACCEPTED]
+
+    def test_an_answer_names_who_asked(self, rig):
+        rig.run(5)
+        rig.command(512, 148, source=(245, 190))
+        ack = rig.onboard.last("COMMAND_ACK")
+        assert (ack.command, ack.target_system, ack.target_component) == (512, 245, 190)
+
+
+class TestStreams:
+    def rate(self, rig, number, seconds=10, link="onboard"):
+        getattr(rig, link).FAST = frozenset()
+        ear = getattr(rig, link)
+        ear.clear()
+        rig.run(seconds)
+        name = mavlink.mavlink_map[number].msgname
+        return len(ear.all(name)) / seconds
+
+    @pytest.mark.parametrize(
+        ("number", "rate_hz"),
+        [(0, 1), (33, 50), (32, 30), (1, 5), (245, 5), (242, 0.5), (24, 8), (436, 0.5)],
+    )
+    def test_default_rates_are_px4s(self, rig, number, rate_hz):
+        rig.run(5)
+        assert self.rate(rig, number) == pytest.approx(rate_hz, abs=0.11)
+
+    def test_an_interval_is_set_and_taken_back(self, rig):
+        rig.run(5)
+        assert rig.command(511, 33, 200000) == [ACCEPTED]
+        assert self.rate(rig, 33) == pytest.approx(5, abs=0.11)
+        assert self.rate(rig, 33, link="ground") == pytest.approx(50, abs=0.2)
+        assert rig.command(511, 33, -1) == [ACCEPTED]
+        assert self.rate(rig, 33) == 0
+        assert rig.command(510, 33) == [ACCEPTED]
+        assert rig.onboard.last("MESSAGE_INTERVAL").interval_us == -1
+        assert rig.command(511, 33, 0) == [ACCEPTED]
+        assert self.rate(rig, 33) == pytest.approx(50, abs=0.2)
+
+    def test_unknown_messages(self, rig):
+        rig.run(5)
+        assert rig.command(511, 9999, 1000) == [FAILED]
+        assert rig.command(512, 9999) == [DENIED]
+
+    def test_a_message_comes_before_its_acknowledgement(self, rig):
+        rig.run(5)
+        assert rig.command(512, 148) == [ACCEPTED]
+        names = rig.onboard.names()
+        assert names.index("AUTOPILOT_VERSION") < names.index("COMMAND_ACK")
+        version = rig.onboard.last("AUTOPILOT_VERSION")
+        assert version.flight_sw_version == 0x011100FF
+
+    def test_silent_first_then_home_then_armable(self, rig):
+        rig.run(1.2)
+        assert rig.onboard.heard == []
+        rig.run(0.8)
+        assert "HEARTBEAT" in rig.onboard.names()
+        assert "HOME_POSITION" not in rig.onboard.names()
+        rig.run(6)
+        assert "HOME_POSITION" in rig.onboard.names()
+        states = [message.system_status for message in rig.onboard.all("HEARTBEAT")]
+        assert states[0] == 0
+        assert states[-1] == 3
+        healths = [
+            message.onboard_control_sensors_health & 0x10000000
+            for message in rig.onboard.all("SYS_STATUS")
+        ]
+        assert not healths[0]
+        assert healths[-1]
+
+    def test_time(self, rig):
+        rig.run(5)
+        time = rig.onboard.last("SYSTEM_TIME")
+        assert time.time_unix_usec == time.time_boot_ms * 1000  # started at the epoch
+        rig.onboard.FAST = frozenset()
+        rig.send("timesync", 0, 12345)
+        answer = rig.onboard.last("TIMESYNC")
+        assert answer.ts1 == 12345
+        assert answer.tc1 == pytest.approx(rig.now_s * 1e9, rel=0.01)
+        rig.send("ping", 77, 5, 0, 0)
+        assert (rig.onboard.last("PING").time_usec, rig.onboard.last("PING").seq) == (77, 5)
+
+
+class TestTexts:
+    def test_go_to_ground_stations_only_and_events_to_all(self, rig):
+        rig.ready()
+        rig.command(400, 1)
+        assert "Armed by external command" in rig.ground.texts()
+        assert rig.onboard.texts() == []
+        assert rig.onboard.said("commander_armed_by")
+        assert rig.ground.said("commander_armed_by")
+
+    def test_are_kept_for_five_seconds_and_no_longer(self, rig):
+        rig.ready()
+        rig.heartbeats = False
+        rig.run(4)
+        rig.ground.clear()
+        rig.command(400, 1)
+        rig.run(3)
+        assert rig.ground.texts() == []
+        rig.heartbeats = True
+        rig.run(0.5)
+        assert "Armed by external command" in rig.ground.texts()
+        rig.heartbeats = False
+        rig.command(400, 0)
+        rig.run(4)
+        rig.ground.clear()
+        rig.command(400, 1)
+        rig.run(5.5)
+        rig.heartbeats = True
+        rig.run(1)
+        assert rig.ground.texts() == []
+
+    def test_long_ones_come_in_pieces(self, rig):
+        rig.run(5)
+        rig.autopilot.situation.say("x" * 49, "some_event")
+        rig.autopilot.situation.say("y" * 60, "some_event")
+        rig.run(0.1)
+        texts = [(message.chunk_seq, len(message.text)) for message in rig.ground.all("STATUSTEXT")]
+        assert texts[-4:] == [(0, 50), (1, 0), (0, 50), (1, 11)]
+
+    def test_events_are_numbered(self, rig):
+        rig.ready()
+        rig.command(400, 1)
+        rig.run(4)
+        total = rig.onboard.last("CURRENT_EVENT_SEQUENCE").sequence
+        assert total == rig.vehicle._telemetry.status.events_sent - 1
+
+    def test_a_companions_words_are_passed_on_to_the_ground_station(self, rig):
+        rig.run(5)
+        said = []
+        sender = mavlink.MAVLink(None, 1, 191)
+        frame = sender.statustext_encode(5, b"air_router: SEARCH", 0, 0).pack(sender)
+        rig.vehicle.receive(rig.vehicle.onboard, frame)
+        for sent in rig.vehicle.ground.take_frames():
+            said += [message for message in Receiver().parse(sent) if message.get_type()]
+        assert [(message.get_srcComponent(), message.text) for message in said][-1] == (
+            191,
+            "air_router: SEARCH",
+        )
+
+    def test_a_command_to_the_vehicle_is_not_passed_on(self, rig):
+        rig.run(5)
+        rig.vehicle.ground.take_frames()
+        sender = mavlink.MAVLink(None, 1, 191)
+        command = sender.command_long_encode(1, 1, 512, 0, 148, *(math.nan,) * 6).pack(sender)
+        rig.vehicle.receive(rig.vehicle.onboard, command)
+        assert rig.vehicle.ground.take_frames() == []
+
+
+class TestParameters:
+    def values(self, rig, name, *fields):
+        rig.onboard.clear()
+        rig.send(name, *fields)
+        rig.run(0.1)
+        return [(value.param_id, value.param_value) for value in rig.onboard.all("PARAM_VALUE")]
+
+    def test_read_by_name_and_by_index(self, rig):
+        rig.run(3)
+        assert self.values(rig, "param_request_read", 1, 1, b"NAV_ACC_RAD", -1) == [
+            ("NAV_ACC_RAD", 2.0)
+        ]
+        (index,) = {value.param_index for value in rig.onboard.all("PARAM_VALUE")}
+        assert self.values(rig, "param_request_read", 1, 1, b"", index) == [("NAV_ACC_RAD", 2.0)]
+
+    def test_unknown_names_and_wrong_types_get_no_answer(self, rig):
+        rig.run(3)
+        assert self.values(rig, "param_request_read", 1, 1, b"NO_SUCH", -1) == []
+        assert self.values(rig, "param_set", 1, 1, b"NO_SUCH", 1.0, 9) == []
+        assert self.values(rig, "param_set", 1, 1, b"NAV_DLL_ACT", 2.0, 9) == []
+        assert self.values(rig, "param_request_read", 9, 1, b"NAV_ACC_RAD", -1) == []
+
+    def test_a_change_is_told_twice_and_integers_travel_bytewise(self, rig):
+        rig.run(3)
+        (wire,) = struct.unpack("<f", struct.pack("<i", 99))
+        expected = [("GF_ACTION", pytest.approx(wire))] * 2
+        assert self.values(rig, "param_set", 1, 1, b"GF_ACTION", wire, 6) == expected
+        assert rig.autopilot.parameters["GF_ACTION"] == 99  # out of range, and stored
+        assert len(self.values(rig, "param_set", 1, 1, b"GF_ACTION", wire, 6)) == 1
+
+    def test_all_of_them(self, rig):
+        rig.run(3)
+        listed = self.values(rig, "param_request_list", 1, 1)
+        names = [name for name, _ in listed]
+        assert names == sorted(names)
+        assert len(names) == rig.onboard.last("PARAM_VALUE").param_count
+        rig.onboard.clear()
+        rig.run(1)
+        assert rig.onboard.all("PARAM_VALUE") == []
+
+    def test_a_changed_speed_is_flown(self, rig):
+        rig.fly()
+        self.values(rig, "param_set", 1, 1, b"MPC_XY_CRUISE", 3.0, 9)
+        rig.reposition(60, 0, math.nan)
+        rig.run(5)
+        assert rig.autopilot.situation.velocity_m_s[0] == pytest.approx(3, abs=0.2)
+
+    def test_only_known_ones_can_be_given_at_the_start(self):
+        with pytest.raises(UnknownParameterError, match="NO_SUCH"):
+            Parameters({"NO_SUCH": 1})
+
+
+anything = st.one_of(st.floats(width=32), st.sampled_from([0.0, 1.0, 4.0, -1.0]))
+MESSAGES = sorted(
+    number
+    for number, message in mavlink.mavlink_map.items()
+    if message.msgname.startswith(("MISSION", "COMMAND", "PARAM", "SET_MODE", "HEARTBEAT"))
+)
+
+
+COMMANDS = [16, 20, 21, 22, 31, 93, 176, 177, 178, 179, 192, 300, 400, 511, 512, 5002]
+
+
+@st.composite
+def random_frames(draw):
+    """Well-formed frames of messages that the vehicle listens to, with random fields."""
+    message = mavlink.mavlink_map[draw(st.sampled_from(MESSAGES))]
+    payload = bytearray(
+        draw(st.binary(min_size=message.unpacker.size, max_size=message.unpacker.size))
+    )
+    fields = list(message.unpacker.unpack(bytes(payload)))
+    for index, name in enumerate(message.ordered_fieldnames):
+        if name in ("target_system", "target_component"):
+            fields[index] = 1
+        elif name in ("seq", "count") and draw(st.booleans()):
+            fields[index] = draw(st.integers(0, 3))
+        elif name in ("mission_type", "frame") and draw(st.booleans()):
+            fields[index] = draw(st.sampled_from([0, 1, 2, 6]))
+        elif name == "command":
+            fields[index] = draw(st.sampled_from(COMMANDS))
+        elif isinstance(fields[index], float):
+            fields[index] = draw(anything)
+    sender = Sender(draw(st.sampled_from([1, 255])), draw(st.sampled_from([190, 191])))
+    names = message.ordered_fieldnames
+    packed = message.unpacker.pack(*fields)
+    definition = DEFINITIONS[message.msgname]
+    values = dict(zip(names, fields, strict=False))
+    if len(names) != len(fields) or set(definition.fields) - set(values):
+        return packed
+    return sender.pack(Outgoing(message.msgname, values))
+
+
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    datagrams=st.lists(st.one_of(st.binary(max_size=300), random_frames()), max_size=30),
+    flying=st.booleans(),
+)
+def test_nothing_that_comes_in_ever_raises(flown, datagrams, flying):
+    rig = flown(flying)
+    for datagram in datagrams:
+        for link in (rig.vehicle.onboard, rig.vehicle.ground):
+            rig.vehicle.receive(link, datagram)
+        rig.run(0.1)
+    rig.run(3)
+    assert all(math.isfinite(value) for value in rig.position())
+
+
+@pytest.fixture
+def flown(make_rig):
+    def make(flying):
+        rig = make_rig()
+        rig.ready()
+        if flying:
+            rig.autopilot.arm()
+            rig.autopilot.take_off(500.0)
+            rig.command(22)
+            rig.run(8)
+        return rig
+
+    return make
