@@ -18,11 +18,9 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkM
 
 _log = logging.getLogger(__name__)
 
-_LEVELS = {
-    LogLevel.DEBUG: logging.DEBUG,
-    LogLevel.INFO: logging.DEBUG,  # its chatter is ours to debug with
+_LEVELS = {  # what matters of its chatter comes back as a result, and we say it ourselves
     LogLevel.WARN: logging.INFO,
-    LogLevel.ERROR: logging.WARNING,
+    LogLevel.ERROR: logging.INFO,
 }
 
 
@@ -30,7 +28,7 @@ def route_log() -> None:
     """Send MAVSDK's log, which it prints on stdout, to Python's logging."""
 
     def to_logging(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
-        _log.log(_LEVELS.get(level, logging.INFO), "MAVSDK: %s", message)
+        _log.log(_LEVELS.get(level, logging.DEBUG), "MAVSDK: %s", message)
         return True
 
     log_subscribe(to_logging)
