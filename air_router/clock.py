@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-_RATE_WINDOW_S: Final = 1.0
+_RATE_WINDOW_S: Final = 0.3
 """Wall time over which the clock's rate against ours is measured."""
 
 _SILENCE_S: Final = 2.0
@@ -77,6 +77,12 @@ class VehicleClock:
             since_s = min(self._monotonic() - self._heard_s, _SILENCE_S)
             self._told_s = max(self._told_s, self._boot_s + since_s * self._rate)
             return self._told_s
+
+    @property
+    def rate(self) -> float:
+        """Seconds of the vehicle in a second of ours: 1 outside, more in a fast simulation."""
+        with self._lock:
+            return self._rate
 
     def now_s(self) -> float:
         """Unix seconds: the vehicle's, or the companion's own until the vehicle told its time."""

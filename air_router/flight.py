@@ -35,6 +35,7 @@ from air_router.flight_plan import FlightPlan
 from air_router.graph import WaypointGraph
 from air_router.ledger import Ledger, RobotAccount
 from air_router.mapper import Mapper, receive_patches
+from air_router.navigator import REACTION_S
 from air_router.router import Router
 from air_router.status import StatusLine, flight_line
 from air_router.vehicle import LinkSilent, Telemetry, VehicleEvent
@@ -51,6 +52,9 @@ _log = logging.getLogger(__name__)
 
 HOME_TOLERANCE_M: Final = 20.0
 """The vehicle must stand this close to the mission's home, or it is another place's mission."""
+
+COMMAND_S: Final = 0.12
+"""Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
 
 LOST_S: Final = 60.0
 """Wall-clock silence of the vehicle after which the flight is reported as lost."""
@@ -162,6 +166,12 @@ class Flight:
         self._check_start(telemetry)
         self._gossip.start(self._on_event)
         await self._vehicle.upload(self._plan)
+        # What a command takes on its way is our time; in a fast simulation the vehicle's flies.
+        reaction_s = REACTION_S + COMMAND_S * self._clock.rate
+        self.controller.navigator.reaction_s = reaction_s
+        self._recorder.write(
+            "flight", self._clock.boot_s(), {"type": "Reaction", "reaction_s": reaction_s}
+        )
         self._status.say(
             f"on board and read back: {len(self._plan.items)} plan items, "
             f"{len(self._plan.fence)} fence vertices"

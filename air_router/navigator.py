@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 BRAKING_M_S2 = 2.0
 """Deceleration to count on. PX4 brakes with MPC_ACC_HOR 3 m/s2, but jerk-limited, so later."""
 
-REACTION_S = 0.3
-"""Flight time between the telemetry that a decision rests on and the vehicle acting on it."""
+REACTION_S = 0.6
+"""Flight time between the telemetry that a decision rests on and the vehicle braking: a PX4 takes
+half a second to build its deceleration up, and the link its time."""
 
 STANDING_M_S = 0.5
 """Slower than this counts as hovering: estimates and gusts never read exactly zero."""
@@ -54,9 +55,11 @@ class Navigator:
     Args:
         mission: Altitudes, acceptance radius, and the airspace that every leg must keep to.
         router: Plans routes; its answers are checked again from the true position.
+        reaction_s: For how long the vehicle flies on as it does before it follows a command.
     """
 
-    def __init__(self, mission: Mission, router: Router) -> None:
+    def __init__(self, mission: Mission, router: Router, *, reaction_s: float = REACTION_S) -> None:
+        self.reaction_s = reaction_s
         self._mission = mission
         self._router = router
         self._legs: deque[Leg] = deque()
@@ -132,7 +135,7 @@ class Navigator:
     def _plan(self, telemetry: Telemetry) -> Motion | None:
         assert self.goal is not None  # noqa: S101 - every caller has set one
         target = self.goal.position if self.goal.node is None else self.goal.node
-        stopping = stopping_point(telemetry)
+        stopping = stopping_point(telemetry, self.reaction_s)
         route = self._router.route(telemetry.position, target, stopping=stopping)
         if isinstance(route, Route):
             legs = deque(route.legs)
@@ -172,18 +175,18 @@ class Navigator:
     def clear(self, telemetry: Telemetry, target: Point) -> bool:
         """Whether a straight leg from where the vehicle is, at its speed, keeps the clearance."""
         return self._router.check_leg(
-            telemetry.position, target, stopping=stopping_point(telemetry)
+            telemetry.position, target, stopping=stopping_point(telemetry, self.reaction_s)
         )
 
 
-def stopping_point(telemetry: Telemetry) -> Point:
-    """Where the vehicle comes to rest if it brakes now.
+def stopping_point(telemetry: Telemetry, reaction_s: float = REACTION_S) -> Point:
+    """Where the vehicle comes to rest if it is told now to brake.
 
     The vehicle sweeps at most the triangle of its position, this point and its new target.
     """
     east_m_s, north_m_s = telemetry.velocity_m_s
     speed_m_s = math.hypot(east_m_s, north_m_s)
-    travel_s = REACTION_S + speed_m_s / (2 * BRAKING_M_S2)
+    travel_s = reaction_s + speed_m_s / (2 * BRAKING_M_S2)
     east_m, north_m = telemetry.position
     return Point(east_m + east_m_s * travel_s, north_m + north_m_s * travel_s)
 
