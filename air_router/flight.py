@@ -166,12 +166,6 @@ class Flight:
         self._check_start(telemetry)
         self._gossip.start(self._on_event)
         await self._vehicle.upload(self._plan)
-        # What a command takes on its way is our time; in a fast simulation the vehicle's flies.
-        reaction_s = REACTION_S + COMMAND_S * self._clock.rate
-        self.controller.navigator.reaction_s = reaction_s
-        self._recorder.write(
-            "flight", self._clock.boot_s(), {"type": "Reaction", "reaction_s": reaction_s}
-        )
         self._status.say(
             f"on board and read back: {len(self._plan.items)} plan items, "
             f"{len(self._plan.fence)} fence vertices"
@@ -227,6 +221,8 @@ class Flight:
                 self._tell(text, now_s)
             case StateChanged(source=source, target=target):
                 self._status.say(f"{now_s:8.1f} s  {source.name} -> {target.name}")
+                if source is State.READY:
+                    self._reckon_with_delays(now_s)
             case Finish(landed_by_us=True):
                 self._end("done", ExitCode.DONE)
             case Finish(why=why):
@@ -235,6 +231,12 @@ class Flight:
                     "pilot" if pilot else f"ended: {why}",
                     ExitCode.PILOT_TOOK_OVER if pilot else ExitCode.ENDED_OTHERWISE,
                 )
+
+    def _reckon_with_delays(self, now_s: float) -> None:
+        """What a command takes on its way is our time; in a fast simulation the vehicle's flies."""
+        reaction_s = REACTION_S + COMMAND_S * self._clock.rate
+        self.controller.navigator.reaction_s = reaction_s
+        self._recorder.write("flight", now_s, {"type": "Reaction", "reaction_s": reaction_s})
 
     def _tell(self, text: str, now_s: float) -> None:
         self._status.say(f"{now_s:8.1f} s  {text}")
