@@ -100,18 +100,19 @@ class VehicleProcess:
     def run(self, stopped: Callable[[], bool]) -> None:
         """Run until `stopped` says so; it is asked at least fifty times a second."""
         step_s = STEP_S / self._speed
-        wait_s = min(max(step_s, _LEAST_WAIT_S), STEP_S)
+        least_wait_s = _LEAST_WAIT_S if step_s < _LEAST_WAIT_S else 0.0
+        level = logging.WARNING
         next_s = time.monotonic()
         while not stopped():
             now_s = time.monotonic()
             if now_s - next_s > _MOST_BEHIND_S:
-                _log.warning("too slow for this speed: %.2f s of real time lost", now_s - next_s)
-                next_s = now_s
+                _log.log(level, "too slow for this speed: %.2f s of real time lost", now_s - next_s)
+                level, next_s = logging.DEBUG, now_s  # once is enough
             while next_s <= now_s:
                 self._vehicle.step()
                 next_s += step_s
             self._flush()
-            self._receive(max(next_s - time.monotonic(), wait_s if step_s < wait_s else 0.0))
+            self._receive(min(max(next_s - time.monotonic(), least_wait_s), STEP_S))
 
     def close(self) -> None:
         """Free the ports."""
