@@ -1,10 +1,11 @@
 """What the first leg from where the vehicle is has to satisfy, however cramped the place is.
 
-* Over its whole length it is clear in the mission's planning airspace.
+* Over its whole length it is clear in the airspace of the caller: with the whole tracking margin
+  when a route is planned; with half of it when that fails, and when a leg of the route is about to
+  be flown: the vehicle is never exactly at a node, and tight legs must be clear from where it is.
 * A moving vehicle needs the whole area clear that its curve may sweep.
-* A vehicle inside the tracking margin already (wind, noise, a newly drawn zone), or that comes to
-  rest in it, may go on: with half of the margin left, on a leg that is nowhere closer to zones than
-  the vehicle is or will be anyhow; with less, only in the first metres, and then the leg is clear.
+* A vehicle that is closer than that already (wind, noise, a newly drawn zone), or comes to rest
+  closer, may be as close as it is or will be anyhow in the first metres, and then the leg is clear.
 * One that would come to rest within the clearance has to brake first.
 * A vehicle inside a zone, or outside of the fence, takes a short way out that meets no other zone.
 """
@@ -30,7 +31,8 @@ class Departure:
     """Judges first legs from one place.
 
     Args:
-        mission: whose planning airspace and clearance count.
+        mission: whose clearance counts.
+        airspace: its airspace with the distance that this first leg has to keep.
         start: where the vehicle is.
         stopping: where it comes to rest if it brakes now; None if it stands.
 
@@ -42,8 +44,9 @@ class Departure:
         warnings: what the operator should know about that.
     """
 
-    def __init__(self, mission: Mission, start: Point, stopping: Point | None) -> None:
-        airspace = mission.planning_airspace
+    def __init__(
+        self, mission: Mission, airspace: Airspace, start: Point, stopping: Point | None
+    ) -> None:
         self._airspace = airspace
         self.start = start
         self.moving = stopping is not None and stopping != start
@@ -75,11 +78,8 @@ class Departure:
         if kept_m < (clearance_m if distance_m >= clearance_m else distance_m - _DRIFT_M):
             self._near = None  # too fast towards a zone: brake before anything else
             return
-        if kept_m >= clearance_m + planner.tracking_margin_m / 2:
-            self._reach_m = math.inf
-        else:
-            drift_m = math.dist(self.start, self.rest)
-            self._reach_m = 2 * (self._airspace.clearance_m - kept_m) + drift_m + 1.0
+        drift_m = math.dist(self.start, self.rest)
+        self._reach_m = 2 * (self._airspace.clearance_m - kept_m) + drift_m + 1.0
         self._near = self._airspace.with_clearance(max(kept_m - _GIVE_M, 0.0))
 
     def allows(self, end: Point) -> bool:

@@ -56,6 +56,8 @@ HOME_TOLERANCE_M: Final = 20.0
 COMMAND_S: Final = 0.12
 """Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
 
+MAP_RECORD_S: Final = 1.0
+
 LOST_S: Final = 60.0
 """Wall-clock silence of the vehicle after which the flight is reported as lost."""
 
@@ -118,6 +120,7 @@ class Flight:
         self._motion_waits = asyncio.Event()
         self._interrupted = False
         self._ours = False
+        self._map_recorded_s = -math.inf
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def run(self) -> FlightResult:
@@ -199,6 +202,7 @@ class Flight:
         self._on_event(event)
         if isinstance(event, Telemetry):
             self._gossip.tell(event)
+            self._record_map(event.time_s)
             self._status.show(lambda: flight_line(self.controller, self._gossip.links()))
 
     def _on_event(self, event: Event) -> None:
@@ -237,6 +241,13 @@ class Flight:
         reaction_s = REACTION_S + COMMAND_S * self._clock.rate
         self.controller.navigator.reaction_s = reaction_s
         self._recorder.write("flight", now_s, {"type": "Reaction", "reaction_s": reaction_s})
+
+    def _record_map(self, now_s: float) -> None:
+        """How the map grows: with it the robots' share of it can be told afterwards."""
+        cells = self._mapper.known_cells
+        if now_s - self._map_recorded_s >= MAP_RECORD_S and cells:
+            self._map_recorded_s = now_s
+            self._recorder.write("flight", now_s, {"type": "Map", "known_cells": cells})
 
     def _tell(self, text: str, now_s: float) -> None:
         self._status.say(f"{now_s:8.1f} s  {text}")

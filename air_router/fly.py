@@ -176,12 +176,13 @@ def finish(mission: Mission, result: FlightResult, arguments: argparse.Namespace
     return result.exit_code
 
 
-def _confirmed(mission: Mission, ask: Callable[[str], str] = input) -> bool:
+def _confirmed(mission: Mission, ask: Callable[[], str] = input) -> bool:
     sys.stderr.write(
         f"The vehicle will arm, take off and fly {mission.name} by itself. Propellers clear?\n"
     )
     try:
-        return ask("type 'fly' to go: ").strip().lower() == "fly"
+        sys.stderr.write("type 'fly' to go: ")
+        return ask().strip().lower() == "fly"
     except EOFError:
         return False
 

@@ -28,6 +28,10 @@ REACTION_S = 0.6
 """Flight time between the telemetry that a decision rests on and the vehicle braking: a PX4 takes
 half a second to build its deceleration up, and the link its time."""
 
+SETTLE_S = 2.0
+SETTLES = 5
+"""How long apart, and how often, a vehicle that stands looks again for a clear leg on."""
+
 STANDING_M_S = 0.5
 """Slower than this counts as hovering: estimates and gusts never read exactly zero."""
 
@@ -68,6 +72,8 @@ class Navigator:
         self.progress = Progress.IDLE
         self.refusal: NoRoute | None = None
         self._braking = False
+        self._settled = 0
+        self._settle_until_s = -math.inf
 
     @property
     def remaining(self) -> tuple[Leg, ...]:
@@ -85,6 +91,7 @@ class Navigator:
         self.leg = None
         self._legs.clear()
         self._braking = False
+        self._settled = 0
         self.refusal = None
         return self._plan(telemetry)
 
@@ -115,9 +122,7 @@ class Navigator:
             return None
         if self.clear(telemetry, self._legs[0].to):
             return self._command(self._legs.popleft())
-        # At the end of the leg, but not yet where the next one is clear: let the vehicle settle
-        # on the node; only if it stands and still has no clear way, plan anew.
-        return self._plan(telemetry) if standing else None
+        return self._settle(telemetry) if standing else None
 
     def again(self, telemetry: Telemetry) -> Motion | None:
         """Plan anew to the same goal: the vehicle did not follow, or something has changed."""
@@ -127,10 +132,27 @@ class Navigator:
     def _radius_m(self) -> float:
         return self._mission.planner.acceptance_radius_m
 
+    def _settle(self, telemetry: Telemetry) -> Motion | None:
+        """At a leg's end, but not where the next leg is clear: look again now and then."""
+        if telemetry.time_s < self._settle_until_s:
+            return None
+        self._settle_until_s = telemetry.time_s + SETTLE_S
+        self._settled += 1
+        if self._settled <= SETTLES:
+            return self._plan(telemetry)
+        self.refusal = NoRoute("no leg on from here is clear, wherever it settles")
+        self.progress = Progress.STRANDED
+        return None
+
     def _at_end(self, leg: Leg, telemetry: Telemetry, reached_node: int | None) -> bool:
         if reached_node is not None and reached_node == leg.node:
             return True
         return _distance_m(telemetry.position, leg.to) <= self._radius_m
+
+    def _passed(self, leg: Leg, following: Leg, telemetry: Telemetry) -> bool:
+        """Whether a leg's end is so near that the vehicle may as well go for the next one."""
+        near = _distance_m(telemetry.position, leg.to) <= self._radius_m
+        return near and self.clear(telemetry, following.to)
 
     def _plan(self, telemetry: Telemetry) -> Motion | None:
         assert self.goal is not None  # noqa: S101 - every caller has set one
@@ -139,7 +161,7 @@ class Navigator:
         route = self._router.route(telemetry.position, target, stopping=stopping)
         if isinstance(route, Route):
             legs = deque(route.legs)
-            while len(legs) > 1 and _distance_m(telemetry.position, legs[0].to) <= 0.1:
+            while len(legs) > 1 and self._passed(legs[0], legs[1], telemetry):
                 legs.popleft()
             if not legs or (
                 len(legs) == 1 and _distance_m(telemetry.position, legs[0].to) <= self._radius_m

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -67,6 +67,7 @@ class Router:
         self._graph = graph
         self._mission = graph.mission
         self._airspace = graph.mission.planning_airspace
+        self._departing = self._airspace.with_clearance(graph.mission.planner.departure_m)
         self._regions: Regions | None = None
 
     def route(
@@ -86,22 +87,27 @@ class Router:
         target = self._goal(goal)
         if not self._airspace.point_clear(target.to):
             return self._bad_goal(target)
-        rule = Departure(self._mission, start, stopping)
-        points = self._points(target, rule)
-        if points is not None:
-            return _route(start, points, rule.warnings)
+        for rule in self._departures(start, stopping):
+            points = self._points(target, rule)
+            if points is not None:
+                return _route(start, points, rule.warnings)
         for out in self._ways_out(start) if rule.cramped else []:
             if rule.allows(out):
-                onward = self._points(target, Departure(self._mission, out, None))
+                onward = self._points(target, Departure(self._mission, self._airspace, out, None))
                 if onward is not None:
                     return _route(start, [Leg(out), *onward], rule.warnings)
         return self._no_route(start, target, rule)
 
     def check_leg(self, start: Point, end: Point, stopping: Point | None = None) -> bool:
         """Whether the vehicle, now at `start`, may be sent straight to `end`."""
-        return self._airspace.point_clear(end) and Departure(self._mission, start, stopping).allows(
-            end
+        return self._airspace.point_clear(end) and any(
+            rule.allows(end) for rule in self._departures(start, stopping)
         )
+
+    def _departures(self, start: Point, stopping: Point | None) -> Iterator[Departure]:
+        """With the whole tracking margin, and where that is too much to ask, with half of it."""
+        for airspace in (self._airspace, self._departing):
+            yield Departure(self._mission, airspace, start, stopping)
 
     def _goal(self, goal: Point | int) -> Leg:
         if isinstance(goal, int):

@@ -44,6 +44,11 @@ class PlannerSettings:
         """What routes keep away: clearance and tracking margin."""
         return self.clearance_m + self.tracking_margin_m
 
+    @property
+    def departure_m(self) -> float:
+        """What a leg keeps away that starts where the vehicle is, a little off the planned one."""
+        return self.clearance_m + self.tracking_margin_m / 2
+
 
 DEFAULT_SPEED_M_S = 3.5
 DEFAULT_BATTERY_RESERVE = 0.25

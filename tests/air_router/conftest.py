@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 import math
+import random
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,8 @@ class Airframe:
         self.failsafe = False
         self.target = None
         self.track = []
+        self.noise_m = 0.0
+        self._chance = random.Random(1)
 
     def take_off(self):
         self.armed = self.in_air = True
@@ -79,7 +82,7 @@ class Airframe:
     def telemetry(self):
         return Telemetry(
             time_s=self.now_s,
-            position=self.position,
+            position=Point(*(self._chance.gauss(x, self.noise_m) for x in self.position)),
             altitude_m=self.altitude_m,
             velocity_m_s=self.velocity,
             armed=self.armed,

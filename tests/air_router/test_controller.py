@@ -126,6 +126,18 @@ def test_exploration_resumes_where_it_stopped_and_then_only_search_remains(prete
     assert all(b is State.SEARCH for a, b in itertools.pairwise(later) if a is State.EXPL)
 
 
+def test_with_position_noise_every_waypoint_is_visited_and_no_leg_commanded_twice(pretend):
+    flight = pretend(timers=dataclasses.replace(pretend().mission.timers, init_s=2000.0))
+    flight.noise_m = 0.3
+    flight.take_off()
+    flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 2500.0)
+    assert flight.controller.exploration.left_out == []
+    commanded = [m.node for m in flight.motions if isinstance(m, FlyToNode)]
+    assert set(range(1, 40)) <= set(commanded)
+    assert len(commanded) < 80
+    assert closest_m(flight) >= flight.mission.planner.clearance_m
+
+
 def test_a_robot_over_a_zone_is_waited_for_beside_it(pretend):
     flight = pretend(radius_m=200.0)
     inside = Point(
