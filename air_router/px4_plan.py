@@ -67,7 +67,10 @@ async def _upload(
             break
         if attempt + 1 < BUSY_ATTEMPTS:
             await asyncio.sleep(BUSY_S)
-    raise PlanRefusedError(f"{what} was not taken: {result.name}{telemetry.said()}")
+    hint = ""
+    if result == MissionRawResult.TOO_MANY_MISSION_ITEMS:
+        hint = f"; it has {len(items)} points, PX4 1.17 stores 64 of a fence: draw it simpler"
+    raise PlanRefusedError(f"{what} was not taken: {result.name}{telemetry.said()}{hint}")
 
 
 async def _download(

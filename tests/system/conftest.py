@@ -1,0 +1,122 @@
+"""Starts our commands as a user does: as processes, on ports that are free."""
+
+import contextlib
+import json
+import os
+import select
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mocha_link import Team
+from sitl.free_ports import derive_team
+
+ROOT = Path(__file__).parents[2]
+PENNOVATION = ROOT / "missions" / "pennovation" / "mission.yaml"
+
+
+def find_udp_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Command:
+    """One of our commands as a process; its stderr is followed line by line."""
+
+    def __init__(self, *arguments, cwd):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", *map(str, arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL,
+            cwd=cwd,
+            env=environment,
+        )
+        self.said = ""
+
+    def wait_for(self, text, limit_s=60.0):
+        """Read stderr until a text was said."""
+        deadline_s = time.monotonic() + limit_s
+        while text not in self.said:
+            left_s = deadline_s - time.monotonic()
+            ready = left_s > 0 and select.select([self.process.stderr], [], [], left_s)[0]
+            chunk = os.read(self.process.stderr.fileno(), 65536) if ready else b""
+            assert chunk, f"{text!r} was not said; but: {self.said}"
+            self.said += chunk.decode()
+
+    def ready(self):
+        """The JSON line that a simulation prints when it is ready."""
+        return json.loads(self.process.stdout.readline())
+
+    def interrupt(self):
+        self.process.send_signal(signal.SIGINT)
+
+    def finish(self, limit_s=90.0):
+        """Wait for the end; returns exit code and stdout."""
+        out, err = self.process.communicate(timeout=limit_s)
+        self.said += err.decode()
+        return self.process.returncode, out.decode()
+
+
+@pytest.fixture
+def command(tmp_path):
+    with contextlib.ExitStack() as stack:
+
+        def start(*arguments):
+            started = Command(*arguments, cwd=tmp_path)
+
+            def end():
+                if started.process.poll() is None:
+                    started.process.kill()
+                    started.process.wait()
+                started.process.stdout.close()
+                started.process.stderr.close()
+
+            stack.callback(end)
+            return started
+
+        yield start
+
+
+@pytest.fixture
+def pennovation_file():
+    return PENNOVATION
+
+
+@pytest.fixture
+def udp_port():
+    return find_udp_port()
+
+
+@pytest.fixture
+def free_udp_port():
+    return find_udp_port
+
+
+@pytest.fixture
+def short_mission(tmp_path):
+    """Pennovation in a hurry: the paper's times divided by six, flown twice as fast."""
+    text = PENNOVATION.read_text(encoding="utf-8")
+    for key, slow, fast in (
+        ("init_s", "180", "30"),
+        ("explore_s", "120", "20"),
+        ("search_s", "45", "10"),
+        ("speed_m_s", "3.5", "7"),
+    ):
+        assert f"{key}: {slow}" in text
+        text = text.replace(f"{key}: {slow}", f"{key}: {fast}")
+    folder = tmp_path / "mission"
+    folder.mkdir()
+    shutil.copy(PENNOVATION.parent / "world.yaml", folder)
+    derive_team(Team.load(PENNOVATION.parent / "team.yaml"), folder)
+    path = folder / "mission.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
