@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 import sys
 import time
 from collections.abc import Callable
@@ -43,6 +44,7 @@ class StatusLine:
         self._shown_s = now_s
         text = line()
         if self._live:
+            text = text[: shutil.get_terminal_size().columns - 1]  # one line must stay one line
             self._out.write("\r" + text.ljust(self._width))
             self._width = len(text)
         else:
