@@ -28,6 +28,7 @@ from air_router.actions import (
     StateChanged,
 )
 from air_router.behaviour import State
+from air_router.console import listening
 from air_router.controller import Controller
 from air_router.errors import AirRouterError, ExitCode, NotConfirmedError, RefusedError
 from air_router.events import CommandConfirmed, CommandFailed, Event
@@ -134,8 +135,9 @@ class Flight:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self._on_interrupt)
         try:
-            self._start(self._begin())
-            outcome, exit_code = await self._finish
+            with listening(self._on_event, self._status.say):
+                self._start(self._begin())
+                outcome, exit_code = await self._finish
         finally:
             await self._let_go()
             for number in (signal.SIGINT, signal.SIGTERM):
@@ -151,7 +153,7 @@ class Flight:
             self._ours = True
             await self._vehicle.arm()
             await self._vehicle.start()
-            self._status.say("armed and taking off")
+            self._status.say("armed and taking off; type 'home' to end, Ctrl-C to hold")
         else:
             self._status.say("ready: waiting for the pilot to arm and choose Mission mode")
 

@@ -164,6 +164,16 @@ def test_ctrl_c_holds_the_vehicle(rig):
     assert flight.gossip.closed
 
 
+def test_a_signal_from_elsewhere_brings_it_home(rig):
+    flight = rig(duration_s=None)
+    flight.at(
+        lambda: flight.vehicle.airframe.now_s > 150.0,
+        lambda: os.kill(os.getpid(), signal.SIGUSR1),
+    )
+    assert flight.run().outcome == "done"
+    assert any("the operator's word" in text for text in flight.vehicle.announced)
+
+
 def test_ctrl_c_leaves_a_pilot_s_vehicle_alone(rig):
     flight = rig(duration_s=None)
     airframe = flight.vehicle.airframe

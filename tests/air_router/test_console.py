@@ -1,0 +1,47 @@
+import asyncio
+import os
+import pty
+
+import pytest
+
+from air_router.console import listening
+from air_router.events import Request
+
+
+@pytest.fixture
+def terminal():
+    master, slave = pty.openpty()
+    with os.fdopen(master, "w", buffering=1) as typist, os.fdopen(slave) as keyboard:
+        yield typist, keyboard
+
+
+def test_typed_words_are_requests_and_nonsense_is_answered(terminal):
+    typist, keyboard = terminal
+    requests, complaints = [], []
+
+    async def listen():
+        done = asyncio.Event()
+
+        def deliver(request):
+            requests.append(request)
+            done.set()
+
+        with listening(deliver, complaints.append, keyboard):
+            typist.write("fly me to the moon\n\n Home \n")
+            await asyncio.wait_for(done.wait(), 10)
+
+    asyncio.run(listen())
+    assert requests == [Request.COME_HOME]
+    assert len(complaints) == 1
+    assert "type home" in complaints[0]
+
+
+def test_what_is_no_terminal_is_left_alone(tmp_path):
+    (tmp_path / "text").write_text("home\n")
+
+    async def listen():
+        with (tmp_path / "text").open() as file, listening(pytest.fail, pytest.fail, file):
+            await asyncio.sleep(0)
+            assert file.read() == "home\n"
+
+    asyncio.run(listen())
