@@ -69,6 +69,7 @@ class Px4Vehicle(Vehicle):
         self._action: Action
         self._raw: MissionRaw
         self._direct: MavlinkDirect
+        self._texts_sent = 0
         self._watch: asyncio.Task[None] | None = None
         self._callback: Callable[[VehicleEvent], None] | None = None
 
@@ -88,6 +89,7 @@ class Px4Vehicle(Vehicle):
         await self._command(REQUEST_MESSAGE, HOME_POSITION)
         await self._command(REQUEST_MESSAGE, AUTOPILOT_VERSION)
         await self._connection.heard(self._telemetry.complete, "positions")
+        await self._shows(lambda: None not in (self._telemetry.version, self._telemetry.home))
         self._watch = asyncio.create_task(self._watch_silence())
         return VehicleInfo(
             system_id=self._connection.system_id,
@@ -178,11 +180,19 @@ class Px4Vehicle(Vehicle):
 
     async def announce(self, text: str) -> None:
         """See `Vehicle.announce`: PX4 forwards a companion's STATUSTEXT to the ground station."""
-        fields = {"severity": NOTICE, "text": text[:TEXT_LIMIT], "id": 0, "chunk_seq": 0}
-        try:
-            self._direct.send_message(message("STATUSTEXT", fields))
-        except MavlinkDirectError as error:
-            _log.warning("the pilot was not told %r: %s", text, error.result.name)
+        self._texts_sent = self._texts_sent % 0xFFFF + 1
+        for chunk, start in enumerate(range(0, len(text), TEXT_LIMIT)):
+            fields = {
+                "severity": NOTICE,
+                "text": text[start : start + TEXT_LIMIT],
+                "id": self._texts_sent if len(text) > TEXT_LIMIT else 0,
+                "chunk_seq": chunk,
+            }
+            try:
+                self._direct.send_message(message("STATUSTEXT", fields))
+            except MavlinkDirectError as error:
+                _log.warning("the pilot was not told %r: %s", text, error.result.name)
+                return
 
     async def close(self) -> None:
         """See `Vehicle.close`."""

@@ -99,6 +99,11 @@ class Px4Telemetry:
         """The autopilot's last words, to add to an error."""
         return f' (it says: "{"; ".join(self._texts)}")' if self._texts else ""
 
+    @property
+    def plan_guarded(self) -> bool:
+        """Whether it is known which plan is on board, so that another one would be noticed."""
+        return self._guarding and self._plan_ids is not None
+
     def guard_plan(self) -> None:
         """From now on report when the plan on board is replaced by another."""
         self._plan_ids = None

@@ -1,0 +1,221 @@
+"""The PX4 implementation of the vehicle port, through real MAVSDK, against the simulated PX4."""
+
+import asyncio
+import dataclasses
+import math
+import socket
+import threading
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+
+from air_router import px4_connection
+from air_router.clock import VehicleClock
+from air_router.errors import NotConfirmedError, NoVehicleError, PlanRefusedError
+from air_router.flight_plan import Command, FlightPlan
+from air_router.mission import load_mission
+from air_router.px4 import Px4Vehicle
+from air_router.px4_plan import upload_plan
+from air_router.vehicle import FlightMode, ItemReached, PlanReplaced, Telemetry
+from geo.frame import Point
+from geo.zone import Zone
+
+LIMIT_S = 30
+
+
+class Heartbeats:
+    """Somebody who sends heartbeats to a port, and nothing else."""
+
+    def __init__(self, port, *, kind, autopilot, system_id, component_id=1):
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._stop = threading.Event()
+        sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+
+        def send():
+            while not self._stop.wait(0.05):
+                frame = sender.heartbeat_encode(kind, autopilot, 0, 0, 3).pack(sender)
+                self._socket.sendto(frame, ("127.0.0.1", port))
+
+        self._thread = threading.Thread(target=send)
+        self._thread.start()
+
+    def close(self):
+        self._stop.set()
+        self._thread.join()
+        self._socket.close()
+
+
+@pytest.fixture
+def mission(short_mission):
+    return load_mission(short_mission)
+
+
+@pytest.fixture
+def vehicle(command, udp_port, free_udp_port, short_mission):
+    process = command(
+        "sitl",
+        "vehicle",
+        short_mission,
+        "--speed=20",
+        f"--api-to=127.0.0.1:{udp_port}",
+        f"--truth-to=127.0.0.1:{free_udp_port()}",
+        "--no-gcs",
+    )
+    process.ready()
+
+
+def run(mission, port, script, **options):
+    """Run an async script with a vehicle; whatever happens the connection is closed."""
+
+    async def main():
+        vehicle = Px4Vehicle(mission, f"udpin://127.0.0.1:{port}", VehicleClock(), **options)
+        try:
+            async with asyncio.timeout(LIMIT_S):
+                return await script(vehicle)
+        finally:
+            await vehicle.close()
+
+    return asyncio.run(main())
+
+
+class Log:
+    """The events of a vehicle, and waiting for one."""
+
+    def __init__(self, vehicle):
+        self.events = []
+        self._news = asyncio.Event()
+        vehicle.subscribe(self._on_event)
+
+    def _on_event(self, event):
+        self.events.append(event)
+        self._news.set()
+
+    @property
+    def telemetry(self):
+        return next(e for e in reversed(self.events) if isinstance(e, Telemetry))
+
+    async def until(self, condition):
+        while not condition():
+            self._news.clear()
+            await self._news.wait()
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_every_verb_is_confirmed_by_the_vehicle(mission, udp_port):
+    plan = FlightPlan.of(mission)
+
+    async def script(vehicle):
+        info = await vehicle.connect()
+        assert (info.system_id, info.autopilot, info.version) == (1, "PX4", "1.17.0")
+        assert math.dist(info.home, mission.home) < 2.0
+        log = Log(vehicle)
+        await vehicle.upload(plan)
+        await vehicle.arm()
+        await vehicle.start()
+        high = mission.altitude_above_home_m - 2.0
+        await log.until(lambda: log.telemetry.in_air and log.telemetry.altitude_m > high)
+        await vehicle.jump(plan.item_of(1))
+        assert log.telemetry.mode is FlightMode.MISSION
+        first = mission.waypoints[0].position
+        await log.until(lambda: math.dist(log.telemetry.position, first) < 3.0)
+        await log.until(
+            lambda: any(
+                isinstance(e, ItemReached) and e.item == plan.item_of(1) for e in log.events
+            )
+        )
+        beside = Point(first.east_m + 8.0, first.north_m + 8.0)
+        await vehicle.reposition(beside, 40.0)
+        await log.until(lambda: math.dist(log.telemetry.position, beside) < 2.0)
+        assert log.telemetry.mode is FlightMode.HOLD
+        assert abs(log.telemetry.altitude_m - 40.0) < 3.0
+        await vehicle.jump(plan.item_of(0))
+        await log.until(lambda: math.dist(log.telemetry.position, mission.home) < 3.0)
+        with pytest.raises(NotConfirmedError, match="no item 99"):
+            await vehicle.jump(99)
+        await vehicle.hold()
+        await log.until(lambda: log.telemetry.mode is FlightMode.HOLD)
+        await vehicle.land()
+        await log.until(lambda: not log.telemetry.armed)
+        fastest = max(math.hypot(*e.velocity_m_s) for e in log.events if isinstance(e, Telemetry))
+        assert fastest < mission.speed_m_s + 0.5
+
+    run(mission, udp_port, script)
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_a_stored_plan_that_cannot_be_flown_is_refused(mission, udp_port):
+    east_m, north_m = mission.waypoints[4].position
+    corners = [(-3, -3), (3, -3), (3, 3), (-3, 3)]
+    hidden = Zone("new", tuple(Point(east_m + x, north_m + y) for x, y in corners))
+    drawn = dataclasses.replace(mission, zones=(*mission.zones[1:], hidden))
+
+    async def script(vehicle):
+        await vehicle.connect()
+        with pytest.raises(PlanRefusedError, match="cannot be flown"):
+            await vehicle.upload(FlightPlan.of(drawn))
+
+    run(mission, udp_port, script)
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_a_fence_with_too_many_points_says_how_many_px4_takes(mission, udp_port):
+    ring = [
+        Point(50 + 10 * math.cos(turn / 8 * math.pi), 50 + 10 * math.sin(turn / 8 * math.pi))
+        for turn in range(16)
+    ]
+    drawn = dataclasses.replace(mission, zones=(*mission.zones, Zone("round", tuple(ring))))
+
+    async def script(vehicle):
+        await vehicle.connect()
+        with pytest.raises(PlanRefusedError, match=r"79 points, PX4 1\.17 stores 64"):
+            await vehicle.upload(FlightPlan.of(drawn))
+
+    run(mission, udp_port, script)
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_a_plan_that_somebody_else_uploads_is_noticed(mission, udp_port):
+    plan = FlightPlan.of(mission)
+    other = dataclasses.replace(plan, items=plan.items[:-1])
+
+    async def script(vehicle):
+        await vehicle.connect()
+        log = Log(vehicle)
+        await vehicle.upload(plan)
+        await log.until(lambda: vehicle.telemetry.plan_guarded)
+        await upload_plan(vehicle._raw, vehicle.telemetry, other)  # past the flight's own upload
+        await log.until(lambda: any(isinstance(e, PlanReplaced) for e in log.events))
+
+    run(mission, udp_port, script)
+
+
+def test_nobody_there(mission, udp_port, monkeypatch):
+    monkeypatch.setattr(px4_connection, "FIND_S", 0.3)
+    with pytest.raises(NoVehicleError, match="nothing heard within"):
+        run(mission, udp_port, lambda vehicle: vehicle.connect())
+
+
+@pytest.mark.parametrize(
+    ("who", "said"),
+    [
+        (
+            {"kind": 6, "autopilot": 8, "system_id": 255, "component_id": 190},
+            "no autopilot's heartbeat",
+        ),
+        ({"kind": 2, "autopilot": 3, "system_id": 1}, "is ARDUPILOT, not PX4"),
+        ({"kind": 2, "autopilot": 12, "system_id": 7}, "system id 7, not 1.*--sysid 7"),
+    ],
+)
+def test_somebody_else_is_there(mission, udp_port, monkeypatch, who, said):
+    monkeypatch.setattr(px4_connection, "FIND_S", 1.5)
+    others = Heartbeats(udp_port, **who)
+    try:
+        with pytest.raises(NoVehicleError, match=said):
+            run(mission, udp_port, lambda vehicle: vehicle.connect())
+    finally:
+        others.close()
+
+
+def test_the_plan_holds_every_fence_vertex(mission):
+    kinds = {item.command for item in FlightPlan.of(mission).fence}
+    assert kinds == {Command.FENCE_INCLUSION, Command.FENCE_EXCLUSION}
