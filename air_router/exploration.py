@@ -55,6 +55,15 @@ class Exploration:
                 self._passed_s[waypoint.number] = now_s
 
     def longest_unseen(self) -> Goal:
-        """The waypoint that was passed longest ago, or never: where a robot may be unheard."""
-        waypoint = min(self.waypoints, key=lambda w: self._passed_s.get(w.number, float("-inf")))
+        """Where a robot may be that was never heard: the waypoint passed longest ago.
+
+        Of those never passed the one farthest from all that were, in the middle of the unknown.
+        """
+        passed = [w.position for w in self.waypoints if w.number in self._passed_s]
+
+        def rank(waypoint: Waypoint) -> tuple[float, float]:
+            away_m = min((math.dist(waypoint.position, p) for p in passed), default=0.0)
+            return self._passed_s.get(waypoint.number, -math.inf), -away_m
+
+        waypoint = min(self.waypoints, key=rank)
         return Goal(waypoint.position, waypoint.number)

@@ -1,0 +1,42 @@
+import pytest
+
+from air_router.exploration import PASSING_M, Exploration
+from air_router.mission import Waypoint
+from geo.frame import Point
+
+
+@pytest.fixture
+def exploration():
+    return Exploration([Waypoint(n, Point(100.0 * n, 0.0), 40.0) for n in range(1, 6)])
+
+
+def test_waypoints_come_in_the_operator_s_order(exploration):
+    numbers = []
+    while exploration.remaining:
+        numbers.append(exploration.goal.node)
+        exploration.visited()
+    assert numbers == [1, 2, 3, 4, 5]
+    assert exploration.left_out == []
+
+
+def test_one_that_cannot_be_reached_is_left_out_and_remembered(exploration):
+    exploration.visited()
+    assert exploration.leave_out() == 2
+    assert exploration.goal.node == 3
+    assert exploration.left_out == [2]
+
+
+def test_the_unknown_is_sought_where_it_is_largest(exploration):
+    exploration.passing(Point(100.0, 0.0), 1.0)
+    exploration.passing(Point(200.0, PASSING_M), 2.0)
+    assert exploration.longest_unseen().node == 5
+    exploration.passing(Point(500.0, 0.0), 3.0)
+    assert exploration.longest_unseen().node in {3, 4}
+
+
+def test_once_all_is_known_the_oldest_is_sought(exploration):
+    for second, number in enumerate((3, 1, 2, 5, 4)):
+        exploration.passing(Point(100.0 * number, 0.0), float(second))
+    assert exploration.longest_unseen().node == 3
+    exploration.passing(Point(300.0, 0.0), 9.0)
+    assert exploration.longest_unseen().node == 1
