@@ -44,6 +44,9 @@ FOLLOW_M: Final = 8.0
 RETRY_S: Final = 3.0
 """Pause before something that could not be done is tried again."""
 
+SILENCE_TOLD_S: Final = 10.0
+"""How often a silence that goes on is told, wall-clock seconds."""
+
 _TIMED: Final = frozenset({State.INIT, State.SEARCH, State.COMM, State.EXPL})
 
 
@@ -76,6 +79,10 @@ class Controller:
         self._airborne_s: float | None = None
         self._retry_at_s: float | None = None
         self._was_armed = False
+        self._flew = False
+        self._handed_over = False
+        self._stayed_why = "disarmed"
+        self._silence_told_s = 0.0
         self._exchange = Exchange()
         self._come_home_why: str | None = None
         self._actions: list[Action] = []
@@ -93,7 +100,9 @@ class Controller:
     @property
     def in_charge(self) -> bool:
         """Whether the vehicle in the air flies by our commands."""
-        return self.state not in {State.READY, State.PASSIVE, State.DONE}
+        if self.state is State.READY:
+            return self._handed_over
+        return self.state not in {State.PASSIVE, State.DONE}
 
     def may_fly(self, motion: Motion) -> bool:
         """Whether a motion decided a moment ago is still clear from where the vehicle is now."""
@@ -115,8 +124,12 @@ class Controller:
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         self.telemetry = telemetry
+        self._flew |= telemetry.in_air
         if telemetry.armed:
             self._was_armed = True
+            if self.state is State.READY and telemetry.mode is FlightMode.MISSION:
+                self._handed_over = True
+                self.custody.assume(FlightMode.MISSION)
         elif self._was_armed and not telemetry.in_air and knows(self.state, Signal.GROUNDED):
             self._signal(Signal.GROUNDED)
             return
@@ -175,10 +188,19 @@ class Controller:
             self._come_home("the operator's word")
 
     def _on_plan_replaced(self, _event: PlanReplaced) -> None:
-        self._taken_over("the plan on board was replaced")
+        why = "the plan on board was replaced"
+        if self.state is State.READY and self.telemetry is not None and not self.telemetry.armed:
+            self._stayed_why = why
+            self._signal(Signal.GROUNDED)
+        else:
+            self._taken_over(why)
 
     def _on_link_silent(self, event: LinkSilent) -> None:
-        self._say(f"nothing heard from the vehicle for {event.silent_s:.0f} s")
+        if event.silent_s < self._silence_told_s:
+            self._silence_told_s = 0.0  # it was heard meanwhile: another silence
+        if self._silence_told_s == 0.0 or event.silent_s >= self._silence_told_s + SILENCE_TOLD_S:
+            self._silence_told_s = event.silent_s
+            self._say(f"nothing heard from the vehicle for {event.silent_s:.0f} s")
 
     _reactions: Final[dict[type, Callable[[Controller, Any], None]]] = {
         Telemetry: _on_telemetry,
@@ -256,7 +278,12 @@ class Controller:
     def _enter_done(self) -> None:
         self.navigator.stop()
         landed_by_us = self._left is State.LAND
-        why = "landed at home" if landed_by_us else "landed, but not by our command"
+        if landed_by_us:
+            why = "landed at home"
+        elif self._flew:
+            why = "landed, but not by our command"
+        else:
+            why = f"{self._stayed_why}, before take-off"
         self._actions.append(Finish(landed_by_us=landed_by_us, why=why))
 
     _enter: Final[dict[State, Callable[[Controller], None]]] = {
@@ -305,6 +332,8 @@ class Controller:
             return
         self._come_home_why = why
         on_ground = self.telemetry is None or not self.telemetry.in_air
+        if on_ground:
+            self._stayed_why = why
         self._signal(Signal.GROUNDED if on_ground else Signal.COME_HOME)
 
     def _check_timer(self) -> None:

@@ -117,10 +117,12 @@ class Flight:
         self.controller = Controller(mission, self._plan, self.router, seek)
         self.ledger = Ledger(mission, mapper, {name: RobotAccount() for name in seek})
         self._finish: asyncio.Future[tuple[str, ExitCode]]
+        self._first: asyncio.Future[Telemetry]
         self._motion: Motion | None = None
         self._motion_waits = asyncio.Event()
         self._interrupted = False
-        self._ours = False
+        self._admitted = False
+        self._leaving = False
         self._map_recorded_s = -math.inf
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -132,6 +134,7 @@ class Flight:
         """
         loop = asyncio.get_running_loop()
         self._finish = loop.create_future()
+        self._first = loop.create_future()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self._on_interrupt)
         try:
@@ -150,7 +153,6 @@ class Flight:
         if self._camera is not None:
             self._start(receive_patches(self._camera, self._mapper.paint))
         if self._arm:
-            self._ours = True
             await self._vehicle.arm()
             await self._vehicle.start()
             self._status.say("armed and taking off; type 'home' to end, Ctrl-C to hold")
@@ -167,19 +169,14 @@ class Flight:
         info = await self._vehicle.connect()
         self._status.say(f"{info.autopilot} {info.version}, system {info.system_id}")
         self._vehicle.subscribe(self._on_vehicle)
-        telemetry = await self._first_telemetry()
-        self._check_start(telemetry)
+        self._check_start(await self._first)
+        self._admitted = True
         self._gossip.start(self._on_event)
         await self._vehicle.upload(self._plan)
         self._status.say(
             f"on board and read back: {len(self._plan.items)} plan items, "
             f"{len(self._plan.fence)} fence vertices"
         )
-
-    async def _first_telemetry(self) -> Telemetry:
-        while self.controller.telemetry is None:  # noqa: ASYNC110 - once, for a tenth of a second
-            await asyncio.sleep(0.01)
-        return self.controller.telemetry
 
     def _check_start(self, telemetry: Telemetry) -> None:
         """Refuse what cannot become a safe flight."""
@@ -199,6 +196,12 @@ class Flight:
     # Events in, actions out.
 
     def _on_vehicle(self, event: VehicleEvent) -> None:
+        if self._leaving:
+            return  # what still comes while the link is closed
+        if not self._admitted:  # nothing is decided on a vehicle that may be refused
+            if isinstance(event, Telemetry) and not self._first.done():
+                self._first.set_result(event)
+            return
         if isinstance(event, LinkSilent) and event.silent_s > LOST_S:
             self._end("lost: the vehicle is silent", ExitCode.ENDED_OTHERWISE)
         self._on_event(event)
@@ -310,7 +313,9 @@ class Flight:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        if self._interrupted and self._flies_by_us():
+        ours = self._interrupted and self._flies_by_us()
+        self._leaving = True
+        if ours:
             try:
                 await self._vehicle.hold()
                 self._status.say("the vehicle holds; take over, or let it return")
@@ -321,10 +326,8 @@ class Flight:
         await self._vehicle.close()
 
     def _flies_by_us(self) -> bool:
-        controller = self.controller
-        if controller.telemetry is None or not controller.telemetry.in_air:
-            return False
-        return controller.in_charge or (self._ours and controller.state is State.READY)
+        telemetry = self.controller.telemetry
+        return telemetry is not None and telemetry.in_air and self.controller.in_charge
 
     def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
         for name, stamp_s in self._gossip.newest_stamps().items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import re
+import socket
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
@@ -53,6 +54,7 @@ class Px4Connection:
             NoVehicleError: nothing answers, something else does, or the port is taken.
         """
         route_log()
+        self._check_port()
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
         configuration.system_id = self.system_id
         configuration.component_id = COMPANION_COMPONENT
@@ -60,9 +62,7 @@ class Px4Connection:
         try:
             self._mavsdk.add_any_connection_with_handle(self._url)
         except (MavsdkError, ConnectionError) as error:
-            raise NoVehicleError(
-                f"{self._url}: cannot be opened ({error}); is another program using it?"
-            ) from None
+            raise self._in_use(error) from None
         system = await self._first_autopilot(self._mavsdk)
         found_id = system.get_system_id()
         if found_id != self.system_id:
@@ -94,6 +94,21 @@ class Px4Connection:
         mavsdk, self._mavsdk = self._mavsdk, None
         if mavsdk is not None:
             await asyncio.get_running_loop().run_in_executor(None, mavsdk.destroy)
+
+    def _check_port(self) -> None:
+        """MAVSDK would share the port with a program that has it, and take its messages away."""
+        if self._url.startswith("udpin://"):
+            host, _, port = self._url.removeprefix("udpin://").rpartition(":")
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                try:
+                    probe.bind((host, int(port)))
+                except (OSError, ValueError, OverflowError) as error:
+                    raise self._in_use(error) from None
+
+    def _in_use(self, error: Exception) -> NoVehicleError:
+        return NoVehicleError(
+            f"{self._url}: cannot be opened ({error}); is another program using it?"
+        )
 
     async def _first_autopilot(self, mavsdk: Mavsdk) -> System:
         loop = asyncio.get_running_loop()

@@ -24,7 +24,7 @@ class FlightMode(Enum):
     TAKEOFF = "Takeoff"
     RETURN = "Return"
     LAND = "Land"
-    OTHER = "other"  # Position, Altitude, Manual, Offboard ...: somebody is flying by hand
+    OTHER = "another"  # Position, Altitude, Manual, Offboard ...: somebody is flying by hand
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,6 +126,11 @@ class PretendFlight(Airframe):
         super().take_off()
         self.step()
 
+    def take_off_halfway(self, mode=FlightMode.MISSION):
+        super().take_off()
+        self.altitude_m /= 2
+        self.pilot_chooses(mode)
+
     def step(self):
         self.move()
         self._gossip()

@@ -112,7 +112,8 @@ def test_a_carried_pose_moves_the_search_but_is_not_found(pretend):
 def test_exploration_resumes_where_it_stopped_and_then_only_search_remains(pretend):
     short = dataclasses.replace
     flight = pretend()
-    flight = pretend(timers=short(flight.mission.timers, init_s=60.0, search_s=1.0))
+    timers = short(flight.mission.timers, init_s=60.0, search_s=1.0)
+    flight = pretend(timers=timers, duration_s=None)
     flight.take_off()
     flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 4000.0)
     visited = [m.node for m in flight.motions if isinstance(m, FlyToNode)]
@@ -199,6 +200,51 @@ def test_the_pilot_wins_and_is_left_alone(pretend, state, mode):
     assert not flight.finished.landed_by_us
 
 
+@pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.OTHER, FlightMode.RETURN])
+def test_a_pilot_who_takes_over_in_the_climb_keeps_the_vehicle(pretend, mode):
+    flight = pretend()
+    flight.take_off_halfway()
+    assert flight.controller.state is State.READY
+    flight.pilot_chooses(mode)
+    assert flight.controller.state is State.PASSIVE
+    flight.altitude_m = flight.mission.altitude_above_home_m
+    flight.pilot_chooses(FlightMode.MISSION)
+    for _ in range(100):
+        flight.step()
+    assert flight.motions == []
+    flight.mode = FlightMode.LAND
+    flight.fly_until(lambda: flight.finished is not None)
+    assert not flight.finished.landed_by_us
+
+
+def test_a_pilot_may_fly_by_hand_before_choosing_mission(pretend):
+    flight = pretend()
+    flight.take_off_halfway(FlightMode.TAKEOFF)
+    for mode in (FlightMode.OTHER, FlightMode.HOLD):
+        flight.pilot_chooses(mode)
+    assert flight.controller.state is State.READY
+    assert not flight.controller.in_charge
+    flight.altitude_m = flight.mission.altitude_above_home_m
+    flight.pilot_chooses(FlightMode.MISSION)
+    assert flight.controller.state is State.INIT
+
+
+def test_armed_and_disarmed_again_without_a_take_off(pretend):
+    flight = pretend()
+    for armed in (True, False):
+        flight.armed = armed
+        flight.step()
+    assert not flight.finished.landed_by_us
+    assert flight.finished.why == "disarmed, before take-off"
+
+
+def test_another_plan_before_take_off_ends_it(pretend):
+    flight = pretend()
+    flight.step()
+    flight.give(PlanReplaced(flight.now_s))
+    assert flight.finished.why == "the plan on board was replaced, before take-off"
+
+
 def test_another_plan_on_board_means_hands_off(pretend):
     flight = pretend()
     flight.take_off()
@@ -246,7 +292,7 @@ def test_on_the_ground_the_operator_s_word_ends_the_mission(pretend):
     flight = pretend()
     flight.step()
     flight.operator_asks()
-    assert flight.finished is not None
+    assert flight.finished.why == "the operator's word, before take-off"
     assert flight.motions == []
 
 
@@ -286,3 +332,12 @@ def test_wherever_the_robots_are_no_zone_is_touched(pretend, seed):
     flight.fly_until(lambda: flight.finished is not None, 3000.0)
     assert flight.finished.landed_by_us
     assert closest_m(flight) >= flight.mission.planner.clearance_m
+
+
+def test_a_long_silence_is_told_now_and_then(pretend):
+    flight = pretend()
+    flight.take_off()
+    for silent_s in (4.0, 5.0, 6.0, 13.0, 14.0, 15.0, 4.0):
+        flight.give(LinkSilent(flight.now_s, silent_s))
+    told = [text for text in flight.said if "nothing heard" in text]
+    assert [text.split()[-2] for text in told] == ["4", "14", "4"]

@@ -39,7 +39,7 @@ class Alone:
         return {}
 
     def tell(self, telemetry):
-        pass
+        assert not self.closed
 
     def publish_map(self, time_s):
         self.maps += 1
@@ -236,6 +236,52 @@ def test_a_vehicle_that_is_not_ready_is_refused_before_anything_is_uploaded(rig,
     with pytest.raises(RefusedError, match=said):
         flight.run()
     assert flight.vehicle.verbs == ["connect", "close"]
+
+
+def test_nothing_is_decided_on_a_vehicle_that_is_refused(rig):
+    flight = rig()
+    flight.vehicle.airframe.take_off()  # somebody else's flight, just above home
+    with pytest.raises(RefusedError, match="is flying"):
+        flight.run()
+    assert "READY -> INIT" not in flight.out.getvalue()
+    assert flight.vehicle.announced == []
+
+
+def test_what_the_vehicle_says_while_it_is_left_is_not_listened_to(rig):
+    flight = rig()
+    vehicle = flight.vehicle
+    told = []
+    close = vehicle.close
+
+    async def talk_and_close():
+        vehicle.callback(vehicle.airframe.telemetry())  # Alone.tell() would object
+        told.append(True)
+        await close()
+
+    vehicle.close = talk_and_close
+    assert flight.run().outcome == "done"
+    assert told
+
+
+def test_ctrl_c_in_a_climb_that_the_pilot_started_holds_the_vehicle(rig):
+    flight = rig(arm=False)
+    airframe = flight.vehicle.airframe
+
+    def start():
+        airframe.take_off()
+        airframe.altitude_m /= 2
+
+    def step():
+        if not airframe.in_air and "waiting for the pilot" in flight.out.getvalue():
+            start()
+        elif airframe.in_air and flight.flight.controller.in_charge and not interrupted:
+            interrupted.append(True)
+            os.kill(os.getpid(), signal.SIGINT)
+
+    interrupted = []
+    flight.vehicle.on_step = step
+    assert flight.run().exit_code == ExitCode.INTERRUPTED
+    assert flight.vehicle.verbs[-2:] == ["hold", "close"]
 
 
 def test_an_unconfirmed_jump_is_repeated(rig):

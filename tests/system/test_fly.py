@@ -128,8 +128,10 @@ def test_arm_wants_a_confirmation(fly):
     assert "not confirmed" in flight.said
 
 
-def test_a_port_in_use_is_one_clear_error(fly, udp_port):
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_port_in_use_is_one_clear_error(fly, udp_port, shared):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, shared)
         other.bind(("127.0.0.1", udp_port))
         flight = fly("--arm", "--yes")
         code, out = flight.finish()
