@@ -87,11 +87,6 @@ def command(tmp_path):
 
 
 @pytest.fixture
-def pennovation_file():
-    return PENNOVATION
-
-
-@pytest.fixture
 def udp_port():
     return find_udp_port()
 
