@@ -44,6 +44,9 @@ FOLLOW_M: Final = 8.0
 RETRY_S: Final = 3.0
 """Pause before something that could not be done is tried again."""
 
+SEEK_AGAIN_S: Final = 10.0
+"""Pause before the robots are gone through again when none of them could be sought."""
+
 SILENCE_TOLD_S: Final = 10.0
 """How often a silence that goes on is told, wall-clock seconds."""
 
@@ -104,11 +107,17 @@ class Controller:
             return self._handed_over
         return self.state not in {State.PASSIVE, State.DONE}
 
-    def may_fly(self, motion: Motion) -> bool:
-        """Whether a motion decided a moment ago is still clear from where the vehicle is now."""
-        if self.telemetry is None or isinstance(motion, HoldHere | LandHere):
-            return True
-        return self.navigator.clear(self.telemetry, motion.position)
+    def objection(self, motion: Motion, now_s: float) -> str | None:
+        """Why a motion that was decided a moment ago must not be commanded now; None if it may."""
+        if motion is not self.custody.pending or self.telemetry is None:
+            return "it was called off"
+        if isinstance(motion, HoldHere | LandHere):
+            return None
+        if now_s - self.telemetry.time_s > self.navigator.reaction_s:
+            return "the vehicle's position is too old to check the leg from"
+        if not self.navigator.clear(self.telemetry, motion.position):
+            return "the leg was no longer clear in its turn"
+        return None
 
     # What happens.
 
@@ -251,11 +260,12 @@ class Controller:
 
     def _no_target(self) -> None:
         self.robot = None
-        self._command(HoldHere("no robot can be sought from here"))
+        self.navigator.stop()
         if self.exploration.remaining:
             self._signal(Signal.NO_TARGET)
         else:
-            self._retry_at_s = self._now_s + RETRY_S
+            self._hold("no robot can be sought from here")
+            self._retry_at_s = self._now_s + SEEK_AGAIN_S
 
     def _enter_comm(self) -> None:
         self._exchange = Exchange(self.robot)
@@ -396,7 +406,7 @@ class Controller:
             self._say(f"no way to {self.robot}: {refusal}")
             self._no_target()
         elif self._retry_at_s is None:
-            self._command(HoldHere(refusal))
+            self._hold(refusal)
             self._retry_at_s = self._now_s + RETRY_S
 
     def _explore(self) -> None:
@@ -440,6 +450,11 @@ class Controller:
     def _plan_to(self, goal: Goal) -> Motion | None:
         assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
         return self.navigator.go(goal, self.telemetry)
+
+    def _hold(self, why: str) -> None:
+        """Stop, unless that is what the vehicle was told last."""
+        if not isinstance(self.custody.last, HoldHere):
+            self._command(HoldHere(why))
 
     def _command(self, motion: Motion) -> None:
         self.custody.commanded(motion)

@@ -15,9 +15,15 @@ from air_router.vehicle import FlightMode, Telemetry
 
 @dataclass(slots=True)
 class Custody:
-    """The last command to the vehicle and the modes that it implies."""
+    """The last command to the vehicle and the modes that it implies.
+
+    Attributes:
+        pending: The command that the vehicle has neither confirmed nor failed to follow.
+        last: The command that the vehicle follows or is asked to; None when it did not.
+    """
 
     pending: Motion | None = None
+    last: Motion | None = None
     _modes: frozenset[FlightMode] = frozenset()
 
     def assume(self, mode: FlightMode) -> None:
@@ -27,7 +33,7 @@ class Custody:
 
     def commanded(self, motion: Motion) -> None:
         """A motion was asked for; it is pending until confirmed or failed."""
-        self.pending = motion
+        self.pending = self.last = motion
         self._modes |= {mode_of(motion)}
 
     def confirmed(self, motion: Motion) -> None:
@@ -39,12 +45,12 @@ class Custody:
         """The vehicle did not follow; True if that was the last command."""
         if motion is not self.pending:
             return False
-        self.pending = None
+        self.pending = self.last = None
         return True
 
     def release(self) -> None:
         """Hands off."""
-        self.pending = None
+        self.pending = self.last = None
         self._modes = frozenset()
 
     def taken(self, telemetry: Telemetry) -> bool:

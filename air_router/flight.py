@@ -120,6 +120,7 @@ class Flight:
         self._first: asyncio.Future[Telemetry]
         self._motion: Motion | None = None
         self._motion_waits = asyncio.Event()
+        self._sending: asyncio.Task[None] | None = None
         self._interrupted = False
         self._admitted = False
         self._leaving = False
@@ -230,6 +231,8 @@ class Flight:
                 self._tell(text, now_s)
             case StateChanged(source=source, target=target):
                 self._status.say(f"{now_s:8.1f} s  {source.name} -> {target.name}")
+                if target is State.PASSIVE:
+                    self._hands_off()
                 if source is State.READY:
                     self._reckon_with_delays(now_s)
             case Finish(landed_by_us=True):
@@ -266,15 +269,27 @@ class Flight:
             motion, self._motion = self._motion, None
             if motion is None:
                 continue
-            if not self.controller.may_fly(motion):
-                self._on_event(CommandFailed(motion, "the leg was no longer clear in its turn"))
+            objection = self.controller.objection(motion, self._clock.boot_s())
+            if objection is not None:
+                self._on_event(CommandFailed(motion, objection))
                 continue
-            try:
-                await self._send(motion)
-            except NotConfirmedError as error:
+            self._sending = asyncio.ensure_future(self._send(motion))
+            await asyncio.wait({self._sending})
+            if self._sending.cancelled():
+                continue
+            error = self._sending.exception()
+            if error is None:
+                self._on_event(CommandConfirmed(motion))
+            elif isinstance(error, NotConfirmedError):
                 self._on_event(CommandFailed(motion, str(error)))
             else:
-                self._on_event(CommandConfirmed(motion))
+                raise error
+
+    def _hands_off(self) -> None:
+        """Somebody else flies: what waits is void, and what is under way is not repeated."""
+        self._motion = None
+        if self._sending is not None:
+            self._sending.cancel()
 
     async def _send(self, motion: Motion) -> None:
         match motion:
@@ -309,7 +324,7 @@ class Flight:
         self._end("interrupted", ExitCode.INTERRUPTED)
 
     async def _let_go(self) -> None:
-        tasks = tuple(self._tasks)
+        tasks = (*self._tasks, *([self._sending] if self._sending is not None else []))
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)

@@ -7,8 +7,11 @@ import pytest
 from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, PublishMap
 from air_router.behaviour import State
 from air_router.events import RobotPose
+from air_router.mission import Waypoint
 from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced
+from geo.airspace import Airspace
 from geo.frame import Point
+from geo.zone import Zone
 from mocha_link.metrics import Direction, SyncEnded, SyncStarted
 
 CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
@@ -286,6 +289,59 @@ def test_the_autopilot_s_report_alone_is_enough_to_go_on(pretend):
     assert flight.controller.navigator.leg == leg
     flight.give(ItemReached(flight.now_s, flight.plan.item_of(leg.node)))
     assert flight.controller.navigator.leg != leg
+
+
+def island(pretend):
+    """A flight whose only robot is somewhere that no way leads to."""
+
+    def ring(west, south, east, north):
+        corners = ((west, south), (east, south), (east, north), (west, north))
+        return tuple(Point(*corner) for corner in corners)
+
+    walls = ((100, 100, 200, 110), (100, 190, 200, 200), (100, 100, 110, 200), (190, 100, 200, 200))
+    zones = [Zone(f"wall {number}", ring(*wall)) for number, wall in enumerate(walls)]
+    airspace = Airspace(ring(-300, -300, 300, 300), zones, 5.0)
+    flight = pretend(
+        seek=("io",),
+        home=Point(0.0, 0.0),
+        waypoints=(Waypoint(1, Point(0.0, 50.0), 40.0),),
+        airspace=airspace,
+        planning_airspace=airspace.with_clearance(6.5),
+    )
+    flight.take_off()
+    flight.give(RobotPose("io", Point(150.0, 150.0), 1.0, "callisto"))
+    return flight
+
+
+def test_when_nobody_can_be_sought_it_hovers_and_asks_again_now_and_then(pretend):
+    flight = island(pretend)
+    flight.fly_until(lambda: any("no way to io" in text for text in flight.said))
+    assert flight.controller.state is State.SEARCH
+    commanded, said = len(flight.motions), len(flight.said)
+    assert isinstance(flight.motions[-1], HoldHere)
+    for _ in range(600):
+        flight.step()
+    assert len(flight.motions) == commanded
+    assert 3 <= len(flight.said) - said <= 7
+    flight.give(RobotPose("io", Point(0.0, 100.0), 2.0, "callisto"))
+    flight.fly_until(lambda: math.dist(flight.position, Point(0.0, 100.0)) < 3.0, 60.0)
+
+
+def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(pretend):
+    flight = pretend()
+    flight.take_off()
+    fly_away(flight)
+    controller, now_s = flight.controller, flight.now_s
+    motion = FlyToPoint(flight.mission.home, 40.0)
+    assert "called off" in controller.objection(motion, now_s)
+    controller.custody.commanded(motion)
+    assert controller.objection(motion, now_s) is None
+    assert "too old" in controller.objection(motion, now_s + 1.0)
+    across = FlyToPoint(Point(1e4, 0.0), 40.0)
+    controller.custody.commanded(across)
+    assert "no longer clear" in controller.objection(across, now_s)
+    flight.pilot_chooses(FlightMode.OTHER)
+    assert "called off" in controller.objection(across, flight.now_s)
 
 
 def test_on_the_ground_the_operator_s_word_ends_the_mission(pretend):

@@ -151,6 +151,36 @@ def test_the_pilot_takes_over_and_lands(rig):
     assert "land" not in flight.vehicle.verbs
 
 
+def test_nothing_that_waited_is_sent_once_the_pilot_has_it(rig):
+    flight = rig(duration_s=None)
+    airframe, vehicle = flight.vehicle.airframe, flight.vehicle
+    answer = asyncio.Event()
+    answered = []
+
+    async def jump(item):
+        vehicle.verbs.append("jump")
+        await answer.wait()
+        answered.append(item)
+
+    def step():
+        if 149.95 < airframe.now_s < 150.05:
+            os.kill(os.getpid(), signal.SIGUSR1)  # home: a motion that waits for its turn
+        elif 160.0 < airframe.now_s < 250.0:
+            airframe.mode, airframe.target = FlightMode.OTHER, None
+        elif airframe.now_s > 250.0:
+            airframe.mode = FlightMode.LAND
+        if airframe.now_s > 200.0:
+            answer.set()
+
+    vehicle.jump, vehicle.on_step = jump, step
+    result = flight.run()
+    assert result.exit_code == ExitCode.PILOT_TOOK_OVER
+    assert "HOME" in result.report["states_visited"]
+    assert answered == []
+    assert vehicle.verbs.count("jump") == 1
+    assert not {"reposition", "hold", "land"} & set(vehicle.verbs)
+
+
 def test_ctrl_c_holds_the_vehicle(rig):
     flight = rig(duration_s=None)
     flight.at(
