@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mavsdk.plugins.action.action import Action, ActionResult
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkDirectError
-from mavsdk.plugins.mission_raw.mission_raw import MissionRaw, MissionRawResult
+from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 
 from air_router.errors import ArmingRefusedError, NotConfirmedError
 from air_router.mavsdk_bridge import call, message
@@ -134,23 +134,32 @@ class Px4Vehicle(Vehicle):
         await self._mode(FlightMode.MISSION, self._raw.start_mission_async)
 
     async def jump(self, item: int) -> None:
-        """See `Vehicle.jump`: the item first, then the mode, so that no old item is flown to."""
+        """See `Vehicle.jump`: the item first, then the mode, so that no old item is flown to.
+
+        It is sent once and not, as MAVSDK's own call would, again and again: a leg was checked
+        from where the vehicle was when it was commanded.
+        """
+        if 0 < self._telemetry.item_total <= item:
+            raise NotConfirmedError(f"the plan on board has no item {item}")
         before = self._telemetry.mode
-        for _ in range(ATTEMPTS):
-            (result,) = await self._answer(self._raw.set_current_mission_item_async, item)
-            if result == MissionRawResult.INVALID_ARGUMENT:
-                raise NotConfirmedError(f"the plan on board has no item {item}")
-            # PX4 drops the jump without an answer while somebody downloads the plan.
-            if await self._shows(lambda: self._telemetry.item == item):
-                break
-        else:
+        fields = {
+            "target_system": self._connection.system_id,
+            "target_component": AUTOPILOT,
+            "seq": item,
+        }
+        try:
+            self._direct.send_message(message("MISSION_SET_CURRENT", fields))
+        except MavlinkDirectError as error:
+            raise NotConfirmedError(f"the jump was not sent: {error.result.name}") from None
+        # PX4 drops the jump without an answer while somebody downloads the plan.
+        if not await self._shows(lambda: self._telemetry.item == item):
             raise NotConfirmedError(f"the jump to item {item} did not show in MISSION_CURRENT")
         now = self._telemetry.mode
         if now is not FlightMode.MISSION:
             # Out of our own hovering; any other mode, or a change meanwhile, is the pilot's.
             if now is not FlightMode.HOLD or before is not FlightMode.HOLD:
                 raise NotConfirmedError(f"somebody chose {now.value} mode")
-            await self.start()
+            await self._mode(FlightMode.MISSION, self._raw.start_mission_async, attempts=1)
             await self._set_speed()
 
     async def reposition(self, point: Point, altitude_m: float) -> None:
@@ -200,11 +209,16 @@ class Px4Vehicle(Vehicle):
             self._watch.cancel()
         await self._connection.close()
 
-    async def _mode(self, mode: FlightMode, command: Callable[..., None]) -> None:
-        for _ in range(ATTEMPTS):
+    async def _mode(
+        self, mode: FlightMode, command: Callable[..., None], *, attempts: int = ATTEMPTS
+    ) -> None:
+        before = self._telemetry.mode
+        for _ in range(attempts):
             await self._answer(command)
             if await self._shows(lambda: self._telemetry.mode is mode):
                 return
+            if self._telemetry.mode is not before:
+                break  # somebody else's choice is not commanded over
         raise NotConfirmedError(
             f"{mode.value} mode was asked for and the vehicle stays in "
             f"{self._telemetry.mode.value}{self._telemetry.said()}"
