@@ -52,6 +52,8 @@ class EventStream:
     def push(self, event: LinkEvent) -> None:
         """Add an event, from any thread."""
         with self._lock:
+            if self._closed:
+                return
             if len(self._events) >= self._limit:
                 self._events.popleft()
                 self.dropped += 1
@@ -102,8 +104,10 @@ class Broadcast:
         return stream
 
     def send(self, event: LinkEvent) -> None:
-        """Tell everybody; what a callback raises is logged and goes no further."""
+        """Tell everybody, until `close`; what a callback raises is logged and goes no further."""
         with self._lock:
+            if self._closed:
+                return
             callbacks, streams = list(self._callbacks.values()), list(self._streams)
         for callback in callbacks:
             try:
@@ -114,7 +118,7 @@ class Broadcast:
             stream.push(event)
 
     def close(self) -> None:
-        """End all streams."""
+        """Tell nothing any more, and end all streams."""
         with self._lock:
             self._closed = True
             streams = list(self._streams)

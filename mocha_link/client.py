@@ -70,6 +70,7 @@ class ClientSession:
         self._asked: dict[bytes, tuple[bytes, Header | None, float]] = {}
         self._wanted: deque[Header] = deque()
         self._messages = 0
+        self._reached = False
         self._began_s = self._listed_s = self._fetched_s = self.alive_s = 0.0
         self._fetched_bytes = 0
 
@@ -88,9 +89,11 @@ class ClientSession:
         asked = self._asked.pop(frame[:ID_BYTES], None)
         if asked is None or self.over:
             step.refusals.append("a reply to nothing that was asked")
+            if not self.over:  # the connection is ours alone, so the peer is no node
+                self._fail(step, "the peer answered what was not asked", now)
             return step
         code, header, asked_s = asked
-        self.alive_s = now.steady_s
+        self.progress(now)
         body = frame[ID_BYTES:]
         if code == GHEAD:
             self._listed_s = self._fetched_s = now.steady_s
@@ -109,13 +112,16 @@ class ClientSession:
         return step
 
     def progress(self, now: Instant) -> None:
-        """Bytes have arrived, though no whole reply yet."""
+        """The connection stands, or bytes have arrived, though no whole reply yet."""
+        self._reached = True
         self.alive_s = now.steady_s
 
     def tick(self, now: Instant) -> Step:
         """Break off if nothing has arrived for too long."""
         if self.over or now.steady_s - self.alive_s <= self._timeout_s:
             return Step()
+        if not self._reached:
+            return self.fail(f"no connection within {self._timeout_s:g} s", now)
         codes = ", ".join(sorted({code.decode() for code, _, _ in self._asked.values()}))
         return self.fail(
             f"no byte for {self._timeout_s:g} s, waiting for the reply to {codes}", now

@@ -5,15 +5,11 @@ from __future__ import annotations
 import os
 import socket
 import struct
-from typing import TYPE_CHECKING
 
 import zmq
 from zmq.utils.monitor import parse_monitor_message
 
 from mocha_link import payload
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 # A reply: id, prefix, an LZ4 frame of incompressible data, something behind it.
 MAX_REPLY_BYTES = payload.MAX_BYTES + 1024 * 1024
@@ -30,9 +26,16 @@ _FAILURES: dict[int, str] = {
 
 
 class Contact:
-    """A DEALER to one peer, which a REP or ROUTER there takes for a REQ."""
+    """A DEALER to one peer, which a REP or ROUTER there takes for a REQ.
+
+    `failure` says what the connection suffered, if anything; `listen` keeps it up to date.
+
+    Raises:
+        zmq.ZMQError: the address is none, or the process has no socket left.
+    """
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], host: str, port: int) -> None:
+        self.failure: str | None = None
         self.socket = context.socket(zmq.DEALER)
         self.socket.setsockopt(zmq.LINGER, 0)
         self.socket.setsockopt(zmq.RCVHWM, QUEUE_REPLIES)
@@ -44,35 +47,36 @@ class Contact:
         self._port = port
         self._fd: int | None = None
         self._received = 0
-        self.socket.connect(f"tcp://{host}:{port}")
+        try:
+            self.socket.connect(f"tcp://{host}:{port}")
+        except zmq.ZMQError:
+            self.close()
+            raise
 
     def send(self, frame: bytes) -> None:
         """Send a request; the empty delimiter makes it one for REP sockets."""
         self.socket.send_multipart([b"", frame], flags=zmq.NOBLOCK)
 
-    def replies(self) -> Iterator[list[bytes]]:
-        """The body parts of the replies that are there."""
-        while True:
-            try:
-                parts = self.socket.recv_multipart(zmq.NOBLOCK)
-            except zmq.Again:
-                return
-            yield parts[1:] if parts[0] == b"" else parts
+    def receive(self) -> list[bytes] | None:
+        """The body parts of the next reply; None if none is there."""
+        try:
+            parts = self.socket.recv_multipart(zmq.NOBLOCK)
+        except zmq.Again:
+            return None
+        return parts[1:] if parts[0] == b"" else parts
 
-    def failure(self) -> str | None:
-        """What the connection suffered, if anything."""
-        reason = None
+    def listen(self) -> None:
+        """Take in what ZeroMQ tells about the connection."""
         while self.monitor.poll(0):
             event = parse_monitor_message(self.monitor.recv_multipart(zmq.NOBLOCK))
             if event["event"] == zmq.Event.CONNECTED:
-                self._fd, self._received = int(event["value"]), 0
+                self._fd, self._received = int(event["value"]), -1
             else:
                 self._fd = None
-                reason = _FAILURES.get(event["event"], reason)
-        return reason
+                self.failure = _FAILURES.get(event["event"], self.failure)
 
     def has_progressed(self) -> bool:
-        """Whether bytes have arrived since the last call, also of a reply that is not complete.
+        """Whether it connected or bytes arrived since the last call, also of part of a reply.
 
         ZeroMQ only shows whole messages, and a large one may take long on a slow link; so this
         asks the kernel.

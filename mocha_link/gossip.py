@@ -147,7 +147,7 @@ class Gossip:
             self._take(pull, pull.reply(parts, now))
 
     def progress(self, peer: str, now: Instant) -> None:
-        """Bytes are arriving on the connection to a peer."""
+        """The connection to a peer stands, or bytes are arriving on it."""
         pull = self._pulls.get(peer)
         if pull:
             pull.progress(now)

@@ -12,7 +12,7 @@ from mocha_link.broadcast import Broadcast, EventStream
 from mocha_link.clock import Clock, Instant, SystemClock
 from mocha_link.errors import MochaLinkError
 from mocha_link.gossip import TIMEOUT_S, Gossip
-from mocha_link.radios import Radio, UdpRadio
+from mocha_link.radios import Radio, UdpRadio, as_dbm
 from mocha_link.transport import Transport
 
 if TYPE_CHECKING:
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from mocha_link.header import Header
     from mocha_link.metrics import LinkEvent, LinkMetrics
     from mocha_link.team import Priority, Robot, Team
-
-__all__ = ["Clock", "Message", "Node", "NodeClosedError", "SystemClock"]
 
 
 class NodeClosedError(MochaLinkError):
@@ -121,7 +119,11 @@ class Node:
                 raise
 
     def close(self) -> None:
-        """Stop within a second and give up every socket and thread; may be called twice."""
+        """Stop within a second and give up every socket and thread; may be called twice.
+
+        No listener hears of anything after it. One that has not returned by then is logged; the
+        ports are free when it does.
+        """
         if self._closed:
             return
         self._closed = True
@@ -152,6 +154,7 @@ class Node:
         Raises:
             UnknownTopicError: the team file gives this robot no such topic.
             PayloadError: larger than 64 MiB.
+            TypeError: `data` is not bytes; encode it first.
             NodeClosedError: the node is closed.
         """
         self._check_open()
@@ -194,7 +197,8 @@ class Node:
     def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
         """Call back on the node's thread for every event; call the answer to end it.
 
-        The callback must be quick. What it raises is logged and does not stop the node.
+        The callback must be quick: the node does nothing else meanwhile. It may call any method
+        of the node. What it raises is logged and does not stop the node.
         """
         return self._broadcast.subscribe(callback)
 
@@ -219,6 +223,7 @@ class Node:
         return started
 
     def _heard(self, peer: str, rssi_dbm: float | None) -> None:
+        rssi_dbm = as_dbm(rssi_dbm)
         with self._lock:
             self._gossip.heard(peer, rssi_dbm, self._now())
         self._wake()

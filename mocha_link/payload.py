@@ -20,8 +20,9 @@ class PayloadError(MochaLinkError):
 
 def pack(dtype: int, priority: int, data: bytes) -> bytes:
     """The body for data. Raises PayloadError if it is larger than any node would accept."""
-    if len(data) > MAX_BYTES:
-        raise PayloadError(f"{len(data)} bytes; at most {MAX_BYTES} can be sent: split the message")
+    size = memoryview(data).nbytes  # TypeError for what is not bytes
+    if size > MAX_BYTES:
+        raise PayloadError(f"{size} bytes; at most {MAX_BYTES} can be sent: split the message")
     body: bytes = bytes((dtype, priority)) + lz4.frame.compress(data)
     return body
 

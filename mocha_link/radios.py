@@ -6,6 +6,7 @@ import contextlib
 import json
 import logging
 import math
+import numbers
 import selectors
 import socket
 import threading
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 MAX_DATAGRAM_BYTES = 2048
+LIMIT_DBM = 1000
 
 LOG = logging.getLogger("mocha_link")
 
@@ -29,7 +31,11 @@ class Radio(Protocol):
     """Reports the RSSI of peers while it is started."""
 
     def start(self, report: Callable[[str, float | None], None]) -> None:
-        """Begin: call `report(peer, rssi_dbm)`, from any thread; None: the peer is not heard."""
+        """Begin: call `report(peer, rssi_dbm)`, from any thread; None: the peer is not heard.
+
+        `report` raises UnknownRobotError for a name that is not linked to the robot, RadioError
+        for a value that cannot be one in dBm.
+        """
 
     def close(self) -> None:
         """Stop reporting and give up what is held; may be called twice."""
@@ -54,6 +60,7 @@ class ManualRadio:
 
         Raises:
             UnknownRobotError: the peer is not linked to the robot.
+            RadioError: no number, or not within -1000 to 1000.
         """
         if self._report:
             self._report(peer, rssi_dbm)
@@ -142,10 +149,19 @@ def parse_report(raw: bytes) -> tuple[str, float | None]:
         raise RadioError(f"no JSON object with peer and rssi_dbm: {error!r}") from None
     if not isinstance(peer, str):
         raise RadioError("peer is no text")
-    if rssi_dbm is None:
-        return peer, None
-    if isinstance(rssi_dbm, bool) or not isinstance(rssi_dbm, int | float):
-        raise RadioError("rssi_dbm is no number")
-    if not math.isfinite(rssi_dbm) or abs(rssi_dbm) > 1000:
-        raise RadioError("rssi_dbm is out of range")
-    return peer, float(rssi_dbm)
+    return peer, as_dbm(rssi_dbm)
+
+
+def as_dbm(value: object) -> float | None:
+    """A reported RSSI, checked. Raises RadioError."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise RadioError(f"rssi_dbm must be a number or nothing, not {type(value).__name__}")
+    try:
+        rssi_dbm = float(value)
+    except OverflowError:
+        rssi_dbm = math.inf
+    if not -LIMIT_DBM <= rssi_dbm <= LIMIT_DBM:  # also NaN
+        raise RadioError(f"rssi_dbm must be within -{LIMIT_DBM} to {LIMIT_DBM}")
+    return rssi_dbm

@@ -106,7 +106,7 @@ class Trigger:
 
 
 Name = Annotated[str, StringConstraints(pattern=r"^[^\s/:]{1,64}$")]
-Host = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9._-]+$")]
+Host = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 
 
 class _TopicModel(BaseModel):
@@ -131,7 +131,7 @@ class _RobotModel(BaseModel):
     clients: Annotated[list[Name], Key(description="the robots that may link to it, in port order")]
     listen: Annotated[
         str,
-        StringConstraints(pattern=r"^(\*|[A-Za-z0-9._-]+)$"),
+        StringConstraints(pattern=r"^(\*|[A-Za-z0-9][A-Za-z0-9._-]*)$"),
         Key(description="* or an address of this machine"),
     ] = "*"
     radio: Annotated[

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 TICK_MS = 20  # the node's clock may be a simulated one: look at it often
 OBSERVE_S = 0.25
-BURST = 64  # requests of one port in a row, so that no peer starves the others
+BURST = 64  # frames of one peer in a row, so that no peer starves the others
+CLOSE_S = 0.9
 MAX_REQUEST_BYTES = 65_536
 QUEUE_REPLIES = 32
 DEAD_PEER_S = 60
@@ -100,7 +101,13 @@ class Transport:
         if self._thread.ident is None:
             self._close_all()
         elif self._thread is not threading.current_thread():
-            self._thread.join()
+            self._thread.join(CLOSE_S)
+            if self._thread.is_alive():
+                LOG.error(
+                    "%s: a listener has not returned for %g s; the ports close when it does",
+                    self._me.name,
+                    CLOSE_S,
+                )
 
     def _bind(self, peer: str) -> zmq.Socket[bytes]:
         number = self._me.port_for(peer)
@@ -141,7 +148,7 @@ class Transport:
             if port in sockets:
                 self._serve(port, peer)
         for peer, contact in list(self._contacts.items()):
-            if contact.socket in sockets or contact.monitor in sockets:
+            if contact.socket in sockets or contact.monitor in sockets or contact.failure:
                 self._attend(contact, peer)
         now = self._now()
         if now.steady_s - self._observed_s > OBSERVE_S:
@@ -167,16 +174,21 @@ class Transport:
                 port.send_multipart([*frames[:body], reply], flags=zmq.NOBLOCK)
 
     def _attend(self, contact: Contact, peer: str) -> None:
-        failure = contact.failure()
-        for parts in contact.replies():
+        contact.listen()
+        for _ in range(BURST):
+            parts = contact.receive()
+            if parts is None:
+                break
             with self._lock:
                 self._gossip.reply(peer, parts, self._now())
             self._act()
             if self._contacts.get(peer) is not contact:
                 return
-        if failure:
+        else:
+            return  # there may be more; the other peers come first
+        if contact.failure:
             with self._lock:
-                self._gossip.lost(peer, failure, self._now())
+                self._gossip.lost(peer, contact.failure, self._now())
             self._act()
 
     def _observe(self, now: Instant) -> None:
@@ -198,16 +210,26 @@ class Transport:
         match action:
             case Dial():
                 self._hang_up(peer)
-                robot = self._team.robot(peer)
-                contact = Contact(self._context, robot.address, robot.port_for(self._me.name))
-                self._contacts[peer] = contact
-                self._poller.register(contact.socket, zmq.POLLIN)
-                self._poller.register(contact.monitor, zmq.POLLIN)
+                self._dial(peer)
             case Send():
                 if peer in self._contacts:
                     self._contacts[peer].send(action.frame)
             case HangUp():
                 self._hang_up(peer)
+
+    def _dial(self, peer: str) -> None:
+        robot = self._team.robot(peer)
+        port = robot.port_for(self._me.name)
+        try:
+            contact = Contact(self._context, robot.address, port)
+        except zmq.ZMQError as error:
+            why = f"cannot connect to {robot.address}:{port}: {zmq.strerror(error.errno or 0)}"
+            with self._lock:
+                self._gossip.lost(peer, why, self._now())
+            return
+        self._contacts[peer] = contact
+        self._poller.register(contact.socket, zmq.POLLIN)
+        self._poller.register(contact.monitor, zmq.POLLIN)
 
     def _hang_up(self, peer: str) -> None:
         contact = self._contacts.pop(peer, None)
@@ -237,6 +259,6 @@ def _listen_error(
             "team file of every robot"
         )
     return ListenError(
-        f"{what}: {error.strerror}; set 'listen' of {me.name} to * or to an address of this "
-        f"machine, and its base_port to one that you may use"
+        f"{what}: {zmq.strerror(error.errno or 0)}; set 'listen' of {me.name} to * or to an "
+        "address of this machine, and its base_port to one that you may use"
     )

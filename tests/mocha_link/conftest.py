@@ -94,10 +94,14 @@ class Witness:
 
 
 class Field:
-    """Nodes of a team on loopback, each with a radio that the test speaks through."""
+    """Nodes of a team on loopback, each with a radio that the test speaks through.
+
+    Their clock stands still, so that no interval is over before a test has seen what it wants.
+    """
 
     def __init__(self, stack: contextlib.ExitStack) -> None:
         self._stack = stack
+        self.clock = ManualClock()
         self.host = own_host()
         base = free_ports(self.host, 6)
         self.team = Team.from_document(Document.from_text(TEAM, Path("team.yaml"))).with_robots(
@@ -110,7 +114,7 @@ class Field:
     def node(self, name: str, **options: object) -> tuple[Node, ManualRadio, Witness]:
         """A started node, its radio, and the witness of its events."""
         radio = ManualRadio()
-        node = Node(self.team, name, radio=radio, **options)
+        node = Node(self.team, name, radio=radio, **{"clock": self.clock, **options})
         witness = Witness(node)
         self._stack.enter_context(node)
         return node, radio, witness

@@ -182,18 +182,41 @@ def test_bodies_are_checked(pull, content, reason):
         assert pull.database.newest(IO, 0).body == content
 
 
-def test_replies_to_nothing_do_not_keep_the_pull_alive(pull):
-    pull.take(pull.session.reply([b"abcdef" + header(0).pack()], at(4)))
-    pull.take(pull.session.reply([pull.open[0][:6], b"two parts"], at(4)))
-    pull.take(pull.session.reply([], at(4)))
-    assert len(pull.refusals) == 3
+@pytest.mark.parametrize("parts", [[b"abcdef"], [b"\0" * 6, b"two parts"], [b""], []])
+def test_a_reply_to_nothing_ends_the_pull(pull, parts):
+    pull.take(pull.session.reply(parts, at(4)))
+    assert pull.session.over
+    assert pull.refusals == ["a reply to nothing that was asked"]
+    assert pull.events[-1] == SyncTimedOut(
+        "io", NOW_S, Direction.IN, "the peer answered what was not asked"
+    )
+    pull.take(pull.session.reply(parts, at(4)))
+    assert len(pull.events) == 2
+
+
+def test_a_reply_counts_once(pull):
+    pull.offer(header(0))
+    frame = pull.open[0][:6] + body()
+    pull.take(pull.session.reply([frame], at(1)))
+    pull.take(pull.session.reply([frame], at(1)))
+    assert pull.session.over
+    assert [type(e) for e in pull.events] == [SyncStarted, MessageStored, SyncTimedOut]
+
+
+def test_time_runs_out(pull):
     pull.take(pull.session.tick(at(5)))
     assert not pull.session.over
     pull.take(pull.session.tick(at(5.1)))
     assert pull.session.over
-    assert pull.events[-1] == SyncTimedOut(
-        "io", NOW_S, Direction.IN, "no byte for 5 s, waiting for the reply to GHEAD"
-    )
+    assert pull.events[-1].reason == "no connection within 5 s"
+
+
+def test_time_runs_out_on_a_peer_that_is_silent(pull):
+    pull.session.progress(at(4))
+    pull.take(pull.session.tick(at(9)))
+    assert not pull.session.over
+    pull.take(pull.session.tick(at(9.1)))
+    assert pull.events[-1].reason == "no byte for 5 s, waiting for the reply to GHEAD"
 
 
 def test_time_runs_out_on_progress_not_on_the_whole(pull):

@@ -29,6 +29,7 @@ def test_reports():
         b'{"peer": "io", "rssi_dbm": true}',
         b'{"peer": "io", "rssi_dbm": NaN}',
         b'{"peer": "io", "rssi_dbm": 1e300}',
+        b'{"peer": "io", "rssi_dbm": ' + b"9" * 400 + b"}",
         b"[" * 2000,
     ],
 )

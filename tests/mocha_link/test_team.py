@@ -165,6 +165,7 @@ def test_ports_that_clash():
             "team.yaml:24:29: 'kinds.ground_robot.topics[2].type' must be pa",
         ),
         ("127.0.1.4", "tcp://127.0.1.4", "team.yaml:4:14: 'robots.titan.address' must be"),
+        ("127.0.1.4", "-titan", "team.yaml:4:14: 'robots.titan.address' must be host name or"),
     ],
 )
 def test_wrong_values_name_their_place(old, new, problem):
