@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import logging
+import os
+import queue
 import signal
 import sys
-import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
+from mocha_link.display import event_line, links_table, team_tables
 from mocha_link.document import DocumentError
 from mocha_link.errors import MochaLinkError
 from mocha_link.node import Node
 from mocha_link.team import Team, UnknownRobotError
-from mocha_link.telemetry import MetricsServer, as_fields, watch
+from mocha_link.telemetry import MetricsError, MetricsServer, as_fields, watch
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,6 +30,20 @@ DONE, FAILED, USAGE, INVALID_FILE, INTERRUPTED = 0, 1, 2, 3, 130
 EXIT_CODES = (
     "exit codes: 0 done, 1 ended otherwise, 2 usage, 3 invalid file, 130 interrupted (Ctrl-C)"
 )
+EXAMPLES = """\
+examples:
+  mocha-link check missions/pennovation/team.yaml
+  mocha-link node missions/pennovation/team.yaml --robot io --metrics tcp://127.0.0.1:24500
+  mocha-link metrics tcp://127.0.0.1:24500 --follow
+
+"""
+QUEUE_EVENTS = 10_000  # not yet printed; what comes on top is not shown
+
+LOG = logging.getLogger("mocha_link")
+
+
+class _Terminated(BaseException):
+    """SIGTERM came."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,21 +68,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         code = INTERRUPTED
     except BrokenPipeError:  # e.g. `mocha-link metrics ... --follow | head`
-        sys.stderr.close()
+        _drop_output()
         code = DONE
     return code
 
 
 def _parser() -> argparse.ArgumentParser:
+    style: dict[str, Any] = {
+        "epilog": EXAMPLES + EXIT_CODES,
+        "formatter_class": argparse.RawDescriptionHelpFormatter,
+    }
     parser = argparse.ArgumentParser(
         prog="mocha-link",
         description="Gossip node that carries data between robots whose links come and go.",
-        epilog=EXIT_CODES,
+        **style,
     )
     parser.add_argument("-v", "--verbose", action="store_true", help="log more, on stderr")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    node = commands.add_parser("node", help="run the node of a robot", epilog=EXIT_CODES)
+    node = commands.add_parser("node", help="run the node of a robot", **style)
     node.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
     node.add_argument("--robot", required=True, metavar="NAME", help="which robot this is")
     node.add_argument(
@@ -74,19 +95,17 @@ def _parser() -> argparse.ArgumentParser:
     node.add_argument("--json", action="store_true", help="print events as JSON lines")
     node.set_defaults(run=_node)
 
-    metrics = commands.add_parser(
-        "metrics", help="show the links of a running node", epilog=EXIT_CODES
-    )
+    metrics = commands.add_parser("metrics", help="show the links of a running node", **style)
     metrics.add_argument("endpoint", metavar="ENDPOINT", help="what the node got as --metrics")
     metrics.add_argument("--json", action="store_true", help="print JSON, one object per line")
     metrics.add_argument("--follow", action="store_true", help="go on with events as they happen")
     metrics.add_argument(
-        "--timeout", type=_positive, default=5.0, metavar="S", help="wait so long, in s (5)"
+        "--timeout", type=_seconds, default=5.0, metavar="S", help="wait so long, in s (5)"
     )
     metrics.set_defaults(run=_metrics)
 
     check = commands.add_parser(
-        "check", help="check a team file and show its ids and ports", epilog=EXIT_CODES
+        "check", help="check a team file and show its ids and ports", **style
     )
     check.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
     check.add_argument("--json", action="store_true", help="print the ids and ports as JSON")
@@ -94,58 +113,81 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _positive(text: str) -> float:
-    value = float(text)
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0
     if not 0 < value < 1e6:
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+        raise argparse.ArgumentTypeError(f"'{text}' is no time; write seconds, more than 0")
     return value
 
 
 def _node(options: argparse.Namespace) -> int:
     node = Node(Team.load(options.team), options.robot)
-    stopped = threading.Event()
+    events: queue.Queue[LinkEvent] = queue.Queue(QUEUE_EVENTS)
 
-    def show(event: LinkEvent) -> None:
-        fields = {"event": type(event).__name__, **as_fields(event)}
-        print(json.dumps(fields) if options.json else _event_line(fields), flush=True)
+    def keep(event: LinkEvent) -> None:  # the node must not wait for whoever reads our output
+        with contextlib.suppress(queue.Full):
+            events.put_nowait(event)
 
-    def stop(_number: int, _frame: FrameType | None) -> None:
-        stopped.set()
+    def terminate(_number: int, _frame: FrameType | None) -> None:
+        raise _Terminated
 
-    node.subscribe(show)
-    before = signal.signal(signal.SIGTERM, stop)
+    node.subscribe(keep)
+    before = signal.signal(signal.SIGTERM, terminate)
     try:
-        with node:
-            server = MetricsServer(node, options.metrics) if options.metrics else None
-            try:
-                if server:
-                    server.start()
-                    print(f"metrics on {server.endpoint}", file=sys.stderr)
-                robot = node.robot
-                for peer in robot.peers:
-                    print(
-                        f"{robot.name} answers {peer} on {robot.listen}:{robot.port_for(peer)}",
-                        file=sys.stderr,
-                    )
-                print("ready; Ctrl-C ends", file=sys.stderr, flush=True)
-                stopped.wait()
-            finally:
-                if server:
-                    server.close()
+        with node, contextlib.ExitStack() as stack:
+            if options.metrics:
+                server = stack.enter_context(MetricsServer(node, options.metrics))
+                _say(f"metrics on {server.endpoint}")
+            robot = node.robot
+            for peer in robot.peers:
+                _say(f"{robot.name} answers {peer} on {robot.listen}:{robot.port_for(peer)}")
+            _say("ready; Ctrl-C ends")
+            _show(events, as_json=options.json)
+    except _Terminated:
+        return DONE
     finally:
         signal.signal(signal.SIGTERM, before)
     return DONE
 
 
+def _show(events: queue.Queue[LinkEvent], *, as_json: bool) -> NoReturn:
+    while True:
+        event = events.get()
+        fields = {"event": type(event).__name__, **as_fields(event)}
+        try:
+            print(json.dumps(fields) if as_json else event_line(fields), flush=True)
+        except BrokenPipeError:
+            _drop_output()
+            LOG.warning("nobody reads the events any more; the node goes on without")
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def _drop_output() -> None:
+    """Let what is still printed, also at exit, go nowhere instead of into a broken pipe."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+
+
 def _metrics(options: argparse.Namespace) -> int:
+    shown = False
     for kind, fields in watch(options.endpoint, timeout_s=options.timeout):
+        try:
+            text = links_table(fields) if kind == "links" else event_line(fields)
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError, OSError):
+            raise MetricsError(f"what {options.endpoint} sends is not a node's metrics") from None
         if options.json:
             print(json.dumps(fields), flush=True)
-        elif kind == "links":
-            print(_links_table(fields), flush=True)
-        else:
-            print(_event_line(fields), flush=True)
-        if kind == "links" and not options.follow:
+        elif kind != "links" or not shown:  # the table once, then the news
+            print(text, flush=True)
+        shown = shown or kind == "links"
+        if shown and not options.follow:
             break
     return DONE
 
@@ -155,22 +197,7 @@ def _check(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(_ids(team)))
         return DONE
-    rows = [("robot", "id", "kind", "address", "ports", "radio")]
-    for robot in sorted(team.robots.values(), key=lambda robot: robot.robot_id):
-        ports = ", ".join(f"{peer}:{robot.port_for(peer)}" for peer in robot.peers)
-        number = str(robot.robot_id)
-        radio = robot.radio or f"timer, {team.trigger.interval_s:g} s"
-        rows.append((robot.name, number, robot.kind, robot.address, ports, radio))
-    print(_table(rows))
-    print()
-    heads = ("kind", "topic", "id", "type", "dtype", "priority", "at most every")
-    kinds: list[tuple[str, ...]] = [heads]
-    for kind, topics in team.kinds.items():
-        for topic in topics:
-            interval = f"{topic.min_interval_s:g} s" if topic.min_interval_s else "-"
-            ids = (str(topic.topic_id), topic.type, str(topic.dtype))
-            kinds.append((kind, topic.name, *ids, topic.priority.name.lower(), interval))
-    print(_table(kinds))
+    print(team_tables(team))
     return DONE
 
 
@@ -199,57 +226,6 @@ def _ids(team: Team) -> dict[str, Any]:
             for kind, topics in team.kinds.items()
         },
     }
-
-
-def _event_line(fields: dict[str, Any]) -> str:
-    rest = {key: value for key, value in fields.items() if key not in ("event", "peer", "at_s")}
-    words = " ".join(f"{key}={_shown(value)}" for key, value in rest.items())
-    return f"{fields.get('event')} {fields.get('peer')} {words}"
-
-
-def _links_table(fields: dict[str, Any]) -> str:
-    now = fields["at_s"]
-    rows = [
-        ("peer", "state", "RSSI", "in", "ago", "out", "ago", "RTT", "bandwidth", "newest", "broken")
-    ]
-    for peer, link in fields["links"].items():
-        rows.append(
-            (
-                peer,
-                link["state"],
-                _with_unit(link["rssi_dbm"], "dBm"),
-                str(link["syncs_in"]),
-                _ago(now, link["last_sync_in_s"]),
-                str(link["syncs_out"]),
-                _ago(now, link["last_sync_out_s"]),
-                _with_unit(link["rtt_s"], "ms", 1000),
-                _with_unit(link["bandwidth_bytes_s"], "kB/s", 0.001),
-                _with_unit(link["newest_age_s"], "s"),
-                str(link["timeouts"]),
-            )
-        )
-    return f"links of {fields['robot']}\n{_table(rows)}"
-
-
-def _ago(now_s: float, then_s: float | None) -> str:
-    return _with_unit(None if then_s is None else now_s - then_s, "s")
-
-
-def _with_unit(value: float | None, unit: str, factor: float = 1) -> str:
-    return "-" if value is None else f"{value * factor:.1f} {unit}"
-
-
-def _shown(value: object) -> str:
-    return f"{value:.3f}" if isinstance(value, float) else str(value)
-
-
-def _table(rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = (
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    )
-    return "\n".join(lines)
 
 
 if __name__ == "__main__":

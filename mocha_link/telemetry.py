@@ -1,7 +1,7 @@
 """A node's link metrics and events for other processes, as JSON over ZeroMQ.
 
 One XPUB socket. Whoever subscribes gets a snapshot at once, then every event, and a snapshot
-every second. Messages have two frames: ``links`` or ``event``, and a JSON object.
+after every quiet second. Messages have two frames: ``links`` or ``event``, and a JSON object.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mocha_link.header import Header
 from mocha_link.transport import ListenError, PortInUseError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from types import TracebackType
 
     from mocha_link.metrics import LinkEvent, LinkMetrics
@@ -69,6 +69,7 @@ class MetricsServer:
         self._stopping = False
         self._waker: socket.socket | None = None
         self._thread: threading.Thread | None = None
+        self._unsubscribe: Callable[[], None] | None = None
 
     def start(self) -> None:
         """Begin to serve. Raises PortInUseError or ListenError."""
@@ -84,7 +85,8 @@ class MetricsServer:
             what = f"cannot serve metrics on {self.endpoint}"
             if error.errno == errno.EADDRINUSE:
                 raise PortInUseError(f"{what}: it is in use; choose another port") from None
-            raise ListenError(f"{what}: {error.strerror}; write tcp://address:port") from None
+            why = zmq.strerror(error.errno or 0)
+            raise ListenError(f"{what}: {why}; write tcp://address:port") from None
         self.endpoint = publisher.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0")
         self._waker, woken = socket.socketpair()
         self._waker.setblocking(False)
@@ -92,13 +94,15 @@ class MetricsServer:
             target=self._run, args=(context, publisher, woken), name="mocha-link metrics"
         )
         self._thread.daemon = True
+        self._unsubscribe = self._node.subscribe(self._note)
         self._thread.start()
 
     def close(self) -> None:
         """Stop serving; may be called twice."""
         self._stopping = True
         self._wake()
-        if self._thread and self._waker:
+        if self._thread and self._waker and self._unsubscribe:
+            self._unsubscribe()
             self._thread.join()
             self._waker.close()
 
@@ -132,7 +136,6 @@ class MetricsServer:
         poller = zmq.Poller()
         poller.register(publisher, zmq.POLLIN)
         poller.register(woken, zmq.POLLIN)
-        unsubscribe = self._node.subscribe(self._note)
         with context, publisher, woken:
             while not self._stopping:
                 ready = dict(poller.poll(SNAPSHOT_MS))
@@ -146,7 +149,6 @@ class MetricsServer:
                     publisher.send_multipart([EVENT, json.dumps(fields).encode()])
                 if publisher in ready or not ready:
                     publisher.send_multipart([LINKS, json.dumps(snapshot(self._node)).encode()])
-        unsubscribe()
 
 
 def watch(endpoint: str, *, timeout_s: float = 5.0) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -163,7 +165,10 @@ def watch(endpoint: str, *, timeout_s: float = 5.0) -> Iterator[tuple[str, dict[
         try:
             subscriber.connect(endpoint)
         except zmq.ZMQError as error:
-            raise MetricsError(f"'{endpoint}' is no endpoint ({error.strerror})") from None
+            why = zmq.strerror(error.errno or 0)
+            raise MetricsError(
+                f"'{endpoint}' is no endpoint ({why}); write tcp://address:port"
+            ) from None
         while subscriber.poll(int(timeout_s * 1000)):
             frames = subscriber.recv_multipart()
             try:

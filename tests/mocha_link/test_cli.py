@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
 
 import pytest
 
+from mocha_link import cli
 from mocha_link.cli import main
 from mocha_link.metrics import Direction, SyncEnded
 from mocha_link.telemetry import MetricsServer
@@ -44,10 +46,16 @@ def test_an_invalid_file_is_3(team_file, capsys):
 def test_wrong_usage_is_2(team_file, capsys):
     assert main(["node", str(team_file), "--robot", "mars"]) == 2
     assert "no robot 'mars'" in capsys.readouterr().err
-    for arguments in ([], ["fly"], ["node", str(team_file)], ["metrics", "x", "--timeout", "-1"]):
+    for arguments in ([], ["fly"], ["node", str(team_file)]):
         with pytest.raises(SystemExit) as caught:
             main(arguments)
         assert caught.value.code == 2
+    capsys.readouterr()
+    for timeout in ("-1", "nan", "soon"):
+        with pytest.raises(SystemExit) as caught:
+            main(["metrics", "x", "--timeout", timeout])
+        assert caught.value.code == 2
+        assert f"'{timeout}' is no time; write seconds" in capsys.readouterr().err
 
 
 def test_a_port_in_use_is_1(field, team_file, capsys):
@@ -69,24 +77,111 @@ def test_metrics_of_a_node(field, capsys):
     assert "is a node running there" in capsys.readouterr().err
 
 
+def test_metrics_are_followed_line_by_line(field, capsys, monkeypatch):
+    snapshot = {"robot": "io", "at_s": 1_795_175_902.5, "links": {}}
+    event = {"event": "RssiChanged", "peer": "io", "at_s": 1_795_175_900.25, "rssi_dbm": -61.0}
+    news = [("links", snapshot), ("event", event), ("links", snapshot)]
+    monkeypatch.setattr(cli, "watch", lambda *_, **__: iter(news))
+    assert main(["metrics", "tcp://x:1", "--follow"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "links of io",
+        "peer  state  RSSI  in  ago  out  ago  RTT  bandwidth  newest  broken",
+        "2026-11-20T11:58:20.250Z RssiChanged io rssi_dbm=-61.000",
+    ]
+    assert main(["metrics", "tcp://x:1", "--follow", "--json"]) == 0
+    assert [json.loads(line) for line in capsys.readouterr().out.splitlines()] == [
+        fields for _, fields in news
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields"),
+    [
+        ("links", {}),
+        ("links", {"robot": "io", "at_s": 5, "links": []}),
+        ("links", {"robot": "io", "at_s": None, "links": {"a": 3}}),
+        ("event", {"event": "SyncEnded"}),
+        ("event", {"event": "SyncEnded", "peer": "io", "at_s": 1e300}),
+    ],
+)
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_metrics_that_are_none(capsys, monkeypatch, kind, fields, options):
+    monkeypatch.setattr(cli, "watch", lambda *_, **__: iter([(kind, fields)]))
+    assert main(["metrics", "tcp://x:1", "--follow", *options]) == 1
+    assert "what tcp://x:1 sends is not a node's metrics" in capsys.readouterr().err
+
+
+@pytest.fixture
+def ctrl_c():
+    """Lets child processes see SIGINT also when the tests run in the background of a script."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def started(command, **options) -> tuple[subprocess.Popen, list[str]]:
+    """A node in a process of its own that is ready, and what it said until then."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "mocha_link.cli", "node", *command],
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+    lines = []
+    for line in process.stderr:
+        lines.append(line)
+        if line.startswith("ready"):
+            break
+    return process, lines
+
+
+def test_a_node_outlives_the_reader_of_its_events(field, team_file):
+    titan, _, saw = field.node("titan")
+    reader, writer = os.pipe()
+    os.close(reader)
+    process, _ = started([str(team_file), "--robot", "io"], stdout=writer)
+    os.close(writer)
+    with process:
+        for line in process.stderr:
+            if "nobody reads the events any more" in line:
+                break
+        titan.publish("/map", b"grid")
+        while not saw.wait(SyncEnded, peer="io", direction=Direction.OUT).messages:
+            pass
+        process.terminate()
+        assert process.stderr.read() == ""
+    assert process.returncode == 0
+
+
+def test_a_node_does_not_wait_for_the_reader_of_its_events(field, team_file):
+    titan, _, saw = field.node("titan")
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writer, bytes(4096))  # full before the first event
+    os.set_blocking(writer, True)
+    process, _ = started([str(team_file), "--robot", "io"], stdout=writer)
+    os.close(writer)
+    with process:
+        titan.publish("/map", b"grid")
+        while not saw.wait(SyncEnded, peer="io", direction=Direction.OUT).messages:
+            pass
+        process.terminate()
+        process.communicate(timeout=20)
+    os.close(reader)
+    assert process.returncode == 0
+
+
+@pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
 def test_a_node_in_its_own_process(field, team_file, number, code):
     titan, _, saw = field.node("titan")
     titan.publish("/map", b"grid")
-    command = [sys.executable, "-m", "mocha_link.cli", "node", str(team_file), "--robot", "io"]
-    command += ["--json", "--metrics", f"tcp://{field.host}:*"]
-    with (
-        subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        ) as process,
-        contextlib.ExitStack() as stack,
-    ):
+    command = [str(team_file), "--robot", "io", "--json", "--metrics", f"tcp://{field.host}:*"]
+    process, lines = started(command, stdout=subprocess.PIPE)
+    with process, contextlib.ExitStack() as stack:
         stack.callback(process.kill)  # whatever fails here; an ended process does not mind
-        lines = []
-        for line in process.stderr:
-            lines.append(line)
-            if line.startswith("ready"):
-                break
         assert any(line.startswith("metrics on tcp://") for line in lines)
         # It has no radio, so the timer pulls.
         assert saw.wait(SyncEnded, peer="io", direction=Direction.OUT).messages == 1
