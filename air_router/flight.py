@@ -23,23 +23,23 @@ from air_router.actions import (
     FlyToPoint,
     HoldHere,
     LandHere,
-    Motion,
     PublishMap,
     StateChanged,
 )
 from air_router.behaviour import State
 from air_router.console import listening
 from air_router.controller import Controller
-from air_router.errors import AirRouterError, ExitCode, NotConfirmedError, RefusedError
-from air_router.events import CommandConfirmed, CommandFailed, Event
+from air_router.errors import AirRouterError, ExitCode, RefusedError
+from air_router.events import Event
 from air_router.flight_plan import FlightPlan
 from air_router.graph import WaypointGraph
 from air_router.ledger import Ledger, RobotAccount
 from air_router.mapper import Mapper, receive_patches
+from air_router.motions import MotionSender
 from air_router.navigator import REACTION_S
 from air_router.router import Router
 from air_router.status import StatusLine, flight_line
-from air_router.vehicle import LinkSilent, Telemetry, VehicleEvent
+from air_router.vehicle import FlightMode, LinkSilent, Telemetry, VehicleEvent
 
 if TYPE_CHECKING:
     from air_router.clock import VehicleClock
@@ -58,6 +58,9 @@ COMMAND_S: Final = 0.12
 """Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
 
 MAP_RECORD_S: Final = 1.0
+
+RESTART_S: Final = 1.0
+"""A vehicle whose clock runs back by more than this has restarted."""
 
 LOST_S: Final = 60.0
 """Wall-clock silence of the vehicle after which the flight is reported as lost."""
@@ -118,12 +121,16 @@ class Flight:
         self.ledger = Ledger(mission, mapper, {name: RobotAccount() for name in seek})
         self._finish: asyncio.Future[tuple[str, ExitCode]]
         self._first: asyncio.Future[Telemetry]
-        self._motion: Motion | None = None
-        self._motion_waits = asyncio.Event()
-        self._sending: asyncio.Task[None] | None = None
+        self._motions = MotionSender(
+            vehicle,
+            self._plan,
+            lambda motion: self.controller.objection(motion, clock.boot_s()),
+            self._on_event,
+        )
         self._interrupted = False
         self._admitted = False
         self._leaving = False
+        self._vehicle_s = -math.inf
         self._map_recorded_s = -math.inf
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -136,6 +143,7 @@ class Flight:
         loop = asyncio.get_running_loop()
         self._finish = loop.create_future()
         self._first = loop.create_future()
+        loop.set_exception_handler(self._on_loop_error)
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self._on_interrupt)
         try:
@@ -150,11 +158,13 @@ class Flight:
 
     async def _begin(self) -> None:
         await self._prepare()
-        self._start(self._carry_out_motions())
+        self._start(self._motions.run())
         if self._camera is not None:
             self._start(receive_patches(self._camera, self._mapper.paint))
         if self._arm:
+            self._check_still()
             await self._vehicle.arm()
+            self._check_still(armed=True)
             await self._vehicle.start()
             self._status.say("armed and taking off; type 'home' to end, Ctrl-C to hold")
         else:
@@ -194,11 +204,20 @@ class Flight:
         if not self.router.check_leg(telemetry.position, self._mission.home):
             raise RefusedError("the way up from where the vehicle stands to home is not clear")
 
+    def _check_still(self, *, armed: bool = False) -> None:
+        """Refuse to start what the pilot has started while we got ready."""
+        telemetry = self.controller.telemetry
+        if telemetry is not None and (telemetry.in_air or (telemetry.armed and not armed)):
+            raise RefusedError("the pilot has armed the vehicle; it is left to the pilot")
+
     # Events in, actions out.
 
     def _on_vehicle(self, event: VehicleEvent) -> None:
         if self._leaving:
             return  # what still comes while the link is closed
+        if isinstance(event, Telemetry) and self._restarted(event):
+            self._end("ended: the vehicle restarted", ExitCode.ENDED_OTHERWISE)
+            return
         if not self._admitted:  # nothing is decided on a vehicle that may be refused
             if isinstance(event, Telemetry) and not self._first.done():
                 self._first.set_result(event)
@@ -210,6 +229,11 @@ class Flight:
             self._gossip.tell(event)
             self._record_map(event.time_s)
             self._status.show(lambda: flight_line(self.controller, self._gossip.links()))
+
+    def _restarted(self, telemetry: Telemetry) -> bool:
+        """Whether its clock began anew: then neither timers nor what was read back are good."""
+        before_s, self._vehicle_s = self._vehicle_s, telemetry.time_s
+        return telemetry.time_s < before_s - RESTART_S
 
     def _on_event(self, event: Event) -> None:
         now_s = self._clock.boot_s()
@@ -223,8 +247,7 @@ class Flight:
     def _act(self, action: Action, now_s: float) -> None:
         match action:
             case FlyToNode() | FlyToPoint() | HoldHere() | LandHere():
-                self._motion = action
-                self._motion_waits.set()
+                self._motions.give(action)
             case PublishMap():
                 self._gossip.publish_map(now_s)
             case Announce(text=text):
@@ -232,7 +255,7 @@ class Flight:
             case StateChanged(source=source, target=target):
                 self._status.say(f"{now_s:8.1f} s  {source.name} -> {target.name}")
                 if target is State.PASSIVE:
-                    self._hands_off()
+                    self._motions.call_off()
                 if source is State.READY:
                     self._reckon_with_delays(now_s)
             case Finish(landed_by_us=True):
@@ -261,47 +284,6 @@ class Flight:
         self._status.say(f"{now_s:8.1f} s  {text}")
         self._start(self._vehicle.announce(f"air_router: {text}"))
 
-    async def _carry_out_motions(self) -> None:
-        """Send one motion at a time, always the newest; an older one that waits is void."""
-        while True:
-            await self._motion_waits.wait()
-            self._motion_waits.clear()
-            motion, self._motion = self._motion, None
-            if motion is None:
-                continue
-            objection = self.controller.objection(motion, self._clock.boot_s())
-            if objection is not None:
-                self._on_event(CommandFailed(motion, objection))
-                continue
-            self._sending = asyncio.ensure_future(self._send(motion))
-            await asyncio.wait({self._sending})
-            if self._sending.cancelled():
-                continue
-            error = self._sending.exception()
-            if error is None:
-                self._on_event(CommandConfirmed(motion))
-            elif isinstance(error, NotConfirmedError):
-                self._on_event(CommandFailed(motion, str(error)))
-            else:
-                raise error
-
-    def _hands_off(self) -> None:
-        """Somebody else flies: what waits is void, and what is under way is not repeated."""
-        self._motion = None
-        if self._sending is not None:
-            self._sending.cancel()
-
-    async def _send(self, motion: Motion) -> None:
-        match motion:
-            case FlyToNode(node=node):
-                await self._vehicle.jump(self._plan.item_of(node))
-            case FlyToPoint(position=position, altitude_m=altitude_m):
-                await self._vehicle.reposition(position, altitude_m)
-            case HoldHere():
-                await self._vehicle.hold()
-            case LandHere():
-                await self._vehicle.land()
-
     # Ends.
 
     def _end(self, outcome: str, exit_code: ExitCode) -> None:
@@ -314,6 +296,14 @@ class Flight:
         if error is not None and not self._finish.done():
             self._finish.set_exception(error)
 
+    def _on_loop_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """An error in a callback, and so in a decision, ends the flight as one in a task does."""
+        error = context.get("exception")
+        if isinstance(error, Exception) and "handle" in context and not self._finish.done():
+            self._finish.set_exception(error)
+        else:
+            loop.default_exception_handler(context)
+
     def _on_interrupt(self) -> None:
         """First: hold (if we fly it) and end. Second: leave at once; the vehicle stays as it is."""
         if self._interrupted:
@@ -324,11 +314,11 @@ class Flight:
         self._end("interrupted", ExitCode.INTERRUPTED)
 
     async def _let_go(self) -> None:
-        tasks = (*self._tasks, *([self._sending] if self._sending is not None else []))
+        tasks = tuple(self._tasks)
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        ours = self._interrupted and self._flies_by_us()
+        ours = self._flies_by_us()
         self._leaving = True
         if ours:
             try:
@@ -341,8 +331,12 @@ class Flight:
         await self._vehicle.close()
 
     def _flies_by_us(self) -> bool:
-        telemetry = self.controller.telemetry
-        return telemetry is not None and telemetry.in_air and self.controller.in_charge
+        controller, telemetry = self.controller, self.controller.telemetry
+        if telemetry is None or telemetry.in_air:
+            return telemetry is not None and controller.in_charge
+        # Armed in Mission mode on the ground it is about to take off, and nobody to lead it on.
+        about_to = telemetry.armed and telemetry.mode is FlightMode.MISSION
+        return about_to and controller.state in {State.READY, State.DONE}
 
     def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
         for name, stamp_s in self._gossip.newest_stamps().items():

@@ -330,3 +330,66 @@ def test_a_vehicle_that_stays_silent_is_lost(rig):
     result = flight.run()
     assert result.exit_code == ExitCode.ENDED_OTHERWISE
     assert "silent" in result.outcome
+
+
+def test_a_vehicle_that_restarts_on_the_ground_is_not_flown(rig):
+    flight = rig(arm=False)
+    flight.at(
+        lambda: "waiting for the pilot" in flight.out.getvalue(),
+        lambda: setattr(flight.vehicle.airframe, "now_s", 3.0),
+    )
+    result = flight.run()
+    assert result.exit_code == ExitCode.ENDED_OTHERWISE
+    assert "restarted" in result.outcome
+
+
+def test_what_the_pilot_armed_meanwhile_is_not_started(rig):
+    flight = rig()
+    vehicle = flight.vehicle
+    arm = vehicle.arm
+
+    async def arm_and_see_it_fly():
+        await arm()
+        vehicle.airframe.take_off()
+        vehicle.airframe.mode = FlightMode.OTHER
+        seen = flight.flight.controller
+        while not (seen.telemetry and seen.telemetry.in_air):  # noqa: ASYNC110
+            await asyncio.sleep(0)
+
+    vehicle.arm = arm_and_see_it_fly
+    with pytest.raises(RefusedError, match="left to the pilot"):
+        flight.run()
+    assert "start" not in vehicle.verbs
+    assert "hold" not in vehicle.verbs
+
+
+def test_a_fault_in_a_decision_ends_the_flight_and_holds_the_vehicle(rig):
+    flight = rig(duration_s=None)
+
+    def fault(*_):
+        raise ZeroDivisionError("of ours")
+
+    def break_it():
+        loop = asyncio.get_running_loop()
+        flight.flight.controller.handle = fault
+        loop.call_soon(flight.vehicle.callback, flight.vehicle.airframe.telemetry())
+
+    flight.at(lambda: flight.vehicle.airframe.now_s > 150.0, break_it)
+    with pytest.raises(ZeroDivisionError):
+        flight.run()
+    assert flight.vehicle.verbs[-2:] == ["hold", "close"]
+
+
+def test_called_off_before_the_climb_it_does_not_climb_alone(rig):
+    flight = rig()
+    airframe = flight.vehicle.airframe
+
+    async def start():
+        airframe.mode = FlightMode.MISSION  # armed, and about to climb
+        flight.at(
+            lambda: flight.flight.controller.in_charge, lambda: os.kill(os.getpid(), signal.SIGUSR1)
+        )
+
+    flight.vehicle.start = start
+    assert flight.run().exit_code == ExitCode.ENDED_OTHERWISE
+    assert flight.vehicle.verbs[-2:] == ["hold", "close"]
