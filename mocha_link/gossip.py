@@ -111,7 +111,7 @@ class Gossip:
         pull = self._pulls.get(peer)
         if begins and pull and now.steady_s - pull.alive_s > STALLED_S:
             # Its connection sleeps in TCP's back-off; a fresh one gets through at once.
-            self._take(pull, pull.fail("stalled, and a new contact began", now))
+            self._take(pull, pull.fail("stalled, and a new contact began", now), now)
         self._pull_due(now)
 
     def sync(self, peer: str, now: Instant) -> bool:
@@ -128,7 +128,7 @@ class Gossip:
             timeout_s=self._timeout_s,
         )
         self._actions.append(Dial(peer))
-        self._take(pull, pull.start(now))
+        self._take(pull, pull.start(now), now)
         return True
 
     def request(self, peer: str, parts: Sequence[bytes], now: Instant) -> bytes:
@@ -144,7 +144,7 @@ class Gossip:
         pull = self._pulls.get(peer)
         if pull:
             self._book.count(peer, bytes_in=sum(map(len, parts)))
-            self._take(pull, pull.reply(parts, now))
+            self._take(pull, pull.reply(parts, now), now)
 
     def progress(self, peer: str, now: Instant) -> None:
         """The connection to a peer stands, or bytes are arriving on it."""
@@ -156,7 +156,7 @@ class Gossip:
         """The connection to a peer is gone."""
         pull = self._pulls.get(peer)
         if pull:
-            self._take(pull, pull.fail(reason, now))
+            self._take(pull, pull.fail(reason, now), now)
 
     def tick(self, now: Instant) -> None:
         """Do what is due by the time alone; call it often."""
@@ -165,7 +165,7 @@ class Gossip:
         for record in self._publisher.due(now.unix_s):
             self._tell_own(record, now)
         for pull in list(self._pulls.values()):
-            self._take(pull, pull.tick(now))
+            self._take(pull, pull.tick(now), now)
         for server in self._servers.values():
             for event in server.tick(now):
                 self._tell(event)
@@ -195,7 +195,7 @@ class Gossip:
         for peer in self._trigger.due(now.unix_s):
             self.sync(peer, now)
 
-    def _take(self, pull: ClientSession, step: Step) -> None:
+    def _take(self, pull: ClientSession, step: Step, now: Instant) -> None:
         peer = pull.peer
         for frame in step.frames:
             self._actions.append(Send(peer, frame))
@@ -207,6 +207,13 @@ class Gossip:
                 self._actions.append(HangUp(peer))
         for event in step.events:
             self._tell(event)
+            if isinstance(event, MessageStored) and event.robot == self.me.name:
+                self._recover(self._team.topic(event.robot, event.topic), now)
+
+    def _recover(self, topic: Topic, now: Instant) -> None:
+        record = self._publisher.recovered(topic, now.unix_s)
+        if record:
+            self._tell_own(record, now)
 
     def _refuse(self, peer: str, reason: str) -> None:
         self._book.count(peer, refused=1)

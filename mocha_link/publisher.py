@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mocha_link.database import Database, Record
@@ -21,6 +22,7 @@ class Publisher:
         self._last_ms: dict[str, int] = {}
         self._stored_s: dict[str, float] = {}
         self._held: dict[str, Record] = {}
+        self._latest: dict[str, Record] = {}
 
     def publish(
         self, topic: Topic, body: bytes, now_s: float, *, at_once: bool
@@ -44,9 +46,31 @@ class Publisher:
     def flush(self, topic: Topic, now_s: float) -> Record | None:
         """Store the held message of a topic, if there is one, and return it."""
         record = self._held.pop(topic.name, None)
-        if record is None or not self._database.insert(record, now_s):
+        if record is None:
             return None
         self._stored_s[topic.name] = now_s
+        return self._store(topic, record, now_s)
+
+    def recovered(self, topic: Topic, now_s: float) -> Record | None:
+        """Store our latest message anew if one from before a restart has replaced it.
+
+        A peer hands that back to us; it has the later stamp if our clock is behind what it was.
+        """
+        latest = self._latest.get(topic.name)
+        newest = self._database.newest(self._robot.robot_id, topic.topic_id)
+        if latest is None or newest is None or newest.header == latest.header:
+            return None
+        return self._store(topic, latest, now_s)
+
+    def _store(self, topic: Topic, record: Record, now_s: float) -> Record:
+        newest = self._database.newest(self._robot.robot_id, topic.topic_id)
+        if not self._database.insert(record, now_s) and newest:
+            # From before a restart, with a later stamp. Ours must follow it to be taken by anyone.
+            stamp_ms = self._last_ms[topic.name] = next_stamp_ms(now_s, as_ms(newest.stamp_s))
+            header = Header.at(self._robot.robot_id, topic.topic_id, stamp_ms)
+            record = replace(record, header=header, stamp_s=stamp_ms / 1000)
+            self._database.insert(record, now_s)
+        self._latest[topic.name] = record
         return record
 
     def due(self, now_s: float) -> list[Record]:

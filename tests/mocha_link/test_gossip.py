@@ -196,6 +196,24 @@ def test_replies_and_losses_without_a_pull_are_nothing(ether):
     assert io.take() == ([], [])
 
 
+def test_a_reboot_with_a_clock_that_is_behind_loses_nothing(ether, team):
+    """The first life's message has the later stamp; the second life's must win all the same."""
+    ether.publish("callisto", "/path", b"first life")
+    ether.publish("callisto", "/pose", b"first life")
+    ether.pull("titan", "callisto")
+    ether.time_s -= 3600
+    ether.nodes["callisto"] = Gossip(team, "callisto", by_timer=False)
+    ether.publish("callisto", "/path", b"second life")
+    ether.pull("titan", "callisto")
+    ether.pull("callisto", "titan")
+    assert ether.held("callisto") == {
+        ("callisto", "/path"): b"second life",
+        ("callisto", "/pose"): b"first life",
+    }
+    ether.pull("titan", "callisto")
+    assert ether.held("titan") == ether.held("callisto")
+
+
 STEPS = st.lists(
     st.one_of(
         st.tuples(st.just("publish"), st.sampled_from(("callisto", "io")), st.integers(0, 2)),
