@@ -27,8 +27,9 @@ from air_router.events import CommandConfirmed, CommandFailed, Event, Request, R
 from air_router.exchange import Exchange
 from air_router.exploration import Exploration
 from air_router.flight_plan import HOME_NODE
+from air_router.milestones import reason_to_return, took_off
 from air_router.navigator import Goal, Navigator, Progress
-from air_router.targets import Roster
+from air_router.search import Search
 from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced, Telemetry
 from mocha_link.metrics import SyncEnded, SyncStarted
 
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from air_router.flight_plan import FlightPlan
     from air_router.mission import Mission
     from air_router.router import Router
-    from geo.frame import Point
 
 FOLLOW_M: Final = 8.0
 """A robot that has moved so far from where we hover (or search) is followed."""
@@ -69,12 +69,12 @@ class Controller:
         self._mission = mission
         self._plan = plan
         self.navigator = Navigator(mission, router)
-        self.roster = Roster(seek)
         self.state = State.READY
         self._left = State.READY
         self.robot: str | None = None
         self.telemetry: Telemetry | None = None
         self.exploration = Exploration(mission.waypoints)
+        self.search = Search(mission, seek, self.exploration)
         self.custody = Custody()
         self._now_s = 0.0
         self._entered_s = 0.0
@@ -164,7 +164,9 @@ class Controller:
         self._advance(self.navigator.update(self.telemetry, reached_node=node))
 
     def _on_pose(self, event: RobotPose) -> None:
-        if not self.roster.pose_heard(event.robot, event.position, event.stamp_s, self._now_s):
+        if not self.search.roster.pose_heard(
+            event.robot, event.position, event.stamp_s, self._now_s
+        ):
             return
         if event.robot != self.robot:
             return
@@ -174,7 +176,7 @@ class Controller:
             self._follow()
 
     def _on_path(self, event: RobotPath) -> None:
-        self.roster.path_heard(event.robot, event.destination, event.stamp_s, self._now_s)
+        self.search.roster.path_heard(event.robot, event.destination, event.stamp_s, self._now_s)
 
     def _on_sync_started(self, event: SyncStarted) -> None:
         self._exchange.started(event)
@@ -242,20 +244,15 @@ class Controller:
 
     def _enter_search(self) -> None:
         self._timer_from_s = None  # t_s counts from arrival at the search position
-        for robot in self.roster.candidates(self._now_s):
-            place = self.roster.place(robot, self._now_s)
-            if place.position is None:
-                goal = self.exploration.longest_unseen()
-            else:
-                goal = Goal(self._hover_point(place.position))
-            motion = self._plan_to(goal)
+        for aim in self.search.aims(self._now_s):
+            motion = self._plan_to(aim.goal)
             if self.navigator.progress is not Progress.STRANDED:
-                self.robot = robot
-                self.roster.sought(robot)
-                self._say(f"SEARCH {robot}: {place.reason}")
+                self.robot = aim.robot
+                self.search.roster.sought(aim.robot)
+                self._say(f"SEARCH {aim.robot}: {aim.reason}")
                 self._advance(motion)
                 return
-            self._say(f"no way to {robot}: {self._refusal()}")
+            self._say(f"no way to {aim.robot}: {self._refusal()}")
         self._no_target()
 
     def _no_target(self) -> None:
@@ -310,13 +307,7 @@ class Controller:
     # Watching.
 
     def _watch_takeoff(self, telemetry: Telemetry) -> None:
-        above_home = (
-            math.dist(telemetry.position, self._mission.home)
-            <= self._mission.planner.acceptance_radius_m + 1.0
-        )
-        # PX4 corrects its home altitude in flight, so relative altitude is good to about 2 m.
-        high = telemetry.altitude_m >= self._mission.altitude_above_home_m - 2.0
-        if telemetry.in_air and telemetry.mode is FlightMode.MISSION and above_home and high:
+        if took_off(self._mission, telemetry):
             self.custody.assume(FlightMode.MISSION)
             self._airborne_s = self._now_s
             self._signal(Signal.AIRBORNE)
@@ -327,15 +318,10 @@ class Controller:
             self._signal(Signal.TAKEN_OVER)
 
     def _check_end(self, telemetry: Telemetry) -> None:
-        duration_s = self._mission.duration_s
-        if telemetry.battery is not None and telemetry.battery <= self._mission.battery_reserve:
-            self._come_home(f"battery at {telemetry.battery:.0%}")
-        elif (
-            duration_s is not None
-            and self._airborne_s is not None
-            and self._now_s - self._airborne_s >= duration_s
-        ):
-            self._come_home(f"{duration_s:.0f} s of mission are over")
+        airborne_s = 0.0 if self._airborne_s is None else self._now_s - self._airborne_s
+        why = reason_to_return(self._mission, telemetry, airborne_s)
+        if why is not None:
+            self._come_home(why)
 
     def _come_home(self, why: str) -> None:
         if not knows(self.state, Signal.COME_HOME):
@@ -425,27 +411,18 @@ class Controller:
 
     def _follow(self, *, force: bool = False) -> None:
         """Hover over (or search at) the robot's newest position once it has moved away."""
-        position = None if self.robot is None else self.roster.position_of(self.robot)
-        if position is None:
+        over = None if self.robot is None else self.search.over(self.robot)
+        if over is None:
             return
-        place = self._hover_point(position)
-        goal = self.navigator.goal
-        if not force and goal is not None and math.dist(goal.position, place) < FOLLOW_M:
+        (hover, beside_m), goal = over, self.navigator.goal
+        if not force and goal is not None and math.dist(goal.position, hover.position) < FOLLOW_M:
             return
-        beside_m = math.dist(position, place)
         if beside_m > 0:
             self._say(f"no hovering over {self.robot}: waiting {beside_m:.0f} m beside it")
-        self._advance(self._plan_to(Goal(place)))
+        self._advance(self._plan_to(hover))
 
     def _go_home(self) -> None:
         self._advance(self._plan_to(Goal(self._mission.home, HOME_NODE)))
-
-    def _hover_point(self, position: Point) -> Point:
-        """The position itself, or the closest one where hovering keeps the clearance."""
-        airspace = self._mission.planning_airspace
-        if airspace.point_clear(position):
-            return position
-        return airspace.nearest_clear(position) or position  # the router says why not
 
     def _plan_to(self, goal: Goal) -> Motion | None:
         assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
