@@ -1,4 +1,4 @@
-"""The documentation names every key, and its example is a team."""
+"""The documentation names every key, and its examples are teams."""
 
 from __future__ import annotations
 
@@ -27,8 +27,11 @@ def test_every_key_is_documented_with_its_default(model):
             assert shown == str(field.default) or float(shown) == field.default
 
 
-def test_the_example_is_a_team():
+def test_the_examples_are_teams():
     text = (DOCS / "team-file.md").read_text()
-    example = re.search(r"```yaml\n(.*?)```", text, re.DOTALL)[1]
-    team = Team.from_document(Document.from_text(example, Path("team.yaml")))
+    team, two_nodes = (
+        Team.from_document(Document.from_text(example, Path("team.yaml")))
+        for example in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+    )
     assert team.robot("titan").port_for("io") == 24400
+    assert two_nodes.robot("a").peers == ("b",)
