@@ -29,6 +29,7 @@ from air_router.exploration import Exploration
 from air_router.flight_plan import HOME_NODE
 from air_router.milestones import reason_to_return, took_off
 from air_router.navigator import Goal, Navigator, Progress
+from air_router.schedule import Schedule
 from air_router.search import Search
 from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced, Telemetry
 from mocha_link.metrics import SyncEnded, SyncStarted
@@ -49,8 +50,6 @@ SEEK_AGAIN_S: Final = 10.0
 
 SILENCE_TOLD_S: Final = 10.0
 """How often a silence that goes on is told, wall-clock seconds."""
-
-_TIMED: Final = frozenset({State.INIT, State.SEARCH, State.COMM, State.EXPL})
 
 
 class Controller:
@@ -76,11 +75,8 @@ class Controller:
         self.exploration = Exploration(mission.waypoints)
         self.search = Search(mission, seek, self.exploration)
         self.custody = Custody()
-        self._now_s = 0.0
-        self._entered_s = 0.0
-        self._timer_from_s: float | None = None
+        self._schedule = Schedule(mission.timers)
         self._airborne_s: float | None = None
-        self._retry_at_s: float | None = None
         self._was_armed = False
         self._flew = False
         self._handed_over = False
@@ -95,10 +91,7 @@ class Controller:
     @property
     def time_left_s(self) -> float | None:
         """Seconds until the state's timer, None while it does not run."""
-        limit_s = self._limit_s()
-        if limit_s is None or self._timer_from_s is None:
-            return None
-        return max(0.0, limit_s - (self._now_s - self._timer_from_s))
+        return self._schedule.left_s
 
     @property
     def in_charge(self) -> bool:
@@ -124,7 +117,7 @@ class Controller:
     def handle(self, event: Event, now_s: float) -> list[Action]:
         """Take one event in at vehicle time `now_s`; returns what to do about it, in order."""
         self._actions = []
-        self._now_s = max(self._now_s, now_s)
+        self._schedule.tick(now_s)
         # Other events (links of others, metrics) are recorded and shown, not decided on.
         reaction = self._reactions.get(type(event))
         if reaction is not None:
@@ -149,7 +142,7 @@ class Controller:
         if self.state is State.READY:
             self._watch_takeoff(telemetry)
         elif self.in_charge:
-            self.exploration.passing(telemetry.position, self._now_s)
+            self.exploration.passing(telemetry.position, self._schedule.now_s)
             self._check_end(telemetry)
             self._check_timer()
             self._advance(self.navigator.update(telemetry))
@@ -165,7 +158,7 @@ class Controller:
 
     def _on_pose(self, event: RobotPose) -> None:
         if not self.search.roster.pose_heard(
-            event.robot, event.position, event.stamp_s, self._now_s
+            event.robot, event.position, event.stamp_s, self._schedule.now_s
         ):
             return
         if event.robot != self.robot:
@@ -176,7 +169,9 @@ class Controller:
             self._follow()
 
     def _on_path(self, event: RobotPath) -> None:
-        self.search.roster.path_heard(event.robot, event.destination, event.stamp_s, self._now_s)
+        self.search.roster.path_heard(
+            event.robot, event.destination, event.stamp_s, self._schedule.now_s
+        )
 
     def _on_sync_started(self, event: SyncStarted) -> None:
         self._exchange.started(event)
@@ -192,7 +187,7 @@ class Controller:
     def _on_failed(self, event: CommandFailed) -> None:
         if self.custody.failed(event.action):
             self._say(f"the vehicle did not follow: {event.reason}")
-            self._retry_at_s = self._now_s + RETRY_S
+            self._schedule.retry_in(RETRY_S)
 
     def _on_request(self, request: Request) -> None:
         if request is Request.COME_HOME:
@@ -232,9 +227,7 @@ class Controller:
     def _signal(self, signal: Signal) -> None:
         target = next_state(self.state, signal)
         self._left, self.state = self.state, target
-        self._entered_s = self._now_s
-        self._timer_from_s = self._now_s
-        self._retry_at_s = None
+        self._schedule.enter(target)
         self._actions.append(StateChanged(self._left, signal, target, self.robot))
         self._enter[self.state](self)
 
@@ -243,8 +236,7 @@ class Controller:
         self._explore()
 
     def _enter_search(self) -> None:
-        self._timer_from_s = None  # t_s counts from arrival at the search position
-        for aim in self.search.aims(self._now_s):
+        for aim in self.search.aims(self._schedule.now_s):
             motion = self._plan_to(aim.goal)
             if self.navigator.progress is not Progress.STRANDED:
                 self.robot = aim.robot
@@ -262,7 +254,7 @@ class Controller:
             self._signal(Signal.NO_TARGET)
         else:
             self._hold("no robot can be sought from here")
-            self._retry_at_s = self._now_s + SEEK_AGAIN_S
+            self._schedule.retry_in(SEEK_AGAIN_S)
 
     def _enter_comm(self) -> None:
         self._exchange = Exchange(self.robot)
@@ -309,7 +301,7 @@ class Controller:
     def _watch_takeoff(self, telemetry: Telemetry) -> None:
         if took_off(self._mission, telemetry):
             self.custody.assume(FlightMode.MISSION)
-            self._airborne_s = self._now_s
+            self._airborne_s = self._schedule.now_s
             self._signal(Signal.AIRBORNE)
 
     def _taken_over(self, why: str) -> None:
@@ -318,7 +310,7 @@ class Controller:
             self._signal(Signal.TAKEN_OVER)
 
     def _check_end(self, telemetry: Telemetry) -> None:
-        airborne_s = 0.0 if self._airborne_s is None else self._now_s - self._airborne_s
+        airborne_s = 0.0 if self._airborne_s is None else self._schedule.now_s - self._airborne_s
         why = reason_to_return(self._mission, telemetry, airborne_s)
         if why is not None:
             self._come_home(why)
@@ -333,13 +325,12 @@ class Controller:
         self._signal(Signal.GROUNDED if on_ground else Signal.COME_HOME)
 
     def _check_timer(self) -> None:
-        if self.time_left_s == 0.0 and self.state in _TIMED:
+        if self.time_left_s == 0.0:
             self._signal(Signal.TIMER)
 
     def _check_retry(self, telemetry: Telemetry) -> None:
-        if self._retry_at_s is None or self._now_s < self._retry_at_s or self.custody.pending:
+        if self.custody.pending or not self._schedule.take_retry():
             return
-        self._retry_at_s = None
         if self.state is State.SEARCH and self.robot is None:
             self._enter_search()
         elif self.state is State.HOME:
@@ -350,15 +341,6 @@ class Controller:
             self._follow(force=True)
         else:
             self._advance(self.navigator.again(telemetry))
-
-    def _limit_s(self) -> float | None:
-        timers = self._mission.timers
-        return {
-            State.INIT: timers.init_s,
-            State.SEARCH: timers.search_s,
-            State.COMM: timers.communicate_s,
-            State.EXPL: timers.explore_s,
-        }.get(self.state)
 
     # Flying.
 
@@ -377,8 +359,8 @@ class Controller:
         if self.state in EXPLORING:
             self.exploration.visited()
             self._explore()
-        elif self.state is State.SEARCH and self._timer_from_s is None:
-            self._timer_from_s = self._now_s
+        elif self.state is State.SEARCH and not self._schedule.running:
+            self._schedule.start()
             self._say(f"at the search position of {self.robot}")
         elif self.state is State.HOME and goal is not None and goal.node == HOME_NODE:
             self._signal(Signal.ARRIVED)
@@ -391,9 +373,9 @@ class Controller:
         elif self.state is State.SEARCH:
             self._say(f"no way to {self.robot}: {refusal}")
             self._no_target()
-        elif self._retry_at_s is None:
+        elif not self._schedule.retrying:
             self._hold(refusal)
-            self._retry_at_s = self._now_s + RETRY_S
+            self._schedule.retry_in(RETRY_S)
 
     def _explore(self) -> None:
         """Fly to the waypoint whose turn it is, or say that none is left."""
