@@ -26,6 +26,8 @@ SERRM, ACK = b"SERRM", b"Ack"
 # An original client is idle again 12.4 s after its last unanswered request. Until then it may ask
 # for what was offered to it, and it would store an error reply as if it were a message.
 PATIENCE_S = 13.0
+# Of what was replaced since it was offered, so much is kept for one peer, the newest first.
+KEPT_BYTES = 64 * 1024 * 1024
 
 
 def request(request_id: bytes, code: bytes, argument: bytes = b"") -> bytes:
@@ -112,13 +114,19 @@ class ServerSession:
     def _list(self, now: Instant) -> bytes:
         # What was offered stays available, though newer messages replace it, until well after the
         # peer has asked for another list.
-        self._offered = {
-            header: (record, offered_s)
-            for header, (record, offered_s) in self._offered.items()
-            if now.steady_s - offered_s <= PATIENCE_S
-        }
         records = self._database.records()
-        self._offered.update((record.header, (record, now.steady_s)) for record in records)
+        offered = {record.header: (record, now.steady_s) for record in records}
+        kept: list[tuple[Record, float]] = []
+        room = KEPT_BYTES
+        for header, (record, offered_s) in reversed(self._offered.items()):
+            if header in offered or now.steady_s - offered_s > PATIENCE_S:
+                continue
+            room -= len(record.body)
+            if room < 0:
+                break
+            kept.append((record, offered_s))
+        self._offered = {record.header: (record, since) for record, since in reversed(kept)}
+        self._offered.update(offered)
         return b"".join(record.header.pack() for record in records)
 
     def _data(self, argument: bytes) -> bytes:

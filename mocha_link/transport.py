@@ -28,7 +28,7 @@ OBSERVE_S = 0.25
 BURST = 64  # frames of one peer in a row, so that no peer starves the others
 CLOSE_S = 0.9
 MAX_REQUEST_BYTES = 65_536
-QUEUE_REPLIES = 32
+QUEUE_REPLIES = 16  # to one connection that does not read; further ones are dropped
 DEAD_PEER_S = 60
 
 LOG = logging.getLogger("mocha_link")

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mocha_link import protocol
 from mocha_link.clock import Instant
 from mocha_link.database import Database, Record
 from mocha_link.header import Header
@@ -113,3 +114,17 @@ def test_what_was_offered_stays_available(database):
     session.answer([ID + b"GHEAD"], at(101))
     assert session.answer([ask], at(102))[0] == ID + b"SERRM"
     assert ServerSession("europa", database).answer([ask], at(0))[0] == ID + b"SERRM"
+
+
+def test_a_peer_that_keeps_asking_does_not_fill_the_memory(database, monkeypatch):
+    monkeypatch.setattr(protocol, "KEPT_BYTES", 2500)
+    session = ServerSession("io", database)
+    for second in range(1501, 1600):
+        database.insert(record(second, bytes(1000)), 2000)
+        session.answer([ID + b"GHEAD"], at(0))
+
+    def holds(second: int) -> bool:
+        ask = ID + b"GDATA" + record(second).header.pack()
+        return not session.answer([ask], at(1))[0].endswith(b"SERRM")
+
+    assert [second for second in range(1500, 1600) if holds(second)] == [1597, 1598, 1599]
