@@ -114,7 +114,7 @@ class Node:
         if self._radio:
             try:
                 self._radio.start(self._heard)
-            except MochaLinkError:
+            except BaseException:
                 self.close()
                 raise
 

@@ -79,7 +79,7 @@ class Transport:
         try:
             for peer in self._me.peers:
                 self._ports[self._bind(peer)] = peer
-        except MochaLinkError:
+        except BaseException:
             self._close_all()
             raise
         for port in self._ports:

@@ -357,6 +357,18 @@ def test_a_port_in_use_is_named(field):
     gc.collect()  # an unclosed socket would warn, and warnings are errors
 
 
+def test_a_radio_that_fails_to_start_leaves_nothing_behind(field):
+    class Broken(ManualRadio):
+        def start(self, report: object) -> None:
+            raise ValueError("no such device")
+
+    with pytest.raises(ValueError, match="no such device"):
+        Node(field.team, "titan", radio=Broken()).start()
+    assert "mocha-link titan" not in [thread.name for thread in threading.enumerate()]
+    with Node(field.team, "titan", radio=ManualRadio()):  # its ports are free
+        pass
+
+
 def test_an_address_of_another_machine(field):
     field.team = field.team.with_robots({"titan": {"listen": "203.0.113.7"}})
     node = Node(field.team, "titan", radio=ManualRadio())
