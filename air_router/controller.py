@@ -27,7 +27,7 @@ from air_router.events import CommandConfirmed, CommandFailed, Event, Request, R
 from air_router.exchange import Exchange
 from air_router.exploration import Exploration
 from air_router.flight_plan import HOME_NODE
-from air_router.milestones import reason_to_return, took_off
+from air_router.milestones import Silence, reason_to_return, took_off
 from air_router.navigator import Goal, Navigator, Progress
 from air_router.schedule import Schedule
 from air_router.search import Search
@@ -47,9 +47,6 @@ RETRY_S: Final = 3.0
 
 SEEK_AGAIN_S: Final = 10.0
 """Pause before the robots are gone through again when none of them could be sought."""
-
-SILENCE_TOLD_S: Final = 10.0
-"""How often a silence that goes on is told, wall-clock seconds."""
 
 
 class Controller:
@@ -81,7 +78,7 @@ class Controller:
         self._flew = False
         self._handed_over = False
         self._stayed_why = "disarmed"
-        self._silence_told_s = 0.0
+        self._silence = Silence()
         self._exchange = Exchange()
         self._come_home_why: str | None = None
         self._actions: list[Action] = []
@@ -202,11 +199,9 @@ class Controller:
             self._taken_over(why)
 
     def _on_link_silent(self, event: LinkSilent) -> None:
-        if event.silent_s < self._silence_told_s:
-            self._silence_told_s = 0.0  # it was heard meanwhile: another silence
-        if self._silence_told_s == 0.0 or event.silent_s >= self._silence_told_s + SILENCE_TOLD_S:
-            self._silence_told_s = event.silent_s
-            self._say(f"nothing heard from the vehicle for {event.silent_s:.0f} s")
+        news = self._silence.news(event.silent_s)
+        if news is not None:
+            self._say(news)
 
     _reactions: Final[dict[type, Callable[[Controller, Any], None]]] = {
         Telemetry: _on_telemetry,
@@ -339,6 +334,8 @@ class Controller:
             self._enter_land()
         elif self.state is State.COMM:
             self._follow(force=True)
+        elif self.state in EXPLORING and self.navigator.goal is None:
+            self._explore()
         else:
             self._advance(self.navigator.again(telemetry))
 
@@ -379,17 +376,30 @@ class Controller:
 
     def _explore(self) -> None:
         """Fly to the waypoint whose turn it is, or say that none is left."""
-        while self.exploration.remaining:
-            motion = self._plan_to(self.exploration.goal)
+        exploration, refusals = self.exploration, []
+        mark = exploration.mark()
+        while exploration.remaining:
+            motion = self._plan_to(exploration.goal)
             if self.navigator.progress is Progress.FLYING:
-                self._advance(motion)
-                return
+                break
             if self.navigator.progress is Progress.STRANDED:
-                number = self.exploration.leave_out()
-                self._say(f"waypoint {number} left out: {self._refusal()}")
+                refusals.append(f"waypoint {exploration.leave_out()} left out: {self._refusal()}")
             else:
-                self.exploration.visited()
-        self._signal(Signal.EXPLORED)
+                exploration.visited()
+                mark = exploration.mark()
+        if refusals and not exploration.remaining:
+            # All can be reached from home, or the mission would not fly: it is this place.
+            exploration.back_to(mark)
+            self.navigator.stop()
+            self._hold(f"no waypoint can be reached from here: {self._refusal()}")
+            self._schedule.retry_in(RETRY_S)
+            return
+        for refusal in refusals:
+            self._say(refusal)
+        if exploration.remaining:
+            self._advance(motion)
+        else:
+            self._signal(Signal.EXPLORED)
 
     def _follow(self, *, force: bool = False) -> None:
         """Hover over (or search at) the robot's newest position once it has moved away."""

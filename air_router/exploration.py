@@ -48,6 +48,15 @@ class Exploration:
         self._next += 1
         return number
 
+    def mark(self) -> int:
+        """Where exploration stands, to come `back_to`."""
+        return self._next
+
+    def back_to(self, mark: int) -> None:
+        """Take back what was left out since a mark, which lies after the last visit."""
+        del self.left_out[len(self.left_out) - (self._next - mark) :]
+        self._next = mark
+
     def passing(self, position: Point, now_s: float) -> None:
         """Note which waypoints the vehicle is near."""
         for waypoint in self.waypoints:

@@ -1,4 +1,4 @@
-"""What the controller watches for in telemetry: the take-off is done, it is time to come home."""
+"""What the controller watches for: the end of the take-off, reasons to return, silence."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 _ALTITUDE_M: Final = 2.0
 """PX4 corrects its home altitude in flight, so that an altitude above home is good to this."""
+
+_TOLD_S: Final = 10.0
+"""How often a silence that goes on is told, wall-clock seconds."""
 
 
 def took_off(mission: Mission, telemetry: Telemetry) -> bool:
@@ -34,3 +37,19 @@ def reason_to_return(mission: Mission, telemetry: Telemetry, airborne_s: float) 
     if mission.duration_s is not None and airborne_s >= mission.duration_s:
         return f"{mission.duration_s:.0f} s of mission are over"
     return None
+
+
+class Silence:
+    """What is told of a vehicle that is not heard: at once, then now and then."""
+
+    def __init__(self) -> None:
+        self._told_s = 0.0
+
+    def news(self, silent_s: float) -> str | None:
+        """What to tell after `silent_s` wall-clock seconds without a word; None: no news."""
+        if silent_s < self._told_s:
+            self._told_s = 0.0  # it was heard meanwhile: another silence
+        if self._told_s > 0.0 and silent_s < self._told_s + _TOLD_S:
+            return None
+        self._told_s = silent_s
+        return f"nothing heard from the vehicle for {silent_s:.0f} s"

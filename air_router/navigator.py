@@ -32,6 +32,9 @@ SETTLE_S = 2.0
 SETTLES = 5
 """How long apart, and how often, a vehicle that stands looks again for a clear leg on."""
 
+STALL_S = 15.0
+"""A vehicle that was sent somewhere and stands for so long did not understand, or may not go."""
+
 STANDING_M_S = 0.5
 """Slower than this counts as hovering: estimates and gusts never read exactly zero."""
 
@@ -74,6 +77,7 @@ class Navigator:
         self._braking = False
         self._settled = 0
         self._settle_until_s = -math.inf
+        self._stands_since_s: float | None = None
 
     @property
     def remaining(self) -> tuple[Leg, ...]:
@@ -92,6 +96,7 @@ class Navigator:
         self._legs.clear()
         self._braking = False
         self._settled = 0
+        self._stands_since_s = None
         self.refusal = None
         return self._plan(telemetry)
 
@@ -112,17 +117,22 @@ class Navigator:
         if self.progress is not Progress.FLYING:
             return None
         standing = _speed_m_s(telemetry) < STANDING_M_S
-        if self._braking:
+        if self._braking or self.leg is None:
             return self._plan(telemetry) if standing else None
-        if self.leg is None or not self._at_end(self.leg, telemetry, reached_node):
-            return None
+        if not self._at_end(self.leg, telemetry, reached_node):
+            stalled = self._stalled(telemetry, standing=standing)
+            return (
+                self._settle(telemetry, "the vehicle stands and does not go") if stalled else None
+            )
+        self._stands_since_s = None
         if not self._legs:
             self.leg = None
             self.progress = Progress.ARRIVED
             return None
         if self.clear(telemetry, self._legs[0].to):
             return self._command(self._legs.popleft())
-        return self._settle(telemetry) if standing else None
+        refusal = "no leg on from here is clear, wherever it settles"
+        return self._settle(telemetry, refusal) if standing else None
 
     def again(self, telemetry: Telemetry) -> Motion | None:
         """Plan anew to the same goal: the vehicle did not follow, or something has changed."""
@@ -132,15 +142,26 @@ class Navigator:
     def _radius_m(self) -> float:
         return self._mission.planner.acceptance_radius_m
 
-    def _settle(self, telemetry: Telemetry) -> Motion | None:
-        """At a leg's end, but not where the next leg is clear: look again now and then."""
+    def _stalled(self, telemetry: Telemetry, *, standing: bool) -> bool:
+        """Whether the vehicle stands far from its leg's end, and not only for a moment."""
+        if not standing:
+            self._stands_since_s = None
+        elif self._stands_since_s is None:
+            self._stands_since_s = telemetry.time_s
+        return (
+            self._stands_since_s is not None and telemetry.time_s - self._stands_since_s >= STALL_S
+        )
+
+    def _settle(self, telemetry: Telemetry, refusal: str) -> Motion | None:
+        """Look again now and then where no leg on is clear, or none is followed; then give up."""
         if telemetry.time_s < self._settle_until_s:
             return None
         self._settle_until_s = telemetry.time_s + SETTLE_S
         self._settled += 1
         if self._settled <= SETTLES:
+            self._stands_since_s = None
             return self._plan(telemetry)
-        self.refusal = NoRoute("no leg on from here is clear, wherever it settles")
+        self.refusal = NoRoute(refusal)
         self.progress = Progress.STRANDED
         return None
 

@@ -327,6 +327,34 @@ def test_when_nobody_can_be_sought_it_hovers_and_asks_again_now_and_then(pretend
     flight.fly_until(lambda: math.dist(flight.position, Point(0.0, 100.0)) < 3.0, 60.0)
 
 
+def test_a_place_from_which_no_waypoint_is_reached_costs_none_of_them(pretend):
+    flight = pretend(timers=dataclasses.replace(pretend().mission.timers, init_s=2000.0))
+    flight.take_off()
+    flight.fly_until(lambda: flight.controller.exploration.remaining == 35)
+    flight.velocity, flight.target, here = (0.0, 0.0), None, flight.position
+    flight.position = Point(0.0, 5000.0)  # a glitch of the position, far outside of the fence
+    flight.controller.navigator.go(flight.controller.exploration.goal, flight.telemetry())
+    flight.controller._advance(None)
+    assert flight.controller.exploration.remaining >= 34
+    flight.position = here
+    flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 2000.0)
+    assert len(flight.controller.exploration.left_out) <= 1
+
+
+def test_a_vehicle_that_stands_is_told_again_and_then_something_else(pretend):
+    flight = pretend(timers=dataclasses.replace(pretend().mission.timers, init_s=2000.0))
+    flight.take_off()
+    fly_away(flight)
+    commanded = len(flight.motions)
+    for _ in range(1500):
+        flight.target = None  # it takes every command and does not move
+        flight.step()
+    assert len(flight.controller.exploration.left_out) == 1
+    assert 5 <= len(flight.motions) - commanded <= 15
+    flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 2500.0)
+    assert closest_m(flight) >= flight.mission.planner.clearance_m
+
+
 def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(pretend):
     flight = pretend()
     flight.take_off()

@@ -1,0 +1,52 @@
+import dataclasses
+
+import pytest
+
+from air_router.milestones import Silence, reason_to_return, took_off
+from air_router.vehicle import FlightMode, Telemetry
+
+
+@pytest.fixture
+def above_home(pennovation):
+    return Telemetry(
+        time_s=1.0,
+        position=pennovation.home,
+        altitude_m=pennovation.altitude_above_home_m,
+        armed=True,
+        in_air=True,
+        mode=FlightMode.MISSION,
+        battery=0.9,
+    )
+
+
+def test_the_take_off_ends_above_home_in_mission_mode(pennovation, above_home):
+    replace = dataclasses.replace
+    assert took_off(pennovation, above_home)
+    assert not took_off(pennovation, replace(above_home, altitude_m=5.0))
+    assert not took_off(pennovation, replace(above_home, mode=FlightMode.OTHER))
+    assert not took_off(pennovation, replace(above_home, in_air=False))
+    away = above_home.position._replace(east_m=above_home.position.east_m + 10.0)
+    assert not took_off(pennovation, replace(above_home, position=away))
+
+
+def test_a_low_mission_still_climbs(pennovation, above_home):
+    low = dataclasses.replace(pennovation, altitude_above_home_m=2.0)
+    assert not took_off(low, dataclasses.replace(above_home, altitude_m=0.2))
+    assert took_off(low, dataclasses.replace(above_home, altitude_m=1.5))
+
+
+def test_battery_and_duration_bring_it_home(pennovation, above_home):
+    mission = dataclasses.replace(pennovation, duration_s=60.0)
+    assert reason_to_return(mission, above_home, 59.9) is None
+    assert reason_to_return(mission, above_home, 60.0) == "60 s of mission are over"
+    weak = dataclasses.replace(above_home, battery=mission.battery_reserve)
+    assert reason_to_return(mission, weak, 0.0).startswith("battery at")
+    unknown = dataclasses.replace(above_home, battery=None)
+    assert reason_to_return(mission, unknown, 0.0) is None
+
+
+def test_a_silence_is_told_at_once_and_then_now_and_then():
+    silence = Silence()
+    told = [s for s in range(3, 26) if silence.news(float(s)) is not None]
+    assert told == [3, 13, 23]
+    assert silence.news(3.0) is not None
