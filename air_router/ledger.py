@@ -89,10 +89,12 @@ class Ledger:
         return self._now_s - self._began_s if self._began_s is not None else 0.0
 
     def closest_approach(self) -> tuple[float, str] | None:
-        """Closest distance of the flown track to any zone or fence border, and to which."""
-        if not self.track:
-            return None
-        return self.mission.airspace.track_distance_m(self.track)
+        """Closest distance of the flown track to any zone or fence border, and to which.
+
+        None without a track, and for a mission without zones and fence.
+        """
+        closest_m, what = self.mission.airspace.track_distance_m(self.track)
+        return (closest_m, what) if what else None
 
     def report(self, outcome: str, unix_s: float) -> dict[str, object]:
         """The flight as one plain object; ages are against `unix_s`, the vehicle's time."""

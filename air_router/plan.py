@@ -67,15 +67,19 @@ def _lines(mission: Mission, node: int, start: Point, route: Route) -> list[str]
     ):
         lines.append(
             f"{name:>10}  {_name(leg):>10}  {math.dist(before.to, leg.to):6.1f} m  "
-            f"{leg.to.east_m:6.1f} m  {leg.to.north_m:6.1f} m  {near_m:.1f} m from {what}"
+            f"{leg.to.east_m:6.1f} m  {leg.to.north_m:6.1f} m  {_near(near_m, what, 'from')}"
         )
         name = _name(leg)
     closest_m, closest_to = closest_approach(mission, start, route)
     lines.append(
         f"{route.length_m:.1f} m, about {route_time_s(route, mission.speed_m_s):.0f} s; "
-        f"closest approach {closest_m:.1f} m to {closest_to}"
+        f"closest approach {_near(closest_m, closest_to, 'to')}"
     )
     return lines
+
+
+def _near(distance_m: float, what: str, word: str) -> str:
+    return f"{distance_m:.1f} m {word} {what}" if what else "nothing near"
 
 
 def _name(leg: Leg) -> str:

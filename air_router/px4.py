@@ -14,13 +14,14 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from mavsdk.plugins.action.action import Action, ActionResult
+from mavsdk.plugins.geofence.geofence import Geofence
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkDirectError
 from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 
 from air_router.errors import ArmingRefusedError, NotConfirmedError
 from air_router.mavsdk_bridge import call, message
 from air_router.px4_connection import Px4Connection
-from air_router.px4_plan import upload_plan
+from air_router.px4_plan import clear_fence, upload_plan
 from air_router.px4_telemetry import Px4Telemetry
 from air_router.vehicle import FlightMode, LinkSilent, Vehicle, VehicleEvent, VehicleInfo
 
@@ -68,6 +69,7 @@ class Px4Vehicle(Vehicle):
         self._telemetry = Px4Telemetry(mission.frame, clock)
         self._action: Action
         self._raw: MissionRaw
+        self._geofence: Geofence
         self._direct: MavlinkDirect
         self._texts_sent = 0
         self._watch: asyncio.Task[None] | None = None
@@ -83,6 +85,7 @@ class Px4Vehicle(Vehicle):
         system = await self._connection.open()
         self._action = Action(system)
         self._raw = MissionRaw(system)
+        self._geofence = Geofence(system)
         self._direct = MavlinkDirect(system)
         self._telemetry.listen(self._direct, self._connection.system_id)
         await self._command(SET_MESSAGE_INTERVAL, GLOBAL_POSITION_INT, 1e6 / POSITION_RATE_HZ)
@@ -106,6 +109,8 @@ class Px4Vehicle(Vehicle):
 
     async def upload(self, plan: FlightPlan) -> None:
         """See `Vehicle.upload`: fence first, so that the mission is judged against it."""
+        if not plan.fence:
+            await clear_fence(self._geofence, self._telemetry)
         await upload_plan(self._raw, self._telemetry, plan)
         self._telemetry.guard_plan()
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING, Any, Final
 
+from mavsdk.plugins.geofence.geofence import Geofence, GeofenceResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRaw, MissionRawResult
 
 from air_router.errors import PlanRefusedError
@@ -41,7 +42,8 @@ async def upload_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan
     Raises:
         PlanRefusedError: not taken, not the same when read back, or judged infeasible.
     """
-    await _upload("the fence", raw.upload_geofence_async, plan.fence, FENCE, telemetry)
+    if plan.fence:  # MAVSDK uploads no empty one: that is what `clear_fence` is for
+        await _upload("the fence", raw.upload_geofence_async, plan.fence, FENCE, telemetry)
     await _upload("the mission", raw.upload_mission_async, plan.items, MISSION, telemetry)
     fence = await _download("the fence", raw.download_geofence_async, telemetry)
     # PX4 gives fence vertices back in a global frame of its choice: they have no altitude.
@@ -49,6 +51,17 @@ async def upload_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan
     items = await _download("the mission", raw.download_mission_async, telemetry)
     _compare("the mission", list(plan.items), items)
     await _feasible(telemetry, len(plan.items))
+
+
+async def clear_fence(geofence: Geofence, telemetry: Px4Telemetry) -> None:
+    """Take the fence of an earlier mission off board.
+
+    Raises:
+        PlanRefusedError: it stays.
+    """
+    (result,) = await _transfer("no fence", geofence.clear_geofence_async)
+    if result != GeofenceResult.SUCCESS:
+        raise PlanRefusedError(f"the fence on board stays: {result.name}{telemetry.said()}")
 
 
 async def _upload(
@@ -77,6 +90,8 @@ async def _download(
     what: str, method: Callable[..., None], telemetry: Px4Telemetry
 ) -> list[PlanItem]:
     result, items = await _transfer(what, method)
+    if result == MissionRawResult.NO_MISSION_AVAILABLE:
+        return []
     if result != MissionRawResult.SUCCESS:
         raise PlanRefusedError(f"{what} cannot be read back: {result.name}{telemetry.said()}")
     return [_from_raw(what, item) for item in items]
@@ -92,7 +107,12 @@ async def _transfer(what: str, method: Callable[..., None], *arguments: Any) -> 
 
 
 async def _feasible(telemetry: Px4Telemetry, total: int) -> None:
+    # What was said last may be of the plan before; the next report may have been on its way.
+    fresh = telemetry.mission_reports + 2
+
     def judged() -> bool:
+        if telemetry.mission_reports < fresh:
+            return False
         return telemetry.item_total == total and telemetry.mission_state > MISSION_INVALID
 
     try:

@@ -60,6 +60,7 @@ class Px4Telemetry:
         self.item: int | None = None
         self.item_total = 0
         self.mission_state = 0
+        self.mission_reports = 0
         self.home: Point | None = None
         self.home_altitude_amsl_m: float | None = None
         self.version: str | None = None
@@ -194,6 +195,7 @@ class Px4Telemetry:
         total = fields.get("total", UNKNOWN_TOTAL)
         self.item_total = 0 if total == UNKNOWN_TOTAL else total
         self.mission_state = fields.get("mission_state", 0)
+        self.mission_reports += 1
         self.item = fields["seq"]
         ids = (fields.get("mission_id", 0), fields.get("fence_id", 0))
         if not self._guarding:

@@ -15,7 +15,7 @@ from air_router.errors import NotConfirmedError, NoVehicleError, PlanRefusedErro
 from air_router.flight_plan import Command, FlightPlan
 from air_router.mission import load_mission
 from air_router.px4 import Px4Vehicle
-from air_router.px4_plan import upload_plan
+from air_router.px4_plan import _download, upload_plan
 from air_router.vehicle import FlightMode, ItemReached, PlanReplaced, Telemetry
 from geo.frame import Point
 from geo.zone import Zone
@@ -214,6 +214,19 @@ def test_somebody_else_is_there(mission, udp_port, monkeypatch, who, said):
             run(mission, udp_port, lambda vehicle: vehicle.connect())
     finally:
         others.close()
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_a_mission_without_a_fence_takes_the_one_before_off_board(mission, udp_port):
+    fenced = FlightPlan.of(mission)
+
+    async def script(vehicle):
+        await vehicle.connect()
+        await vehicle.upload(fenced)
+        await vehicle.upload(dataclasses.replace(fenced, fence=()))
+        assert await _download("the fence", vehicle._raw.download_geofence_async, None) == []
+
+    run(mission, udp_port, script)
 
 
 def test_the_plan_holds_every_fence_vertex(mission):
