@@ -51,18 +51,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     try:
         return int(arguments.run(arguments))
-    except AirRouterError as error:
-        print(error, file=sys.stderr)
-        return error.exit_code
-    except DocumentError as error:
-        print(error, file=sys.stderr)
-        return ExitCode.INVALID_FILE
-    except MochaLinkError as error:
-        print(error, file=sys.stderr)
-        return ExitCode.ENDED_OTHERWISE
+    except (AirRouterError, DocumentError, MochaLinkError, OSError) as error:
+        print(_told(error), file=sys.stderr)
+        return _exit_code(error)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return ExitCode.INTERRUPTED
+
+
+def _told(error: Exception) -> str:
+    if isinstance(error, OSError):
+        place = f"{error.filename}: " if error.filename is not None else ""
+        return f"{place}{error.strerror or error}"
+    return str(error)
+
+
+def _exit_code(error: Exception) -> ExitCode:
+    if isinstance(error, AirRouterError):
+        return error.exit_code
+    if isinstance(error, DocumentError):
+        return ExitCode.INVALID_FILE
+    return ExitCode.ENDED_OTHERWISE
 
 
 if __name__ == "__main__":

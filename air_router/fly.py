@@ -6,6 +6,7 @@ import argparse
 import asyncio
 import dataclasses
 import json
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -116,7 +117,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         help="the vehicle's link (default %(default)s); also serial:///dev/ttyACM0:57600",
     )
     parser.add_argument(
-        "--sysid", type=int, default=1, metavar="N", help="its MAVLink system id (default 1)"
+        "--sysid", type=_system_id, default=1, metavar="N", help="its MAVLink system id (default 1)"
     )
     parser.add_argument("--team", type=Path, metavar="FILE", help="team file (the mission's)")
     parser.add_argument(
@@ -188,7 +189,16 @@ def _confirmed(mission: Mission, ask: Callable[[], str] = input) -> bool:
 
 
 def _positive(text: str) -> float:
-    value = float(text)
-    if not 0 < value < float("inf"):
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
         raise argparse.ArgumentTypeError(f"{text} is not a positive number of seconds")
     return value
+
+
+def _system_id(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 250:
+        raise argparse.ArgumentTypeError(f"{text} is not a system id of a vehicle, 1 to 250")
+    return int(text)

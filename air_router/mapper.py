@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import zmq
 import zmq.asyncio
 
+from air_router.errors import RefusedError
 from geo.frame import Point
 from geo.grid import GridError, GridPatch, SemanticGrid
 
@@ -66,13 +67,22 @@ class Mapper:
 
 
 async def receive_patches(endpoint: str, take: Callable[[bytes], object]) -> None:
-    """Hand every patch of a camera (ZeroMQ PUB at `endpoint`) to `take`, until cancelled."""
+    """Hand every patch of a camera (ZeroMQ PUB at `endpoint`) to `take`, until cancelled.
+
+    Raises:
+        RefusedError: ZeroMQ cannot connect to such an endpoint.
+    """
     context = zmq.asyncio.Context()
     socket = context.socket(zmq.SUB)
     socket.linger = 0
     socket.subscribe(b"")
     try:
-        socket.connect(endpoint)
+        try:
+            socket.connect(endpoint)
+        except zmq.ZMQError as error:
+            raise RefusedError(
+                f"{endpoint}: not a camera's endpoint ({error}); write tcp://HOST:PORT"
+            ) from None
         while True:
             frames = await socket.recv_multipart()
             take(frames[-1])

@@ -10,6 +10,7 @@ import argparse
 import contextlib
 import json
 import logging
+import math
 import os
 import select
 import signal
@@ -240,7 +241,10 @@ def _folder(log_dir: Path | None) -> Iterator[Path]:
 
 
 def _speed(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not 0.1 <= value <= 100:
         raise argparse.ArgumentTypeError(f"{text} is not a speed between 0.1 and 100")
     return value

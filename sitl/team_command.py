@@ -25,6 +25,7 @@ from sitl.team import (
     crew_of,
     write_report,
 )
+from sitl.vehicle_command import epoch
 from sitl.world_file import load_world
 
 _log = logging.getLogger(__name__)
@@ -74,7 +75,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all that is random")
     parser.add_argument(
         "--epoch",
-        type=float,
+        type=epoch,
         metavar="UNIX_S",
         help="Unix time at the vehicle's time zero; give the vehicle the same one (default: so "
         "that the vehicle's first packet comes now)",

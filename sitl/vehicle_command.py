@@ -23,6 +23,7 @@ PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
 """Where PX4's own simulator starts if nobody says otherwise."""
 
 _MOST_INSTANCES: Final = 250
+_LAST_EPOCH_S: Final = 2.0**32
 _EPILOG = """\
 Prints one JSON line on stdout when it runs: {"ready": true, "mavlink": ..., "gcs": ...,
 "truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM.
@@ -59,11 +60,11 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "--instance", type=_instance, default=0, metavar="N", help="ports +N, system id N+1"
     )
     parser.add_argument(
-        "--speed", type=_positive, default=1.0, metavar="X", help="times real time (default 1)"
+        "--speed", type=_speed, default=1.0, metavar="X", help="times real time (default 1)"
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the position noise")
     parser.add_argument(
-        "--epoch", type=float, metavar="UNIX_S", help="Unix time at time zero (default: now)"
+        "--epoch", type=epoch, metavar="UNIX_S", help="Unix time at time zero (default: now)"
     )
     parser.add_argument(
         "--battery-minutes",
@@ -193,3 +194,18 @@ def _instance(text: str) -> int:
             f"'{text}' is not an instance; write 0 to {_MOST_INSTANCES}"
         )
     return int(text)
+
+
+def _speed(text: str) -> float:
+    value = _positive(text)
+    if not 0.1 <= value <= 100:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a speed between 0.1 and 100")
+    return value
+
+
+def epoch(text: str) -> float:
+    """Unix seconds of a command line; raises ArgumentTypeError on what is no such time."""
+    value = _positive(text)
+    if value > _LAST_EPOCH_S:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a time in Unix seconds")
+    return value

@@ -141,3 +141,43 @@ def test_a_picture_that_cannot_be_written_is_an_error(capsys, tmp_path, name):
     code, _, err = run(capsys, "check", PENNOVATION, "--png", tmp_path / name)
     assert code == 1
     assert err.startswith("cannot write the picture ")
+
+
+def test_a_folder_that_cannot_be_written_is_one_clear_line(capsys, tmp_path):
+    (tmp_path / "file").write_text("")
+    folder = tmp_path / "file" / "log"
+    for command in ("fly", "sim"):
+        code, out, err = run(capsys, command, PENNOVATION, "--log-dir", folder)
+        assert (code, out) == (1, "")
+        assert err == f"{folder}: Not a directory\n"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("fly", "--sysid", "300"),
+        ("fly", "--sysid", "0"),
+        ("fly", "--duration", "soon"),
+        ("sim", "--speed", "nan"),
+        ("sim", "--speed", "fast"),
+        ("sim", "--duration", "0"),
+    ],
+)
+def test_numbers_that_make_no_sense_are_wrong_usage(capsys, arguments):
+    command, *options = arguments
+    code, out, err = run(capsys, command, PENNOVATION, *options)
+    assert (code, out) == (2, "")
+    assert options[-1] in err.splitlines()[-1]
+    assert "invalid _" not in err
+
+
+def test_without_zones_and_fence_nothing_is_near(capsys, tmp_path):
+    path = tmp_path / "mission.yaml"
+    path.write_text(
+        "home: [39.9412, -75.1992]\naltitude_m: 30\nfence: null\nno_fly_zones: []\n"
+        "waypoints: [[39.9415, -75.1992]]\n"
+    )
+    code, out, _ = run(capsys, "plan", path, "--from", 0, "--to", 1)
+    assert code == 0
+    assert "inf" not in out
+    assert "closest approach nothing near" in out
