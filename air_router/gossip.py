@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
@@ -24,12 +25,16 @@ if TYPE_CHECKING:
     from air_router.clock import VehicleClock
     from air_router.mapper import Mapper
     from air_router.vehicle import Telemetry
-    from geo.frame import LocalFrame
+    from geo.frame import LocalFrame, Point
     from mocha_link import Message, Team
 
 _log = logging.getLogger(__name__)
 
 POSE_INTERVAL_S: Final = 1.0
+FARTHEST_M: Final = 10_000.0
+"""A place farther than this from the mission's origin is not sought: no fence may be drawn that
+would keep the vehicle from going there."""
+
 MAP_INTERVAL_S: Final = 5.0
 """The map is aggregated: several patches, one database update."""
 
@@ -126,13 +131,20 @@ class Gossip:
         try:
             if message.topic == POSE_TOPIC:
                 pose = PoseMessage.decode(message.data)
-                place = self._frame.to_local(pose.latitude_deg, pose.longitude_deg)
+                place = self._place(pose.latitude_deg, pose.longitude_deg)
                 return RobotPose(message.robot, place, pose.stamp_s, peer)
             if message.topic == PATH_TOPIC:
                 path = PathMessage.decode(message.data)
                 if path.points:
-                    end = self._frame.to_local(*path.points[-1])
+                    end = self._place(*path.points[-1])
                     return RobotPath(message.robot, end, path.stamp_s)
         except (MessageError, FrameError) as error:
             _log.warning("%s %s from %s: %s", message.robot, message.topic, peer, error)
         return None
+
+    def _place(self, latitude_deg: float, longitude_deg: float) -> Point:
+        place = self._frame.to_local(latitude_deg, longitude_deg)
+        away_m = math.hypot(*place)
+        if away_m > FARTHEST_M:
+            raise FrameError(f"{latitude_deg}, {longitude_deg} is {away_m / 1000:.0f} km away")
+        return place
