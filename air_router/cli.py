@@ -8,9 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from air_router import check, fly, plan, sim
-from air_router.errors import AirRouterError, ExitCode
-from mocha_link.document import DocumentError
-from mocha_link.errors import MochaLinkError
+from air_router.errors import EXPECTED, ExitCode, exit_code, told
 
 _EXIT_CODES = """\
 exit codes:
@@ -51,27 +49,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     try:
         return int(arguments.run(arguments))
-    except (AirRouterError, DocumentError, MochaLinkError, OSError) as error:
-        print(_told(error), file=sys.stderr)
-        return _exit_code(error)
+    except EXPECTED as error:
+        print(told(error), file=sys.stderr)
+        return exit_code(error)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return ExitCode.INTERRUPTED
-
-
-def _told(error: Exception) -> str:
-    if isinstance(error, OSError):
-        place = f"{error.filename}: " if error.filename is not None else ""
-        return f"{place}{error.strerror or error}"
-    return str(error)
-
-
-def _exit_code(error: Exception) -> ExitCode:
-    if isinstance(error, AirRouterError):
-        return error.exit_code
-    if isinstance(error, DocumentError):
-        return ExitCode.INVALID_FILE
-    return ExitCode.ENDED_OTHERWISE
 
 
 if __name__ == "__main__":

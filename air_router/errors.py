@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from enum import IntEnum
 from typing import ClassVar
 
-from mocha_link.document import Problem
+from mocha_link.document import DocumentError, Problem
+from mocha_link.errors import MochaLinkError
 
 
 class ExitCode(IntEnum):
@@ -70,3 +71,24 @@ class ArmingRefusedError(RefusedError):
 
 class NotConfirmedError(AirRouterError):
     """A command was sent and the vehicle did not follow it."""
+
+
+EXPECTED = (AirRouterError, DocumentError, MochaLinkError, OSError)
+"""What ends a command with one message; anything else is a fault of ours."""
+
+
+def told(error: Exception) -> str:
+    """An expected error as the message that ends the command."""
+    if isinstance(error, OSError):
+        place = f"{error.filename}: " if error.filename is not None else ""
+        return f"{place}{error.strerror or str(error) or type(error).__name__}"
+    return str(error)
+
+
+def exit_code(error: Exception) -> ExitCode:
+    """The exit code of an expected error."""
+    if isinstance(error, AirRouterError):
+        return error.exit_code
+    if isinstance(error, DocumentError):
+        return ExitCode.INVALID_FILE
+    return ExitCode.ENDED_OTHERWISE

@@ -8,10 +8,8 @@ import logging
 import sys
 from pathlib import Path
 
-from air_router.errors import AirRouterError, ExitCode
+from air_router.errors import EXPECTED, ExitCode, exit_code, told
 from air_router.mission import Mission, load_mission
-from mocha_link.document import DocumentError
-from mocha_link.errors import MochaLinkError
 from mocha_link.team import Team
 from sitl.default_team import default_team
 from sitl.free_ports import derive_team
@@ -87,20 +85,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate until a signal comes; returns the exit code."""
     try:
         _simulate(arguments)
-    except AirRouterError as error:
-        return _failed(str(error), error.exit_code)
-    except DocumentError as error:
-        return _failed(str(error), ExitCode.INVALID_FILE)
-    except MochaLinkError as error:
-        return _failed(str(error), ExitCode.ENDED_OTHERWISE)
-    except OSError as error:
-        return _failed(f"{error.filename}: {error.strerror}", ExitCode.ENDED_OTHERWISE)
+    except EXPECTED as error:
+        sys.stderr.write(f"{told(error)}\n")
+        return exit_code(error)
     return ExitCode.DONE
-
-
-def _failed(message: str, code: ExitCode) -> int:
-    sys.stderr.write(f"{message}\n")
-    return code
 
 
 def _simulate(arguments: argparse.Namespace) -> None:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.errors import AirRouterError, UsageError
+from air_router.errors import EXPECTED, ExitCode, UsageError, exit_code, told
 from air_router.mission import load_mission
 from sitl.mavlink_vehicle import VehicleSettings
 from sitl.situation import Place
@@ -96,10 +96,10 @@ def run(arguments: argparse.Namespace) -> int:
         return UsageError.exit_code
     try:
         _simulate(arguments)
-    except AirRouterError as error:
-        sys.stderr.write(f"{error}\n")
-        return error.exit_code
-    return 0
+    except EXPECTED as error:
+        sys.stderr.write(f"{told(error)}\n")
+        return exit_code(error)
+    return ExitCode.DONE
 
 
 def _simulate(arguments: argparse.Namespace) -> None:
