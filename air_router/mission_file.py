@@ -75,7 +75,7 @@ class _Planner(BaseModel):
     clearance_m: Annotated[float, Field(ge=0, le=1_000)] = _PLANNER.clearance_m
     tracking_margin_m: Annotated[float, Field(ge=0, le=1_000)] = _PLANNER.tracking_margin_m
     max_edge_m: _Metres = _PLANNER.max_edge_m
-    acceptance_radius_m: Annotated[float, Field(gt=0, le=100)] = _PLANNER.acceptance_radius_m
+    acceptance_radius_m: Annotated[float, Field(ge=0.5, le=20)] = _PLANNER.acceptance_radius_m
 
 
 class _Mission(BaseModel):
