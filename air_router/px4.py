@@ -21,11 +21,14 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 from air_router.errors import ArmingRefusedError, NotConfirmedError
 from air_router.mavsdk_bridge import call, message
 from air_router.px4_connection import Px4Connection
+from air_router.px4_health import arming_problems
 from air_router.px4_plan import clear_fence, upload_plan
 from air_router.px4_telemetry import Px4Telemetry
 from air_router.vehicle import FlightMode, LinkSilent, Vehicle, VehicleEvent, VehicleInfo
 
 if TYPE_CHECKING:
+    from mavsdk.system import System
+
     from air_router.clock import VehicleClock
     from air_router.flight_plan import FlightPlan
     from air_router.mission import Mission
@@ -67,6 +70,7 @@ class Px4Vehicle(Vehicle):
         self._mission = mission
         self._connection = Px4Connection(url, system_id)
         self._telemetry = Px4Telemetry(mission.frame, clock)
+        self._system: System
         self._action: Action
         self._raw: MissionRaw
         self._geofence: Geofence
@@ -82,7 +86,7 @@ class Px4Vehicle(Vehicle):
 
     async def connect(self) -> VehicleInfo:
         """See `Vehicle.connect`; also asks for the positions often enough to fly by them."""
-        system = await self._connection.open()
+        system = self._system = await self._connection.open()
         self._action = Action(system)
         self._raw = MissionRaw(system)
         self._geofence = Geofence(system)
@@ -122,16 +126,16 @@ class Px4Vehicle(Vehicle):
             await self._shown(lambda: self._telemetry.health_good, HEALTH_S)
         except TimeoutError:
             raise ArmingRefusedError(
-                f"not ready to arm after {HEALTH_S:.0f} s{self._telemetry.said()}; "
-                "see the arming checks in the ground station"
+                f"not ready to arm after {HEALTH_S:.0f} s{await arming_problems(self._system)}"
+                f"{self._telemetry.said()}; see the arming checks in the ground station"
             ) from None
         for _ in range(ATTEMPTS):
             (result,) = await self._answer(self._action.arm_async)
             if result == ActionResult.SUCCESS and await self._shows(lambda: self._telemetry.armed):
                 return
         raise ArmingRefusedError(
-            f"the autopilot answers {result.name}{self._telemetry.said()}; "
-            "see the arming checks in the ground station"
+            f"the autopilot answers {result.name}{await arming_problems(self._system)}"
+            f"{self._telemetry.said()}; see the arming checks in the ground station"
         )
 
     async def start(self) -> None:

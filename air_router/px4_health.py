@@ -1,0 +1,39 @@
+"""Why a PX4 does not arm, in its own words: they come as events, not as texts, to a companion."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Final
+
+from mavsdk.plugins.events.events import Events, EventsError, LogLevel
+
+if TYPE_CHECKING:
+    from mavsdk.system import System
+
+REPORT_S: Final = 3.0
+"""Wall-clock limit for the report: its words are fetched from the autopilot first."""
+
+_LOOK_S: Final = 0.2
+
+
+async def arming_problems(system: System) -> str:
+    """What stands in the way of arming, to add to an error; empty if the autopilot does not say."""
+    events = Events(system)
+    try:
+        async with asyncio.timeout(REPORT_S):
+            while not (problems := _reported(events)):  # noqa: ASYNC110 - once, and then it ends
+                await asyncio.sleep(_LOOK_S)
+    except TimeoutError:
+        return ""
+    finally:
+        events.destroy()
+    return f" ({'; '.join(problems)})"
+
+
+def _reported(events: Events) -> list[str]:
+    try:
+        report = events.get_health_and_arming_checks_report()
+    except EventsError:
+        return []  # not available yet, or not at all
+    problems = report.current_mode_intention.problems
+    return [problem.message for problem in problems if problem.log_level <= LogLevel.ERROR]
