@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from air_router.mavsdk_bridge import subscribe
 from air_router.px4_mode import flight_mode
 from air_router.vehicle import FlightMode, ItemReached, PlanReplaced, Telemetry, VehicleEvent
+from geo.frame import FrameError
 
 if TYPE_CHECKING:
     from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
@@ -153,26 +154,35 @@ class Px4Telemetry:
         for callback in self._callbacks:
             callback(event)
 
+    def _emit_snapshot(self) -> None:
+        snapshot = self.snapshot()
+        if snapshot is not None:
+            self._emit(snapshot)
+
     def _on_heartbeat(self, fields: dict[str, Any]) -> None:
-        self.mode = flight_mode(fields["custom_mode"])
         self._mode_told = True
         self.armed = bool(fields["base_mode"] & ARMED)
         self.failsafe = fields["system_status"] >= CRITICAL
+        self._on_current_mode(fields)
 
     def _on_current_mode(self, fields: dict[str, Any]) -> None:
-        self.mode = flight_mode(fields["custom_mode"])
+        before, self.mode = self.mode, flight_mode(fields["custom_mode"])
+        if self.mode is not before:
+            self._emit_snapshot()  # at once: it may be the pilot's, and a command about to leave
 
     def _on_position(self, fields: dict[str, Any]) -> None:
         self.time_s = fields["time_boot_ms"] / 1e3
         self._clock.heard(self.time_s)
-        self._position = self._frame.to_local(fields["lat"] / 1e7, fields["lon"] / 1e7)
+        try:
+            self._position = self._frame.to_local(fields["lat"] / 1e7, fields["lon"] / 1e7)
+        except FrameError as error:
+            _log.warning("a position of the vehicle is left out: %s", error)
+            return
         self.altitude_m = fields["relative_alt"] / 1e3
         self.altitude_amsl_m = fields["alt"] / 1e3
         self.velocity_m_s = (fields["vy"] / 100, fields["vx"] / 100)  # MAVLink: x north, y east
         self.heading_deg = None if fields["hdg"] == 65535 else fields["hdg"] / 100
-        snapshot = self.snapshot()
-        if snapshot is not None:
-            self._emit(snapshot)
+        self._emit_snapshot()
 
     def _on_extended_state(self, fields: dict[str, Any]) -> None:
         if fields["landed_state"] != 0:
@@ -188,7 +198,11 @@ class Px4Telemetry:
             self._clock.heard_unix(fields["time_unix_usec"] / 1e6, fields["time_boot_ms"] / 1e3)
 
     def _on_home(self, fields: dict[str, Any]) -> None:
-        self.home = self._frame.to_local(fields["latitude"] / 1e7, fields["longitude"] / 1e7)
+        try:
+            self.home = self._frame.to_local(fields["latitude"] / 1e7, fields["longitude"] / 1e7)
+        except FrameError as error:
+            _log.warning("the vehicle's home is left out: %s", error)
+            return
         self.home_altitude_amsl_m = fields["altitude"] / 1e3
 
     def _on_mission_current(self, fields: dict[str, Any]) -> None:

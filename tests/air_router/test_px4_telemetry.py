@@ -1,0 +1,107 @@
+import pytest
+
+from air_router.clock import VehicleClock
+from air_router.px4_telemetry import ARMED, Px4Telemetry
+from air_router.vehicle import FlightMode, ItemReached, PlanReplaced
+
+HOLD, MISSION, POSITION = 0x03040000, 0x04040000, 0x00030000
+
+
+class Vehicle:
+    """Messages of a PX4 handed straight to what listens to them."""
+
+    def __init__(self, frame):
+        self.telemetry = Px4Telemetry(frame, VehicleClock())
+        self.events = []
+        self._handlers = {}
+        self.telemetry.listen(self, 1)
+        self.telemetry.subscribe(self.events.append)
+
+    def says(self, name, **fields):
+        getattr(self.telemetry, name)(fields)
+
+    def subscribe_message(self, name, callback):
+        self._handlers[name] = callback
+
+    def beats(self, mode):
+        self.says("_on_heartbeat", custom_mode=mode, base_mode=ARMED, system_status=4)
+
+    def is_at(self, lat, lon, time_ms=1000):
+        self.says(
+            "_on_position",
+            time_boot_ms=time_ms,
+            lat=lat,
+            lon=lon,
+            alt=50_000,
+            relative_alt=40_000,
+            vx=100,
+            vy=-200,
+            vz=0,
+            hdg=65535,
+        )
+
+
+@pytest.fixture
+def vehicle(pennovation, event_loop_running):
+    return event_loop_running(lambda: Vehicle(pennovation.frame))
+
+
+@pytest.fixture
+def event_loop_running():
+    import asyncio  # noqa: PLC0415
+
+    def inside(make):
+        async def script():
+            return make()
+
+        return asyncio.run(script())
+
+    return inside
+
+
+def test_a_position_becomes_telemetry(vehicle, pennovation):
+    latitude_deg, longitude_deg = pennovation.frame.to_geodetic(pennovation.home)
+    vehicle.is_at(round(latitude_deg * 1e7), round(longitude_deg * 1e7))
+    assert vehicle.events == []  # nothing is known of its mode yet
+    vehicle.beats(MISSION)
+    (told,) = vehicle.events
+    assert told.position == pytest.approx(pennovation.home, abs=0.02)
+    assert told.velocity_m_s == (-2.0, 1.0)  # east, north
+    assert (told.time_s, told.altitude_m, told.heading_deg) == (1.0, 40.0, None)
+    assert told.armed
+    assert told.mode is FlightMode.MISSION
+
+
+def test_a_mode_is_told_the_moment_that_it_changes(vehicle):
+    vehicle.is_at(399_400_000, -752_000_000)
+    for mode in (MISSION, MISSION, HOLD, POSITION):
+        vehicle.beats(mode)
+    vehicle.says("_on_current_mode", custom_mode=MISSION)
+    modes = [event.mode for event in vehicle.events]
+    assert modes == [FlightMode.MISSION, FlightMode.HOLD, FlightMode.OTHER, FlightMode.MISSION]
+
+
+def test_a_position_that_is_none_is_left_out(vehicle):
+    vehicle.beats(MISSION)
+    vehicle.is_at(2_000_000_000, 0)
+    assert vehicle.events == []
+    vehicle.is_at(399_400_000, -752_000_000, time_ms=2000)
+    assert [event.time_s for event in vehicle.events] == [2.0]
+
+
+def test_a_repeated_report_of_an_item_is_told_once(vehicle):
+    for seq in (3, 3, 3, 4, 4):
+        vehicle.says("_on_item_reached", seq=seq)
+    assert [e.item for e in vehicle.events if isinstance(e, ItemReached)] == [3, 4]
+
+
+def test_another_plan_is_told_once_and_only_when_guarded(vehicle):
+    def current(plan):
+        vehicle.says("_on_mission_current", seq=2, total=5, mission_id=plan, fence_id=7)
+
+    current(1)
+    current(2)
+    vehicle.telemetry.guard_plan()
+    for plan in (2, 2, 3, 4):
+        current(plan)
+    assert [type(e) for e in vehicle.events] == [PlanReplaced]
