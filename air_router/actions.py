@@ -63,10 +63,14 @@ class StateChanged:
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """The flight is over: landed, or in somebody else's hands."""
+    """The flight is over: landed by us, or by whoever took the vehicle over.
+
+    `taken_by` says who that was ("the pilot", "an autopilot failsafe"); None if nobody did.
+    """
 
     landed_by_us: bool
     why: str
+    taken_by: str | None = None
 
 
 Action = Motion | PublishMap | Announce | StateChanged | Finish

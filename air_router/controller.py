@@ -27,7 +27,7 @@ from air_router.events import CommandConfirmed, CommandFailed, Event, Request, R
 from air_router.exchange import Exchange
 from air_router.exploration import Exploration
 from air_router.flight_plan import HOME_NODE
-from air_router.milestones import Silence, reason_to_return, took_off
+from air_router.milestones import Silence, TakeOff, reason_to_return, take_off
 from air_router.navigator import Goal, Navigator, Progress
 from air_router.schedule import Schedule
 from air_router.search import Search
@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from air_router.flight_plan import FlightPlan
     from air_router.mission import Mission
     from air_router.router import Router
+
+PILOT: Final = "the pilot"
+FAILSAFE: Final = "an autopilot failsafe"
 
 FOLLOW_M: Final = 8.0
 """A robot that has moved so far from where we hover (or search) is followed."""
@@ -78,6 +81,7 @@ class Controller:
         self._flew = False
         self._handed_over = False
         self._stayed_why = "disarmed"
+        self._taken_by: str | None = None
         self._silence = Silence()
         self._exchange = Exchange()
         self._come_home_why: str | None = None
@@ -133,8 +137,8 @@ class Controller:
             self._signal(Signal.GROUNDED)
             return
         if self.in_charge and self.custody.taken(telemetry):
-            what = "an autopilot failsafe" if telemetry.failsafe else "the pilot"
-            self._taken_over(f"{what} chose {telemetry.mode.value} mode")
+            who = FAILSAFE if telemetry.failsafe else PILOT
+            self._taken_over(who, f"{who} chose {telemetry.mode.value} mode")
             return
         if self.state is State.READY:
             self._watch_takeoff(telemetry)
@@ -196,7 +200,7 @@ class Controller:
             self._stayed_why = why
             self._signal(Signal.GROUNDED)
         else:
-            self._taken_over(why)
+            self._taken_over(PILOT, why)
 
     def _on_link_silent(self, event: LinkSilent) -> None:
         news = self._silence.news(event.silent_s)
@@ -278,7 +282,7 @@ class Controller:
             why = "landed, but not by our command"
         else:
             why = f"{self._stayed_why}, before take-off"
-        self._actions.append(Finish(landed_by_us=landed_by_us, why=why))
+        self._actions.append(Finish(landed_by_us, why, self._taken_by))
 
     _enter: Final[dict[State, Callable[[Controller], None]]] = {
         State.INIT: _enter_exploring,
@@ -294,13 +298,18 @@ class Controller:
     # Watching.
 
     def _watch_takeoff(self, telemetry: Telemetry) -> None:
-        if took_off(self._mission, telemetry):
+        stage = take_off(self._mission, telemetry)
+        if stage is TakeOff.COMPLETE:
             self.custody.assume(FlightMode.MISSION)
             self._airborne_s = self._schedule.now_s
             self._signal(Signal.AIRBORNE)
+        elif stage is TakeOff.MISPLACED and self.custody.pending is None:
+            self._say("holding: Mission was chosen low and away from home; land, and start there")
+            self._command(HoldHere(stage.value))
 
-    def _taken_over(self, why: str) -> None:
+    def _taken_over(self, who: str, why: str) -> None:
         if knows(self.state, Signal.TAKEN_OVER):
+            self._taken_by = who
             self._say(f"hands off: {why}")
             self._signal(Signal.TAKEN_OVER)
 

@@ -28,13 +28,14 @@ from air_router.actions import (
 )
 from air_router.behaviour import State
 from air_router.console import listening
-from air_router.controller import Controller
+from air_router.controller import FAILSAFE, PILOT, Controller
 from air_router.errors import AirRouterError, ExitCode, RefusedError
 from air_router.events import Event
 from air_router.flight_plan import FlightPlan
 from air_router.graph import WaypointGraph
 from air_router.ledger import Ledger, RobotAccount
 from air_router.mapper import Mapper, receive_patches
+from air_router.milestones import HOME_TOLERANCE_M
 from air_router.motions import MotionSender
 from air_router.navigator import REACTION_S
 from air_router.router import Router
@@ -50,9 +51,6 @@ if TYPE_CHECKING:
     from geo.frame import Point
 
 _log = logging.getLogger(__name__)
-
-HOME_TOLERANCE_M: Final = 20.0
-"""The vehicle must stand this close to the mission's home, or it is another place's mission."""
 
 COMMAND_S: Final = 0.12
 """Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
@@ -260,12 +258,11 @@ class Flight:
                     self._reckon_with_delays(now_s)
             case Finish(landed_by_us=True):
                 self._end("done", ExitCode.DONE)
-            case Finish(why=why):
-                pilot = State.PASSIVE in self.ledger.states
-                self._end(
-                    "pilot" if pilot else f"ended: {why}",
-                    ExitCode.PILOT_TOOK_OVER if pilot else ExitCode.ENDED_OTHERWISE,
-                )
+            case Finish(taken_by=taken_by) if taken_by == PILOT:
+                self._end("pilot", ExitCode.PILOT_TOOK_OVER)
+            case Finish(why=why, taken_by=taken_by):
+                outcome = "failsafe" if taken_by == FAILSAFE else f"ended: {why}"
+                self._end(outcome, ExitCode.ENDED_OTHERWISE)
 
     def _reckon_with_delays(self, now_s: float) -> None:
         """What a command takes on its way is our time; in a fast simulation the vehicle's flies."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from air_router.mission import Mission
     from geo.frame import Point
 
-TRACK_STEP_M: Final = 0.2
+TRACK_STEP_M: Final = 0.05
 """Positions closer than this to the last one add nothing to a track but noise."""
 
 
@@ -56,6 +56,7 @@ class Ledger:
     started: int = 0
     completed: int = 0
     timed_out: int = 0
+    _ours_until: int | None = None
     _began_s: float | None = None
     _now_s: float = 0.0
 
@@ -80,6 +81,8 @@ class Ledger:
         if isinstance(action, StateChanged):
             if action.target not in self.states:
                 self.states.append(action.target)
+            if action.target is State.PASSIVE:
+                self._ours_until = len(self.track)
             if action.target is State.COMM and action.robot in self.robots:
                 self.robots[action.robot].found += 1
 
@@ -91,9 +94,11 @@ class Ledger:
     def closest_approach(self) -> tuple[float, str] | None:
         """Closest distance of the flown track to any zone or fence border, and to which.
 
-        None without a track, and for a mission without zones and fence.
+        Up to a takeover: what others fly then is theirs. None without a track, and for a mission
+        without zones and fence.
         """
-        closest_m, what = self.mission.airspace.track_distance_m(self.track)
+        ours = self.track[: self._ours_until]
+        closest_m, what = self.mission.airspace.track_distance_m(ours)
         return (closest_m, what) if what else None
 
     def report(self, outcome: str, unix_s: float) -> dict[str, object]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import Enum
 from typing import TYPE_CHECKING, Final
 
 from air_router.vehicle import FlightMode
@@ -14,20 +15,35 @@ if TYPE_CHECKING:
 _ALTITUDE_M: Final = 2.0
 """PX4 corrects its home altitude in flight, so that an altitude above home is good to this."""
 
+HOME_TOLERANCE_M: Final = 20.0
+"""The vehicle must start this close to the mission's home, or it is another place's mission."""
+
 _TOLD_S: Final = 10.0
 """How often a silence that goes on is told, wall-clock seconds."""
 
 
-def took_off(mission: Mission, telemetry: Telemetry) -> bool:
-    """Whether the vehicle hovers above home in Mission mode, where the take-off ends."""
-    radius_m = mission.planner.acceptance_radius_m + 1.0
+class TakeOff(Enum):
+    """How far the take-off is."""
+
+    TO_COME = "on the ground, climbing above home, or not in Mission mode"
+    COMPLETE = "in Mission mode at the mission's altitude"
+    MISPLACED = "in Mission mode, low and away from home: PX4 flies home from there unchecked"
+
+
+def take_off(mission: Mission, telemetry: Telemetry) -> TakeOff:
+    """Where the take-off stands, whoever leads it.
+
+    It is complete at the mission's altitude, wherever that is: from there on every leg is checked
+    from where the vehicle is. Lower, and farther from home than it may stand, it is no take-off of
+    this mission: a pilot who flew away by hand has chosen Mission mode.
+    """
+    if not (telemetry.in_air and telemetry.mode is FlightMode.MISSION):
+        return TakeOff.TO_COME
     altitude_m = mission.altitude_above_home_m
-    return (
-        telemetry.in_air
-        and telemetry.mode is FlightMode.MISSION
-        and math.dist(telemetry.position, mission.home) <= radius_m
-        and telemetry.altitude_m >= altitude_m - min(_ALTITUDE_M, altitude_m / 2)
-    )
+    if telemetry.altitude_m >= altitude_m - min(_ALTITUDE_M, altitude_m / 2):
+        return TakeOff.COMPLETE
+    away_m = math.dist(telemetry.position, mission.home)
+    return TakeOff.MISPLACED if away_m > HOME_TOLERANCE_M else TakeOff.TO_COME
 
 
 def reason_to_return(mission: Mission, telemetry: Telemetry, airborne_s: float) -> str | None:

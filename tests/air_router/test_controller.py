@@ -248,6 +248,37 @@ def test_another_plan_before_take_off_ends_it(pretend):
     assert flight.finished.why == "the plan on board was replaced, before take-off"
 
 
+def by_hand_to(flight, position, altitude_m):
+    """A pilot takes off by hand, flies somewhere, and chooses Mission mode there."""
+    flight.armed = flight.in_air = True
+    flight.mode, flight.altitude_m, flight.position = FlightMode.OTHER, altitude_m, position
+    flight.step()
+    flight.pilot_chooses(FlightMode.MISSION)
+
+
+def test_mission_chosen_far_away_and_high_is_flown_on_from_there_around_the_zones(pretend):
+    flight = pretend(duration_s=60.0)
+    behind_zone_1 = Point(65.0, -60.0)
+    by_hand_to(flight, behind_zone_1, 40.0)
+    assert flight.controller.state is State.INIT
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    assert closest_m(flight) >= flight.mission.planner.clearance_m
+
+
+def test_mission_chosen_far_away_and_low_is_held(pretend):
+    flight = pretend()
+    by_hand_to(flight, Point(65.0, -60.0), 8.0)
+    assert [type(m) for m in flight.motions] == [HoldHere]
+    assert any("low and away from home" in text for text in flight.said)
+    for _ in range(100):
+        flight.step()
+    assert [type(m) for m in flight.motions] == [HoldHere]
+    flight.pilot_chooses(FlightMode.LAND)
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.taken_by == "the pilot"
+
+
 def test_another_plan_on_board_means_hands_off(pretend):
     flight = pretend()
     flight.take_off()

@@ -2,7 +2,7 @@ import dataclasses
 
 import pytest
 
-from air_router.milestones import Silence, reason_to_return, took_off
+from air_router.milestones import Silence, TakeOff, reason_to_return, take_off
 from air_router.vehicle import FlightMode, Telemetry
 
 
@@ -19,20 +19,30 @@ def above_home(pennovation):
     )
 
 
-def test_the_take_off_ends_above_home_in_mission_mode(pennovation, above_home):
-    replace = dataclasses.replace
-    assert took_off(pennovation, above_home)
-    assert not took_off(pennovation, replace(above_home, altitude_m=5.0))
-    assert not took_off(pennovation, replace(above_home, mode=FlightMode.OTHER))
-    assert not took_off(pennovation, replace(above_home, in_air=False))
-    away = above_home.position._replace(east_m=above_home.position.east_m + 10.0)
-    assert not took_off(pennovation, replace(above_home, position=away))
+@pytest.mark.parametrize(
+    ("change", "away_m", "stage"),
+    [
+        ({}, 0.0, TakeOff.COMPLETE),
+        ({}, 100.0, TakeOff.COMPLETE),  # high: every leg from there is checked
+        ({"altitude_m": 5.0}, 0.0, TakeOff.TO_COME),
+        ({"altitude_m": 5.0}, 15.0, TakeOff.TO_COME),
+        ({"altitude_m": 5.0}, 25.0, TakeOff.MISPLACED),
+        ({"altitude_m": 5.0, "mode": FlightMode.OTHER}, 25.0, TakeOff.TO_COME),
+        ({"mode": FlightMode.OTHER}, 0.0, TakeOff.TO_COME),
+        ({"in_air": False}, 0.0, TakeOff.TO_COME),
+    ],
+)
+def test_where_the_take_off_stands(pennovation, above_home, change, away_m, stage):
+    place = above_home.position._replace(east_m=above_home.position.east_m + away_m)
+    telemetry = dataclasses.replace(above_home, position=place, **change)
+    assert take_off(pennovation, telemetry) is stage
 
 
 def test_a_low_mission_still_climbs(pennovation, above_home):
     low = dataclasses.replace(pennovation, altitude_above_home_m=2.0)
-    assert not took_off(low, dataclasses.replace(above_home, altitude_m=0.2))
-    assert took_off(low, dataclasses.replace(above_home, altitude_m=1.5))
+    climbing = dataclasses.replace(above_home, altitude_m=0.2)
+    assert take_off(low, climbing) is TakeOff.TO_COME
+    assert take_off(low, dataclasses.replace(climbing, altitude_m=1.5)) is TakeOff.COMPLETE
 
 
 def test_battery_and_duration_bring_it_home(pennovation, above_home):

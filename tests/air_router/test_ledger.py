@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+
+from air_router.actions import StateChanged
+from air_router.behaviour import Signal, State
+from air_router.ledger import Ledger, RobotAccount
+from air_router.mapper import Mapper
+from air_router.report import table
+from air_router.vehicle import Telemetry
+from geo.frame import Point
+from geo.grid import GridPatch, Terrain
+from mocha_link.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
+
+
+@pytest.fixture
+def mapper(pennovation):
+    return Mapper(pennovation)
+
+
+@pytest.fixture
+def ledger(pennovation, mapper):
+    return Ledger(pennovation, mapper, {"io": RobotAccount(), "europa": RobotAccount()})
+
+
+def fly(ledger, *places, start_s=10.0):
+    for second, (east_m, north_m) in enumerate(places):
+        now_s = start_s + second
+        position = Point(east_m, north_m)
+        ledger.event(Telemetry(now_s, position, 40.0, armed=True, in_air=True), now_s)
+
+
+def seen(mapper, rows, row=0):
+    cells = np.full((rows, 10), Terrain.GRASS, dtype=np.uint8)
+    west_m, south_m = mapper.grid.west_m, mapper.grid.south_m + row
+    assert mapper.paint(GridPatch(west_m, south_m, 1.0, cells).encode())
+
+
+def sync(ledger, peer, direction, at_s, size=100):
+    ledger.event(SyncStarted(peer, at_s, direction), at_s)
+    ledger.event(SyncEnded(peer, at_s, direction, 1, size, 0.1), at_s + 0.1)
+
+
+def test_distance_duration_and_closest_approach(ledger, pennovation):
+    fly(ledger, (0.0, 0.0), (30.0, 0.0), (30.0, 40.0))
+    report = ledger.report("done", unix_s=0.0)
+    assert report["distance_m"] == 70.0
+    assert report["duration_s"] == 2.0
+    track = [Point(0.0, 0.0), Point(30.0, 0.0), Point(30.0, 40.0)]
+    closest_m, what = pennovation.airspace.track_distance_m(track)
+    assert report["closest_approach_m"] == round(closest_m, 2)
+    assert report["closest_approach_to"] == what
+
+
+def test_what_the_pilot_flies_afterwards_is_the_pilot_s(ledger):
+    fly(ledger, (0.0, 0.0), (5.0, 0.0))
+    before = ledger.report("pilot", 0.0)["closest_approach_m"]
+    ledger.action(StateChanged(State.INIT, Signal.TAKEN_OVER, State.PASSIVE, None))
+    fly(ledger, (10.0, -40.0), start_s=20.0)  # into a zone
+    report = ledger.report("pilot", 0.0)
+    assert report["closest_approach_m"] == before
+    assert len(ledger.track) == 3
+
+
+def test_the_share_of_the_map_is_what_was_there_to_be_fetched(ledger, mapper):
+    seen(mapper, rows=4)
+    mapper.publish(10.0)
+    seen(mapper, rows=4, row=4)  # painted, but not yet published when the robot comes
+    sync(ledger, "io", Direction.OUT, 12.0)
+    robots = ledger.report("done", 0.0)["robots"]
+    assert robots["io"]["map_share"] == 0.5
+    assert robots["europa"]["map_share"] is None
+    mapper.publish(13.0)
+    sync(ledger, "io", Direction.OUT, 14.0)
+    assert ledger.report("done", 0.0)["robots"]["io"]["map_share"] == 1.0
+
+
+def test_syncs_are_counted_by_direction_and_strangers_only_as_interactions(ledger):
+    sync(ledger, "io", Direction.IN, 1.0, size=70)
+    sync(ledger, "io", Direction.OUT, 2.0, size=500)
+    sync(ledger, "basestation", Direction.IN, 3.0)
+    ledger.event(SyncStarted("io", 4.0, Direction.IN), 4.0)
+    ledger.event(SyncTimedOut("io", 9.0, Direction.IN, "silent"), 9.0)
+    report = ledger.report("done", 0.0)
+    io = report["robots"]["io"]
+    assert (io["syncs_in"], io["syncs_out"], io["bytes_in"], io["bytes_out"]) == (1, 1, 70, 500)
+    assert report["interactions"] == {"started": 4, "completed": 3, "timed_out": 1}
+
+
+def test_states_in_the_order_of_the_first_visit_and_robots_found(ledger):
+    for source, signal, target, robot in (
+        (State.READY, Signal.AIRBORNE, State.INIT, None),
+        (State.INIT, Signal.TIMER, State.SEARCH, None),
+        (State.SEARCH, Signal.FOUND, State.COMM, "io"),
+        (State.COMM, Signal.SYNCED, State.EXPL, "io"),
+        (State.EXPL, Signal.TIMER, State.SEARCH, None),
+        (State.SEARCH, Signal.FOUND, State.COMM, "io"),
+    ):
+        ledger.action(StateChanged(source, signal, target, robot))
+    report = ledger.report("done", 0.0)
+    assert report["states_visited"] == ["INIT", "SEARCH", "COMM", "EXPL"]
+    assert report["robots"]["io"]["found"] == 2
+
+
+def test_ages_and_the_table(ledger):
+    fly(ledger, (0.0, 0.0), (30.0, 0.0))
+    ledger.robots["io"].newest_stamp_s = 1000.0
+    report = ledger.report("done", unix_s=1042.0)
+    assert report["robots"]["io"]["newest_age_s"] == 42.0
+    text = table(report)
+    assert "42 s old" in text
+    assert "closest approach" in text
+    assert "europa" in text
