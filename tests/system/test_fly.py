@@ -65,8 +65,8 @@ def fly(command, udp_port, short_mission):
 
 
 def test_a_flight_that_meets_nobody_comes_home(vehicle, fly):
-    vehicle()
-    flight = fly("--arm", "--yes", "--duration=90")
+    vehicle(speed=25)
+    flight = fly("--arm", "--yes", "--duration=45")
     code, out = flight.finish()
     assert code == 0, flight.said
     report = json.loads(out)

@@ -9,7 +9,7 @@ import threading
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from air_router import px4_connection
+from air_router import px4_connection, px4_plan
 from air_router.clock import VehicleClock
 from air_router.errors import NotConfirmedError, NoVehicleError, PlanRefusedError
 from air_router.flight_plan import Command, FlightPlan
@@ -143,7 +143,8 @@ def test_every_verb_is_confirmed_by_the_vehicle(mission, udp_port):
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_stored_plan_that_cannot_be_flown_is_refused(mission, udp_port):
+def test_a_stored_plan_that_cannot_be_flown_is_refused(mission, udp_port, monkeypatch):
+    monkeypatch.setattr(px4_plan, "FEASIBLE_S", 1.0)  # twenty seconds of the vehicle
     east_m, north_m = mission.waypoints[4].position
     corners = [(-3, -3), (3, -3), (3, 3), (-3, 3)]
     hidden = Zone("new", tuple(Point(east_m + x, north_m + y) for x, y in corners))

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-SPEED = 20
+SPEED = 25
 DURATION_S = 400
 
 
