@@ -27,6 +27,7 @@ from air_router.events import CommandConfirmed, CommandFailed, Event, Request, R
 from air_router.exchange import Exchange
 from air_router.exploration import Exploration
 from air_router.flight_plan import HOME_NODE
+from air_router.launch import Launch
 from air_router.milestones import Silence, TakeOff, reason_to_return, take_off
 from air_router.navigator import Goal, Navigator, Progress
 from air_router.schedule import Schedule
@@ -76,11 +77,7 @@ class Controller:
         self.search = Search(mission, seek, self.exploration)
         self.custody = Custody()
         self._schedule = Schedule(mission.timers)
-        self._airborne_s: float | None = None
-        self._was_armed = False
-        self._flew = False
-        self._handed_over = False
-        self._stayed_why = "disarmed"
+        self._launch = Launch()
         self._taken_by: str | None = None
         self._silence = Silence()
         self._exchange = Exchange()
@@ -98,20 +95,14 @@ class Controller:
     def in_charge(self) -> bool:
         """Whether the vehicle in the air flies by our commands."""
         if self.state is State.READY:
-            return self._handed_over
+            return self._launch.handed_over
         return self.state not in {State.PASSIVE, State.DONE}
 
     def objection(self, motion: Motion, now_s: float) -> str | None:
         """Why a motion that was decided a moment ago must not be commanded now; None if it may."""
         if motion is not self.custody.pending or self.telemetry is None:
             return "it was called off"
-        if isinstance(motion, HoldHere | LandHere):
-            return None
-        if now_s - self.telemetry.time_s > self.navigator.reaction_s:
-            return "the vehicle's position is too old to check the leg from"
-        if not self.navigator.clear(self.telemetry, motion.position):
-            return "the leg was no longer clear in its turn"
-        return None
+        return self.navigator.objection(motion, self.telemetry, now_s)
 
     # What happens.
 
@@ -127,13 +118,9 @@ class Controller:
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         self.telemetry = telemetry
-        self._flew |= telemetry.in_air
-        if telemetry.armed:
-            self._was_armed = True
-            if self.state is State.READY and telemetry.mode is FlightMode.MISSION:
-                self._handed_over = True
-                self.custody.assume(FlightMode.MISSION)
-        elif self._was_armed and not telemetry.in_air and knows(self.state, Signal.GROUNDED):
+        if self._launch.note(telemetry):
+            self.custody.assume(FlightMode.MISSION)
+        if self._launch.over(telemetry) and knows(self.state, Signal.GROUNDED):
             self._signal(Signal.GROUNDED)
             return
         if self.in_charge and self.custody.taken(telemetry):
@@ -197,7 +184,7 @@ class Controller:
     def _on_plan_replaced(self, _event: PlanReplaced) -> None:
         why = "the plan on board was replaced"
         if self.state is State.READY and self.telemetry is not None and not self.telemetry.armed:
-            self._stayed_why = why
+            self._launch.stayed_why = why
             self._signal(Signal.GROUNDED)
         else:
             self._taken_over(PILOT, why)
@@ -276,12 +263,7 @@ class Controller:
     def _enter_done(self) -> None:
         self.navigator.stop()
         landed_by_us = self._left is State.LAND
-        if landed_by_us:
-            why = "landed at home"
-        elif self._flew:
-            why = "landed, but not by our command"
-        else:
-            why = f"{self._stayed_why}, before take-off"
+        why = self._launch.ending(landed_by_us=landed_by_us)
         self._actions.append(Finish(landed_by_us, why, self._taken_by))
 
     _enter: Final[dict[State, Callable[[Controller], None]]] = {
@@ -301,7 +283,7 @@ class Controller:
         stage = take_off(self._mission, telemetry)
         if stage is TakeOff.COMPLETE:
             self.custody.assume(FlightMode.MISSION)
-            self._airborne_s = self._schedule.now_s
+            self._launch.airborne_s = self._schedule.now_s
             self._signal(Signal.AIRBORNE)
         elif stage is TakeOff.MISPLACED and self.custody.pending is None:
             self._say("holding: Mission was chosen low and away from home; land, and start there")
@@ -314,8 +296,8 @@ class Controller:
             self._signal(Signal.TAKEN_OVER)
 
     def _check_end(self, telemetry: Telemetry) -> None:
-        airborne_s = 0.0 if self._airborne_s is None else self._schedule.now_s - self._airborne_s
-        why = reason_to_return(self._mission, telemetry, airborne_s)
+        since_s = self._launch.since_s(self._schedule.now_s)
+        why = reason_to_return(self._mission, telemetry, since_s)
         if why is not None:
             self._come_home(why)
 
@@ -325,7 +307,7 @@ class Controller:
         self._come_home_why = why
         on_ground = self.telemetry is None or not self.telemetry.in_air
         if on_ground:
-            self._stayed_why = why
+            self._launch.stayed_why = why
         self._signal(Signal.GROUNDED if on_ground else Signal.COME_HOME)
 
     def _check_timer(self) -> None:

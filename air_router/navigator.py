@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from air_router.actions import FlyToNode, FlyToPoint, HoldHere, Motion
+from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
 from air_router.router import Leg, NoRoute, Route
 from geo.frame import Point
 
@@ -214,6 +214,16 @@ class Navigator:
         if leg.node is not None:
             return FlyToNode(leg.node, leg.to)
         return FlyToPoint(leg.to, self._mission.altitude_above_home_m)
+
+    def objection(self, motion: Motion, telemetry: Telemetry, now_s: float) -> str | None:
+        """Why a motion decided a moment ago must not be commanded any more; None if it may."""
+        if isinstance(motion, HoldHere | LandHere):
+            return None
+        if now_s - telemetry.time_s > self.reaction_s:
+            return "the vehicle's position is too old to check the leg from"
+        if not self.clear(telemetry, motion.position):
+            return "the leg was no longer clear in its turn"
+        return None
 
     def clear(self, telemetry: Telemetry, target: Point) -> bool:
         """Whether a straight leg from where the vehicle is, at its speed, keeps the clearance."""

@@ -1,6 +1,7 @@
 import dataclasses
 import itertools
 import math
+import random
 
 import pytest
 
@@ -433,7 +434,6 @@ def test_the_same_events_lead_to_the_same_decisions(pretend):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_wherever_the_robots_are_no_zone_is_touched(pretend, seed):
-    import random  # noqa: PLC0415
 
     chance = random.Random(seed)
     flight = pretend(duration_s=1200.0, radius_m=chance.uniform(20, 90))
@@ -456,3 +456,44 @@ def test_a_long_silence_is_told_now_and_then(pretend):
         flight.give(LinkSilent(flight.now_s, silent_s))
     told = [text for text in flight.said if "nothing heard" in text]
     assert [text.split()[-2] for text in told] == ["4", "14", "4"]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_whatever_goes_wrong_nothing_raises_nobody_is_overridden_and_no_zone_is_touched(
+    pretend, seed
+):
+    """A flight of random misfortune: lost commands, junk poses, gusts, then a pilot."""
+    chance = random.Random(seed)
+    flight = pretend(duration_s=700.0, radius_m=chance.uniform(30, 90))
+    flight.noise_m = 0.2
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    end_s = flight.now_s + chance.uniform(200, 600)
+    while flight.now_s < end_s:
+        flight.deaf = chance.random() < 0.05
+        match chance.randrange(300):
+            case 0:
+                anywhere = Point(chance.uniform(-900, 900), chance.uniform(-900, 900))
+                flight.give(RobotPose(chance.choice(list(CORNERS)), anywhere, flight.now_s, "io"))
+            case 1:
+                flight.give(ItemReached(flight.now_s, chance.randrange(60)))
+            case 2:
+                flight.give(LinkSilent(flight.now_s, chance.uniform(0, 30)))
+            case 3:
+                flight.now_s += chance.uniform(0, 3)  # telemetry is missing for a while
+            case 4:
+                flight.velocity = (chance.uniform(-1.5, 1.5), chance.uniform(-1.5, 1.5))  # a gust
+            case _:
+                pass
+        flight.step()
+    assert closest_m(flight) >= flight.mission.planner.clearance_m
+    assert len(flight.motions) < (flight.now_s - 100.0) * 2
+    if flight.controller.state is State.DONE:
+        return
+    flight.deaf = False
+    flight.pilot_chooses(FlightMode.OTHER)
+    commanded = len(flight.motions)
+    for _ in range(300):
+        flight.step()
+    assert flight.controller.state is State.PASSIVE
+    assert len(flight.motions) == commanded
