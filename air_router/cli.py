@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
-import logging
 import sys
 from collections.abc import Sequence
 
-from air_router import check, fly, plan, sim
-from air_router.errors import EXPECTED, ExitCode, exit_code, told
+from air_router import check, command_line, fly, plan, sim
 
 _EXIT_CODES = """\
 exit codes:
@@ -19,42 +16,15 @@ exit codes:
 """
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """The parser of all commands; each command puts its function in as `run`."""
-    parser = argparse.ArgumentParser(
-        prog="air-router",
-        description="Fly PX4 missions around no-fly zones, and seek robots to exchange data with.",
-        epilog=_EXIT_CODES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument(
-        "--verbose", "-v", action="count", default=0, help="log more (-vv: everything) on stderr"
-    )
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (check, plan, fly, sim):
-        module.register(commands)
-    return parser
-
-
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; returns its exit code. Results go to stdout, all else to stderr."""
-    try:
-        arguments = build_parser().parse_args(argv)
-    except SystemExit as end:  # argparse has said why
-        return end.code if isinstance(end.code, int) else ExitCode.USAGE
-    logging.basicConfig(
-        level=[logging.WARNING, logging.INFO, logging.DEBUG][min(arguments.verbose, 2)],
-        format="%(levelname)s %(name)s: %(message)s",
-        stream=sys.stderr,
+    """Run one command; returns its exit code."""
+    parser = command_line.build_parser(
+        "air-router",
+        "Fly PX4 missions around no-fly zones, and seek robots to exchange data with.",
+        _EXIT_CODES,
+        (check, plan, fly, sim),
     )
-    try:
-        return int(arguments.run(arguments))
-    except EXPECTED as error:
-        print(told(error), file=sys.stderr)
-        return exit_code(error)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return ExitCode.INTERRUPTED
+    return command_line.run(parser, argv)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import logging
 import sys
 from pathlib import Path
 
-from air_router.errors import EXPECTED, ExitCode, exit_code, told
+from air_router.errors import ExitCode
 from air_router.mission import Mission, load_mission
 from mocha_link.team import Team
 from sitl.default_team import default_team
@@ -83,11 +83,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate until a signal comes; returns the exit code."""
-    try:
-        _simulate(arguments)
-    except EXPECTED as error:
-        sys.stderr.write(f"{told(error)}\n")
-        return exit_code(error)
+    _simulate(arguments)
     return ExitCode.DONE
 
 

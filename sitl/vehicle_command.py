@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.errors import EXPECTED, ExitCode, UsageError, exit_code, told
+from air_router.errors import ExitCode, UsageError
 from air_router.mission import load_mission
 from sitl.mavlink_vehicle import VehicleSettings
 from sitl.situation import Place
@@ -92,13 +92,8 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 def run(arguments: argparse.Namespace) -> int:
     """Simulate until a signal comes; returns the exit code."""
     if arguments.no_gcs and arguments.gcs_to is not None:
-        sys.stderr.write("--no-gcs and --gcs-to contradict each other; give one of them\n")
-        return UsageError.exit_code
-    try:
-        _simulate(arguments)
-    except EXPECTED as error:
-        sys.stderr.write(f"{told(error)}\n")
-        return exit_code(error)
+        raise UsageError("--no-gcs and --gcs-to contradict each other; give one of them")
+    _simulate(arguments)
     return ExitCode.DONE
 
 

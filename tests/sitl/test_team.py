@@ -1,6 +1,5 @@
 """The whole world beside the autopilot, as a process; the vehicle is played by the test."""
 
-import argparse
 import json
 import queue
 import select
@@ -24,9 +23,9 @@ from geo.grid import GridPatch, SemanticGrid, Terrain
 from mocha_link.metrics import MessageStored
 from mocha_link.node import Node
 from mocha_link.team import Team
+from sitl.cli import main
 from sitl.free_ports import derive_team
 from sitl.team import Places, TeamSimulation, crew_of
-from sitl.team_command import register
 from sitl.truth import VehicleState
 from sitl.world_file import load_world
 
@@ -224,15 +223,8 @@ def wait_until(condition) -> None:
         pause.wait(0.02)
 
 
-def parse(*arguments: str) -> argparse.Namespace:
-    parser = argparse.ArgumentParser()
-    register(parser.add_subparsers(required=True))
-    return parser.parse_args(["team", *arguments])
-
-
 def run_team(*arguments: str) -> int:
-    parsed = parse(*arguments)
-    return parsed.run(parsed)
+    return main(["team", *arguments])
 
 
 @pytest.mark.parametrize("option", ["--truth", "--camera"])

@@ -1,0 +1,58 @@
+"""What our commands have in common: their parser, logging, and how expected errors end them."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections.abc import Sequence
+from typing import Protocol
+
+from air_router.errors import EXPECTED, ExitCode, exit_code, told
+
+
+class CommandModule(Protocol):
+    """A module that adds one command; its parser's default `run` takes the parsed arguments."""
+
+    def register(self, commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+        """Add the command."""
+
+
+def build_parser(
+    prog: str, description: str, epilog: str, modules: Sequence[CommandModule]
+) -> argparse.ArgumentParser:
+    """The parser of a program's commands."""
+    parser = argparse.ArgumentParser(
+        prog=prog,
+        description=description,
+        epilog=epilog,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--verbose", "-v", action="count", default=0, help="log more (-vv: everything) on stderr"
+    )
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for module in modules:
+        module.register(commands)
+    return parser
+
+
+def run(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
+    """Run one command; returns its exit code. Results go to stdout, all else to stderr."""
+    try:
+        arguments = parser.parse_args(argv)
+    except SystemExit as end:  # argparse has said why
+        return end.code if isinstance(end.code, int) else ExitCode.USAGE
+    logging.basicConfig(
+        level=[logging.WARNING, logging.INFO, logging.DEBUG][min(arguments.verbose, 2)],
+        format="%(levelname)s %(name)s: %(message)s",
+        stream=sys.stderr,
+    )
+    try:
+        return int(arguments.run(arguments))
+    except EXPECTED as error:
+        print(told(error), file=sys.stderr)  # noqa: T201 - printing is what a command does
+        return exit_code(error)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)  # noqa: T201
+        return ExitCode.INTERRUPTED
