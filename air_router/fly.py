@@ -23,7 +23,7 @@ from air_router.px4 import Px4Vehicle
 from air_router.recorder import Recorder
 from air_router.report import write_report
 from air_router.status import StatusLine
-from mocha_link import PortInUseError, Team
+from mocha_link import ListenError, PortInUseError, RadioError, Team
 
 if TYPE_CHECKING:
     from air_router.mission import Mission
@@ -39,6 +39,7 @@ class FlyOptions:
     Attributes:
         url: MAVSDK connection URL of the vehicle.
         team: Team file, None for the mission's own.
+        camera: Endpoint of the camera's patches; metrics: endpoint to serve the links' metrics at.
         duration_s: Come home after so long in the air, None for the mission's own.
     """
 
@@ -46,6 +47,7 @@ class FlyOptions:
     system_id: int = 1
     team: Path | None = None
     camera: str | None = None
+    metrics: str | None = None
     duration_s: float | None = None
     arm: bool = False
     log_dir: Path | None = None
@@ -70,7 +72,7 @@ def fly(mission: Mission, options: FlyOptions) -> FlightResult:
             mission,
             Px4Vehicle(mission, options.url, clock, system_id=options.system_id),
             clock=clock,
-            gossip=Gossip(mission.frame, team, uav, clock, mapper),
+            gossip=Gossip(mission.frame, team, uav, clock, mapper, metrics=options.metrics),
             mapper=mapper,
             seek=mission.seek or ground_robots(team, uav),
             recorder=recorder,
@@ -80,7 +82,7 @@ def fly(mission: Mission, options: FlyOptions) -> FlightResult:
         )
         try:
             return asyncio.run(flight.run())
-        except PortInUseError as error:
+        except (PortInUseError, ListenError, RadioError) as error:
             raise RefusedError(str(error)) from None
 
 
@@ -144,6 +146,12 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--png", type=Path, metavar="F", help="draw the flown track into F (track.png)"
     )
+    parser.add_argument(
+        "--metrics",
+        metavar="ENDPOINT",
+        help="let other programs watch the links there, e.g. tcp://127.0.0.1:24500 "
+        "(`mocha-link metrics ENDPOINT --follow`)",
+    )
     parser.add_argument("--json", action="store_true", help="end with one JSON object on stdout")
 
 
@@ -159,6 +167,7 @@ def run(arguments: argparse.Namespace) -> int:
             system_id=arguments.sysid,
             team=arguments.team,
             camera=arguments.camera,
+            metrics=arguments.metrics,
             duration_s=arguments.duration,
             arm=arguments.arm,
             log_dir=arguments.log_dir,

@@ -18,7 +18,7 @@ from air_router.messages import (
     PoseMessage,
 )
 from geo.frame import FrameError
-from mocha_link import Node
+from mocha_link import MetricsServer, Node
 from mocha_link.metrics import LinkEvent, LinkMetrics, MessageStored
 
 if TYPE_CHECKING:
@@ -48,14 +48,22 @@ class Gossip:
         name: The UAV's name in it.
         clock: Stamps and ages follow the vehicle's time.
         mapper: The map to publish.
+        metrics: Endpoint at which other programs may watch the links, None for none.
 
     Raises:
         UnknownRobotError: the team has no robot of the UAV's name.
         PortInUseError: from `start`.
     """
 
-    def __init__(
-        self, frame: LocalFrame, team: Team, name: str, clock: VehicleClock, mapper: Mapper
+    def __init__(  # noqa: PLR0913 - what a node is put together from
+        self,
+        frame: LocalFrame,
+        team: Team,
+        name: str,
+        clock: VehicleClock,
+        mapper: Mapper,
+        *,
+        metrics: str | None = None,
     ) -> None:
         self._frame = frame
         self._mapper = mapper
@@ -63,6 +71,7 @@ class Gossip:
         self._name = name
         self._topics = {topic.name for topic in team.topics_of(self._name)}
         self.node = Node(team, self._name, clock=clock)
+        self._metrics = None if metrics is None else MetricsServer(self.node, metrics)
         self._pose_at_s = float("-inf")
         self._map_at_s = float("-inf")
 
@@ -78,6 +87,13 @@ class Gossip:
 
         self.node.subscribe(from_node)
         self.node.start()
+        if self._metrics is not None:
+            self._metrics.start()
+
+    @property
+    def metrics_endpoint(self) -> str | None:
+        """Where the metrics are served; with port `*` known after the start."""
+        return None if self._metrics is None else self._metrics.endpoint
 
     def links(self) -> Mapping[str, LinkMetrics]:
         """Metrics of the link to every peer."""
@@ -116,6 +132,8 @@ class Gossip:
 
     def close(self) -> None:
         """Close the sockets and end the node's thread."""
+        if self._metrics is not None:
+            self._metrics.close()
         self.node.close()
 
     def _translate(self, event: LinkEvent, deliver: Callable[[Event], None]) -> None:

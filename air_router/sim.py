@@ -210,6 +210,7 @@ def run(arguments: argparse.Namespace) -> int:
                     url=world.url,
                     team=world.team,
                     camera=world.camera,
+                    metrics=arguments.metrics,
                     duration_s=arguments.duration,
                     arm=True,
                     log_dir=arguments.log_dir,

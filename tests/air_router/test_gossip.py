@@ -1,5 +1,7 @@
+import asyncio
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from air_router.clock import VehicleClock
@@ -7,10 +9,14 @@ from air_router.events import RobotPath, RobotPose
 from air_router.gossip import FARTHEST_M, Gossip
 from air_router.mapper import Mapper
 from air_router.messages import PathMessage, PoseMessage
+from air_router.vehicle import Telemetry
 from geo.frame import Point
+from geo.grid import GridPatch, SemanticGrid, Terrain
 from mocha_link import Message, Team
 from mocha_link.header import Header
 from mocha_link.team import Priority
+from mocha_link.telemetry import watch
+from sitl.free_ports import derive_team
 
 TEAM = Path(__file__).parents[2] / "missions" / "pennovation" / "team.yaml"
 
@@ -59,3 +65,31 @@ def test_a_place_beyond_every_mission_is_not_sought(gossip, pennovation):
     assert gossip._news(heard("/pose", far.encode()), "io") is None
     antipode = b'{"stamp_s": 1, "latitude_deg": -39.9, "longitude_deg": 104.8}'
     assert gossip._news(heard("/pose", antipode), "io") is None
+
+
+def test_other_programs_can_watch_the_links_and_the_map_is_published(pennovation, tmp_path):
+    team = derive_team(Team.load(TEAM), tmp_path)
+    mapper = Mapper(pennovation)
+    made = Gossip(
+        pennovation.frame, team, "titan", VehicleClock(), mapper, metrics="tcp://127.0.0.1:*"
+    )
+
+    async def fly():
+        events = []
+        made.start(events.append)
+        try:
+            watching = asyncio.to_thread(lambda: next(watch(made.metrics_endpoint)))
+            kind, snapshot = await watching
+            cells = np.full((3, 3), Terrain.ROAD, dtype=np.uint8)
+            corner = (mapper.grid.west_m, mapper.grid.south_m)
+            assert mapper.paint(GridPatch(*corner, 1.0, cells).encode())
+            made.tell(Telemetry(50.0, Point(0.0, 0.0), 40.0))
+            held = made.node.latest("titan", "/map")
+            return kind, snapshot, SemanticGrid.decode(held.data).known_cells, events
+        finally:
+            made.close()
+
+    kind, snapshot, cells, _ = asyncio.run(fly())
+    assert kind == "links"
+    assert set(snapshot["links"]) == {"callisto", "europa", "io"}
+    assert cells == 9
