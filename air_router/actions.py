@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 from air_router.behaviour import Signal, State
 from geo.frame import Point
@@ -61,16 +62,20 @@ class StateChanged:
     robot: str | None
 
 
+class Taker(Enum):
+    """Who else may have the vehicle."""
+
+    PILOT = "the pilot"
+    FAILSAFE = "an autopilot failsafe"
+
+
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """The flight is over: landed by us, or by whoever took the vehicle over.
-
-    `taken_by` says who that was ("the pilot", "an autopilot failsafe"); None if nobody did.
-    """
+    """The flight is over: landed by us, or by whoever took the vehicle over (None: nobody did)."""
 
     landed_by_us: bool
     why: str
-    taken_by: str | None = None
+    taken_by: Taker | None = None
 
 
 Action = Motion | PublishMap | Announce | StateChanged | Finish

@@ -90,9 +90,6 @@ TRANSITIONS: Final = MappingProxyType(
 EXPLORING: Final = frozenset({State.INIT, State.EXPL})
 """States that fly the waypoints in order."""
 
-MISSION_STATES: Final = frozenset({State.INIT, State.SEARCH, State.COMM, State.EXPL})
-"""The four states of the paper."""
-
 
 def next_state(state: State, signal: Signal) -> State:
     """The state that follows.

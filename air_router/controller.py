@@ -20,6 +20,7 @@ from air_router.actions import (
     Motion,
     PublishMap,
     StateChanged,
+    Taker,
 )
 from air_router.behaviour import EXPLORING, Signal, State, knows, next_state
 from air_router.custody import Custody
@@ -39,9 +40,6 @@ if TYPE_CHECKING:
     from air_router.flight_plan import FlightPlan
     from air_router.mission import Mission
     from air_router.router import Router
-
-PILOT: Final = "the pilot"
-FAILSAFE: Final = "an autopilot failsafe"
 
 FOLLOW_M: Final = 8.0
 """A robot that has moved so far from where we hover (or search) is followed."""
@@ -78,7 +76,7 @@ class Controller:
         self.custody = Custody()
         self._schedule = Schedule(mission.timers)
         self._launch = Launch()
-        self._taken_by: str | None = None
+        self._taken_by: Taker | None = None
         self._silence = Silence()
         self._exchange = Exchange()
         self._come_home_why: str | None = None
@@ -124,8 +122,8 @@ class Controller:
             self._signal(Signal.GROUNDED)
             return
         if self.in_charge and self.custody.taken(telemetry):
-            who = FAILSAFE if telemetry.failsafe else PILOT
-            self._taken_over(who, f"{who} chose {telemetry.mode.value} mode")
+            who = Taker.FAILSAFE if telemetry.failsafe else Taker.PILOT
+            self._taken_over(who, f"{who.value} chose {telemetry.mode.value} mode")
             return
         if self.state is State.READY:
             self._watch_takeoff(telemetry)
@@ -187,7 +185,7 @@ class Controller:
             self._launch.stayed_why = why
             self._signal(Signal.GROUNDED)
         else:
-            self._taken_over(PILOT, why)
+            self._taken_over(Taker.PILOT, why)
 
     def _on_link_silent(self, event: LinkSilent) -> None:
         news = self._silence.news(event.silent_s)
@@ -289,7 +287,7 @@ class Controller:
             self._say("holding: Mission was chosen low and away from home; land, and start there")
             self._command(HoldHere(stage.value))
 
-    def _taken_over(self, who: str, why: str) -> None:
+    def _taken_over(self, who: Taker, why: str) -> None:
         if knows(self.state, Signal.TAKEN_OVER):
             self._taken_by = who
             self._say(f"hands off: {why}")

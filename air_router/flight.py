@@ -25,10 +25,11 @@ from air_router.actions import (
     LandHere,
     PublishMap,
     StateChanged,
+    Taker,
 )
 from air_router.behaviour import State
 from air_router.console import listening
-from air_router.controller import FAILSAFE, PILOT, Controller
+from air_router.controller import Controller
 from air_router.errors import AirRouterError, ExitCode, RefusedError
 from air_router.events import Event
 from air_router.flight_plan import FlightPlan
@@ -256,13 +257,8 @@ class Flight:
                     self._motions.call_off()
                 if source is State.READY:
                     self._reckon_with_delays(now_s)
-            case Finish(landed_by_us=True):
-                self._end("done", ExitCode.DONE)
-            case Finish(taken_by=taken_by) if taken_by == PILOT:
-                self._end("pilot", ExitCode.PILOT_TOOK_OVER)
-            case Finish(why=why, taken_by=taken_by):
-                outcome = "failsafe" if taken_by == FAILSAFE else f"ended: {why}"
-                self._end(outcome, ExitCode.ENDED_OTHERWISE)
+            case Finish():
+                self._on_finish(action)
 
     def _reckon_with_delays(self, now_s: float) -> None:
         """What a command takes on its way is our time; in a fast simulation the vehicle's flies."""
@@ -282,6 +278,17 @@ class Flight:
         self._start(self._vehicle.announce(f"air_router: {text}"))
 
     # Ends.
+
+    def _on_finish(self, finish: Finish) -> None:
+        match finish:
+            case Finish(landed_by_us=True):
+                self._end("done", ExitCode.DONE)
+            case Finish(taken_by=Taker.PILOT):
+                self._end("pilot", ExitCode.PILOT_TOOK_OVER)
+            case Finish(taken_by=Taker.FAILSAFE):
+                self._end("failsafe", ExitCode.ENDED_OTHERWISE)
+            case _:
+                self._end(f"ended: {finish.why}", ExitCode.ENDED_OTHERWISE)
 
     def _end(self, outcome: str, exit_code: ExitCode) -> None:
         if not self._finish.done():

@@ -75,8 +75,6 @@ class FlightPlan:
 
     items: tuple[PlanItem, ...]
     fence: tuple[PlanItem, ...]
-    speed_m_s: float
-    takeoff_item: int
     first_node_item: int
 
     def item_of(self, node: int) -> int:
@@ -131,8 +129,6 @@ class FlightPlan:
         return cls(
             items=tuple(items),
             fence=tuple(_fence_items(mission)),
-            speed_m_s=mission.speed_m_s,
-            takeoff_item=1,
             first_node_item=2,
         )
 

@@ -79,11 +79,6 @@ class Navigator:
         self._settle_until_s = -math.inf
         self._stands_since_s: float | None = None
 
-    @property
-    def remaining(self) -> tuple[Leg, ...]:
-        """The leg that is flown and those to come."""
-        return ((self.leg,) if self.leg is not None else ()) + tuple(self._legs)
-
     def go(self, goal: Goal, telemetry: Telemetry) -> Motion | None:
         """Set out for a goal from where the vehicle is, however fast it moves.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from geo.frame import Point
@@ -77,14 +76,6 @@ class Roster:
         """The newest known position of a robot."""
         record = self._records.get(robot)
         return record.pose.position if record is not None and record.pose is not None else None
-
-    def known(self) -> Mapping[str, Point]:
-        """The newest known positions of all robots that were ever heard of."""
-        return {
-            name: record.pose.position
-            for name, record in self._records.items()
-            if record.pose is not None
-        }
 
     def candidates(self, now_s: float) -> tuple[str, ...]:
         """Robots in the order in which they are to be tried: round robin, lost ones last."""

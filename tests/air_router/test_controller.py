@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, PublishMap
+from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, PublishMap, Taker
 from air_router.behaviour import State
 from air_router.events import RobotPose
 from air_router.mission import Waypoint
@@ -277,7 +277,7 @@ def test_mission_chosen_far_away_and_low_is_held(pretend):
     assert [type(m) for m in flight.motions] == [HoldHere]
     flight.pilot_chooses(FlightMode.LAND)
     flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.taken_by == "the pilot"
+    assert flight.finished.taken_by is Taker.PILOT
 
 
 def test_another_plan_on_board_means_hands_off(pretend):

@@ -181,6 +181,18 @@ def test_nothing_that_waited_is_sent_once_the_pilot_has_it(rig):
     assert not {"reposition", "hold", "land"} & set(vehicle.verbs)
 
 
+def test_a_failsafe_is_told_from_a_pilot(rig):
+    flight = rig(duration_s=None)
+    airframe = flight.vehicle.airframe
+
+    def fail():
+        airframe.mode, airframe.target, airframe.failsafe = FlightMode.LAND, None, True
+
+    flight.at(lambda: airframe.now_s > 150.0, fail)
+    result = flight.run()
+    assert (result.outcome, result.exit_code) == ("failsafe", ExitCode.ENDED_OTHERWISE)
+
+
 def test_ctrl_c_holds_the_vehicle(rig):
     flight = rig(duration_s=None)
     flight.at(

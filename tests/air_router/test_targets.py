@@ -57,7 +57,7 @@ def test_strangers_are_ignored():
     robots = roster()
     assert not robots.pose_heard("mallory", Point(1, 2), stamp_s=100.0, now_s=5.0)
     assert not robots.path_heard("mallory", Point(1, 2), stamp_s=100.0, now_s=5.0)
-    assert robots.known() == {}
+    assert robots.position_of("mallory") is None
 
 
 def test_lost_robots_are_tried_last_and_robots_never_heard_are_not_lost():
