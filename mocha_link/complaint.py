@@ -95,10 +95,19 @@ def _shown(value: Any) -> str:
 
 def _advice(kind: str, found: Any) -> str:
     if kind in ("float_type", "int_type", "bool_type") and isinstance(found, str):
-        return "write the value without quotes"
+        bare = _as_number(found) is not None or found in ("true", "false")
+        return "write the value without quotes" if bare else "correct it"
     if kind == "string_type" and isinstance(found, bool | int | float):
         return "put it in quotes"
     return "correct it" if found is not None else "fill it in"
+
+
+def _as_number(text: str) -> float | None:
+    """The number that a text spells; None if it spells none."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def _suggestion(word: str, known: Iterable[str]) -> str:

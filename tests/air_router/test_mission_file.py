@@ -171,7 +171,7 @@ def test_the_shipped_missions_are_in_order(name):
         (
             "speed_m_s: 4",
             "speed_m_s: fast",
-            "6:12: 'speed_m_s' must be a number, found text 'fast'; write the value without quotes",
+            "6:12: 'speed_m_s' must be a number, found text 'fast'; correct it",
         ),
         (
             "altitude_m: 30",
