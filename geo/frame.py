@@ -67,6 +67,8 @@ class LocalFrame:
             raise FrameError(f"{east_m}, {north_m} metres is not a place of this local frame")
         _, to_geodetic = _transformers(*self.origin)
         longitude_deg, latitude_deg = to_geodetic.transform(east_m, north_m)
+        if abs(longitude_deg) > 180:  # PROJ rounds a hair beyond the antimeridian
+            longitude_deg -= math.copysign(360, longitude_deg)
         return Geodetic(latitude_deg, longitude_deg)
 
 

@@ -1,7 +1,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
@@ -24,6 +24,7 @@ def test_distances_are_those_of_the_ellipsoid_to_a_millimetre(lat, lon, a, b):
 
 
 @settings(max_examples=40, deadline=None)
+@example(0.0, -180.0, Point(-1.2e-07, 1.0))  # on the antimeridian, but for rounding
 @given(latitudes, longitudes, points)
 def test_degrees_and_metres_convert_back_and_forth(lat, lon, point):
     frame = LocalFrame(Geodetic(lat, lon))
