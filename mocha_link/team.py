@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 IDS = 256  # robot, topic and type ids are one byte on the wire
+MAX_HISTORY = 1000
 
 
 class UnknownRobotError(MochaLinkError):
@@ -54,9 +55,20 @@ class Priority(enum.IntEnum):
     HIGH = 3
 
 
+class Trust(enum.Enum):
+    """Who may hand on whose messages: any robot of the team, or only what its maker signed."""
+
+    RELAYS = "relays"
+    SIGNED = "signed"
+
+
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One kind of message of a robot; only its newest message is kept and carried."""
+    """One kind of message of a robot.
+
+    The newest `history` messages are kept and carried (original nodes carry the newest only).
+    With `aggregate` the messages within `min_interval_s` go together; without, the newest of them.
+    """
 
     name: str
     topic_id: int
@@ -64,11 +76,19 @@ class Topic:
     dtype: int
     priority: Priority
     min_interval_s: float
+    history: int = 1
+    aggregate: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """One robot of the team. `address` is what others dial, `listen` what its node binds."""
+    """One robot of the team. `address` is what others dial, `listen` what its node binds.
+
+    `clients` are in the order of the ports; None keeps a port unused. `radio_id` is by what the
+    radios of others know it (MAC address, serial number). `key` is its public Ed25519 key in Z85.
+    `original`: it runs the original MOCHA node. `ros`: how its ROS messages are serialized, 1 (as
+    ROS 1) or 2 (CDR).
+    """
 
     name: str
     robot_id: int
@@ -76,14 +96,17 @@ class Robot:
     address: str
     base_port: int
     listen: str
-    clients: tuple[str, ...]
+    clients: tuple[str | None, ...]
     radio: str | None = None
+    radio_id: str | None = None
     key: str | None = None
+    original: bool = False
+    ros: Literal[1, 2] = 1
 
     @property
     def peers(self) -> tuple[str, ...]:
         """The robots that it exchanges messages with: its clients without itself."""
-        return tuple(name for name in self.clients if name != self.name)
+        return tuple(name for name in self.clients if name not in (None, self.name))
 
     def port_for(self, peer: str) -> int:
         """The port on which this robot answers `peer`. Raises UnknownRobotError."""
@@ -96,28 +119,37 @@ class Robot:
 class Trigger:
     """When a node pulls from a peer: in contact (by RSSI) at once, then every `interval_s`.
 
-    A robot without a radio tries every `interval_s`. In contact means RSSI at or above the
-    threshold; the contact ends `hysteresis_db` below it.
+    A robot without a radio tries every `interval_s`. In contact means a signal at or above the
+    threshold for its unit; the contact ends `hysteresis_db` below it. `budget_bytes` is what a node
+    takes in from a peer in one contact; None: no limit.
     """
 
     rssi_threshold_dbm: float = -75.0
+    snr_threshold_db: float = 10.0
+    device_threshold: float = 20.0
     hysteresis_db: float = 3.0
     interval_s: float = 2.0
+    budget_bytes: int | None = None
 
 
 Name = Annotated[str, StringConstraints(pattern=r"^[^\s/:]{1,64}$")]
 Host = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 
 
+TypeName = Annotated[
+    str,
+    StringConstraints(pattern=r"^[A-Za-z0-9_]+/[A-Za-z0-9_]+$"),
+    Key(description="package/Type, letters, digits and _ only"),
+]
+
+
 class _TopicModel(BaseModel):
     name: Annotated[str, StringConstraints(min_length=1, max_length=256)]
-    type: Annotated[
-        str,
-        StringConstraints(pattern=r"^[A-Za-z0-9_]+/[A-Za-z0-9_]+$"),
-        Key(description="package/Type, letters, digits and _ only"),
-    ]
+    type: TypeName
     priority: Literal["none", "low", "medium", "high"] = "none"
     min_interval_s: Annotated[float, Key(ge=0)] = 0.0
+    history: Annotated[int, Key(ge=1, le=MAX_HISTORY, description="how many messages to keep")] = 1
+    aggregate: bool = False
 
 
 class _KindModel(BaseModel):
@@ -128,7 +160,9 @@ class _RobotModel(BaseModel):
     kind: Annotated[str, Key(description="one of the names under kinds")]
     address: Annotated[Host, Key(description="host name or IPv4 address that the others dial")]
     base_port: Annotated[int, Key(ge=1, le=65535, description="first of its ports")]
-    clients: Annotated[list[Name], Key(description="the robots that may link to it, in port order")]
+    clients: Annotated[
+        list[Name | None], Key(description="the robots that may link to it, in port order")
+    ]
     listen: Annotated[
         str,
         StringConstraints(pattern=r"^(\*|[A-Za-z0-9][A-Za-z0-9._-]*)$"),
@@ -138,28 +172,45 @@ class _RobotModel(BaseModel):
         Annotated[str, StringConstraints(pattern=r"^udp://[^\s/:]+:\d{1,5}$")] | None,
         Key(description="udp://host:port, where its RSSI reports arrive"),
     ] = None
-    key: str | None = None
+    radio_id: Annotated[str, StringConstraints(min_length=1, max_length=64)] | None = None
+    key: Annotated[
+        Annotated[str, StringConstraints(pattern=r"^[0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}$")]
+        | None,
+        Key(description="40 characters in quotes, as 'mocha-link keys' writes them"),
+    ] = None
+    original: bool = False
+    ros: Literal[1, 2] = 1
 
 
 class _TriggerModel(BaseModel):
     rssi_threshold_dbm: Annotated[float, Key(ge=-200, le=200)] = -75.0
+    snr_threshold_db: Annotated[float, Key(ge=-200, le=200)] = 10.0
+    device_threshold: Annotated[float, Key(ge=-1e6, le=1e6)] = 20.0
     hysteresis_db: Annotated[float, Key(ge=0, le=100)] = 3.0
     interval_s: Annotated[float, Key(gt=0)] = 2.0
+    budget_bytes: Annotated[int, Key(ge=1024)] | None = None
 
 
 class _TeamModel(BaseModel):
     robots: Annotated[dict[Name, _RobotModel], Key(min_length=1, max_length=IDS)]
     kinds: dict[str, _KindModel]
     trigger: _TriggerModel = _TriggerModel()
+    trust: Literal["relays", "signed"] = "relays"
+    definitions: dict[TypeName, str] = {}
 
 
 @dataclass(frozen=True, slots=True)
 class Team:
-    """All robots and topics, with the ids that the wire format uses for them."""
+    """All robots and topics, with the ids that the wire format uses for them.
+
+    `definitions` are the texts of message definitions (``.msg``) that the team brings along.
+    """
 
     robots: Mapping[str, Robot]
     kinds: Mapping[str, tuple[Topic, ...]]
     trigger: Trigger
+    trust: Trust
+    definitions: Mapping[str, str]
     path: Path
     _by_id: tuple[Robot, ...] = field(repr=False)
 
@@ -185,6 +236,8 @@ class Team:
                     dtype=types.index(topic.type),
                     priority=Priority[topic.priority.upper()],
                     min_interval_s=topic.min_interval_s,
+                    history=topic.history,
+                    aggregate=topic.aggregate,
                 )
                 for topic_id, topic in enumerate(kind.topics)
             )
@@ -201,7 +254,10 @@ class Team:
                 listen=robot.listen,
                 clients=tuple(robot.clients),
                 radio=robot.radio,
+                radio_id=robot.radio_id,
                 key=robot.key,
+                original=robot.original,
+                ros=robot.ros,
             )
             for name, robot in model.robots.items()
         }
@@ -209,6 +265,8 @@ class Team:
             robots=MappingProxyType(robots),
             kinds=MappingProxyType(kinds),
             trigger=Trigger(**model.trigger.model_dump()),
+            trust=Trust(model.trust),
+            definitions=MappingProxyType(model.definitions),
             path=document.path,
             _by_id=tuple(robots[name] for name in sorted(robots)),
         )
@@ -259,8 +317,7 @@ class Team:
         return as_yaml(self._data())
 
     def _data(self) -> dict[str, Any]:
-        robot_keys = ("kind", "address", "listen", "base_port", "radio", "key")
-        trigger_keys = ("rssi_threshold_dbm", "hysteresis_db", "interval_s")
+        robot_keys = [key for key in _RobotModel.model_fields if key != "clients"]
         return {
             "robots": {
                 name: {
@@ -277,13 +334,17 @@ class Team:
                             "type": topic.type,
                             "priority": topic.priority.name.lower(),
                             "min_interval_s": topic.min_interval_s,
+                            "history": topic.history,
+                            "aggregate": topic.aggregate,
                         }
                         for topic in topics
                     ]
                 }
                 for name, topics in self.kinds.items()
             },
-            "trigger": {key: getattr(self.trigger, key) for key in trigger_keys},
+            "trigger": {key: getattr(self.trigger, key) for key in _TriggerModel.model_fields},
+            "trust": self.trust.value,
+            "definitions": dict(self.definitions),
         }
 
 
@@ -298,6 +359,9 @@ def _problems(document: Document, model: _TeamModel) -> Iterator[Problem]:
                 yield document.problem(keys, f"topic '{topic.name}' is listed twice; remove one")
             seen[topic.name] = index
             count += 1
+            if topic.aggregate and not topic.min_interval_s:
+                message = "aggregate needs min_interval_s: the seconds of messages that go together"
+                yield document.problem(("kinds", name, "topics", index, "aggregate"), message)
     if count > IDS:
         yield document.problem(["kinds"], f"{count} topics, at most {IDS} fit; remove some")
     for name, robot in model.robots.items():
@@ -305,6 +369,9 @@ def _problems(document: Document, model: _TeamModel) -> Iterator[Problem]:
             kinds = ", ".join(model.kinds) or "none"
             message = f"no kind '{robot.kind}' under kinds; use one of {kinds}, or add it"
             yield document.problem(["robots", name, "kind"], message)
+        if robot.key and robot.original:
+            message = "an original node knows no keys; remove key, or original"
+            yield document.problem(["robots", name, "key"], message)
         yield from _client_problems(document, model, name, robot)
         yield from _port_problems(document, model, name, robot)
 
@@ -314,6 +381,8 @@ def _client_problems(
 ) -> Iterator[Problem]:
     for index, client in enumerate(robot.clients):
         keys = ("robots", name, "clients", index)
+        if client is None:
+            continue  # a port that stays unused
         if client in robot.clients[:index]:
             yield document.problem(keys, f"'{client}' is listed twice; remove one")
         elif client not in model.robots:

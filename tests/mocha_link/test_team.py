@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mocha_link.document import Document, DocumentError
-from mocha_link.team import Priority, Team, Trigger, UnknownRobotError, UnknownTopicError
+from mocha_link.team import Priority, Team, Trigger, Trust, UnknownRobotError, UnknownTopicError
 
 PATH = Path("team.yaml")
 TEXT = """\
@@ -84,7 +84,34 @@ def test_ports_are_indices_in_the_own_client_list():
 def test_defaults():
     assert team().robot("io").listen == "*"
     assert team().robot("io").radio is None
-    assert team().trigger == Trigger(-75.0, 3.0, 2.0)
+    assert team().trigger == Trigger(
+        rssi_threshold_dbm=-75.0, hysteresis_db=3.0, interval_s=2.0, budget_bytes=None
+    )
+    assert team().trust is Trust.RELAYS
+    assert not team().robot("io").original
+    assert team().topic("io", "/pose").history == 1
+
+
+def test_an_empty_place_among_the_clients_keeps_its_port_unused():
+    text = TEXT.replace("clients: [io, titan]", "clients: [null, io, null, titan]")
+    callisto = team(text).robot("callisto")
+    assert callisto.peers == ("io", "titan")
+    assert callisto.port_for("titan") == 23237
+    assert Team.from_document(Document.from_text(team(text).dump(), PATH)) == team(text)
+
+
+def test_what_keys_topics_and_definitions_may_say():
+    key = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7"
+    text = TEXT.replace("base_port: 23234", f"base_port: 23234\n    key: '{key}'\n    ros: 2")
+    text += "trust: signed\ndefinitions: {my_msgs/Goal: 'float64 x'}\n"
+    assert team(text).robot("callisto").key == key
+    assert team(text).robot("callisto").ros == 2
+    assert team(text).trust is Trust.SIGNED
+    assert team(text).definitions == {"my_msgs/Goal": "float64 x"}
+    assert "40 characters" in problems(text.replace(key, key[:-1]))[0]
+    assert "knows no keys" in problems(text.replace("ros: 2", "original: true"))[0]
+    text = TEXT.replace("min_interval_s: 5", "aggregate: true")
+    assert "aggregate needs min_interval_s" in problems(text)[0]
 
 
 def test_ids_of_a_header():
