@@ -100,7 +100,7 @@ def test_headers_and_bodies_are_what_was_published(recorded_team, bodies):
 
 def test_we_pack_the_same_bytes(bodies):
     for body in bodies.values():
-        assert payload.pack(body[0], body[1], payload.unpack(body)) == body
+        assert payload.pack(body[0], body[1], payload.unpack(body), checksum=False) == body
 
 
 @pytest.mark.parametrize("pull", PULLS)
@@ -165,7 +165,7 @@ def test_a_recorded_pull_with_large_messages(recorded_team):
         asked, start = bytes.fromhex(request["hex"]), bytes.fromhex(reply["hex"])
         # The recording keeps the beginning of a long reply; the frame header there tells the size.
         size = int.from_bytes(start[14:22], "little")
-        body = payload.pack(start[6], start[7], generator.randbytes(size))
+        body = payload.pack(start[6], start[7], generator.randbytes(size), checksum=False)
         assert body[:17] == start[6:23]  # type, priority, LZ4 frame header with its checksum
         header = Header.parse(asked[11:])
         robot, topic = recorded_team.by_ids(header.robot_id, header.topic_id)
