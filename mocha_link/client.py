@@ -181,8 +181,14 @@ class ClientSession:
             step.refusals.append(f"message {header}: {error}")
             return
         robot, topic = known
-        stamp_s = header.stamp_s(now.unix_s)
-        record = Record(header, topic.priority, body, stamp_s, received_s=now.unix_s)
+        record = Record(
+            header,
+            topic.priority,
+            body,
+            stamp_ms=header.stamp_ms(now.unix_s),
+            received_s=now.unix_s,
+            inferred=True,
+        )
         if self._database.insert(record, now.unix_s):
             self._messages += 1
             step.events.append(

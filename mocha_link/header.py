@@ -65,8 +65,12 @@ class Header:
 
     def stamp_s(self, near_s: float) -> float:
         """Unix seconds of the message, as it is seen at Unix time `near_s`."""
+        return self.stamp_ms(near_s) / 1000
+
+    def stamp_ms(self, near_s: float) -> int:
+        """The same in milliseconds."""
         latest_ms = as_ms(near_s) + AHEAD_MS
-        return (latest_ms - (latest_ms - self._wrapped_ms) % WRAP_MS) / 1000
+        return latest_ms - (latest_ms - self._wrapped_ms) % WRAP_MS
 
     @property
     def _wrapped_ms(self) -> int:

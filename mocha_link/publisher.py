@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mocha_link.database import Database, Record
-from mocha_link.header import Header, as_ms, next_stamp_ms
+from mocha_link.header import Header, next_stamp_ms
 
 if TYPE_CHECKING:
     from mocha_link.team import Robot, Topic
@@ -35,10 +35,10 @@ class Publisher:
         last_ms = self._last_ms.get(topic.name)
         recovered = self._database.newest(self._robot.robot_id, topic.topic_id)
         if recovered is not None:  # it may come from a peer, from before a restart
-            last_ms = max(last_ms or 0, as_ms(recovered.stamp_s))
+            last_ms = max(last_ms or 0, recovered.stamp_ms)
         stamp_ms = self._last_ms[topic.name] = next_stamp_ms(now_s, last_ms)
         header = Header.at(self._robot.robot_id, topic.topic_id, stamp_ms)
-        record = Record(header, topic.priority, body, stamp_ms / 1000, received_s=now_s)
+        record = Record(header, topic.priority, body, stamp_ms, received_s=now_s)
         self._held[topic.name] = record
         due = at_once or self._is_due(topic.name, now_s)
         return record, due and self.flush(topic, now_s) is not None
@@ -66,9 +66,9 @@ class Publisher:
         newest = self._database.newest(self._robot.robot_id, topic.topic_id)
         if not self._database.insert(record, now_s) and newest:
             # From before a restart, with a later stamp. Ours must follow it to be taken by anyone.
-            stamp_ms = self._last_ms[topic.name] = next_stamp_ms(now_s, as_ms(newest.stamp_s))
+            stamp_ms = self._last_ms[topic.name] = next_stamp_ms(now_s, newest.stamp_ms)
             header = Header.at(self._robot.robot_id, topic.topic_id, stamp_ms)
-            record = replace(record, header=header, stamp_s=stamp_ms / 1000)
+            record = replace(record, header=header, stamp_ms=stamp_ms)
             self._database.insert(record, now_s)
         self._latest[topic.name] = record
         return record

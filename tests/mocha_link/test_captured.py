@@ -72,8 +72,10 @@ def database(team: Team, bodies: dict[bytes, bytes], *robots: str) -> Database:
         header = Header.parse(raw)
         robot, topic = team.by_ids(header.robot_id, header.topic_id)
         if robot.name in robots:
-            stamp_s = header.stamp_s(NOW.unix_s)
-            result.insert(Record(header, topic.priority, body, stamp_s, stamp_s), NOW.unix_s)
+            stamp_ms = header.stamp_ms(NOW.unix_s)
+            result.insert(
+                Record(header, topic.priority, body, stamp_ms, stamp_ms / 1000), NOW.unix_s
+            )
     return result
 
 
@@ -171,8 +173,8 @@ def test_a_recorded_pull_with_large_messages(recorded_team):
         robot, topic = recorded_team.by_ids(header.robot_id, header.topic_id)
         assert robot.name == "callisto"
         assert start[6] == topic.dtype
-        stamp_s = header.stamp_s(NOW.unix_s)
-        held.insert(Record(header, topic.priority, body, stamp_s, stamp_s), NOW.unix_s)
+        stamp_ms = header.stamp_ms(NOW.unix_s)
+        held.insert(Record(header, topic.priority, body, stamp_ms, stamp_ms / 1000), NOW.unix_s)
     assert max(len(record.body) for record in held.records()) > 300_000
 
     # Our nodes on both sides: the same list, the same requests in the same order.

@@ -238,7 +238,7 @@ def test_a_broken_pull_leaves_whole_messages(pull):
 
 def own_record(age_s: int) -> Record:
     own = header(0, robot_id=TITAN, age_s=age_s)
-    return Record(own, 0, body(b"mine"), NOW_S - age_s, NOW_S)
+    return Record(own, 0, body(b"mine"), own.stamp_ms(NOW_S), NOW_S)
 
 
 def test_own_messages_are_not_fetched_over_newer_own_ones(pull):
@@ -258,7 +258,7 @@ def test_what_another_peer_brought_meanwhile_is_not_fetched(pull):
     headers = [header(i) for i in range(WINDOW + 1)]
     pull.offer(*headers)
     last = headers[-1]
-    pull.database.insert(Record(last, 0, body(), last.stamp_s(NOW_S), NOW_S), NOW_S)
+    pull.database.insert(Record(last, 0, body(), last.stamp_ms(NOW_S), NOW_S), NOW_S)
     for _ in range(WINDOW):
         pull.answer(body())
     assert pull.asked == [b"DENDTtitan"]

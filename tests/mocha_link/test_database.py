@@ -13,7 +13,7 @@ HOUR = 3600
 
 def record(stamp_s: float, *, robot_id: int = 0, topic_id: int = 0, priority: int = 0) -> Record:
     header = Header.at(robot_id, topic_id, as_ms(stamp_s))
-    return Record(header, priority, b"\0\0x", stamp_s, stamp_s)
+    return Record(header, priority, b"\0\0x", as_ms(stamp_s), stamp_s)
 
 
 def test_newest_wins():

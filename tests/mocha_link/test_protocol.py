@@ -18,7 +18,7 @@ ID = b"\0\xffabcd"
 
 
 def record(second: int, body: bytes = b"\0\0body") -> Record:
-    return Record(Header(0, 0, second, 0), 0, body, float(second), float(second))
+    return Record(Header(0, 0, second, 0), 0, body, second * 1000, float(second))
 
 
 def at(steady_s: float) -> Instant:

@@ -77,7 +77,7 @@ def test_two_messages_of_a_topic_never_share_a_header(publisher, often):
 
 def test_new_messages_follow_those_from_before_a_restart(publisher, database, often):
     before = Header.at(2, 0, int(T * 1000) + 500)
-    database.insert(Record(before, 3, b"old", T + 0.5, T), T)
+    database.insert(Record(before, 3, b"old", int(T * 1000) + 500, T), T)
     record, now = publisher.publish(often, b"new", T, at_once=False)
     assert now
     assert record.header == Header.at(2, 0, int(T * 1000) + 501)
@@ -88,7 +88,7 @@ def test_a_message_held_over_a_recovery_still_leaves(publisher, database, slow):
     publisher.publish(slow, b"1", T, at_once=False)
     publisher.publish(slow, b"2", T + 1, at_once=False)
     before = Header.at(2, 1, int(T * 1000) + 90_000)
-    database.insert(Record(before, 0, b"old", T + 90, T), T + 2)
+    database.insert(Record(before, 0, b"old", int(T * 1000) + 90_000, T), T + 2)
     (record,) = publisher.due(T + 5)
     assert record.header == Header.at(2, 1, int(T * 1000) + 90_001)
     assert stored(database, slow) == b"2"
@@ -99,7 +99,7 @@ def test_a_recovered_message_does_not_replace_what_was_said_since(publisher, dat
     publisher.publish(often, b"new", T, at_once=False)
     assert publisher.recovered(often, T) is None
     before = Header.at(2, 0, int(T * 1000) + 90_000)
-    database.insert(Record(before, 3, b"old", T + 90, T), T)
+    database.insert(Record(before, 3, b"old", int(T * 1000) + 90_000, T), T)
     record = publisher.recovered(often, T + 1)
     assert (record.header, record.body) == (Header.at(2, 0, int(T * 1000) + 90_001), b"new")
     assert stored(database, often) == b"new"
