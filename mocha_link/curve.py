@@ -30,7 +30,7 @@ _WRONG_KEY, _NO_KEY, _NO_ZMTP = (
     "without encryption",
     "not as a node of ours does",
 )
-_PROTOCOL_FAILURES = {
+_PROTOCOL_FAILURES: dict[int, str] = {
     zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC: _WRONG_KEY,
     zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH: _NO_KEY,
 }
