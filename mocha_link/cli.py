@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from mocha_link.display import event_line, links_table, team_tables
 from mocha_link.document import DocumentError
 from mocha_link.errors import MochaLinkError
+from mocha_link.keys_command import add_parser as add_keys
+from mocha_link.keys_command import links, protection_lines
 from mocha_link.node import Node
 from mocha_link.team import Team, UnknownRobotError
 from mocha_link.telemetry import MetricsError, MetricsServer, as_fields, watch
@@ -110,6 +112,8 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
     check.add_argument("--json", action="store_true", help="print the ids and ports as JSON")
     check.set_defaults(run=_check)
+
+    add_keys(commands, style)
     return parser
 
 
@@ -197,7 +201,7 @@ def _check(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(_ids(team)))
         return DONE
-    print(team_tables(team))
+    print("\n".join([team_tables(team), "", *protection_lines(team)]))
     return DONE
 
 
@@ -225,6 +229,9 @@ def _ids(team: Team) -> dict[str, Any]:
             }
             for kind, topics in team.kinds.items()
         },
+        "links": [
+            {"robots": link.robots, "open_because": link.open_because} for link in links(team)
+        ],
     }
 
 

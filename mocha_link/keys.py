@@ -116,9 +116,14 @@ class SecretKey:
         return signed[: nacl.bindings.crypto_sign_BYTES]
 
 
+def available() -> bool:
+    """Whether PyNaCl is there."""
+    return _AVAILABLE
+
+
 def require() -> None:
     """Raise KeysUnavailableError unless keys can be used here."""
-    if not _AVAILABLE:
+    if not available():
         raise KeysUnavailableError
 
 
@@ -158,6 +163,16 @@ def secret_key(team: Team, name: str, directory: Path | None) -> SecretKey | Non
             "--force'"
         )
     return secret
+
+
+def open_because(robot: Robot, other: Robot) -> str | None:
+    """Why the link of two robots is not protected by keys; None if it is."""
+    for each in (robot, other):
+        if each.original:
+            return f"{each.name} runs the original MOCHA"
+        if each.key is None:
+            return f"{each.name} has no key"
+    return None
 
 
 def path_of(name: str, directory: Path) -> Path:
