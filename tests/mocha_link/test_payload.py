@@ -1,8 +1,11 @@
-"""Bodies: packed as the original packs them, unpacked within bounds."""
+"""Bodies: packed as the original packs them, unpacked within bounds; the trailer behind them."""
 
 from __future__ import annotations
 
 import contextlib
+import random
+import struct
+import tracemalloc
 
 import lz4.frame
 import pytest
@@ -10,7 +13,36 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mocha_link import payload
-from mocha_link.payload import PayloadError
+from mocha_link.payload import PayloadError, Trailer
+
+STAMP_MS = 1_795_175_905_123
+SIGNATURE = bytes(range(64))
+SMALL = payload.pack(1, 2, b"a message " * 8, stamp_ms=STAMP_MS)
+SIGNED = payload.pack(1, 2, b"a message " * 8, stamp_ms=STAMP_MS, sign=lambda _: SIGNATURE)
+LARGE = payload.pack(1, 2, random.Random(1).randbytes(70_000) * 2, stamp_ms=STAMP_MS)
+KIB, MIB = 1024, 1024 * 1024
+
+
+def with_size(frame: bytes, size: int) -> bytes:
+    """An LZ4 frame that states another content size, with a header checksum that fits."""
+    assert frame[4] & 0x08
+    for checksum in range(256):
+        lie = frame[:6] + struct.pack("<QB", size, checksum) + frame[15:]
+        with contextlib.suppress(RuntimeError):
+            lz4.frame.get_frame_info(lie)
+            return lie
+    raise AssertionError
+
+
+@contextlib.contextmanager
+def at_most(limit_bytes: int):
+    """Nothing inside may need more memory at once."""
+    tracemalloc.start()
+    try:
+        yield
+        assert tracemalloc.get_traced_memory()[1] < limit_bytes
+    finally:
+        tracemalloc.stop()
 
 
 @settings(deadline=None, max_examples=60)
@@ -25,9 +57,11 @@ def test_unpack_reads_what_pack_writes(dtype, priority, data, behind):
 @settings(deadline=None, max_examples=150)
 @given(st.binary(max_size=60))
 def test_any_bytes_are_a_body_or_a_payload_error(raw):
-    for body in (raw, b"\1\2" + lz4.frame.compress(b"abc" * 9)[:12] + raw):
-        with contextlib.suppress(PayloadError):  # and nothing else
-            payload.unpack(body)
+    cut = b"\1\2" + lz4.frame.compress(b"abc" * 9)[:12]
+    for body in (raw, cut + raw, SMALL[:-18] + raw, SMALL[:-14] + raw):
+        for read in (payload.unpack, payload.check, payload.trailer, payload.statement):
+            with contextlib.suppress(PayloadError):  # and nothing else
+                read(body)
 
 
 def test_large_data_in_linked_blocks():
@@ -35,8 +69,39 @@ def test_large_data_in_linked_blocks():
     body = payload.pack(5, 0, data, checksum=False)
     assert body[6] == 0x48  # linked blocks, as the original writes above 64 KiB
     assert payload.unpack(body) == data
-    frame = lz4.frame.compress(data, store_size=False, block_linked=False)
-    assert payload.unpack(b"\0\0" + frame) == data
+
+
+@pytest.mark.parametrize("size", [0, 1, 65_536, 65_537, 3_000_000])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"store_size": False},
+        {"store_size": False, "block_linked": False},
+        {"content_checksum": True, "block_checksum": True},
+        {"store_size": False, "content_checksum": True, "block_checksum": True},
+        {"block_size": lz4.frame.BLOCKSIZE_MAX256KB},
+        {"block_size": lz4.frame.BLOCKSIZE_MAX1MB, "compression_level": 9},
+        {"block_size": lz4.frame.BLOCKSIZE_MAX4MB, "block_linked": False},
+    ],
+)
+def test_any_form_of_the_frame(size, options):
+    for data in (bytes(size), random.Random(size).randbytes(size)):
+        body = b"\0\0" + lz4.frame.compress(data, **options) + b"behind"
+        assert payload.unpack(body) == data
+        assert payload.check(body) is None
+
+
+def test_only_a_stated_size_makes_it_one_step(monkeypatch):
+    calls = []
+    original = lz4.frame.decompress_chunk
+
+    def counted(*arguments, **options):
+        calls.append(options["max_length"])
+        return original(*arguments, **options)
+
+    monkeypatch.setattr(lz4.frame, "decompress_chunk", counted)
+    payload.check(LARGE)
+    assert calls == [140_000]
 
 
 def test_a_bomb_is_refused():
@@ -47,10 +112,68 @@ def test_a_bomb_is_refused():
         payload.unpack(body, limit=4_999_999)
 
 
-@pytest.mark.parametrize("body", [b"", b"\0", b"\0\0", b"SERRM", b"\0\0not lz4 at all"])
+def test_a_bomb_that_does_not_say_so_is_refused_within_bounds():
+    bomb = b"\0\0" + lz4.frame.compress(bytes(60 * MIB), store_size=False)
+    for read in (payload.unpack, payload.check):
+        with (
+            at_most(8 * MIB),
+            pytest.raises(PayloadError, match=f"unpacks to more than {MIB} bytes"),
+        ):
+            read(bomb, limit=MIB)
+
+
+@pytest.mark.parametrize("stated", [1, 10, 99_999])
+def test_more_than_the_stated_size_is_refused_within_bounds(stated):
+    frame = lz4.frame.compress(bytes(50 * MIB))
+    with at_most(8 * MIB), pytest.raises(PayloadError, match=r"unpacks to more than|not an LZ4"):
+        payload.check(b"\0\0" + with_size(frame, stated))
+
+
+def test_less_than_the_stated_size_is_refused_within_bounds():
+    frame = lz4.frame.compress(random.Random(1).randbytes(10_000))
+    with at_most(MIB), pytest.raises(PayloadError, match="do not fit in its blocks"):
+        payload.check(b"\0\0" + with_size(frame, 60 * MIB))
+    with at_most(MIB), pytest.raises(PayloadError, match="not an LZ4 frame"):
+        payload.check(b"\0\0" + with_size(lz4.frame.compress(bytes(10_000)), 10_100))
+    for size in (payload.MAX_BYTES + 1, 2**64 - 1):
+        with at_most(MIB), pytest.raises(PayloadError, match="unpacks to more than"):
+            payload.check(b"\0\0" + with_size(frame, size))
+
+
+def test_of_frames_in_a_row_the_first_one_counts():
+    first, second = lz4.frame.compress(b"one"), lz4.frame.compress(bytes(9 * MIB))
+    with at_most(MIB):
+        assert payload.unpack(b"\0\0" + first + second) == b"one"
+        assert payload.check(b"\0\0" + first + second) is None
+
+
+def test_a_frame_of_countless_blocks_is_refused():
+    header = lz4.frame.compress(b"", store_size=False)[:7]
+    blocks = struct.pack("<IB", 1 << 31 | 1, 7)
+    body = b"\0\0" + header + blocks * 1000 + bytes(4)
+    assert payload.unpack(body) == b"\7" * 1000
+    body = b"\0\0" + header + blocks * (payload.MAX_BLOCKS + 1) + bytes(4)
+    with pytest.raises(PayloadError, match="cut into more than 65536 blocks"):
+        payload.check(body)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"",
+        b"\0",
+        b"\0\0",
+        b"SERRM",
+        b"\0\0not lz4 at all",
+        b"\0\0" + struct.pack("<II", 0x184D2A50, 4) + b"skip",  # an empty message to an original
+        b"\0\0\x04\x22\x4d\x18\xa8\x40" + bytes(20),
+        b"\0\0\x04\x22\x4d\x18\x68\x30" + bytes(20),
+    ],
+)
 def test_what_is_no_message(body):
-    with pytest.raises(PayloadError):
-        payload.unpack(body)
+    for read in (payload.unpack, payload.check, payload.trailer, payload.statement):
+        with pytest.raises(PayloadError):
+            read(body)
 
 
 def test_a_cut_frame_is_refused():
@@ -58,9 +181,112 @@ def test_a_cut_frame_is_refused():
     for end in range(len(body) - 1, 2, -97):
         with pytest.raises(PayloadError):
             payload.unpack(body[:end])
+        with pytest.raises(PayloadError):
+            payload.check(body[:end])
 
 
 def test_too_large_to_send(monkeypatch):
     monkeypatch.setattr(payload, "MAX_BYTES", 10)
     with pytest.raises(PayloadError, match="11 bytes; at most 10 can be sent"):
         payload.pack(0, 0, bytes(11))
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.binary(max_size=300),
+    st.integers(0, 2**47 - 1),
+    st.none() | st.binary(min_size=64, max_size=64),
+    st.binary(max_size=9),
+)
+def test_the_trailer_says_what_pack_was_told(data, stamp_ms, signature, behind):
+    sign = None if signature is None else lambda _: signature
+    body = payload.pack(3, 1, data, stamp_ms=stamp_ms, sign=sign)
+    for each in (body, body + behind):
+        assert payload.trailer(each) == payload.check(each) == Trailer(stamp_ms, signature)
+        assert payload.unpack(each) == data
+        assert lz4.frame.decompress(each[2:]) == data  # as an original node reads it
+    plain = payload.pack(3, 1, data, checksum=False)
+    assert body.startswith(plain)
+    assert len(body) - len(plain) == (82 if signature else 18)
+
+
+def test_bodies_of_original_nodes_have_no_trailer():
+    body = payload.pack(3, 1, b"data", checksum=False)
+    for behind in (b"", b"\xd6", b"something of somebody else"):
+        assert payload.trailer(body + behind) is None
+        assert payload.check(body + behind) is None
+
+
+def test_the_trailer_of_a_later_version_is_carried_on_unread():
+    later = bytearray(SMALL)
+    later[-14:-12] = (2, 253)
+    assert payload.check(bytes(later)) is None
+    assert payload.unpack(bytes(later)) == b"a message " * 8
+
+
+@pytest.mark.parametrize("stamp_ms", [-1, 2**47])
+def test_a_stamp_that_is_no_time(stamp_ms):
+    with pytest.raises(PayloadError, match="set the clock"):
+        payload.pack(0, 0, b"", stamp_ms=stamp_ms)
+
+
+@pytest.mark.parametrize("body", [SMALL, SIGNED], ids=["bare", "signed"])
+def test_any_one_damaged_byte_is_found(body):
+    for at in range(len(body)):
+        for bits in (1, 0x80, 0xFF):
+            damaged = bytearray(body)
+            damaged[at] ^= bits
+            with pytest.raises(PayloadError):
+                payload.check(bytes(damaged))
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    st.sampled_from([SMALL, SIGNED, LARGE]),
+    st.integers(0),
+    st.integers(0),
+    st.integers(1, 255),
+)
+def test_two_damaged_bytes_never_change_what_it_says(body, first, second, bits):
+    damaged = bytearray(body)
+    damaged[first % len(body)] ^= bits
+    damaged[-1 - second % min(90, len(body))] ^= bits
+    if damaged != body:
+        with contextlib.suppress(PayloadError):
+            # At the most it lost its trailer (the two bytes of the version, hit alike).
+            assert payload.check(bytes(damaged)) is None
+            assert damaged[:2] == body[:2]
+            assert payload.unpack(bytes(damaged)) == payload.unpack(body)
+
+
+def test_damage_without_a_trailer_is_found_by_the_frame():
+    body = bytearray(payload.pack(0, 0, random.Random(1).randbytes(3000)))
+    body[1000] ^= 1
+    with pytest.raises(PayloadError, match="not an LZ4 frame"):
+        payload.check(bytes(body))
+    with pytest.raises(PayloadError, match="not an LZ4 frame"):
+        payload.unpack(bytes(body))
+
+
+def test_a_cut_trailer_is_found():
+    for body in (SMALL, SIGNED):
+        for end in range(len(payload.pack(1, 2, b"a message " * 8, checksum=False)) + 2, len(body)):
+            with pytest.raises(PayloadError, match="trailer"):
+                payload.check(body[:end])
+
+
+def test_what_is_signed_follows_from_the_body():
+    given_to_sign = []
+
+    def sign(statement: bytes) -> bytes:
+        given_to_sign.append(statement)
+        return SIGNATURE
+
+    variants = [(1, 2, b"data", 5), (2, 2, b"data", 5), (1, 3, b"data", 5), (1, 2, b"date", 5)]
+    variants.append((1, 2, b"data", 5 + 65_536_000))  # the same header, another time
+    for dtype, priority, data, stamp_ms in variants:
+        body = payload.pack(dtype, priority, data, stamp_ms=stamp_ms, sign=sign)
+        assert payload.statement(body) == given_to_sign[-1]
+    assert len(set(given_to_sign)) == len(variants)
+    with pytest.raises(PayloadError, match="no trailer"):
+        payload.statement(payload.pack(1, 2, b"data"))
