@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from mocha_link.display import event_line, links_table, team_tables
 from mocha_link.document import DocumentError
 from mocha_link.errors import MochaLinkError
+from mocha_link.import_command import add_parser as add_import
 from mocha_link.keys_command import add_parser as add_keys
 from mocha_link.keys_command import links, protection_lines
 from mocha_link.node import Node
@@ -37,6 +38,7 @@ examples:
   mocha-link check missions/pennovation/team.yaml
   mocha-link node missions/pennovation/team.yaml --robot io --metrics tcp://127.0.0.1:24500
   mocha-link metrics tcp://127.0.0.1:24500 --follow
+  mocha-link import robot_configs.yaml topic_configs.yaml radio_configs.yaml -o team.yaml
 
 """
 QUEUE_EVENTS = 10_000  # not yet printed; what comes on top is not shown
@@ -113,6 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("--json", action="store_true", help="print the ids and ports as JSON")
     check.set_defaults(run=_check)
 
+    add_import(commands, style)
     add_keys(commands, style)
     return parser
 
