@@ -8,7 +8,7 @@ from enum import Enum
 from air_router.actions import Motion
 from air_router.vehicle import VehicleEvent
 from geo.frame import Point
-from mocha_link.metrics import MessageStored, RssiChanged, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.metrics import LinkEvent
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +57,6 @@ class CommandFailed:
     action: Motion
     reason: str
 
-
-LinkEvent = SyncStarted | SyncEnded | SyncTimedOut | RssiChanged | MessageStored
 
 Event = (
     VehicleEvent | LinkEvent | RobotPose | RobotPath | Request | CommandConfirmed | CommandFailed

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import os
 from collections import Counter, deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mocha_link.client import ClientSession, Step
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from mocha_link.clock import Instant
     from mocha_link.header import Header
+    from mocha_link.reading import Reading
     from mocha_link.team import Team, Topic
 
 TIMEOUT_S = 5.0
@@ -101,13 +102,14 @@ class Gossip:
         if record:
             self._tell_own(record, now)
 
-    def heard(self, peer: str, rssi_dbm: float | None, now: Instant) -> None:
-        """Take in what the radio says of a peer. Raises UnknownRobotError."""
+    def heard(self, peer: str, reading: Reading | float | None, now: Instant) -> None:
+        """Take in what the radio says of a peer. Raises UnknownRobotError or RadioError."""
         self._check(peer)
-        before = self._trigger.rssi_dbm(peer)
-        begins = self._trigger.heard(peer, rssi_dbm, now.unix_s)
-        if rssi_dbm != before:
-            self._tell(RssiChanged(peer, now.unix_s, rssi_dbm))
+        before = self._trigger.reading(peer)
+        begins = self._trigger.heard(peer, reading, now.unix_s)
+        if self._trigger.reading(peer) != before:
+            self._tell_signal(peer, now)
+        self._tell_contacts()
         pull = self._pulls.get(peer)
         if begins and pull and now.steady_s - pull.alive_s > STALLED_S:
             # Its connection sleeps in TCP's back-off; a fresh one gets through at once.
@@ -161,7 +163,8 @@ class Gossip:
     def tick(self, now: Instant) -> None:
         """Do what is due by the time alone; call it often."""
         for peer in self._trigger.silenced(now.unix_s):
-            self._tell(RssiChanged(peer, now.unix_s, None))
+            self._tell_signal(peer, now)
+        self._tell_contacts()
         for record in self._publisher.due(now.unix_s):
             self._tell_own(record, now)
         for pull in list(self._pulls.values()):
@@ -180,16 +183,13 @@ class Gossip:
 
     def links(self, now: Instant) -> dict[str, LinkMetrics]:
         """The state of every link."""
-        newest: dict[int, float] = {}
+        ages_s: dict[str, dict[str, float]] = {}
         for record in self.database.records():
-            robot_id = record.header.robot_id
-            newest[robot_id] = max(newest.get(robot_id, record.stamp_s), record.stamp_s)
-        links = self._book.links()
-        for peer, link in links.items():
-            stamp_s = newest.get(self._team.robot(peer).robot_id)
-            if stamp_s is not None:
-                links[peer] = replace(link, newest_age_s=now.unix_s - stamp_s)
-        return links
+            known = self._team.by_ids(record.header.robot_id, record.header.topic_id)
+            if known:
+                robot, topic = known
+                ages_s.setdefault(robot.name, {})[topic.name] = now.unix_s - record.stamp_s
+        return self._book.links(now.unix_s, ages_s)
 
     def _pull_due(self, now: Instant) -> None:
         for peer in self._trigger.due(now.unix_s):
@@ -229,6 +229,14 @@ class Gossip:
             self._tell(
                 MessageStored(robot.name, now.unix_s, robot.name, topic.name, record.header, size)
             )
+
+    def _tell_signal(self, peer: str, now: Instant) -> None:
+        rssi_dbm, reading = self._trigger.rssi_dbm(peer), self._trigger.reading(peer)
+        self._tell(RssiChanged(peer, now.unix_s, rssi_dbm, reading))
+
+    def _tell_contacts(self) -> None:
+        for event in self._trigger.news():
+            self._tell(event)
 
     def _tell(self, event: LinkEvent) -> None:
         self._book.note(event)

@@ -12,7 +12,7 @@ from mocha_link.broadcast import Broadcast, EventStream
 from mocha_link.clock import Clock, Instant, SystemClock
 from mocha_link.errors import MochaLinkError
 from mocha_link.gossip import TIMEOUT_S, Gossip
-from mocha_link.radios import Radio, UdpRadio, as_dbm
+from mocha_link.radios import Radio, open_radio
 from mocha_link.transport import Transport
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mocha_link.database import Record
     from mocha_link.header import Header
     from mocha_link.metrics import LinkEvent, LinkMetrics
+    from mocha_link.reading import Reading
     from mocha_link.team import Priority, Robot, Team
 
 
@@ -75,7 +76,7 @@ class Node:
     ) -> None:
         robot = team.robot(name)
         if radio is None and robot.radio is not None:
-            radio = UdpRadio(robot.radio)
+            radio = open_radio(robot.radio, team, name)
         self.team = team
         self.name = name
         self.clock: Clock = clock or SystemClock()
@@ -222,10 +223,9 @@ class Node:
         self._wake()
         return started
 
-    def _heard(self, peer: str, rssi_dbm: float | None) -> None:
-        rssi_dbm = as_dbm(rssi_dbm)
+    def _heard(self, peer: str, reading: Reading | float | None) -> None:
         with self._lock:
-            self._gossip.heard(peer, rssi_dbm, self._now())
+            self._gossip.heard(peer, reading, self._now())
         self._wake()
 
     def _message(self, record: Record) -> Message:

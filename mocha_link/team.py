@@ -13,11 +13,12 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, StringConstraints
+from pydantic import AfterValidator, BaseModel, StringConstraints
 from pydantic import Field as Key
 
 from mocha_link.document import Document, DocumentError, Problem, as_yaml
 from mocha_link.errors import MochaLinkError
+from mocha_link.radios.url import checked
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -169,8 +170,8 @@ class _RobotModel(BaseModel):
         Key(description="* or an address of this machine"),
     ] = "*"
     radio: Annotated[
-        Annotated[str, StringConstraints(pattern=r"^udp://[^\s/:]+:\d{1,5}$")] | None,
-        Key(description="udp://host:port, where its RSSI reports arrive"),
+        Annotated[str, AfterValidator(checked)] | None,
+        Key(description="the URL of its radio, e.g. udp://host:port"),
     ] = None
     radio_id: Annotated[str, StringConstraints(min_length=1, max_length=64)] | None = None
     key: Annotated[

@@ -20,6 +20,8 @@ import zmq
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.header import Header
+from mocha_link.metrics import Contact
+from mocha_link.reading import Reading
 from mocha_link.transport import ListenError, PortInUseError
 
 if TYPE_CHECKING:
@@ -46,7 +48,13 @@ def as_fields(value: LinkEvent | LinkMetrics) -> dict[str, Any]:
 def _plain(value: object) -> object:
     if isinstance(value, enum.Enum):
         return value.value
-    return str(value) if isinstance(value, Header) else value
+    if isinstance(value, Header):
+        return str(value)
+    if isinstance(value, tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, Reading | Contact):
+        return {part.name: _plain(getattr(value, part.name)) for part in dataclasses.fields(value)}
+    return value
 
 
 def snapshot(node: Node) -> dict[str, Any]:

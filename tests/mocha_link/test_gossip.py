@@ -12,6 +12,7 @@ from mocha_link import payload
 from mocha_link.clock import Instant
 from mocha_link.gossip import Dial, Gossip, HangUp, Send
 from mocha_link.metrics import (
+    ContactBegan,
     LinkState,
     MessageStored,
     RssiChanged,
@@ -19,6 +20,7 @@ from mocha_link.metrics import (
     SyncStarted,
     SyncTimedOut,
 )
+from mocha_link.reading import Reading, Unit
 from mocha_link.team import Team, UnknownRobotError
 
 T = 1_795_175_900.0
@@ -98,11 +100,11 @@ def test_a_data_mule_carries_between_robots_that_never_meet(ether):
 def test_a_contact_triggers_at_once_then_every_interval(ether):
     io = ether.nodes["io"]
     io.heard("titan", -80, ether.now)
-    assert io.take() == ([], [RssiChanged("titan", T, -80)])
+    assert io.take() == ([], [RssiChanged("titan", T, -80, Reading(-80, Unit.DBM, "radio"))])
     io.heard("titan", -70, ether.now)
     actions, events = io.take()
     assert [type(a) for a in actions] == [Dial, Send]
-    assert [type(e) for e in events] == [RssiChanged, SyncStarted]
+    assert [type(e) for e in events] == [RssiChanged, ContactBegan, SyncStarted]
     io.heard("titan", -70, ether.now)
     assert io.take() == ([], [])
     assert io.links(ether.now)["titan"].state is LinkState.STARTED
@@ -123,7 +125,13 @@ def test_a_failed_pull_is_tried_again_at_the_next_trigger(ether):
         io.tick(ether.now)
     actions, events = io.take()
     assert [type(a) for a in actions] == [Dial, Send, HangUp, Dial, Send]
-    assert [type(e) for e in events] == [RssiChanged, SyncStarted, SyncTimedOut, SyncStarted]
+    assert [type(e) for e in events] == [
+        RssiChanged,
+        ContactBegan,
+        SyncStarted,
+        SyncTimedOut,
+        SyncStarted,
+    ]
     assert io.links(ether.now)["titan"].timeouts == 1
 
 

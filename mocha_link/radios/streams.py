@@ -1,0 +1,237 @@
+"""Radios that other programs speak for: one report per datagram, or per line over TCP or stdin."""
+
+from __future__ import annotations
+
+import contextlib
+import selectors
+import socket
+import sys
+from typing import TYPE_CHECKING, Protocol
+
+from mocha_link.radios.port import Desk, Report
+from mocha_link.radios.reports import MAX_LINE_BYTES, Lines, parse_report
+from mocha_link.radios.url import RadioUrl
+from mocha_link.radios.worker import READ_BYTES, Worker, pause, pump
+from mocha_link.reading import RadioError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+MAX_PROGRAMS = 8
+RETRY_S = 0.1
+
+
+class UdpRadio:
+    """Receives reports as datagrams, each a JSON object ``{"peer": "io", "rssi_dbm": -61.5}``.
+
+    ``null`` for `rssi_dbm`: the peer is not heard; `docs/radios.md` has the other forms. `url` is
+    ``udp://host:port``, where to listen; port 0 takes a free one. Datagrams that are no reports
+    are counted in `refused`.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url = RadioUrl.parse(url, scheme="udp")
+        self._desk = Desk()
+        self._worker = Worker()
+        self._socket: socket.socket | None = None
+
+    @property
+    def refused(self) -> int:
+        """How many datagrams were no reports, or not about a peer."""
+        return self._desk.refused
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on."""
+        return _port(self._socket, self._url)
+
+    def start(self, report: Report) -> None:
+        """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
+        receiver = self._socket = bound(self._url, socket.SOCK_DGRAM)
+
+        def take(raw: bytes) -> None:
+            accept(self._desk, report, raw, "udp")
+
+        self._worker.start(lambda stopped: datagrams(receiver, stopped, take))
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._worker.close()
+        self._socket = None
+
+
+class TcpRadio:
+    """Receives reports as lines from programs that connect to ``tcp://host:port``.
+
+    A line is a JSON object as a datagram of `UdpRadio`, or ``io -61.5 dBm``. Lines that are no
+    reports are counted in `refused`, and so is a program beyond the first 8.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url = RadioUrl.parse(url, scheme="tcp")
+        self._desk = Desk()
+        self._worker = Worker()
+        self._socket: socket.socket | None = None
+
+    @property
+    def refused(self) -> int:
+        """How many lines were no reports, or not about a peer."""
+        return self._desk.refused
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on."""
+        return _port(self._socket, self._url)
+
+    def start(self, report: Report) -> None:
+        """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
+        listener = self._socket = bound(self._url, socket.SOCK_STREAM)
+        listener.listen(MAX_PROGRAMS)
+        self._worker.start(lambda stopped: self._serve(listener, stopped, report))
+
+    def close(self) -> None:
+        """Stop listening and hang up on whoever is connected."""
+        self._worker.close()
+        self._socket = None
+
+    def _serve(self, listener: socket.socket, stopped: socket.socket, report: Report) -> None:
+        programs: dict[socket.socket, Lines] = {}
+        with listener, contextlib.ExitStack() as stack, selectors.DefaultSelector() as selector:
+            stack.callback(_close_all, programs)
+            selector.register(listener, selectors.EVENT_READ)
+            selector.register(stopped, selectors.EVENT_READ)
+            while True:
+                ready = [key.fileobj for key, _ in selector.select()]
+                if stopped in ready:
+                    return
+                for each in ready:
+                    if each is listener:
+                        if not self._welcome(listener, programs, selector):
+                            pause(stopped, RETRY_S)
+                    elif isinstance(each, socket.socket) and not self._read(
+                        each, programs[each], report
+                    ):
+                        selector.unregister(each)
+                        del programs[each]
+                        each.close()
+
+    def _welcome(
+        self,
+        listener: socket.socket,
+        programs: dict[socket.socket, Lines],
+        selector: selectors.BaseSelector,
+    ) -> bool:
+        try:
+            program, _ = listener.accept()
+        except OSError:  # gone again, or we have no socket left
+            return False
+        if len(programs) >= MAX_PROGRAMS:
+            self._desk.refuse(RadioError(f"more than {MAX_PROGRAMS} programs connected"))
+            program.close()
+            return True
+        program.setblocking(False)
+        programs[program] = Lines()
+        selector.register(program, selectors.EVENT_READ)
+        return True
+
+    def _read(self, program: socket.socket, lines: Lines, report: Report) -> bool:
+        try:
+            data = program.recv(READ_BYTES)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        for line in lines.feed(data):
+            accept(self._desk, report, line, "tcp")
+        return bool(data)
+
+
+class _Readable(Protocol):
+    def fileno(self) -> int:
+        """The file descriptor."""
+
+
+class StdinRadio:
+    """Receives reports as lines on standard input (``stdin:``), as `TcpRadio` does."""
+
+    def __init__(self, file: _Readable | None = None) -> None:
+        self._file = file
+        self._desk = Desk()
+        self._worker = Worker()
+
+    @property
+    def refused(self) -> int:
+        """How many lines were no reports, or not about a peer."""
+        return self._desk.refused
+
+    def start(self, report: Report) -> None:
+        """Begin to read. Raises RadioError if there is no standard input."""
+        try:
+            fd = (self._file or sys.stdin).fileno()
+        except (AttributeError, OSError, ValueError):
+            raise RadioError("there is no standard input to read radio reports from") from None
+        self._worker.start(lambda stopped: self._listen(fd, stopped, report))
+
+    def close(self) -> None:
+        """Stop reading; the file stays open."""
+        self._worker.close()
+
+    def _listen(self, fd: int, stopped: socket.socket, report: Report) -> None:
+        lines = Lines()
+
+        def take(data: bytes) -> None:
+            for line in lines.feed(data):
+                accept(self._desk, report, line, "stdin")
+
+        if not pump(fd, stopped, take):
+            take(b"\n")  # the last line may lack its end
+
+
+def accept(desk: Desk, report: Report, raw: bytes, source: str) -> None:
+    """Pass one report on to the node, or refuse it."""
+    try:
+        peer, reading = parse_report(raw, source)
+    except RadioError as error:
+        desk.refuse(error)
+    else:
+        desk.pass_on(report, peer, reading)
+
+
+def bound(url: RadioUrl, kind: socket.SocketKind) -> socket.socket:
+    """A socket at the address that a URL names. Raises RadioError."""
+    found = socket.socket(socket.AF_INET, kind)
+    try:
+        if kind is socket.SOCK_STREAM:
+            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        found.bind((url.host, url.port or 0))
+    except OSError as error:
+        found.close()
+        raise RadioError(
+            f"cannot listen for radio reports on {url}: {error.strerror}; end the "
+            "process that uses the port, or change 'radio' in the team file"
+        ) from None
+    return found
+
+
+def datagrams(
+    receiver: socket.socket, stopped: socket.socket, take: Callable[[bytes], None]
+) -> None:
+    """Hand every datagram on until `stopped`; closes the socket."""
+    with receiver, selectors.DefaultSelector() as selector:
+        selector.register(receiver, selectors.EVENT_READ)
+        selector.register(stopped, selectors.EVENT_READ)
+        while True:
+            ready = [key.fileobj for key, _ in selector.select()]
+            if stopped in ready:
+                return
+            with contextlib.suppress(OSError):  # e.g. an ICMP error of an earlier packet
+                take(receiver.recv(MAX_LINE_BYTES))
+
+
+def _port(found: socket.socket | None, url: RadioUrl) -> int:
+    return int(found.getsockname()[1]) if found else url.port or 0
+
+
+def _close_all(programs: Iterable[socket.socket]) -> None:
+    for program in programs:
+        program.close()

@@ -1,0 +1,171 @@
+"""A Linux Wi-Fi interface: how it hears the stations that it is linked with, by the tool `iw`."""
+
+from __future__ import annotations
+
+import logging
+import re
+import shutil
+import socket
+import subprocess
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mocha_link.radios.port import Desk, Report
+from mocha_link.radios.worker import Worker, pause
+from mocha_link.reading import RadioError, Reading, Unit
+
+if TYPE_CHECKING:
+    from mocha_link.radios.url import RadioUrl
+
+POLL_S = 1.0
+TIMEOUT_S = 5.0
+INACTIVE_S = 10.0  # a station that has been silent for longer is not heard
+MAX_OUTPUT_LETTERS = 1024 * 1024
+
+LOG = logging.getLogger("mocha_link")
+
+_STATION = re.compile(r"Station ((?:[0-9a-f]{2}:){5}[0-9a-f]{2})\b", re.IGNORECASE)
+_SIGNAL = re.compile(r"\s*(signal(?: avg)?):\s*(-?\d{1,4}) (?:\[[-\d, ]{0,80}\] )?dBm\b")
+_INACTIVE = re.compile(r"\s*inactive time:\s*(\d{1,15}) ms\b")
+
+
+@dataclass(slots=True)
+class _Station:
+    signal: float | None = None
+    signal_avg: float | None = None
+    inactive_s: float | None = None
+
+    def take(self, line: str) -> None:
+        """Take a line in; only the first of a kind: those of single links come behind it."""
+        if match := _SIGNAL.match(line):
+            if match[1] == "signal" and self.signal is None:
+                self.signal = float(match[2])
+            elif match[1] == "signal avg" and self.signal_avg is None:
+                self.signal_avg = float(match[2])
+        elif (match := _INACTIVE.match(line)) and self.inactive_s is None:
+            self.inactive_s = int(match[1]) / 1000
+
+    def reading(self) -> Reading | None:
+        """How the station is heard."""
+        value = self.signal if self.signal_avg is None else self.signal_avg
+        if value is None or (self.inactive_s or 0) > INACTIVE_S:
+            return None
+        try:
+            return Reading(value, Unit.DBM, "wifi")
+        except RadioError:  # no power that a radio can receive
+            return None
+
+
+def parse_station_dump(text: str) -> dict[str, Reading]:
+    """The stations that are heard, by MAC address, from ``iw dev INTERFACE station dump``.
+
+    The average signal where the driver has one, else that of the last frame. Lines that are not
+    about that are left out, and so are stations that have been silent for 10 s.
+    """
+    stations: dict[str, _Station] = {}
+    station = _Station()
+    for line in text[:MAX_OUTPUT_LETTERS].splitlines():
+        if match := _STATION.match(line):
+            station = stations.setdefault(match[1].lower(), _Station())
+        else:
+            station.take(line)
+    readings = {mac: station.reading() for mac, station in stations.items()}
+    return {mac: reading for mac, reading in readings.items() if reading}
+
+
+class WifiRadio:
+    """Asks `iw` about an interface (``wifi://wlan0``) once a second.
+
+    Args:
+        url: Which interface; it may come up later.
+        peers: The robots by the MAC addresses of their radios, in lower case.
+        poll_s: How often, in real seconds.
+        command: What to run in place of `iw`.
+    """
+
+    def __init__(
+        self,
+        url: RadioUrl,
+        peers: Mapping[str, str],
+        *,
+        poll_s: float = POLL_S,
+        command: tuple[str, ...] = ("iw",),
+    ) -> None:
+        self._command = (*command, "dev", url.host, "station", "dump")
+        self._peers = peers
+        self._poll_s = poll_s
+        self._desk = Desk()
+        self._worker = Worker()
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[str] | None = None
+        self._closed = False
+        self._complaint = ""
+
+    def start(self, report: Report) -> None:
+        """Begin to ask. Raises RadioError if `iw` is not installed."""
+        if shutil.which(self._command[0]) is None:
+            raise RadioError(f"no program {self._command[0]}; install it (Debian/Ubuntu: iw)")
+        self._worker.start(lambda stopped: self._watch(stopped, report))
+
+    def close(self) -> None:
+        """Stop asking."""
+        with self._lock:
+            self._closed = True
+            if self._process:
+                self._process.kill()
+        self._worker.close()
+
+    def _watch(self, stopped: socket.socket, report: Report) -> None:
+        heard: set[str] = set()
+        while True:
+            readings = self._readings()
+            for peer in sorted(readings.keys() | heard):
+                self._desk.pass_on(report, peer, readings.get(peer))
+            heard = set(readings)
+            if pause(stopped, self._poll_s):
+                return
+
+    def _readings(self) -> dict[str, Reading]:
+        try:
+            stations = parse_station_dump(self._ask())
+        except RadioError as error:
+            if str(error) != self._complaint:  # once, not every second
+                LOG.warning("%s", error)
+            self._complaint = str(error)
+            return {}
+        self._complaint = ""
+        readings: dict[str, Reading] = {}
+        for mac, reading in stations.items():
+            peer = self._peers.get(mac)
+            if peer and (peer not in readings or reading.value > readings[peer].value):
+                readings[peer] = reading  # the better one of a robot with several radios
+        return readings
+
+    def _ask(self) -> str:
+        """What `iw` says; nothing if it has no answer now. Raises RadioError if it cannot run."""
+        with self._lock:
+            if self._closed:
+                return ""
+            try:
+                process = self._process = subprocess.Popen(  # noqa: S603 - a fixed command
+                    self._command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                    text=True,
+                    errors="replace",
+                )
+            except OSError as error:
+                raise RadioError(f"cannot run {self._command[0]}: {error.strerror}") from None
+        with process:
+            try:
+                output, complaint = process.communicate(timeout=TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                output, complaint = process.communicate()
+        if process.returncode > 0:
+            text = " ".join(self._command)
+            LOG.debug("%s: %s", text, complaint.strip())
+        return output
