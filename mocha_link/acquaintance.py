@@ -1,0 +1,97 @@
+"""What a node remembers of a peer from contact to contact, as long as both keep running."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mocha_link.header import WRAP_MS
+from mocha_link.sync import STAMP_MASK, long_id
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from mocha_link.database import Record
+
+BEGUN_BYTES = 64 * 1024 * 1024
+
+
+class Acquaintance:
+    """What one peer is known to hold, and the messages that it has got a part of.
+
+    Nothing here is needed for messages to arrive: it spares sending what the peer has, and lets a
+    message that was begun be finished though a newer one has replaced it.
+
+    Args:
+        run: a random u64 of our process. The peer forgets what it remembers of us when it changes.
+        history: as the database has it: how many versions of a topic are kept.
+    """
+
+    def __init__(self, run: int, history: Callable[[int, int], int] | None = None) -> None:
+        self.run = run
+        self._history = history
+        self._peer_run: int | None = None
+        self._held: dict[int, tuple[int, ...]] = {}  # by topic key: stamps, newest first
+        self._begun: dict[int, Record] = {}
+        self._begun_bytes = 0
+
+    def met(self, run: int) -> None:
+        """The peer says which run of it is speaking."""
+        if run != self._peer_run:
+            self._held.clear()
+            self._peer_run = run
+
+    def forget(self) -> None:
+        """The peer says all that it holds: what it said before is nothing."""
+        self._held.clear()
+
+    def holds(self, long: int) -> None:
+        """The peer holds a message."""
+        key, stamp_ms = long >> 48, long & STAMP_MASK
+        held = self._held.get(key)
+        if held is None:
+            self._held[key] = (stamp_ms,)
+        elif stamp_ms not in held:
+            stamps = sorted((*held, stamp_ms), reverse=True)
+            self._held[key] = tuple(stamps[: self._depth(key)])
+
+    def lacks(self, record: Record, long: int) -> bool:
+        """Whether the peer may want a message, as far as is known."""
+        key, stamp_ms = long >> 48, record.stamp_ms
+        held = self._held.get(key)
+        if held is None:
+            return True
+        if stamp_ms in held:
+            return False
+        if record.inferred:  # others may have inferred another one
+            return all((other - stamp_ms) % WRAP_MS for other in held)
+        return held[-1] < stamp_ms or len(held) < self._depth(key)
+
+    def begin(self, long: int, record: Record) -> None:
+        """A part of a message has been given out."""
+        if long in self._begun:
+            return
+        self._begun[long] = record
+        self._begun_bytes += len(record.body)
+        while self._begun_bytes > BEGUN_BYTES and len(self._begun) > 1:
+            self._end(next(iter(self._begun)))
+
+    def begun(self, long: int) -> Record | None:
+        """A message of which a part was given out earlier."""
+        return self._begun.get(long)
+
+    def end(self, kept: Iterable[int] = ()) -> None:
+        """Let go what was begun, but for those."""
+        for long in set(self._begun).difference(kept):
+            self._end(long)
+
+    def _end(self, long: int) -> None:
+        self._begun_bytes -= len(self._begun.pop(long).body)
+
+    def _depth(self, key: int) -> int:
+        return self._history(key >> 8, key & 0xFF) if self._history else 1
+
+
+def record_id(record: Record) -> int:
+    """The long id of a record."""
+    header = record.header
+    return long_id(header.robot_id, header.topic_id, record.stamp_ms)

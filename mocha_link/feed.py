@@ -1,0 +1,286 @@
+"""The serving side of a sync between new nodes: one pull of one peer. No sockets here."""
+
+from __future__ import annotations
+
+from bisect import insort
+from typing import TYPE_CHECKING
+
+from mocha_link import sync
+from mocha_link.acquaintance import Acquaintance, record_id
+from mocha_link.header import Header
+from mocha_link.sync import Digest, Have, Since
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from mocha_link.database import Database, Record
+    from mocha_link.shelf import Range
+
+MIN_ROOM = 300
+_MIN_PIECE = 64  # a smaller one is not worth its head
+# What would take less than this share of a frame is left for the next one rather than cut in two.
+_SMALL_SHARE = 4
+_BEGUN = 1 << 64  # in a rank
+
+
+class Feed:
+    """Gives one peer what it lacks, the most urgent first, in frames of any size.
+
+    Looks into the database before every frame, so what is stored meanwhile joins in. Order:
+    priority, then what was begun, then the newest. Make one per pull.
+
+    Attributes:
+        over: the peer has said that it is.
+        done: all has been given out.
+        messages: that were given out to the end.
+        bytes: of all frames.
+    """
+
+    def __init__(self, database: Database, peer: Acquaintance) -> None:
+        self.over = False
+        self.done = False
+        self.messages = 0
+        self.bytes = 0
+        self._database = database
+        self._peer = peer
+        self._letters = sync.Letters(sync.OPEN, sync.ANSWER, sync.END)
+        self._round = -1
+        self._outbox: list[tuple[int, bytes, int]] = []  # kind, content, offset of what is left
+        self._budget = 0
+        self._unknown = False  # we cannot say what is new since what the peer knows
+        self._asked: frozenset[int] = frozenset()  # robots whose groups the peer is to answer
+        self._queue: list[int] = []  # ranks, the most urgent last
+        self._records: dict[int, Record] = {}  # by rank
+        self._missing: dict[int, list[Range]] = {}  # of what was begun, by long id
+        self._given: set[int] = set()
+        self._sequence = self._opened_at = 0
+        self._number = 0
+
+    def receive(self, frame: sync.Frame) -> None:
+        """Take in a frame of the peer. Raises FrameError."""
+        letter = self._letters.take(frame)
+        if letter is None or self.over:
+            return
+        if letter.kind == sync.OPEN:
+            self._open(letter.round, sync.Open.decode(letter.content))
+        elif letter.kind == sync.END:
+            self.over = True
+            self._peer.end()
+        elif letter.round == self._round:
+            self._answer(sync.decode_answers(letter.content))
+
+    def next(self, room: int, prefix: bytes = b"") -> bytes | None:
+        """The next frame, of at most `room` bytes (at least MIN_ROOM) with `prefix` before it.
+
+        None: nothing to say now.
+        """
+        room -= len(prefix)
+        if self.over or self._round < 0:
+            return None
+        if self._outbox:
+            return prefix + self._letter(room)
+        if self.done:
+            return None
+        if self._database.sequence != self._sequence and not self._unknown:
+            self._poll()
+        left = room
+        if self._budget:
+            left = min(room, self._budget - self.bytes - sync.DONE_BYTES)
+        frame = self._chunks(left, prefix) if self._queue else None
+        if frame is not None:
+            self.bytes += len(frame) - len(prefix)
+            return frame
+        if self._queue or not (self._unknown or self._asked):
+            self._end()
+            return prefix + self._letter(room)
+        return None
+
+    def _open(self, round_: int, opening: sync.Open) -> None:
+        self._round = round_
+        self._budget = opening.budget
+        self.done = self._unknown = False
+        self._asked = frozenset()
+        self._queue.clear()
+        self._records.clear()
+        self._missing.clear()
+        self._given.clear()
+        self._outbox.clear()
+        self._peer.met(opening.run)
+        self._sequence = self._opened_at = self._database.sequence  # before looking at what it has
+        groups: list[tuple[int, tuple[int, ...]]] = []
+        new: Iterable[Record] = ()
+        match opening.knowledge:
+            case Since(epoch, sequence, longs):
+                self._note(longs)
+                if self._database.remembers(epoch, sequence):
+                    new = self._database.since(sequence)
+                else:
+                    self._unknown = True
+            case Have(longs):
+                self._peer.forget()
+                self._note(longs)
+                new = self._database.kept()
+            case Digest(digests):
+                self._peer.forget()
+                new, groups = self._compare(digests)
+        hello = sync.Hello(self._database.epoch, self._unknown)
+        self._outbox.append((sync.HELLO, hello.encode(), 0))
+        if groups:
+            self._asked = frozenset(robot_id for robot_id, _ in groups)
+            self._outbox.append((sync.GROUPS, sync.encode_groups(groups), 0))
+        self._resume(opening.wishes)
+        self._enqueue(new)
+
+    def _note(self, longs: Iterable[int]) -> None:
+        for long in longs:
+            self._peer.holds(long)
+
+    def _compare(
+        self, digests: dict[int, int]
+    ) -> tuple[list[Record], list[tuple[int, tuple[int, ...]]]]:
+        """What the peer certainly lacks, and the group digests of what differs otherwise."""
+        ours = self._database.digests()
+        absent = ours.keys() - digests.keys()
+        differing = [each for each in ours.keys() & digests.keys() if ours[each] != digests[each]]
+        new = []
+        if absent:
+            new = [each for each in self._database.kept() if each.header.robot_id in absent]
+        return new, [(each, self._database.group_digests(each)) for each in sorted(differing)]
+
+    def _answer(self, answers: Iterable[sync.Answer]) -> None:
+        if not self._asked:
+            return
+        for _, _, longs in answers:
+            self._note(longs)
+        for robot_id, groups, _ in answers:
+            if robot_id in self._asked:
+                for group in range(sync.GROUP_COUNT):
+                    if groups >> group & 1:
+                        self._enqueue(self._database.headers_in(robot_id, group))
+        self._asked = frozenset()
+
+    def _resume(self, wishes: Iterable[sync.Wish]) -> None:
+        begun = []
+        for long, total, missing in wishes:
+            record = self._peer.begun(long)
+            if record is None:
+                header = Header.at(long >> 56, long >> 48 & 0xFF, long & sync.STAMP_MASK)
+                record = self._database.get(header)
+            if record and len(record.body) == total and record_id(record) == long:
+                begun.append(long)
+                self._peer.begin(long, record)
+                self._missing[long] = missing[::-1]
+                self._push(_rank(long, record.priority, begun=True), record)
+        self._peer.end(begun)
+
+    def _poll(self) -> None:
+        sequence = self._database.sequence
+        self._enqueue(self._database.since(self._sequence))
+        self._sequence = sequence
+
+    def _enqueue(self, records: Iterable[Record]) -> None:
+        lacks, queue, waiting = self._peer.lacks, self._queue, len(self._queue)
+        for record in records:
+            long = record_id(record)
+            if long in self._missing or long in self._given or not lacks(record, long):
+                continue
+            rank = _rank(long, record.priority, begun=False)
+            if rank not in self._records:
+                self._records[rank] = record
+                queue.append(rank)
+        if len(queue) > waiting:
+            queue.sort()
+
+    def _push(self, rank: int, record: Record) -> None:
+        insort(self._queue, rank)
+        self._records[rank] = record
+
+    def _letter(self, room: int) -> bytes:
+        """The next part of the first letter that waits."""
+        kind, content, offset = self._outbox.pop(0)
+        frame = sync.letter_frame(kind, self._round, content, offset, room)
+        offset += len(frame) - sync.LETTER_BYTES
+        if offset < len(content):
+            self._outbox.insert(0, (kind, content, offset))
+        self.bytes += len(frame)
+        return frame
+
+    def _end(self) -> None:
+        cut_short = bool(self._queue)
+        done = sync.Done(self._database.epoch, self._sequence, self._number, cut_short)
+        self.done = True
+        self._outbox.append((sync.DONE, done.encode(), 0))
+
+    def _chunks(self, room: int, prefix: bytes) -> bytes | None:
+        """As much of the queue as fits; None if nothing does."""
+        room -= sync.CHUNKS_BYTES
+        most = room
+        wholes: list[bytes] = []
+        pieces: list[bytes] = []
+        data: list[sync.Frame] = []
+        tail: list[sync.Frame] = []
+        while self._queue and len(wholes) < sync.MAX_CHUNKS:
+            rank = self._queue[-1]
+            record = self._records[rank]
+            body = record.body
+            long = (rank & 0xFFFF) << 48 | rank >> 16 & sync.STAMP_MASK
+            if not rank & _BEGUN:
+                if self._sequence != self._opened_at and self._replaced(record):
+                    self._pop()
+                    continue
+                needed = sync.WHOLE.size + len(body)
+                if needed <= room:
+                    self._pop()
+                    wholes.append(sync.WHOLE.pack(long, len(body)))
+                    data.append(body)
+                    room -= needed
+                    self._finish(long)
+                    continue
+                if needed <= most // _SMALL_SHARE:
+                    break
+            if room < sync.PIECE.size + _MIN_PIECE or len(pieces) == sync.MAX_CHUNKS:
+                break
+            room -= self._piece(long, record, room, pieces, tail)
+        if not wholes and not pieces:
+            return None
+        number = self._number
+        self._number += 1
+        return sync.chunks_frame(number, wholes, pieces, data + tail, prefix)
+
+    def _piece(
+        self, long: int, record: Record, room: int, pieces: list[bytes], data: list[sync.Frame]
+    ) -> int:
+        """Take a piece of the first message in the queue; the room that it uses."""
+        total = len(record.body)
+        missing = self._missing.get(long)
+        if missing is None:
+            missing = self._missing[long] = [(0, total)]
+            self._peer.begin(long, record)
+            self._pop()
+            self._push(_rank(long, record.priority, begun=True), record)
+        start, end = missing.pop()
+        size = min(end - start, room - sync.PIECE.size)
+        pieces.append(sync.PIECE.pack(long, total, start, size))
+        data.append(memoryview(record.body)[start : start + size])
+        if start + size < end:
+            missing.append((start + size, end))
+        elif not missing:
+            del self._missing[long]
+            self._pop()
+            self._finish(long)
+        return sync.PIECE.size + size
+
+    def _pop(self) -> None:
+        del self._records[self._queue.pop()]
+
+    def _finish(self, long: int) -> None:
+        self._given.add(long)
+        self.messages += 1
+
+    def _replaced(self, record: Record) -> bool:
+        return self._database.get(record.header) is None
+
+
+def _rank(long: int, priority: int, *, begun: bool) -> int:
+    """Sorts by urgency; holds the long id."""
+    return (priority << 1 | begun) << 64 | (long & sync.STAMP_MASK) << 16 | long >> 48

@@ -1,0 +1,303 @@
+"""The asking side of a sync between new nodes: one pull from one peer. No sockets here."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from mocha_link import payload, sync
+from mocha_link.acquaintance import record_id
+from mocha_link.database import Knowledge, Record
+from mocha_link.header import UNSAFE_MS, WRAP_MS, Header
+from mocha_link.metrics import MessageStored
+from mocha_link.payload import STAMPS_MS, PayloadError
+from mocha_link.step import Step
+from mocha_link.sync import Digest, FrameError, Have, Since, Wish
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mocha_link.acquaintance import Acquaintance
+    from mocha_link.clock import Instant
+    from mocha_link.database import Database
+    from mocha_link.payload import Trailer
+    from mocha_link.shelf import Shelf
+    from mocha_link.team import Robot, Team, Topic
+
+    Verify = Callable[[Header, bytes, Trailer | None], None]
+
+ROOM = 65_536
+MAX_LISTED = 512  # long ids in an OPEN; beyond that digests are shorter
+SPARE_BYTES = 32_768  # what may come twice rather than cost another round trip
+_REPAIRS = 2  # rounds that only ask again for what was damaged
+_MAX_AHEAD = 65_536
+
+
+class Intake:
+    """Takes in what one peer gives us. Make one per pull; it is `over` when all is said.
+
+    Args:
+        peer: its name.
+        team: whose robots and topics are accepted.
+        database: where messages go.
+        shelf: where parts of messages wait for the rest; one for all peers.
+        acquaintance: what is remembered of this peer.
+        verify: raises PayloadError for a message that this peer may not hand us.
+        budget: bytes of frames that the peer may send; 0: no limit.
+        room: the largest frame that we may send.
+
+    Attributes:
+        complete: everything that the peer had has come in.
+        messages: that were stored.
+        bytes: of the frames that came in.
+    """
+
+    def __init__(  # noqa: PLR0913 - all it needs to know, once
+        self,
+        peer: str,
+        *,
+        team: Team,
+        database: Database,
+        shelf: Shelf,
+        acquaintance: Acquaintance,
+        verify: Verify | None = None,
+        budget: int = 0,
+        room: int = ROOM,
+    ) -> None:
+        self.peer = peer
+        self.over = False
+        self.complete = False
+        self.messages = 0
+        self.bytes = 0
+        self._team = team
+        self._database = database
+        self._shelf = shelf
+        self._acquaintance = acquaintance
+        self._verify = verify
+        self._budget = budget
+        self._room = room
+        self._topics: dict[int, tuple[Robot, Topic] | None] = {}
+        self._letters = sync.Letters(sync.HELLO, sync.GROUPS, sync.DONE)
+        self._round = 0
+        self._repairs = 0
+        self._now_s = 0.0
+        self._next = 0  # frames of chunks: all below it have come, and those
+        self._ahead: set[int] = set()
+        self._damaged = 0  # frames
+        self._done: sync.Done | None = None
+        self._begun: dict[int, int] = {}  # parts that came in this pull: long id -> size
+        self._failures: Counter[int] = Counter()
+        self._flawed = False  # this round left something out that may be asked for again
+
+    def open(self, now: Instant) -> Step:
+        """Begin: say what we have."""
+        self._now_s = now.unix_s
+        return Step(frames=self._opening(self._knowledge()))
+
+    def receive(self, frame: sync.Frame, now: Instant) -> Step:
+        """Take in a frame of the peer; a bad one is refused."""
+        step = Step()
+        if self.over:
+            return step
+        self.bytes += len(frame)
+        self._now_s = now.unix_s
+        try:
+            if len(frame) and frame[0] == sync.CHUNKS:
+                self._chunks(frame, now, step)
+            else:
+                self._letter(frame, step)
+        except FrameError as error:
+            step.refusals.append(str(error))
+            self._damaged += 1
+            self._flawed = True
+        done = self._done
+        if done and self._next + len(self._ahead) + self._damaged >= done.frames:
+            self._finish(done, step)
+        return step
+
+    def _opening(self, knowledge: Since | Have | Digest) -> list[bytes]:
+        opening = sync.Open(self._acquaintance.run, self._budget, knowledge, self._wishes())
+        return sync.letter_frames(sync.OPEN, self._round, opening.encode(), self._room)
+
+    def _knowledge(self) -> Since | Have | Digest:
+        known = self._database.knowledge(self.peer)
+        if known is None:
+            return self._all()
+        stored = self._database.since(known.own_sequence)
+        if len(stored) > MAX_LISTED:
+            stored.sort(key=lambda record: len(record.body), reverse=True)
+            if sum(len(record.body) for record in stored[MAX_LISTED:]) > SPARE_BYTES:
+                return self._all()
+        longs = [record_id(record) for record in stored[:MAX_LISTED]]
+        return Since(known.epoch, known.sequence, longs)
+
+    def _all(self) -> Have | Digest:
+        kept = self._database.kept()
+        if len(kept) <= MAX_LISTED:
+            return Have([record_id(record) for record in kept])
+        return Digest(self._database.digests())
+
+    def _wishes(self) -> list[Wish]:
+        wishes: list[Wish] = []
+        for long, partial in list(self._shelf):
+            if not self._wants(long):
+                self._shelf.drop(long)
+            elif len(wishes) < sync.MAX_PARTIALS:
+                wishes.append(Wish(long, partial.total, partial.missing()))
+        return wishes
+
+    def _wants(self, long: int) -> bool:
+        return self._database.wants_stamp(long >> 56, long >> 48 & 0xFF, long & sync.STAMP_MASK)
+
+    def _letter(self, frame: sync.Frame, step: Step) -> None:
+        letter = self._letters.take(frame)
+        if letter is None or letter.round != self._round:
+            return
+        if letter.kind == sync.HELLO:
+            if sync.Hello.decode(letter.content).unknown and self._round + 1 < sync.ROUNDS:
+                self._round += 1
+                self._flawed = False
+                step.frames += self._opening(self._all())
+        elif letter.kind == sync.GROUPS:
+            answers = [self._answer(*each) for each in sync.decode_groups(letter.content)]
+            content = sync.encode_answers(answers)
+            step.frames += sync.letter_frames(sync.ANSWER, self._round, content, self._room)
+        else:
+            self._done = sync.Done.decode(letter.content)
+
+    def _answer(self, robot_id: int, digests: tuple[int, ...]) -> sync.Answer:
+        groups = 0
+        longs = []
+        for group, ours in enumerate(self._database.group_digests(robot_id)):
+            if ours != digests[group]:
+                groups |= 1 << group
+                longs += [record_id(r) for r in self._database.headers_in(robot_id, group)]
+        return sync.Answer(robot_id, groups, longs)
+
+    def _chunks(self, frame: sync.Frame, now: Instant, step: Step) -> None:
+        chunks = sync.read_chunks(frame)
+        number = chunks.number
+        if number < self._next or number in self._ahead:
+            return
+        if number == self._next:
+            self._next += 1
+            while self._next in self._ahead:
+                self._ahead.remove(self._next)
+                self._next += 1
+        elif len(self._ahead) < _MAX_AHEAD:
+            self._ahead.add(number)
+        else:
+            raise FrameError("a frame far ahead of the others")
+        data, at = chunks.data, 0
+        for long, size in chunks.wholes:
+            end = at + size
+            self._message(long, bytes(data[at:end]), now, step)
+            at = end
+        for piece in chunks.pieces:
+            end = at + piece[-1]
+            self._piece(piece, data[at:end], now, step)
+            at = end
+
+    def _piece(
+        self, piece: tuple[int, int, int, int], data: memoryview, now: Instant, step: Step
+    ) -> None:
+        long, total, offset, _ = piece
+        if self._topic(long) is None:
+            step.refusals.append(_unknown(long))
+            return
+        if not self._wants(long):  # another peer has brought it, or a newer one
+            self._begun.pop(long, None)
+            return
+        body = self._shelf.add(long, total, offset, data)
+        if body is None:
+            self._begun[long] = total
+        else:
+            self._begun.pop(long, None)
+            self._message(long, body, now, step)
+
+    def _message(self, long: int, body: bytes, now: Instant, step: Step) -> None:
+        known = self._topic(long)
+        if known is None:
+            step.refusals.append(_unknown(long))
+            return
+        robot, topic = known
+        stamp_ms = long & sync.STAMP_MASK
+        try:
+            trailer = _proven(body, topic, stamp_ms)
+        except PayloadError as error:  # damaged on its way, perhaps
+            step.refusals.append(f"message {long:016x}: {error}")
+            self._failures[long] += 1
+            self._flawed = True
+            return
+        header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
+        self._acquaintance.holds(long)
+        try:
+            _check_type(body, topic)
+            if self._verify:
+                self._verify(header, body, trailer)
+        except PayloadError as error:  # intact, so it will not be another one next time
+            step.refusals.append(f"message {long:016x}: {error}")
+            return
+        record = Record(header, topic.priority, body, stamp_ms, now.unix_s, trailer is None)
+        if self._database.insert(record, now.unix_s):
+            self.messages += 1
+            step.events.append(
+                MessageStored(self.peer, now.unix_s, robot.name, topic.name, header, len(body))
+            )
+        if len(self._shelf):
+            self._shelf.drop(long)
+
+    def _topic(self, long: int) -> tuple[Robot, Topic] | None:
+        """Whose message it is and of what; None if it must not be taken."""
+        key, stamp_ms = long >> 48, long & sync.STAMP_MASK
+        try:
+            known = self._topics[key]
+        except KeyError:
+            known = self._topics[key] = self._team.by_ids(key >> 8, key & 0xFF)
+        if stamp_ms >= STAMPS_MS or stamp_ms % WRAP_MS <= UNSAFE_MS:
+            return None
+        return known
+
+    def _finish(self, done: sync.Done, step: Step) -> None:
+        missing = [long for long in self._begun if self._wants(long)]
+        hopeless = any(count > 1 for count in self._failures.values())
+        flawed = self._flawed or bool(missing)
+        if flawed and not done.cut_short and not hopeless and self._repairs < _REPAIRS:
+            self._repairs += 1
+            self._round += 1
+            self._done = None
+            self._flawed = False
+            step.frames += self._opening(self._knowledge())
+            return
+        self.over = True
+        self.complete = not (flawed or done.cut_short)
+        if self.complete:
+            self._learn(done)
+        step.frames += sync.letter_frames(sync.END, self._round, b"", self._room)
+
+    def _learn(self, done: sync.Done) -> None:
+        knowledge = Knowledge(done.epoch, done.sequence, self._database.sequence)
+        if knowledge != self._database.knowledge(self.peer):
+            self._database.learn(self.peer, knowledge)
+
+
+def _unknown(long: int) -> str:
+    return f"message {long:016x}: no such robot or topic in the team, or an impossible time"
+
+
+def _proven(body: bytes, topic: Topic, stamp_ms: int) -> Trailer | None:
+    """The trailer of a body that is as its maker made it, as far as can be told."""
+    trailer = payload.check(body)
+    if trailer is None:
+        _check_type(body, topic)
+    elif trailer.stamp_ms != stamp_ms:
+        raise PayloadError(f"of time {trailer.stamp_ms} ms, said to be of {stamp_ms} ms")
+    return trailer
+
+
+def _check_type(body: bytes, topic: Topic) -> None:
+    if body[0] != topic.dtype:
+        raise PayloadError(
+            f"type id {body[0]}, but {topic.name} is {topic.type} ({topic.dtype}) here; "
+            "use the same team file everywhere"
+        )

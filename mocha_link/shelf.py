@@ -1,0 +1,137 @@
+"""Messages that have arrived in part, kept until the rest comes: in this contact or a later one.
+
+Everything here grows with the bytes that came in, never with what a peer announces.
+"""
+
+from __future__ import annotations
+
+import itertools
+from bisect import bisect_right
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+MAX_RANGES = 16  # missing ranges that are asked for; more are taken together
+
+_LIMIT_BYTES = 128 * 1024 * 1024
+_SEGMENT_COST = 200  # what Python takes for a segment and for an entry, in bytes, roughly
+_ENTRY_COST = 600
+
+Range = tuple[int, int]
+"""First byte and the one behind the last."""
+
+
+class Partial:
+    """Some bytes of a whole of `total`, from pieces in any order, repeated or overlapping."""
+
+    __slots__ = ("_segments", "_starts", "held", "total")
+
+    def __init__(self, total: int) -> None:
+        self.total = total
+        self.held = 0
+        self._starts: list[int] = []
+        self._segments: list[bytearray] = []
+
+    @property
+    def cost(self) -> int:
+        """The memory that it takes, about."""
+        return self.held + _ENTRY_COST + _SEGMENT_COST * len(self._segments)
+
+    def add(self, offset: int, data: memoryview) -> None:
+        """Take in a piece, which must lie within the whole."""
+        starts, segments = self._starts, self._segments
+        end = offset + len(data)
+        place = bisect_right(starts, offset)  # of the first segment behind the offset
+        while offset < end:
+            before_end = starts[place - 1] + len(segments[place - 1]) if place else -1
+            if before_end > offset:
+                data = data[before_end - offset :]
+                offset = before_end
+                continue
+            upto = min(end, starts[place]) if place < len(starts) else end
+            count = upto - offset
+            if count:
+                if before_end == offset:
+                    segments[place - 1] += data[:count]
+                else:
+                    starts.insert(place, offset)
+                    segments.insert(place, bytearray(data[:count]))
+                    place += 1
+                self.held += count
+                data = data[count:]
+                offset = upto
+            else:
+                place += 1
+
+    def whole(self) -> bytes | None:
+        """All of it, if nothing is missing."""
+        return b"".join(self._segments) if self.held == self.total else None
+
+    def missing(self, limit: int = MAX_RANGES) -> list[Range]:
+        """What has not come. Of more than `limit` ranges the closest are taken together."""
+        gaps: list[Range] = []
+        at = 0
+        for start, segment in zip(self._starts, self._segments, strict=True):
+            if start > at:
+                gaps.append((at, start))
+            at = start + len(segment)
+        if at < self.total:
+            gaps.append((at, self.total))
+        if len(gaps) <= limit:
+            return gaps
+        between = range(1, len(gaps))
+        widest = sorted(between, key=lambda i: gaps[i][0] - gaps[i - 1][1])[-(limit - 1) :]
+        cuts = [0, *sorted(widest), len(gaps)]
+        return [(gaps[first][0], gaps[last - 1][1]) for first, last in itertools.pairwise(cuts)]
+
+
+class Shelf:
+    """The partial messages of a node, whichever peers they came from.
+
+    A message is known by its long id (`sync.long_id`) and the size of its body. The ones that have
+    not grown for longest go when all take more than `limit` bytes.
+    """
+
+    def __init__(self, limit: int = _LIMIT_BYTES) -> None:
+        self._limit = limit
+        self._partials: dict[tuple[int, int], Partial] = {}  # the latest grown last
+        self._cost = 0
+
+    def __len__(self) -> int:
+        return len(self._partials)
+
+    @property
+    def cost(self) -> int:
+        """The memory that all take, about."""
+        return self._cost
+
+    def __iter__(self) -> Iterator[tuple[int, Partial]]:
+        """Long ids and what there is of them, those of which most is there first."""
+        found = sorted(self._partials.items(), key=lambda item: -item[1].held)
+        return iter([(key[0], partial) for key, partial in found])
+
+    def add(self, long: int, total: int, offset: int, data: memoryview) -> bytes | None:
+        """Take in a piece within `total`; the whole body if it is complete, which then goes."""
+        key = (long, total)
+        partial = self._partials.pop(key, None)
+        if partial is None:
+            partial = Partial(total)
+        else:
+            self._cost -= partial.cost
+        partial.add(offset, data)
+        if partial.held == total:
+            return partial.whole()
+        self._partials[key] = partial
+        self._cost += partial.cost
+        while self._cost > self._limit:
+            self._drop(next(iter(self._partials)))
+        return None
+
+    def drop(self, long: int) -> None:
+        """Forget a message, of whatever size."""
+        for key in [key for key in self._partials if key[0] == long]:
+            self._drop(key)
+
+    def _drop(self, key: tuple[int, int]) -> None:
+        self._cost -= self._partials.pop(key).cost

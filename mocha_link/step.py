@@ -1,0 +1,16 @@
+"""What a session wants done after something came in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from mocha_link.metrics import LinkEvent
+
+
+@dataclass(slots=True)
+class Step:
+    """Frames to send, events to tell, refusals to count."""
+
+    frames: list[bytes] = field(default_factory=list)
+    events: list[LinkEvent] = field(default_factory=list)
+    refusals: list[str] = field(default_factory=list)
