@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mocha_link import keys
 from mocha_link.complaint import as_label
-from mocha_link.document import Document
+from mocha_link.document import Document, DocumentError
 from mocha_link.errors import MochaLinkError
 from mocha_link.keys import KeyMismatchError, SecretKey
 from mocha_link.team import Robot, Team
@@ -148,7 +148,8 @@ def with_keys(text: str, path: Path, public: Mapping[str, str]) -> str:
         flow = _FLOW.match(text, offset(document.place("robots", name)))
         if "key" in values:
             start = offset(document.place("robots", name, "key"))
-            end = (_FLOW_VALUE if flow else _BLOCK_VALUE).match(text, start).end()  # type: ignore[union-attr]
+            written = (_FLOW_VALUE if flow else _BLOCK_VALUE).match(text, start)
+            end = written.end() if written else start
             edits.append((start, end, key if end > start else f" {key}"))
         else:
             place = document.place_of_key("robots", name, next(iter(values)))
@@ -157,7 +158,7 @@ def with_keys(text: str, path: Path, public: Mapping[str, str]) -> str:
         values["key"] = public[name]
     for start, end, new in sorted(edits, reverse=True):
         text = text[:start] + new + text[end:]
-    if Document.from_text(text, path).data != document.data:
+    if not _reads_as(text, path, document.data):
         raise TeamTextError(
             f"the robots in {path} are written in a way that keys cannot be added to; "
             "add the lines by hand that 'mocha-link keys --print' prints"
@@ -168,6 +169,13 @@ def with_keys(text: str, path: Path, public: Mapping[str, str]) -> str:
 def _lines_to_add(public: Mapping[str, str]) -> list[str]:
     robots = (f'  {name}:\n    key: "{key}"' for name, key in public.items())
     return ["robots:", *robots] if public else ["# every robot that can have a key has one"]
+
+
+def _reads_as(text: str, path: Path, data: Any) -> bool:
+    try:
+        return bool(Document.from_text(text, path).data == data)
+    except DocumentError:
+        return False
 
 
 def _robots(document: Document) -> dict[str, dict[str, Any]]:
