@@ -6,15 +6,21 @@ import pytest
 
 from mocha_link.header import Header
 from mocha_link.metrics import (
+    Contact,
+    ContactBegan,
+    ContactEnded,
     Direction,
     LinkBook,
     LinkState,
     MessageStored,
     RssiChanged,
+    StorageFailed,
+    StorageRecovered,
     SyncEnded,
     SyncStarted,
     SyncTimedOut,
 )
+from mocha_link.reading import Reading, Unit
 
 IN, OUT = Direction.IN, Direction.OUT
 
@@ -62,4 +68,112 @@ def test_own_messages_belong_to_no_link():
     book = LinkBook(("io",))
     before = book.links()
     book.note(MessageStored("titan", 1, "titan", "/map", Header(0, 0, 1, 0), 3))
+    assert book.links() == before
+
+
+def test_the_signal_keeps_its_unit_and_source():
+    book = LinkBook(("io",))
+    snr = Reading(14.0, Unit.SNR_DB, "silvus")
+    book.note(RssiChanged("io", 1, None, snr))
+    link = book.links()["io"]
+    assert (link.signal, link.rssi_dbm) == (snr, None)
+    book.note(RssiChanged("io", 2, -60.0))
+    link = book.links()["io"]
+    assert (link.signal, link.rssi_dbm) == (Reading(-60.0, Unit.DBM, "radio"), -60.0)
+    book.note(RssiChanged("io", 3, None))
+    assert book.links()["io"].signal is None
+
+
+def test_what_an_exchange_measured_stays():
+    book = LinkBook(("io",))
+    book.measure("io", path="udp", protected=True)
+    book.measure("io", rtt_s=0.1)
+    link = book.links()["io"]
+    assert (link.path, link.protected, link.rtt_s) == ("udp", True, 0.1)
+
+
+def test_ages_by_topic():
+    book = LinkBook(("io", "titan"))
+    links = book.links(5.0, {"io": {"/pose": 3.0, "/path": 1.5}, "mars": {"/x": 1.0}})
+    assert links["io"].topic_ages_s == {"/pose": 3.0, "/path": 1.5}
+    assert links["io"].newest_age_s == 1.5
+    assert links["titan"].topic_ages_s == {}
+    assert links["titan"].newest_age_s is None
+    assert hash(links["io"]) != hash(links["titan"])
+
+
+def stored(at_s):
+    return MessageStored("io", at_s, "io", "/pose", Header(0, 0, 1, 0), 3)
+
+
+def test_a_contact_of_the_radio():
+    book = LinkBook(("io",))
+    book.note(ContactBegan("io", 10, None))
+    assert book.links()["io"].contacts == (Contact(10, None, 0, 0, 0, 0, ""),)
+    book.note(SyncStarted("io", 10, IN))
+    book.count("io", bytes_in=500)
+    book.note(stored(11))
+    book.note(SyncEnded("io", 11, IN, 1, 500, 1.0))
+    book.note(SyncStarted("io", 12, OUT))
+    book.count("io", bytes_out=70)
+    book.note(SyncEnded("io", 12.5, OUT, 2, 70, 0.5))
+    book.note(SyncTimedOut("io", 13, OUT, "silence"))  # the radio says when it is over
+    assert book.links(500.0)["io"].contacts == (Contact(10, None, 1, 2, 500, 70, ""),)
+    book.note(ContactEnded("io", 14, 4, "too weak"))
+    link = book.links()["io"]
+    assert link.contacts == (Contact(10, 14, 1, 2, 500, 70, "too weak"),)
+    assert link.contacts_begun == 1
+
+
+def test_a_contact_without_a_radio():
+    book = LinkBook(("io",))
+    for number in range(3):  # tries that bring nothing are none
+        book.note(SyncStarted("io", number, IN))
+        assert book.links()["io"].contacts == ()
+        book.note(SyncTimedOut("io", number + 0.5, IN, "silence"))
+    assert book.links()["io"].contacts_begun == 0
+    for number in (10, 12):
+        book.note(SyncStarted("io", number, IN))
+        book.count("io", bytes_in=6)
+        book.note(SyncEnded("io", number + 0.5, IN, 0, 6, 0.5))
+    book.note(SyncStarted("io", 14, IN))
+    book.count("io", bytes_in=3)
+    book.note(SyncTimedOut("io", 19, IN, "silence"))
+    assert book.links()["io"].contacts == (Contact(10, 19, 0, 0, 15, 0, "timed out"),)
+
+
+def test_a_contact_that_becomes_quiet():
+    book = LinkBook(("io",))
+    book.note(SyncStarted("io", 10, OUT))
+    book.count("io", bytes_out=6)
+    book.note(SyncEnded("io", 11, OUT, 0, 6, 1.0))
+    assert book.links(20.9)["io"].contacts == (Contact(10, None, 0, 0, 0, 6, ""),)
+    book.count("io", bytes_out=5)
+    book.note(SyncStarted("io", 30, OUT))
+    assert book.links(60)["io"].contacts == (
+        Contact(10, 11, 0, 0, 0, 11, "quiet"),
+    )  # the second has brought nothing so far, and lasts as long as its sync
+    book.count("io", bytes_out=1)
+    book.note(SyncEnded("io", 60, OUT, 0, 6, 1.0))
+    assert book.links(61)["io"].contacts[1:] == (Contact(30, None, 0, 0, 0, 1, ""),)
+    assert book.links(61)["io"].contacts_begun == 2
+
+
+def test_the_history_is_bounded():
+    book = LinkBook(("io",))
+    for number in range(100):
+        book.note(ContactBegan("io", 2 * number, None))
+        book.note(ContactEnded("io", 2 * number + 1, 1, "too weak"))
+    book.note(ContactBegan("io", 999, None))
+    link = book.links()["io"]
+    assert len(link.contacts) == 32
+    assert link.contacts[-1].began_s == 999
+    assert link.contacts_begun == 101
+
+
+def test_the_disk_belongs_to_no_link():
+    book = LinkBook(("io",))
+    before = book.links()
+    book.note(StorageFailed("titan", 1, "the disk is full"))
+    book.note(StorageRecovered("titan", 2))
     assert book.links() == before

@@ -1,20 +1,90 @@
-"""Radio reports: what counts as one."""
+"""Radios: what counts as a report, and how it gets to the node."""
 
 from __future__ import annotations
 
 import contextlib
+import io
+import json
+import os
+import queue
+import socket
+import struct
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from mocha_link.radios import ManualRadio, RadioError, UdpRadio, parse_report
+from mocha_link.document import DocumentError
+from mocha_link.radios import (
+    ManualRadio,
+    MavlinkRadio,
+    RadioError,
+    RadioUrl,
+    RajantRadio,
+    Reading,
+    StdinRadio,
+    TcpRadio,
+    UdpRadio,
+    Unit,
+    WifiRadio,
+    as_dbm,
+    as_reading,
+    open_radio,
+    parse_report,
+)
+from mocha_link.radios.factory import peers_by_radio
+from mocha_link.radios.mavlink import parse_radio_status
+from mocha_link.radios.reports import MAX_LINE_BYTES, Lines
+from mocha_link.team import UnknownRobotError
+
+WAIT_S = 20
 
 
-def test_reports():
-    assert parse_report(b'{"peer": "io", "rssi_dbm": -61.5}') == ("io", -61.5)
-    assert parse_report(b'{"peer": "io", "rssi_dbm": -61, "snr_db": 9}') == ("io", -61.0)
-    assert parse_report(b'{"peer": "io", "rssi_dbm": null}') == ("io", None)
+class Heard:
+    """What a radio reports, for a test to wait for."""
+
+    def __init__(self):
+        self._reports = queue.SimpleQueue()
+
+    def __call__(self, peer, reading):
+        if peer == "mars":
+            raise UnknownRobotError(peer, ("io",), "among the clients")
+        self._reports.put((peer, reading))
+
+    def next(self):
+        return self._reports.get(timeout=WAIT_S)
+
+
+@pytest.fixture
+def heard():
+    return Heard()
+
+
+def dbm(value, source="radio"):
+    return Reading(value, Unit.DBM, source)
+
+
+# Reports.
+
+
+@pytest.mark.parametrize(
+    ("raw", "reading"),
+    [
+        (b'{"peer": "io", "rssi_dbm": -61.5}', dbm(-61.5)),
+        (b'{"peer": "io", "rssi_dbm": -61, "snr_db": 9}', dbm(-61.0)),
+        (b'{"peer": "io", "rssi_dbm": null, "snr_db": 9}', Reading(9.0, Unit.SNR_DB, "radio")),
+        (b'{"peer": "io", "device": 31, "source": "silvus"}', Reading(31.0, Unit.DEVICE, "silvus")),
+        (b'{"peer": "io", "rssi_dbm": null}', None),
+        (b"io -61.5\n", dbm(-61.5)),
+        (b"io -61 dBm", dbm(-61.0)),
+        (b"io 14 dB\r\n", Reading(14.0, Unit.SNR_DB, "radio")),
+        (b"  io 31 device", Reading(31.0, Unit.DEVICE, "radio")),
+        (b"io none", None),
+    ],
+)
+def test_reports(raw, reading):
+    assert parse_report(raw) == ("io", reading)
 
 
 @pytest.mark.parametrize(
@@ -30,7 +100,17 @@ def test_reports():
         b'{"peer": "io", "rssi_dbm": NaN}',
         b'{"peer": "io", "rssi_dbm": 1e300}',
         b'{"peer": "io", "rssi_dbm": ' + b"9" * 400 + b"}",
-        b"[" * 2000,
+        b'{"peer": "io", "rssi_dbm": ' + b"9" * 5000 + b"}",
+        b'{"peer": "io", "rssi_dbm": -50, "source": 3}',
+        b'{"peer": "io", "rssi_dbm": -50, "source": "a\\u001b[2J"}',
+        b'{"a":' * 2000,
+        b"\xff\xfe",
+        b"io",
+        b"io loud dBm",
+        b"io -61 furlongs",
+        b"io -61 dBm now",
+        b"io nan",
+        b"io 1e9 device",
     ],
 )
 def test_what_is_no_report(raw):
@@ -38,23 +118,193 @@ def test_what_is_no_report(raw):
         parse_report(raw)
 
 
-@settings(deadline=None, max_examples=100)
-@given(st.binary(max_size=80))
-def test_any_datagram_is_a_report_or_a_radio_error(raw):
+@settings(max_examples=200)
+@given(
+    st.one_of(
+        st.binary(max_size=80),
+        st.text(max_size=60).map(str.encode),
+        st.dictionaries(
+            st.sampled_from(["peer", "rssi_dbm", "snr_db", "device", "source"]),
+            st.none() | st.text(max_size=4) | st.floats() | st.integers() | st.booleans(),
+        ).map(lambda report: json.dumps(report).encode()),
+    )
+)
+def test_any_line_is_a_report_or_a_radio_error(raw):
     with contextlib.suppress(RadioError):
         parse_report(raw)
 
 
-@pytest.mark.parametrize("endpoint", ["", "udp://", "udp://:5", "tcp://a:5", "udp://a:99999"])
-def test_endpoints_that_are_none(endpoint):
+@settings(max_examples=100)
+@given(
+    st.lists(st.binary(max_size=60).map(lambda line: line.replace(b"\n", b"")), max_size=8),
+    st.lists(st.integers(1, 40), max_size=8),
+)
+def test_lines_are_the_same_however_they_are_cut(lines, sizes):
+    stream = b"\n".join(lines) + b"\n"
+    splitter, found = Lines(limit=50), []
+    for size in sizes:
+        found += splitter.feed(stream[:size])
+        stream = stream[size:]
+    found += splitter.feed(stream)
+    assert found == [line for line in lines if line.strip() and len(line) <= 50]
+    assert splitter.dropped == sum(len(line) > 50 for line in lines)
+
+
+def test_a_line_without_end_takes_no_memory():
+    lines = Lines(limit=50)
+    for _ in range(100):
+        assert lines.feed(b"x" * 40) == []
+    assert lines.feed(b"\nio -60\n") == [b"io -60"]
+    assert lines.dropped == 1
+
+
+# Readings.
+
+
+def test_bare_numbers_are_dbm():
+    assert as_reading(-60) == dbm(-60.0)
+    assert as_reading(None) is None
+    assert as_reading(Reading(3.0, Unit.DEVICE, "x")).unit is Unit.DEVICE
+    assert as_dbm(dbm(-60.0)) == -60.0
+    with pytest.raises(RadioError, match="no RSSI in dBm"):
+        as_dbm(Reading(3.0, Unit.DEVICE, "x"))
+    for value in ("-60", True, 1e9, float("nan"), 10**400):
+        with pytest.raises(RadioError):
+            as_reading(value)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "source"),
+    [
+        ("1", Unit.DBM, "x"),
+        (True, Unit.DBM, "x"),
+        (float("inf"), Unit.DEVICE, "x"),
+        (1001, Unit.SNR_DB, "x"),
+        (1, Unit.DBM, ""),
+        (1, Unit.DBM, "x" * 33),
+    ],
+)
+def test_readings_that_cannot_be(value, unit, source):
+    with pytest.raises(RadioError):
+        Reading(value, unit, source)
+
+
+def test_a_reading_shows_all_of_it():
+    assert str(Reading(-61.5, Unit.DBM, "wifi")) == "-61.5 dBm (wifi)"
+
+
+# URLs.
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "udp://127.0.0.1:5",
+        "tcp://0.0.0.0:5",
+        "stdin:",
+        "wifi://wlan0",
+        "rajant://10.229.221.1:2300",
+        "rajant://10.229.221.1?jar=/opt/rajant/monitor.jar",
+        "mavlink://127.0.0.1:14550?peer=io",
+        "mavlink://127.0.0.1:14550",
+    ],
+)
+def test_urls(url, team):
+    assert str(RadioUrl.parse(url)) == url
+    assert team.with_robots({"io": {"radio": url}}).robot("io").radio == url
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "",
+        "serial",
+        "ftp://a:5",
+        "udp://",
+        "udp://:5",
+        "udp://a",
+        "udp://a:99999",
+        "udp://a:5/",
+        "udp://a:5?peer=io",
+        "stdin://a",
+        "wifi:",
+        "wifi://wlan0:5",
+        "rajant://10.0.0.1",
+        "rajant://10.0.0.1:5?jar=x",
+        "mavlink://a:5?peer=io&peer=titan",
+        "udp://" + "a" * 200,
+    ],
+)
+def test_urls_that_are_none(url, team):
+    with pytest.raises(RadioError, match="is no radio; write "):
+        RadioUrl.parse(url)
+    with pytest.raises(DocumentError, match="is no radio; write "):
+        team.with_robots({"io": {"radio": url}})
+
+
+@settings(max_examples=200)
+@given(st.text(max_size=30) | st.from_regex(r"(udp|wifi|mavlink|rajant)://[a-z.]*:?\d*\??.*"))
+def test_any_text_is_a_url_or_a_radio_error(text):
+    with contextlib.suppress(RadioError):
+        RadioUrl.parse(text)
+
+
+@pytest.mark.parametrize("url", ["", "udp://", "udp://:5", "tcp://a:5", "udp://a:99999"])
+def test_what_the_udp_radio_wants(url):
     with pytest.raises(RadioError, match="write udp://host:port"):
-        UdpRadio(endpoint)
+        UdpRadio(url)
+
+
+def test_each_url_has_its_radio(team):
+    team = team.with_robots({"titan": {"radio_id": "02:CA:FF:EE:00:13"}})
+    for url, kind in {
+        "udp://127.0.0.1:5": UdpRadio,
+        "tcp://127.0.0.1:5": TcpRadio,
+        "stdin:": StdinRadio,
+        "wifi://wlan0": WifiRadio,
+        "rajant://10.0.0.1:5": RajantRadio,
+        "mavlink://127.0.0.1:5?peer=titan": MavlinkRadio,
+    }.items():
+        radio = open_radio(url, team, "io")
+        assert isinstance(radio, kind)
+        radio.close()
+        radio.close()
+
+
+def test_peers_go_by_the_ids_of_their_radios(team):
+    team = team.with_robots(
+        {
+            "titan": {"radio_id": "02-CA-FF-EE-00-13, 10.229.221.1"},
+            "callisto": {"radio_id": "SN-1234"},
+        }
+    )
+    assert peers_by_radio(team, team.robot("io")) == {
+        "02:ca:ff:ee:00:13": "titan",
+        "10.229.221.1": "titan",
+        "sn-1234": "callisto",
+    }
+
+
+def test_radios_that_cannot_tell_who_is_who(team):
+    with pytest.raises(RadioError, match=r"no peer of io has a radio_id in .*team.yaml"):
+        open_radio("wifi://wlan0", team, "io")
+    same = team.with_robots({name: {"radio_id": "1"} for name in ("titan", "callisto")})
+    with pytest.raises(RadioError, match="titan have the same radio_id '1'"):
+        open_radio("rajant://a:5", same, "io")
+    for url in ("mavlink://a:5", "mavlink://a:5?peer=mars", "mavlink://a:5?peer=io"):
+        with pytest.raises(RadioError, match=r"write \?peer= and one of callisto, titan"):
+            open_radio(url, team, "io")
+    with pytest.raises(UnknownRobotError):
+        open_radio("udp://a:5", team, "mars")
+
+
+# Streams.
 
 
 def test_a_radio_that_was_never_started():
-    radio = UdpRadio("udp://127.0.0.1:5")
-    assert radio.port == 5
-    radio.close()
+    for radio in (UdpRadio("udp://127.0.0.1:5"), TcpRadio("tcp://127.0.0.1:5")):
+        assert radio.port == 5
+        radio.close()
 
 
 def test_a_manual_radio_says_what_it_is_told():
@@ -65,3 +315,107 @@ def test_a_manual_radio_says_what_it_is_told():
     radio.close()
     radio.report("io", -52)
     assert heard == [("io", -51)]
+
+
+def test_datagrams(heard):
+    radio = UdpRadio("udp://127.0.0.1:0")
+    radio.start(heard)
+    with contextlib.closing(radio), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for datagram in (b"junk", b"mars -50", b"io -50", b""):
+            sender.sendto(datagram, ("127.0.0.1", radio.port))
+        sender.sendto(b"io none\n", ("127.0.0.1", radio.port))
+        assert heard.next() == ("io", dbm(-50.0, "udp"))
+        assert heard.next() == ("io", None)
+        assert radio.refused == 3
+        with pytest.raises(RadioError, match="cannot listen for radio reports on udp://"):
+            UdpRadio(f"udp://127.0.0.1:{radio.port}").start(heard)
+
+
+def test_lines_over_tcp(heard):
+    radio = TcpRadio("tcp://127.0.0.1:0")
+    radio.start(heard)
+    place = ("127.0.0.1", radio.port)
+    with contextlib.closing(radio), contextlib.ExitStack() as stack:
+        programs = [stack.enter_context(socket.create_connection(place)) for _ in range(8)]
+        programs[0].sendall(b'io -50\n{"peer": "io", "snr_')
+        assert heard.next() == ("io", dbm(-50.0, "tcp"))
+        programs[7].sendall(b"x" * (MAX_LINE_BYTES + 1) + b"\nio -51\n")
+        assert heard.next() == ("io", dbm(-51.0, "tcp"))
+        programs[0].sendall(b'db": 12}\n')
+        assert heard.next() == ("io", Reading(12.0, Unit.SNR_DB, "tcp"))
+        with socket.create_connection(place) as ninth:
+            assert ninth.recv(1) == b""
+        assert radio.refused == 1
+        programs[1].setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        programs[1].close()  # a reset
+        programs[2].close()
+        programs[3].sendall(b"io -52\n")
+        assert heard.next() == ("io", dbm(-52.0, "tcp"))
+        with pytest.raises(RadioError, match="cannot listen"):
+            TcpRadio(f"tcp://127.0.0.1:{radio.port}").start(heard)
+
+
+def test_lines_on_standard_input(heard):
+    reader, writer = os.pipe()
+    with os.fdopen(reader, "rb") as file, os.fdopen(writer, "wb", buffering=0) as program:
+        radio = StdinRadio(file)
+        radio.start(heard)
+        program.write(b"io -50\njunk\nio -5")
+        assert heard.next() == ("io", dbm(-50.0, "stdin"))
+        program.close()
+        assert heard.next() == ("io", dbm(-5.0, "stdin"))  # its end stands for the line's
+        assert radio.refused == 1
+        radio.close()
+    reader, writer = os.pipe()
+    with os.fdopen(reader, "rb") as file, os.fdopen(writer, "wb"):
+        radio = StdinRadio(file)
+        radio.start(heard)
+        radio.close()  # while nothing comes
+
+
+def test_no_standard_input(heard):
+    with pytest.raises(RadioError, match="no standard input"):
+        StdinRadio(io.BytesIO()).start(heard)
+
+
+# MAVLink.
+
+
+def status(rssi, remrssi, kind=mavlink.MAVLink_radio_status_message):
+    sender = mavlink.MAVLink(None, srcSystem=51, srcComponent=68)
+    return kind(rssi, remrssi, 90, 30, 31, 2, 0).pack(sender)
+
+
+def test_radio_status():
+    assert parse_radio_status(status(120, 110)) == [Reading(110.0, Unit.DEVICE, "mavlink")]
+    assert parse_radio_status(status(120, 255)) == [Reading(120.0, Unit.DEVICE, "mavlink")]
+    assert parse_radio_status(status(255, 255)) == [None]
+    two = status(7, 9, mavlink.MAVLink_radio_message) + b"\xfe\x09junk"
+    assert parse_radio_status(two) == [Reading(7.0, Unit.DEVICE, "mavlink")]
+    heartbeat = mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 0, 3).pack(mavlink.MAVLink(None))
+    assert parse_radio_status(heartbeat) == []
+    assert parse_radio_status(b"") == []
+
+
+@settings(max_examples=200)
+@given(
+    st.binary(max_size=60),
+    st.lists(st.tuples(st.integers(0, 40), st.integers(0, 255)), max_size=4),
+)
+def test_any_datagram_is_mavlink_or_a_radio_error(junk, changes):
+    raw = bytearray(status(100, 90) + junk)
+    for place, value in changes:
+        raw[place % len(raw)] = value
+    with contextlib.suppress(RadioError):
+        parse_radio_status(bytes(raw))
+
+
+def test_a_mavlink_radio(heard):
+    radio = MavlinkRadio(RadioUrl.parse("mavlink://127.0.0.1:0?peer=io"), "io")
+    assert radio.port == 0
+    radio.start(heard)
+    with contextlib.closing(radio), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for datagram in (b"junk", status(120, 110), status(255, 255)):
+            sender.sendto(datagram, ("127.0.0.1", radio.port))
+        assert heard.next() == ("io", Reading(110.0, Unit.DEVICE, "mavlink"))
+        assert heard.next() == ("io", None)

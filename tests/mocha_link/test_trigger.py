@@ -1,11 +1,24 @@
-"""Contacts: threshold, hysteresis, interval, silence, clocks that jump."""
+"""Contacts: thresholds by unit, hysteresis, interval, silence, clocks that jump."""
 
 from __future__ import annotations
 
-from mocha_link.team import Trigger
-from mocha_link.trigger import SyncTrigger
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-SETTINGS = Trigger(rssi_threshold_dbm=-75, hysteresis_db=3, interval_s=2)
+from mocha_link.metrics import ContactBegan, ContactEnded
+from mocha_link.reading import RadioError, Reading, Unit
+from mocha_link.team import Trigger
+from mocha_link.trigger import MAX_SOURCES, SyncTrigger
+
+SETTINGS = Trigger(
+    rssi_threshold_dbm=-75,
+    snr_threshold_db=10,
+    device_threshold=20,
+    hysteresis_db=3,
+    interval_s=2,
+)
+THRESHOLDS = {Unit.DBM: -75, Unit.SNR_DB: 10, Unit.DEVICE: 20}
 
 
 def trigger(*, by_timer: bool = False) -> SyncTrigger:
@@ -76,3 +89,106 @@ def test_a_clock_set_back_stops_nothing():
     assert it.silenced(10) == []
     assert it.due(10) == ["io"]
     assert it.silenced(16.1) == ["io"]
+
+
+@pytest.mark.parametrize("unit", list(Unit))
+def test_each_unit_has_its_threshold(unit):
+    it, threshold = trigger(), THRESHOLDS[unit]
+    assert not it.heard("io", Reading(threshold - 0.1, unit, "x"), 0)
+    assert it.heard("io", Reading(threshold, unit, "x"), 1)
+    assert not it.heard("io", Reading(threshold - 3, unit, "x"), 2)
+    assert it.in_contact("io")
+    it.heard("io", Reading(threshold - 3.1, unit, "x"), 3)
+    assert not it.in_contact("io")
+    assert it.reading("io") == Reading(threshold - 3.1, unit, "x")
+    assert it.rssi_dbm("io") == (pytest.approx(-78.1) if unit is Unit.DBM else None)
+
+
+def test_sources_are_not_compared():
+    it = trigger()
+    assert it.heard("io", Reading(40, Unit.DEVICE, "rajant"), 0)
+    assert not it.heard("io", Reading(-90, Unit.DBM, "wifi"), 0)  # says nothing of the other one
+    assert it.in_contact("io")
+    assert not it.heard("io", Reading(-77, Unit.DBM, "wifi"), 1)  # had no contact to hold
+    it.heard("io", Reading(10, Unit.DEVICE, "rajant"), 1)
+    assert not it.in_contact("io")
+    assert not it.heard("io", Reading(-74, Unit.SNR_DB, "wifi"), 2)
+    assert it.heard("io", Reading(-74, Unit.DBM, "wifi"), 2)
+
+
+def test_a_source_that_falls_silent_leaves_the_others():
+    it = trigger()
+    it.heard("io", Reading(40, Unit.DEVICE, "rajant"), 0)
+    it.heard("io", Reading(-70, Unit.DBM, "wifi"), 4)
+    assert it.silenced(7) == []
+    assert it.in_contact("io")
+    assert it.reading("io") == Reading(-70, Unit.DBM, "wifi")
+    assert it.silenced(10.1) == ["io"]
+    assert not it.in_contact("io")
+
+
+def test_the_sources_of_a_peer_are_bounded():
+    it = trigger()
+    for number in range(100):
+        it.heard("io", Reading(-70, Unit.DBM, f"x{number}"), number / 100)
+    assert len(it._links["io"].signals) == MAX_SOURCES
+
+
+def test_contacts_are_news():
+    it = trigger()
+    strong, weak = Reading(-70, Unit.DBM, "radio"), -90
+    it.heard("io", weak, 0)
+    it.heard("io", -70, 1)
+    it.heard("io", weak, 3)
+    it.heard("io", -70, 4)
+    it.heard("io", None, 5)
+    it.heard("io", -70, 6)
+    it.silenced(20)
+    assert it.news() == [
+        ContactBegan("io", 1, strong),
+        ContactEnded("io", 3, 2, "too weak"),
+        ContactBegan("io", 4, strong),
+        ContactEnded("io", 5, 1, "not heard"),
+        ContactBegan("io", 6, strong),
+        ContactEnded("io", 20, 14, "the radio is silent"),
+    ]
+    assert it.news() == []
+
+
+def test_what_is_no_reading_changes_nothing():
+    it = trigger()
+    it.heard("io", -70, 0)
+    with pytest.raises(RadioError):
+        it.heard("io", float("nan"), 1)
+    assert it.reading("io") == Reading(-70, Unit.DBM, "radio")
+
+
+@settings(max_examples=100)
+@given(
+    st.lists(
+        st.tuples(
+            st.none()
+            | st.builds(
+                Reading,
+                st.floats(-100, 100),
+                st.sampled_from(list(Unit)),
+                st.sampled_from(["a", "b"]),
+            ),
+            st.floats(0, 8),
+        ),
+        max_size=30,
+    )
+)
+def test_contacts_begin_and_end_in_turn(reports):
+    it, now_s, expected = trigger(), 0.0, ContactBegan
+    for reading, later_s in reports:
+        now_s += later_s
+        it.silenced(now_s)
+        began = it.heard("io", reading, now_s)
+        news = it.news()
+        for event in news:
+            assert type(event) is expected
+            expected = ContactEnded if expected is ContactBegan else ContactBegan
+        assert began == (bool(news) and type(news[-1]) is ContactBegan)
+        assert it.in_contact("io") == (expected is ContactEnded)
+        assert it.reading("io") == reading
