@@ -10,24 +10,31 @@ is the one in which an original node is told what there is.
 from __future__ import annotations
 
 import secrets
-import struct
 import threading
-from bisect import bisect_left
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
 from hashlib import blake2b
+from math import isfinite
+from operator import xor
 from typing import TYPE_CHECKING
 
-from mocha_link.header import AHEAD_MS, WRAP_MS, Header, as_ms
+from mocha_link.header import WRAP_MS, Header, latest_ms
+from mocha_link.index import Floors, Kept, WireOrder, rank, today
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
+
+    from mocha_link.storage import Storage
+    from mocha_link.storage_file import Contents
 
 GROUPS = 16
 """A robot's topics fall into so many groups, each with a digest: group = topic id % GROUPS."""
 
-_STAMP_BITS = 47
-_RAW = struct.Struct("6s")
-_TOPIC_TIME = struct.Struct(">HHH")
+_STAMP_LIMIT_MS = 1 << 47
+# Numbers that a crash took back may have been told to peers: after a restart ours go on beyond
+# them, and at random, so that a file restored from a copy does not give the same ones again.
+_GAP_BITS = 44
+_GAP = 1 << 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,35 +78,43 @@ class Knowledge:
                 raise ValueError(f"{value} is not within 0 to 2**64 - 1")
 
 
-@dataclass(slots=True)
-class _Kept:
-    """A record with what is computed from it once."""
-
-    record: Record
-    raw: bytes  # its header
-    rank: int  # its place in the wire order
-    number: int
-
-
 class Database:
     """Messages by robot and topic: the newest `history` versions of each. Any thread may use it.
 
     Args:
         history: how many versions to keep of a robot id and topic id; default: 1.
+        storage: where a copy is kept; what it has is here at once. Its owner closes it.
     """
 
-    def __init__(self, history: Callable[[int, int], int] | None = None) -> None:
-        self.epoch = secrets.randbits(64) or 1
-        self.sequence = 0
+    def __init__(
+        self,
+        history: Callable[[int, int], int] | None = None,
+        storage: Storage | None = None,
+    ) -> None:
         self._history = history
-        self._lock = threading.RLock()
-        self._versions: dict[int, list[_Kept]] = {}  # by topic key, newest first
-        self._by_raw: dict[bytes, _Kept] = {}
-        self._by_number: dict[int, _Kept] = {}  # in the order of the numbers
-        self._floors: dict[int, int] = {}  # by topic key: stamp that a new version must exceed
+        self._storage: Storage | None = None
+        self._epoch = secrets.randbits(64) or 1
+        self._sequence = 0
+        self._lock = threading.Lock()
+        self._versions: dict[int, list[Kept]] = {}  # by topic key (see index), newest first
+        self._by_raw: dict[bytes, Kept] = {}
+        self._by_number: dict[int, Kept] = {}  # in the order of the numbers
+        self._floors = Floors()
+        self._wire = WireOrder()
         self._groups: dict[int, list[int]] = {}
         self._knowledge: dict[str, Knowledge] = {}
-        self._wire = _WireOrder()
+        if storage:
+            self._begin(storage)
+
+    @property
+    def epoch(self) -> int:
+        """The name of this database, a random u64 that is not 0. A restart from a file keeps it."""
+        return self._epoch
+
+    @property
+    def sequence(self) -> int:
+        """The last number that was given to a message."""
+        return self._sequence
 
     def newest(self, robot_id: int, topic_id: int) -> Record | None:
         """The newest message of a topic of a robot, if there is any."""
@@ -121,8 +136,7 @@ class Database:
     def records(self) -> tuple[Record, ...]:
         """The newest message of every topic in the order of the wire."""
         with self._lock:
-            versions = self._versions
-            return tuple(versions[key][0].record for key in self._wire.keys(versions))
+            return self._wire.records(self._versions)
 
     def kept(self) -> tuple[Record, ...]:
         """All versions of all messages, in the order in which they entered."""
@@ -136,7 +150,11 @@ class Database:
 
     def wants(self, header: Header, now_s: float) -> bool:
         """Whether a message of that header would be stored, seen at Unix `now_s`."""
-        return bool(self.wanted(header.pack(), now_s))
+        key = header.robot_id << 8 | header.topic_id
+        with self._lock:
+            if header.pack() in self._by_raw:
+                return False
+            return header.stamp_ms(now_s) > today(self._floors[key], latest_ms(now_s))
 
     def wanted(self, header_list: bytes, now_s: float) -> list[bytes]:
         """Those of a list of headers that are not here and would be stored, in their order.
@@ -145,25 +163,11 @@ class Database:
         them, and those of robots that nobody knows: whoever asks checks what comes out of here.
         `header_list` has a multiple of 6 bytes.
         """
-        latest_ms = as_ms(now_s) + AHEAD_MS
+        latest = latest_ms(now_s)
         with self._lock:
-            held = self._by_raw
-            new = [raw for (raw,) in _RAW.iter_unpack(header_list) if raw not in held]
-            if not new:
-                return []
-            floor_of = self._floors.get
-            wanted = []
-            times = _TOPIC_TIME.iter_unpack(b"".join(new))
-            for raw, (key, seconds, milliseconds) in zip(new, times, strict=True):
-                floor_ms = floor_of(key, -1)
-                if floor_ms > latest_ms:
-                    floor_ms = _today(floor_ms, latest_ms)
-                seen_ms = latest_ms - (latest_ms - seconds * 1000 - milliseconds) % WRAP_MS
-                if seen_ms > floor_ms or milliseconds > 999:
-                    wanted.append(raw)
-        if len({raw[:2] for raw in wanted}) == len(wanted):
-            return wanted
-        return _newest_of_each(wanted, latest_ms)
+            newer = self._floors.exceeded(header_list, latest)
+            wanted = [raw for raw in newer if raw not in self._by_raw]
+        return self._floors.newest_of_each(wanted, latest)
 
     def wants_stamp(
         self, robot_id: int, topic_id: int, stamp_ms: int, now_s: float | None = None
@@ -172,26 +176,24 @@ class Database:
 
         With `now_s` a stored stamp that was inferred is seen with today's eyes, as `wants` does.
         """
-        raw = Header.at(robot_id, topic_id, stamp_ms).pack()
         key = robot_id << 8 | topic_id
         with self._lock:
-            if raw in self._by_raw:
+            if Header.at(robot_id, topic_id, stamp_ms).pack() in self._by_raw:
                 return False
-            floor_ms = self._floors.get(key)
-            if floor_ms is None:
-                return True
-            if now_s is not None and self._versions[key][-1].record.inferred:
-                latest_ms = as_ms(now_s) + AHEAD_MS
-                return _today(stamp_ms, latest_ms) > _today(floor_ms, latest_ms)
-            return stamp_ms > floor_ms
+            floor_ms = self._floors[key]
+            if now_s is None or floor_ms < 0 or not self._versions[key][-1].record.inferred:
+                return stamp_ms > floor_ms
+            latest = latest_ms(now_s)
+            return today(stamp_ms, latest) > today(floor_ms, latest)
 
     def insert(self, record: Record, now_s: float) -> bool:
         """Store a message if it is among the newest of its topic; says whether it was.
 
-        One with a header that is already here is the same message, and not stored again.
+        One with a header that is already here is the same message and not stored again; nor is
+        one whose stamp is not the time of its header, or that was received at no time.
         """
         with self._lock:
-            return self._insert(record, as_ms(now_s) + AHEAD_MS)
+            return self._insert(record, latest_ms(now_s))
 
     def since(self, sequence: int) -> list[Record]:
         """Everything kept that got a number after `sequence`, in the order of the numbers."""
@@ -210,15 +212,15 @@ class Database:
         Not if they are of another database, or of a later state than the one that we came back
         with, e.g. from a copy of the file.
         """
-        return epoch == self.epoch and sequence <= self.sequence
+        return epoch == self._epoch and sequence <= self._sequence
 
     def digests(self) -> dict[int, int]:
         """For every robot id that has messages, the digest of the headers of all that is kept.
 
-        It is the exclusive or of `digest(header)`, so the order in which they came is nothing.
+        It is the exclusive or of `digest(header)`, so it does not matter how they came.
         """
         with self._lock:
-            return {robot_id: _xor(groups) for robot_id, groups in self._groups.items()}
+            return {robot_id: reduce(xor, groups) for robot_id, groups in self._groups.items()}
 
     def group_digests(self, robot_id: int) -> tuple[int, ...]:
         """The same by groups of a robot's topics: GROUPS numbers."""
@@ -239,81 +241,97 @@ class Database:
     def learn(self, peer: str, knowledge: Knowledge) -> None:
         """Remember it. What it speaks of must have been inserted before."""
         with self._lock:
-            self._knowledge[peer] = knowledge
+            self._learn(peer, knowledge)
 
-    def _insert(self, record: Record, latest_ms: int) -> bool:
+    def _learn(self, peer: str, knowledge: Knowledge) -> None:
+        self._knowledge[peer] = knowledge
+        if self._storage:
+            self._storage.learn(peer, knowledge)
+
+    def _insert(self, record: Record, latest: int) -> bool:
+        header = record.header
+        time_ms = header.seconds * 1000 + header.milliseconds
+        if record.stamp_ms % WRAP_MS != time_ms or not 0 <= record.stamp_ms < _STAMP_LIMIT_MS:
+            return False
+        if not isfinite(record.received_s):
+            return False
+        return self._keep(record, self._sequence + 1, latest)
+
+    def _keep(self, record: Record, number: int, latest: int) -> bool:
         header = record.header
         raw = header.pack()
         if raw in self._by_raw:
             return False
         key = header.robot_id << 8 | header.topic_id
-        depth = self._history(header.robot_id, header.topic_id) if self._history else 1
-        versions = self._versions.setdefault(key, [])
-        place = 0
-        while place < len(versions) and not _newer(record, versions[place].record, latest_ms):
-            place += 1
+        versions = self._versions.get(key, [])
+        depth = max(1, self._history(header.robot_id, header.topic_id)) if self._history else 1
+        place = len(versions)
+        while place and _newer(record, versions[place - 1].record, latest):
+            place -= 1
         if place >= depth:
             return False
-        self.sequence += 1
-        kept = _Kept(record, raw, _rank(record, key), self.sequence)
+        self._sequence = number
+        kept = Kept(record, raw, rank(record, key), number)
         if place == 0:
             self._wire.changed(key, versions[0].rank if versions else None)
         versions.insert(place, kept)
-        self._by_raw[raw] = self._by_number[self.sequence] = kept
+        self._versions[key] = versions
+        self._by_raw[raw] = self._by_number[number] = kept
         group = self._groups.setdefault(header.robot_id, [0] * GROUPS)
         group[header.topic_id % GROUPS] ^= digest(raw)
+        if self._storage:
+            self._storage.put(number, record)
         while len(versions) > depth:
-            old = versions.pop()
-            del self._by_raw[old.raw], self._by_number[old.number]
-            group[header.topic_id % GROUPS] ^= digest(old.raw)
+            self._drop(versions.pop(), group)
         if len(versions) == depth:
             self._floors[key] = versions[-1].record.stamp_ms
         return True
 
+    def _drop(self, old: Kept, group: list[int]) -> None:
+        del self._by_raw[old.raw], self._by_number[old.number]
+        group[old.record.header.topic_id % GROUPS] ^= digest(old.raw)
+        if self._storage:
+            self._storage.drop(old.number)
 
-class _WireOrder:
-    """The newest version of every topic, sorted. Brought up to date when somebody asks."""
+    def _begin(self, storage: Storage) -> None:
+        """Take what the file has; if not all of it could be read, as a database of another name."""
+        found = storage.load(self._epoch)
+        latest = found.latest_ms()
+        for number, record in found.records.items():
+            self._keep(record, number if found.epoch else self._sequence + 1, latest)
+        if found.epoch:
+            self._epoch = found.epoch
+            self._knowledge.update(found.knowledge)
+            self._sequence = max(found.records, default=0) + _GAP + secrets.randbits(_GAP_BITS)
+            for number in found.records.keys() - self._by_number.keys():
+                storage.drop(number)  # the history is shorter now
+        self._storage = storage
+        storage.start(self._epoch, self._reconcile)
 
-    def __init__(self) -> None:
-        self._ranks: list[int] = []
-        self._raws = bytearray()
-        self._headers = b""
-        self._changed: dict[int, int | None] = {}  # topic key -> its rank in the list
+    def _reconcile(self, found: Contents, storage: Storage) -> None:
+        """Take what only the file has, and have written what only we have.
 
-    def changed(self, key: int, rank: int | None) -> None:
-        """A topic has another newest version; `rank` was that of the one before."""
-        self._changed.setdefault(key, rank)
-
-    def keys(self, versions: dict[int, list[_Kept]]) -> list[int]:
-        """The topic keys in order."""
-        self._update(versions)
-        return [-rank & 0xFFFF for rank in self._ranks]
-
-    def headers(self, versions: dict[int, list[_Kept]]) -> bytes:
-        """The headers in order."""
-        self._update(versions)
-        return self._headers
-
-    def _update(self, versions: dict[int, list[_Kept]]) -> None:
-        if not self._changed:
-            return
-        if len(self._changed) > 16 + len(self._ranks) // 16:
-            newest = sorted((v[0].rank, v[0].raw) for v in versions.values())
-            self._ranks = [rank for rank, _ in newest]
-            self._raws = bytearray(b"".join([raw for _, raw in newest]))
-        else:
-            for key, rank in self._changed.items():
-                self._move(rank, versions[key][0])
-        self._changed.clear()
-        self._headers = bytes(self._raws)
-
-    def _move(self, rank: int | None, newest: _Kept) -> None:
-        if rank is not None:
-            place = bisect_left(self._ranks, rank)
-            del self._ranks[place], self._raws[place * Header.SIZE : (place + 1) * Header.SIZE]
-        place = bisect_left(self._ranks, newest.rank)
-        self._ranks.insert(place, newest.rank)
-        self._raws[place * Header.SIZE : place * Header.SIZE] = newest.raw
+        The file was out of reach for a while, and may be another one now. Runs on its thread.
+        """
+        with self._lock:
+            same = set()
+            for number, record in found.records.items():
+                kept = self._by_number.get(number)
+                if kept and kept.record.header == record.header:
+                    same.add(number)
+                else:
+                    storage.drop(number)
+            latest = found.latest_ms()
+            for number, record in found.records.items():
+                if number not in same:
+                    self._keep(record, self._sequence + 1, latest)
+            for number, kept in self._by_number.items():
+                if number not in same:
+                    storage.put(number, kept.record)
+            for peer, known in found.knowledge.items():
+                self._knowledge.setdefault(peer, replace(known, own_sequence=0))
+            for peer, known in self._knowledge.items():
+                storage.learn(peer, known)
 
 
 def digest(header: bytes) -> int:
@@ -321,35 +339,7 @@ def digest(header: bytes) -> int:
     return int.from_bytes(blake2b(header, digest_size=8).digest(), "big")
 
 
-def _rank(record: Record, key: int) -> int:
-    """Sorts as the wire does; ends in the topic's key."""
-    return -((record.priority << _STAMP_BITS | record.stamp_ms) << 16 | key)
-
-
-def _xor(numbers: Iterable[int]) -> int:
-    result = 0
-    for number in numbers:
-        result ^= number
-    return result
-
-
-def _newer(record: Record, stored: Record, latest_ms: int) -> bool:
+def _newer(record: Record, stored: Record, latest: int) -> bool:
     if not record.inferred and not stored.inferred:
         return record.stamp_ms > stored.stamp_ms
-    return _today(record.stamp_ms, latest_ms) > _today(stored.stamp_ms, latest_ms)
-
-
-def _today(stamp_ms: int, latest_ms: int) -> int:
-    """A stamp from the future is seen as its header is today: our clock was set back since."""
-    return min(stamp_ms, latest_ms - (latest_ms - stamp_ms) % WRAP_MS)
-
-
-def _newest_of_each(headers: list[bytes], latest_ms: int) -> list[bytes]:
-    best: dict[bytes, tuple[int, bytes]] = {}
-    for raw in headers:
-        _, seconds, milliseconds = _TOPIC_TIME.unpack(raw)
-        seen_ms = latest_ms - (latest_ms - seconds * 1000 - milliseconds) % WRAP_MS
-        old = best.get(raw[:2])
-        if old is None or seen_ms > old[0]:
-            best[raw[:2]] = (seen_ms, raw)
-    return [raw for _, raw in best.values()]
+    return today(record.stamp_ms, latest) > today(stored.stamp_ms, latest)

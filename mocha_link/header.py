@@ -61,7 +61,7 @@ class Header:
     @property
     def hangs_old_nodes(self) -> bool:
         """Whether its time is in the first second after a wrap (see UNSAFE_MS)."""
-        return self._wrapped_ms <= UNSAFE_MS
+        return self.wrapped_ms <= UNSAFE_MS
 
     def stamp_s(self, near_s: float) -> float:
         """Unix seconds of the message, as it is seen at Unix time `near_s`."""
@@ -69,11 +69,12 @@ class Header:
 
     def stamp_ms(self, near_s: float) -> int:
         """The same in milliseconds."""
-        latest_ms = as_ms(near_s) + AHEAD_MS
-        return latest_ms - (latest_ms - self._wrapped_ms) % WRAP_MS
+        latest = latest_ms(near_s)
+        return latest - (latest - self.wrapped_ms) % WRAP_MS
 
     @property
-    def _wrapped_ms(self) -> int:
+    def wrapped_ms(self) -> int:
+        """Its time in milliseconds, modulo 65536 s."""
         return self.seconds * 1000 + self.milliseconds
 
     def __str__(self) -> str:
@@ -83,6 +84,11 @@ class Header:
 def as_ms(unix_s: float) -> int:
     """Whole milliseconds, without losing one to binary fractions."""
     return round(unix_s * 1_000_000) // 1000
+
+
+def latest_ms(now_s: float) -> int:
+    """The latest stamp that a header may stand for at Unix `now_s`; no stamp is before 1970."""
+    return max(as_ms(now_s) + AHEAD_MS, WRAP_MS - 1)
 
 
 def next_stamp_ms(now_s: float, last_ms: int | None) -> int:
