@@ -1,19 +1,33 @@
-"""The database keeps the newest message of every topic, across the wrap of the wire's time."""
+"""The database keeps the newest versions of every topic, across the wrap of the wire's time."""
 
 from __future__ import annotations
 
-import pytest
+import threading
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import xor
 
-from mocha_link.database import Database, Record
-from mocha_link.header import WRAP_S, Header, as_ms
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from mocha_link.database import GROUPS, Database, Knowledge, Record, digest
+from mocha_link.header import WRAP_MS, WRAP_S, Header, HeaderError, as_ms
 
 WRAP = 27392 * WRAP_S  # a wrap in the year 2026
 HOUR = 3600
+YEAR = 365 * 24 * HOUR
 
 
 def record(stamp_s: float, *, robot_id: int = 0, topic_id: int = 0, priority: int = 0) -> Record:
     header = Header.at(robot_id, topic_id, as_ms(stamp_s))
     return Record(header, priority, b"\0\0x", as_ms(stamp_s), stamp_s)
+
+
+def guessed(stamp_s: float, now_s: float) -> Record:
+    """What an original peer hands over at `now_s`: its stamp is what our clock makes of it."""
+    header = record(stamp_s).header
+    return replace(record(stamp_s), stamp_ms=header.stamp_ms(now_s), inferred=True)
 
 
 def test_newest_wins():
@@ -25,6 +39,7 @@ def test_newest_wins():
     assert database.insert(record(100.001), 101)
     assert database.newest(0, 0) == record(100.001)
     assert database.newest(0, 1) is None
+    assert database.newest(0, 0).stamp_s == 100.001
 
 
 @pytest.mark.parametrize("later", [1, 10 * HOUR, 15 * HOUR, 18 * HOUR, 40 * HOUR])
@@ -41,10 +56,48 @@ def test_messages_after_the_wrap_are_taken_at_once(later):
 def test_a_clock_that_was_set_back_does_not_block_new_messages():
     database = Database()
     database.insert(record(WRAP), WRAP)
-    now = WRAP - 365 * 24 * HOUR
+    now = WRAP - YEAR
     old = record(WRAP).header.stamp_s(now)
     assert database.wants(Header.at(0, 0, as_ms(old + 1)), now)
     assert not database.wants(Header.at(0, 0, as_ms(old - 1)), now)
+
+
+def test_a_clock_that_was_set_back_does_not_block_messages_of_original_nodes():
+    database = Database()
+    database.insert(guessed(WRAP, WRAP + YEAR), WRAP + YEAR)  # our clock was a year ahead
+    assert not database.insert(guessed(WRAP - 1, WRAP), WRAP)
+    assert database.insert(guessed(WRAP + 1, WRAP + 2), WRAP + 2)
+    assert database.newest(0, 0).stamp_s == WRAP + 1
+
+
+def test_full_stamps_need_no_clock():
+    database = Database()
+    database.insert(record(WRAP), 0)  # ours begins in 1970
+    assert not database.insert(record(WRAP - YEAR), 0)
+    assert not database.insert(record(WRAP - 1), WRAP + YEAR)
+    assert database.wants_stamp(0, 0, as_ms(WRAP + YEAR))
+    assert database.insert(record(WRAP + YEAR), 0)
+
+
+def test_the_same_header_is_the_same_message():
+    database = Database()
+    database.insert(guessed(WRAP, WRAP + YEAR), WRAP + YEAR)
+    assert not database.wants_stamp(0, 0, as_ms(WRAP))
+    assert not database.insert(record(WRAP), WRAP)
+    assert not database.wants_stamp(0, 0, as_ms(WRAP + 1))  # by the stamp it is older,
+    assert database.wants_stamp(0, 0, as_ms(WRAP + 1), WRAP + 1)  # not with today's eyes
+    assert not database.wants_stamp(0, 0, as_ms(WRAP - 1), WRAP + 1)
+    assert database.insert(record(WRAP + 1), WRAP + 1)
+
+
+def test_a_stamp_that_is_not_the_header_s_time_is_not_taken():
+    database = Database()
+    good = record(100)
+    assert not database.insert(replace(good, stamp_ms=100_001), 100)
+    assert not database.insert(replace(good, stamp_ms=100_000 - WRAP_MS), 100)
+    assert not database.insert(replace(good, stamp_ms=100_000 + WRAP_MS * 2_200_000), 100)
+    assert not database.insert(replace(good, received_s=float("nan")), 100)
+    assert database.kept() == ()
 
 
 def test_records_are_in_priority_order_then_newest():
@@ -58,4 +111,254 @@ def test_records_are_in_priority_order_then_newest():
     ]
     for each in stored:
         database.insert(each, 100)
-    assert database.records() == tuple(stored[i] for i in (2, 3, 1, 0, 4))
+    expected = tuple(stored[i] for i in (2, 3, 1, 0, 4))
+    assert database.records() == expected
+    assert database.header_list() == b"".join(each.header.pack() for each in expected)
+
+
+def test_a_list_names_each_topic_once():
+    database = Database()
+    headers = [record(s, topic_id=t).header.pack() for s, t in ((3, 1), (9, 0), (5, 1), (4, 1))]
+    assert database.wanted(b"".join(headers), 10) == [headers[2], headers[1]]
+    assert database.wanted(b"", 10) == []
+
+
+def test_impossible_times_are_left_to_who_asks():
+    database = Database()
+    database.insert(record(100), 100)
+    impossible = record(50).header.pack()[:4] + b"\xff\xff"
+    assert database.wanted(record(50).header.pack() + impossible, 100) == [impossible]
+
+
+def test_a_history_keeps_the_newest_versions_in_whatever_order_they_come():
+    database = Database(history=lambda _, topic_id: 3 if topic_id == 1 else 1)
+    for second in (10, 40, 20, 30, 5):
+        database.insert(record(second, topic_id=1), 50)
+        database.insert(record(second, topic_id=2), 50)
+    assert [r.stamp_s for r in database.history(0, 1)] == [40, 30, 20]
+    assert [r.stamp_s for r in database.history(0, 2)] == [40]
+    assert database.history(1, 1) == ()
+    assert [r.stamp_s for r in database.kept()] == [40, 40, 20, 30]
+    assert database.get(record(20, topic_id=1).header) == record(20, topic_id=1)
+    assert database.get(record(20, topic_id=2).header) is None
+    assert len(database.records()) == 2
+    assert database.newest(0, 1).stamp_s == 40
+
+
+def test_what_came_since_a_number():
+    database = Database()
+    assert database.sequence == 0
+    for topic_id in range(5):
+        database.insert(record(10, topic_id=topic_id), 50)
+    before = database.sequence
+    database.insert(record(11, topic_id=3), 50)
+    database.insert(record(11, topic_id=1), 50)
+    database.insert(record(12, topic_id=3), 50)
+    assert [r.header.topic_id for r in database.since(before)] == [1, 3]
+    assert [r.header.topic_id for r in database.since(0)] == [0, 2, 4, 1, 3]
+    assert database.since(database.sequence) == []
+
+
+def test_numbers_belong_to_one_database():
+    one, other = Database(), Database()
+    assert one.epoch != other.epoch
+    assert one.remembers(one.epoch, 0)
+    assert not one.remembers(other.epoch, 0)
+    assert not one.remembers(one.epoch, one.sequence + 1)
+
+
+def test_knowledge_of_a_peer():
+    database = Database()
+    assert database.knowledge("io") is None
+    database.learn("io", Knowledge(2**64 - 1, 7, 3))
+    assert database.knowledge("io") == Knowledge(2**64 - 1, 7, 3)
+    with pytest.raises(ValueError, match="is not within"):
+        Knowledge(2**64, 0, 0)
+
+
+def test_any_thread_may_use_it():
+    database = Database(history=lambda *_: 2)
+    errors = []
+
+    def work(robot_id):
+        try:
+            for second in range(300):
+                each = record(second, robot_id=robot_id, topic_id=second % 7)
+                assert database.insert(each, 400)
+                assert each.header.pack() in database.header_list()
+                assert not database.wanted(each.header.pack(), 400)
+                assert database.since(0)
+        except BaseException as error:
+            errors.append(error)
+            raise
+
+    threads = [threading.Thread(target=work, args=(robot_id,)) for robot_id in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert errors == []
+    assert database.sequence == 1200
+    assert len(database.kept()) == 4 * 7 * 2
+
+
+# What a database does, said as plainly as it can be: sort, cut, compare. For full stamps.
+
+
+@dataclass
+class Model:
+    depth: int
+    kept: list[Record] = field(default_factory=list)  # as they came
+
+    def insert(self, record):
+        if any(each.header == record.header for each in self.kept):
+            return False
+        newest = self.history(record, [*self.kept, record])[: self.depth]
+        if record not in newest:
+            return False
+        rest = [each for each in self.kept if topic(each) != topic(record) or each in newest]
+        self.kept = [*rest, record]
+        return True
+
+    @staticmethod
+    def history(record, records):
+        versions = [each for each in records if topic(each) == topic(record)]
+        return sorted(versions, key=lambda each: each.stamp_ms, reverse=True)
+
+    def records(self):
+        newest = {self.history(each, self.kept)[0].header for each in self.kept}
+        return sorted(
+            (each for each in self.kept if each.header in newest),
+            key=lambda each: (each.priority, each.stamp_ms, each.header.pack()),
+            reverse=True,
+        )
+
+
+def topic(record):
+    return record.header.robot_id, record.header.topic_id
+
+
+TOPICS = st.sampled_from([(0, 0), (0, 1), (0, 17), (3, 1), (255, 255)])
+# Close together, around a wrap, a few wraps apart: collisions of headers included.
+STAMPS_MS = st.builds(
+    lambda wraps, offset: (27392 + wraps) * WRAP_MS + offset,
+    st.integers(-2, 2),
+    st.integers(-3, 3) | st.integers(-WRAP_MS // 2, WRAP_MS // 2),
+)
+CLOCK_S = st.sampled_from([0, WRAP - YEAR, WRAP, WRAP + 16 * HOUR, WRAP + YEAR])
+
+
+def made(topic, priority, stamp_ms):
+    return Record(Header.at(*topic, stamp_ms), priority, b"\0\0x", stamp_ms, 0.0)
+
+
+RECORDS = st.builds(made, TOPICS, st.integers(0, 3), STAMPS_MS)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.integers(1, 3),
+    st.lists(st.tuples(RECORDS, CLOCK_S, st.booleans()), max_size=40),
+    st.lists(RECORDS, max_size=20),
+)
+def test_the_indexes_agree_with_a_plain_model(depth, inserts, others):
+    database = Database(history=lambda *_: depth)
+    model = Model(depth)
+    numbers = {}
+    for each, now_s, looked_at in inserts:
+        expected = model.insert(each)
+        assert database.wants_stamp(*topic(each), each.stamp_ms) == expected
+        assert database.insert(each, now_s) == expected
+        if expected:
+            numbers[each.header] = database.sequence
+        if looked_at:  # the wire order is kept up to date, or made anew
+            assert database.records() == tuple(model.records())
+    assert database.records() == tuple(model.records())
+    assert database.header_list() == b"".join(r.header.pack() for r in model.records())
+    assert database.kept() == tuple(model.kept)
+    for number in range(database.sequence + 1):
+        late = [each for each in model.kept if numbers[each.header] > number]
+        assert database.since(number) == late
+    for each in others:
+        versions = model.history(each, model.kept)
+        assert database.history(*topic(each)) == tuple(versions)
+        assert database.newest(*topic(each)) == (versions[0] if versions else None)
+        found = [kept for kept in model.kept if kept.header == each.header]
+        assert database.get(each.header) == (found[0] if found else None)
+        would = Model(depth, list(model.kept)).insert(each)
+        assert database.wants_stamp(*topic(each), each.stamp_ms) == would
+    check_digests(database, model.kept)
+
+
+def check_digests(database, kept):
+    robots = {each.header.robot_id for each in kept}
+    assert set(database.digests()) == robots
+    for robot_id in {*robots, 9}:
+        groups = [[r for r in kept if group_of(r) == (robot_id, g)] for g in range(GROUPS)]
+        expected = tuple(reduce(xor, (digest(r.header.pack()) for r in g), 0) for g in groups)
+        assert database.group_digests(robot_id) == expected
+        assert database.digests().get(robot_id, 0) == reduce(xor, expected)
+        for number, group in enumerate(groups):
+            found = database.headers_in(robot_id, number)
+            assert sorted(found, key=repr) == sorted(group, key=repr)
+
+
+def group_of(record):
+    return record.header.robot_id, record.header.topic_id % GROUPS
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.integers(1, 3),
+    st.lists(st.tuples(RECORDS, CLOCK_S, st.booleans()), max_size=30),
+    st.lists(RECORDS.map(lambda r: r.header.pack()) | st.binary(min_size=6, max_size=6)),
+    CLOCK_S,
+)
+@example(1, [(made((0, 0), 0, WRAP * 1000), WRAP + YEAR, True)], [], 0)
+def test_what_is_wanted_would_be_stored_whatever_the_clock_does(depth, inserts, headers, now_s):
+    database = Database(history=lambda *_: depth)
+    for each, then_s, from_original in inserts:
+        taken = each
+        if from_original:
+            taken = replace(each, stamp_ms=each.header.stamp_ms(then_s), inferred=True)
+            would = database.wants(each.header, then_s)
+        else:
+            would = database.wants_stamp(*topic(each), each.stamp_ms, then_s)
+        assert database.insert(taken, then_s) == would
+        assert not database.insert(taken, then_s)
+    check_digests(database, database.kept())
+    assert len(database.records()) == len({topic(r) for r in database.kept()})
+    expected = {}
+    for raw in headers:
+        try:
+            header = Header.parse(raw)
+        except HeaderError:
+            continue
+        before = expected.get(raw[:2])
+        if database.wants(header, now_s) and (
+            before is None or header.stamp_ms(now_s) > before.stamp_ms(now_s)
+        ):
+            expected[raw[:2]] = header
+    possible = b"".join(raw for raw in headers if int.from_bytes(raw[4:]) < 1000)
+    assert database.wanted(possible, now_s) == [h.pack() for h in expected.values()]
+
+
+def test_long_lists_agree_with_single_questions():
+    now = WRAP + HOUR
+    database = Database()
+    for key in range(5000):
+        database.insert(record(WRAP + key % 700, robot_id=key >> 8, topic_id=key & 255), now)
+    database.header_list()
+    for key in range(0, 5000, 3):  # few enough, and then too many, to be moved one by one
+        database.insert(record(WRAP + 800 + key, robot_id=key >> 8, topic_id=key & 255), now)
+        if key % 60 == 0:
+            assert len(database.header_list()) == 5000 * 6
+    expected = sorted(database.kept(), key=lambda r: (r.stamp_ms, r.header.pack()), reverse=True)
+    assert database.records() == tuple(expected)
+    offered = [
+        record(WRAP + key % 1700, robot_id=key >> 8, topic_id=key & 255).header
+        for key in range(5100)
+    ]
+    wanted = database.wanted(b"".join(header.pack() for header in offered), now)
+    assert wanted == [header.pack() for header in offered if database.wants(header, now)]
+    assert 100 < len(wanted) < 5000
