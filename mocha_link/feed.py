@@ -32,6 +32,8 @@ class Feed:
     Attributes:
         over: the peer has said that it is.
         done: all has been given out.
+        cut_short: but for what is beyond the peer's budget.
+        cut_short: not all, because the peer's budget was used up.
         messages: that were given out to the end.
         bytes: of all frames.
     """
@@ -39,11 +41,12 @@ class Feed:
     def __init__(self, database: Database, peer: Acquaintance) -> None:
         self.over = False
         self.done = False
+        self.cut_short = False
         self.messages = 0
         self.bytes = 0
         self._database = database
         self._peer = peer
-        self._letters = sync.Letters(sync.OPEN, sync.ANSWER, sync.END)
+        self._letters = sync.Letters(sync.OPEN, sync.ANSWER, sync.SKIP, sync.END)
         self._round = -1
         self._outbox: list[tuple[int, bytes, int]] = []  # kind, content, offset of what is left
         self._budget = 0
@@ -66,6 +69,8 @@ class Feed:
         elif letter.kind == sync.END:
             self.over = True
             self._peer.end()
+        elif letter.kind == sync.SKIP:
+            self._skip(sync.decode_skip(letter.content))
         elif letter.round == self._round:
             self._answer(sync.decode_answers(letter.content))
 
@@ -98,12 +103,13 @@ class Feed:
     def _open(self, round_: int, opening: sync.Open) -> None:
         self._round = round_
         self._budget = opening.budget
-        self.done = self._unknown = False
+        if not self._unknown:  # otherwise what goes on is what the peer has in part
+            self._queue.clear()
+            self._records.clear()
+            self._missing.clear()
+            self._given.clear()
+        self.done = self.cut_short = self._unknown = False
         self._asked = frozenset()
-        self._queue.clear()
-        self._records.clear()
-        self._missing.clear()
-        self._given.clear()
         self._outbox.clear()
         self._peer.met(opening.run)
         self._sequence = self._opened_at = self._database.sequence  # before looking at what it has
@@ -123,7 +129,7 @@ class Feed:
             case Digest(digests):
                 self._peer.forget()
                 new, groups = self._compare(digests)
-        hello = sync.Hello(self._database.epoch, self._unknown)
+        hello = sync.Hello(self._unknown)
         self._outbox.append((sync.HELLO, hello.encode(), 0))
         if groups:
             self._asked = frozenset(robot_id for robot_id, _ in groups)
@@ -168,10 +174,19 @@ class Feed:
                 record = self._database.get(header)
             if record and len(record.body) == total and record_id(record) == long:
                 begun.append(long)
-                self._peer.begin(long, record)
-                self._missing[long] = missing[::-1]
-                self._push(_rank(long, record.priority, begun=True), record)
+                if long not in self._missing and long not in self._given:
+                    self._missing[long] = missing[::-1]
+                    self._peer.begin(long, record)
+                    self._push(_rank(long, record.priority, begun=True), record)
         self._peer.end(begun)
+
+    def _skip(self, long: int) -> None:
+        """The peer has got a message from somebody else, or a newer one."""
+        self._peer.holds(long)
+        if self._missing.pop(long, None):
+            rank = next(rank for rank in self._queue if rank & _BEGUN and _long(rank) == long)
+            self._queue.remove(rank)
+            del self._records[rank]
 
     def _poll(self) -> None:
         sequence = self._database.sequence
@@ -206,8 +221,8 @@ class Feed:
         return frame
 
     def _end(self) -> None:
-        cut_short = bool(self._queue)
-        done = sync.Done(self._database.epoch, self._sequence, self._number, cut_short)
+        self.cut_short = bool(self._queue)
+        done = sync.Done(self._database.epoch, self._sequence, self._number, self.cut_short)
         self.done = True
         self._outbox.append((sync.DONE, done.encode(), 0))
 
@@ -223,7 +238,7 @@ class Feed:
             rank = self._queue[-1]
             record = self._records[rank]
             body = record.body
-            long = (rank & 0xFFFF) << 48 | rank >> 16 & sync.STAMP_MASK
+            long = _long(rank)
             if not rank & _BEGUN:
                 if self._sequence != self._opened_at and self._replaced(record):
                     self._pop()
@@ -284,3 +299,7 @@ class Feed:
 def _rank(long: int, priority: int, *, begun: bool) -> int:
     """Sorts by urgency; holds the long id."""
     return (priority << 1 | begun) << 64 | (long & sync.STAMP_MASK) << 16 | long >> 48
+
+
+def _long(rank: int) -> int:
+    return (rank & 0xFFFF) << 48 | rank >> 16 & sync.STAMP_MASK

@@ -30,6 +30,7 @@ ROOM = 65_536
 MAX_LISTED = 512  # long ids in an OPEN; beyond that digests are shorter
 SPARE_BYTES = 32_768  # what may come twice rather than cost another round trip
 _REPAIRS = 2  # rounds that only ask again for what was damaged
+_SKIP_BYTES = 4_096  # so much more of what we have already is worth a word
 _MAX_AHEAD = 65_536
 
 
@@ -86,6 +87,7 @@ class Intake:
         self._damaged = 0  # frames
         self._done: sync.Done | None = None
         self._begun: dict[int, int] = {}  # parts that came in this pull: long id -> size
+        self._skipped: set[int] = set()
         self._failures: Counter[int] = Counter()
         self._flawed = False  # this round left something out that may be asked for again
 
@@ -147,7 +149,9 @@ class Intake:
         return wishes
 
     def _wants(self, long: int) -> bool:
-        return self._database.wants_stamp(long >> 56, long >> 48 & 0xFF, long & sync.STAMP_MASK)
+        return self._database.wants_stamp(
+            long >> 56, long >> 48 & 0xFF, long & sync.STAMP_MASK, self._now_s
+        )
 
     def _letter(self, frame: sync.Frame, step: Step) -> None:
         letter = self._letters.take(frame)
@@ -201,12 +205,16 @@ class Intake:
     def _piece(
         self, piece: tuple[int, int, int, int], data: memoryview, now: Instant, step: Step
     ) -> None:
-        long, total, offset, _ = piece
+        long, total, offset, size = piece
         if self._topic(long) is None:
             step.refusals.append(_unknown(long))
             return
         if not self._wants(long):  # another peer has brought it, or a newer one
             self._begun.pop(long, None)
+            if total - offset - size > _SKIP_BYTES and long not in self._skipped:
+                self._skipped.add(long)
+                content = sync.encode_skip(long)
+                step.frames += sync.letter_frames(sync.SKIP, self._round, content, self._room)
             return
         body = self._shelf.add(long, total, offset, data)
         if body is None:

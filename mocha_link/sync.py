@@ -1,7 +1,7 @@
 """The frames of the sync between two new nodes (docs/sync-protocol.md), byte by byte.
 
-There are two sorts. A *letter* (OPEN, HELLO, GROUPS, ANSWER, DONE, END) may take several frames,
-which may arrive in any order. A *chunks* frame carries whole messages and pieces of messages. A
+There are two sorts. A *letter* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END) may take several
+frames, which may arrive in any order. A *chunks* frame carries whole messages and pieces. A
 checksum covers everything but the data in chunks, which bring their own.
 
 A message is known by its long id: robot u8, topic u8, stamp u48 (Unix ms), as one number.
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
 VERSION = 1
-OPEN, HELLO, GROUPS, ANSWER, DONE, END, CHUNKS = range(1, 8)
+OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS = range(1, 9)
 ROUNDS = 8  # OPENs of one pull
 MAX_LETTER_BYTES = 1024 * 1024
 MAX_BODY_BYTES = MAX_BYTES + 1024 * 1024  # incompressible data, and what may stand behind it
@@ -44,7 +44,8 @@ _COUNT = struct.Struct(">H")
 _DIGEST = struct.Struct(">BQ")
 _PARTIAL = struct.Struct(">QIB")
 _RANGE = struct.Struct(">II")
-_HELLO = struct.Struct(">QB")
+_HELLO = struct.Struct(">B")
+_SKIP = struct.Struct(">Q")
 _DONE = struct.Struct(">QQIB")
 _GROUPS = struct.Struct(f">B{GROUP_COUNT}Q")
 _ANSWER = struct.Struct(">BHH")
@@ -86,7 +87,7 @@ def letter_frames(kind: int, round_: int, content: bytes, room: int) -> list[byt
 
 
 class Letters:
-    """Puts letters together from their frames; each comes out once.
+    """Puts letters together from their frames. Each comes out once; a SKIP is a frame by itself.
 
     Args:
         kinds: the kinds of letters that this side receives.
@@ -109,6 +110,8 @@ class Letters:
         part = view[LETTER_BYTES:]
         if round_ >= ROUNDS or total > MAX_LETTER_BYTES or offset + len(part) > total:
             raise FrameError(f"a letter of {total} bytes in round {round_}")
+        if kind == SKIP and len(part) == total:
+            return Letter(kind, round_, bytes(part))
         known, partial = self._open.get(kind, (-1, None))
         if round_ < known or (round_ == known and partial is None):
             return None
@@ -221,9 +224,8 @@ def _wish(reader: _Reader) -> Wish:
 
 
 class Hello(NamedTuple):
-    """The serving side's first word. `unknown`: it cannot tell what is new since your Since."""
+    """The serving side's first word. `unknown`: it cannot tell what is new since the Since."""
 
-    epoch: int
     unknown: bool
 
     def encode(self) -> bytes:
@@ -233,8 +235,7 @@ class Hello(NamedTuple):
     @classmethod
     def decode(cls, content: bytes) -> Hello:
         """Read the content of the letter. Raises FrameError."""
-        epoch, unknown = _only(_HELLO, content)
-        return cls(epoch, bool(unknown))
+        return cls(bool(_only(_HELLO, content)[0]))
 
 
 class Done(NamedTuple):
@@ -301,6 +302,17 @@ def decode_answers(content: bytes) -> list[Answer]:
         longs = [long_id(robot_id, topic, upper << 32 | lower) for topic, upper, lower in table]
         answers.append(Answer(robot_id, groups, longs))
     return answers
+
+
+def encode_skip(long: int) -> bytes:
+    """The content of a SKIP: a message whose rest need not be sent."""
+    return _SKIP.pack(long)
+
+
+def decode_skip(content: bytes) -> int:
+    """The reverse of `encode_skip`. Raises FrameError."""
+    long: int = _only(_SKIP, content)[0]
+    return long
 
 
 class Chunks(NamedTuple):
