@@ -138,7 +138,7 @@ class Flow:
             if (again := self._late_s()) is not None:
                 times.append(again)
         if not self._down and (self._again or not self._dry) and self._may_send():
-            times.append(self._pacing.next_s)
+            times.append(self._pacing.gate_s)
         return min(times) if times else None
 
     # --- what comes in
@@ -205,7 +205,8 @@ class Flow:
                     self._open &= ~(1 << (content.number - base))
         rtt_s = self._round_trip(newest, ack.delay_s, now_s) if newest else None
         lost = self._lose(now_s)
-        self._pacing.arrived(stamps, rtt_s, lost, now_s, self.in_flight_bytes)
+        if not self._down:  # otherwise it would measure the gap
+            self._pacing.arrived(stamps, rtt_s, lost, now_s, self.in_flight_bytes)
         self._settle()
 
     def _round_trip(self, newest: _Sent, delay_s: float, now_s: float) -> float | None:

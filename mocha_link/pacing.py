@@ -22,9 +22,18 @@ BURST_S = 0.01  # sending that was missed by a late call and may be caught up at
 AHEAD_S = 0.001  # a packet may leave so much early: fewer wake-ups
 MIN_PACKETS = 4
 MAX_RATE = 125e6
-LOSS_PACKETS = 50  # a share of losses is taken from at least so many
-LOSS_BINS = 8
+LOSS_PACKETS = 64  # a share of losses is taken from at least so many
+LOSS_BINS = 6
 MAX_LOSS = 0.3
+TRAIN_PACKETS = 5  # their distances show the rate of the link, if they left close together
+TRAIN_S = 0.05  # the distances are added up over this time, if packets are not fewer
+STRETCHED = 1.5  # so much longer for the same packets, coming than going, means a full link
+STRETCHED_S = 0.01
+START_LOSS = 0.1  # so many losses together with a risen round-trip time end the fast start
+FIRST = START_PACKETS + 1  # the packets that leave close together, and one
+UP_LOSS = 0.05  # so many more than without a queue end the probing
+RISEN_S = 0.005
+MAX_LEAP = 16  # times as much in the next round, at most, because of distances alone
 
 
 class Phase(Enum):
@@ -80,12 +89,18 @@ class Pacing:
         self._since = 0  # rounds in this phase
         self._still = 0  # rounds without growth, at the start
         self._before = 0.0  # the rate before this round, or before the phase
-        self._train: tuple[float, int] | None = None
+        self._train: deque[tuple[float, float, int, int]] = deque()
+        self._spread = 0.0
+        self._group_rtt_s: float | None = None
+        self._missing = 0
+        self._burst = START_PACKETS  # leave close together: their distances show the rate
+        self._began = 0  # what had been delivered before this contact
+        self._burst_s = 0.0
+        self._trusted: int | None = None if rate_bytes_s is None else 0
         self._lost = self._arrived = 0
         self._losses: deque[float] = deque(maxlen=LOSS_BINS)
         self._full = False
         self.rate = 0.0
-        self._known = rate_bytes_s is not None
         if rate_bytes_s is not None:
             self.rate = min(max(rate_bytes_s, 1.0), MAX_RATE)
             self._peaks.append((0, self.rate))
@@ -100,13 +115,22 @@ class Pacing:
 
     def due(self, now_s: float) -> bool:
         """Whether a packet may leave now."""
-        return self.next_s <= now_s + AHEAD_S
+        return self.gate_s <= now_s + AHEAD_S
+
+    @property
+    def gate_s(self) -> float:
+        """When the next packet may leave."""
+        return min(self._burst_s, self.next_s) if self._burst else self.next_s
 
     def sent(self, size: int, now_s: float, in_flight: int) -> Stamp:
         """A packet leaves."""
         if in_flight == 0:
             self._first_s = self._delivered_s = now_s
+            self._train.clear()
         self.next_s = max(self.next_s, now_s - BURST_S) + size / self.pace
+        if self._burst:
+            self._burst -= 1
+            self._burst_s = now_s + size / START_RATE
         return Stamp(
             size,
             now_s,
@@ -118,14 +142,16 @@ class Pacing:
 
     def idle(self, in_flight: int) -> None:
         """There was nothing to send: what is delivered next says little about the link."""
-        self._limited_until = max(self._delivered + in_flight, 1)
+        self._limited_until = self._delivered + in_flight
 
     def resume(self, now_s: float) -> None:
         """The link is back after a gap: start again from what it was."""
         self.next_s = now_s
         self._limited_until = -1
+        self._burst, self._burst_s = START_PACKETS, now_s
+        self._began = self._delivered
         self._round_ends = self._delivered
-        self._train = None
+        self._train.clear()
         self._clear_round(now_s)
         self._full = False
         if self.phase is not Phase.START:
@@ -139,23 +165,24 @@ class Pacing:
     ) -> None:
         """Packets were acknowledged (the newest is the last one), `lost` bytes are missing."""
         self._round_lost += lost
-        self._lost += lost
+        self._missing += lost
         if rtt_s is not None:
             self._rtt(rtt_s, now_s)
         if not stamps:
             return
+        self._burst = 0
         size = 0
         for stamp in stamps:
             size += stamp.size
         self._delivered += size
         self._delivered_s = now_s
-        self._arrived += size
         self._round_delivered += size
         newest = stamps[-1]
         self._first_s = newest.sent_s
         self._measure(newest, now_s)
+        self._watch_train(newest, now_s)
         if newest.delivered >= self._round_ends and now_s >= self._round_s + ROUND_S:
-            self._end_round(now_s, in_flight)
+            self._end_round(newest, now_s, in_flight)
         elif self.phase is Phase.DOWN and in_flight <= self._held():
             self._enter(Phase.CRUISE)
         self._set()
@@ -168,11 +195,12 @@ class Pacing:
             self.srtt_s += (rtt_s - self.srtt_s) / 8
         if self._round_rtt_s is None or rtt_s < self._round_rtt_s:
             self._round_rtt_s = rtt_s
-        old = self.min_rtt_s
-        at_s = self._min_rtt_at_s
-        if old is None or rtt_s <= old or at_s is None or now_s > at_s + RTT_WINDOW_S:
-            if old is None or rtt_s <= old or at_s is not None:
-                self.min_rtt_s = rtt_s
+        if self._group_rtt_s is None or rtt_s < self._group_rtt_s:
+            self._group_rtt_s = rtt_s
+        at_s = self._min_rtt_at_s  # what is remembered has none: the first sample replaces it
+        low = self.min_rtt_s
+        if low is None or at_s is None or rtt_s <= low or now_s > at_s + RTT_WINDOW_S:
+            self.min_rtt_s = rtt_s
             self._min_rtt_at_s = now_s
 
     def _measure(self, newest: Stamp, now_s: float) -> None:
@@ -180,8 +208,6 @@ class Pacing:
         if self.min_rtt_s is None or taken_s < self.min_rtt_s * 0.9 or taken_s <= 0:
             return
         rate = min((self._delivered - newest.delivered) / taken_s, MAX_RATE)
-        if self.phase is Phase.START:
-            rate = max(rate, self._spread(rate, now_s))
         if not newest.limited:
             self._round_limited = False
         elif rate <= self.rate:
@@ -191,16 +217,50 @@ class Pacing:
             if rate > self.rate:
                 self._peak(rate)
 
-    def _spread(self, rate: float, now_s: float) -> float:
-        """The rate that the distance between the packets of the first flights shows."""
-        if self._train is None:
-            self._train = (now_s, self._delivered)
-            return 0.0
-        began_s, before = self._train
+    def _watch_train(self, newest: Stamp, now_s: float) -> None:
+        """See by the distances of the last packets what the link does with them."""
+        train = self._train
+        if not train:
+            train.append((now_s, newest.sent_s, self._delivered, self._missing))
+            return
+        last_s, _, before, _ = train[-1]
+        if self._delivered - before < TRAIN_PACKETS * self._packet or now_s <= last_s:
+            return
+        self._spread = min((self._delivered - before) / (now_s - last_s), MAX_RATE)
+        train.append((now_s, newest.sent_s, self._delivered, self._missing))
+        while len(train) > 2 and now_s - train[1][0] >= TRAIN_S:
+            train.popleft()
+        began_s, sent_s, before, missing = train[0]
+        taken_s = now_s - began_s
         size = self._delivered - before
-        if size < 6 * self._packet or now_s <= began_s:
-            return 0.0
-        return min(0.75 * size / (now_s - began_s), 6 * rate)
+        full = taken_s > STRETCHED * (newest.sent_s - sent_s) + STRETCHED_S
+        lost = self._missing - missing
+        if not full and self.phase is Phase.START:  # a short queue drops instead
+            full = lost > START_LOSS * (lost + size) and self._risen(self._group_rtt_s)
+        self._group_rtt_s = None
+        if self.phase is Phase.CRUISE and self._delivered < self._began + FIRST * self._packet:
+            if self._spread > 2 * self.rate:  # much faster than in the last contact
+                self._enter(Phase.START)
+            elif self._spread > 1.2 * self.rate:
+                self._enter(Phase.UP)
+        if self.phase is Phase.UP and lost > (UP_LOSS + self.base_loss) * (lost + size):
+            self._enter(Phase.DOWN)
+        if full:
+            train.clear()
+            self._bottleneck(size / taken_s)
+
+    def _risen(self, rtt_s: float | None) -> bool:
+        """Whether packets wait somewhere, be it for a moment only."""
+        if rtt_s is None or self.min_rtt_s is None:
+            return False
+        return rtt_s > self.min_rtt_s + max(RISEN_S, 3 * self._packet / self.rate)
+
+    def _bottleneck(self, rate: float) -> None:
+        """What we send leaves the link more slowly than it enters: now its rate is known."""
+        self._peaks.clear()
+        self._peak(min(rate, MAX_RATE))
+        if self.phase is not Phase.DOWN:
+            self._enter(Phase.DOWN)
 
     def _peak(self, rate: float) -> None:
         peaks = self._peaks
@@ -218,10 +278,13 @@ class Pacing:
         self._round_limited = True
         self._round_lost = self._round_delivered = 0
 
-    def _end_round(self, now_s: float, in_flight: int) -> None:
-        if self._lost + self._arrived >= LOSS_PACKETS * self._packet:
-            self._losses.append(self._lost / (self._lost + self._arrived))
-            self._lost = self._arrived = 0
+    def _end_round(self, newest: Stamp, now_s: float, in_flight: int) -> None:
+        if not self._risen(self._round_rtt_s):
+            self._lost += self._round_lost
+            self._arrived += self._round_delivered
+            if self._lost + self._arrived >= LOSS_PACKETS * self._packet:
+                self._losses.append(self._lost / (self._lost + self._arrived))
+                self._lost = self._arrived = 0
         rate, limited = self._round_rate, self._round_limited
         if not limited:
             self._round += 1
@@ -231,9 +294,10 @@ class Pacing:
                 self._peaks.popleft()
             self.rate = self._peaks[0][1] if self._peaks else self.rate
             self._since += 1
+            if newest.delivered > self._began:
+                self._trusted = None
             self._judge(rate, in_flight)
-        self._round_ends = self._delivered + in_flight
-        self._train = None
+        self._round_ends = self._delivered
         self._clear_round(now_s)
 
     def _queue_stands(self) -> bool:
@@ -246,7 +310,7 @@ class Pacing:
     def _judge(self, rate: float, in_flight: int) -> None:  # noqa: C901 - a table of phases
         total = self._round_lost + self._round_delivered
         excess = self._round_lost / total - self.base_loss if total else 0.0
-        if rate and self._queue_stands():
+        if rate and (self._queue_stands() or (excess > 0.05 and self._risen(self._round_rtt_s))):
             if self.phase is Phase.DOWN and self._since >= 4:  # sending less did not help
                 self.min_rtt_s = self._round_rtt_s
                 self._enter(Phase.CRUISE)
@@ -265,7 +329,10 @@ class Pacing:
             self._before = self.rate
         elif self.phase is Phase.UP:
             if self.rate > self._before * 1.1 and excess < 0.05:
-                self._before = self.rate  # it takes more: go on
+                self._before = self.rate  # it takes more: go on, and soon faster
+                self._still += 1
+                if self._still >= 2:
+                    self._enter(Phase.START)
             elif self._since >= 2 or excess > 0.05:
                 self._enter(Phase.DOWN)
         elif self.phase is Phase.DOWN:
@@ -277,12 +344,13 @@ class Pacing:
     def _enter(self, phase: Phase) -> None:
         self.phase = phase
         self._since = 0
+        self._still = 0
         self._before = self.rate
 
     @property
     def base_loss(self) -> float:
-        """The share of packets that is lost even when we send less."""
-        return min(*self._losses, MAX_LOSS) if len(self._losses) >= 2 else 0.0
+        """The share of packets that is lost without any queue."""
+        return min(*self._losses, MAX_LOSS) if len(self._losses) > 1 else 0.0
 
     def _held(self) -> float:
         """How much the link holds without a queue, in bytes."""
@@ -294,18 +362,29 @@ class Pacing:
             self.cap_bytes = START_PACKETS * self._packet
             return
         gain, cap = _GAINS[self.phase]
-        pace = gain * self.rate / (1 - self.base_loss)
         held = self.rate * (self.min_rtt_s or UNKNOWN_RTT_S)
+        if self.phase is Phase.UP:
+            packets = max(held / self._packet, 1.0)
+            gain = 1 + min(max(8.0, 2 * packets**0.5) / packets, 0.5)
+        elif self.phase is Phase.START:
+            gain = max(gain, min(self._spread / self.rate, MAX_LEAP))
+            cap = 1.2 * gain
+        pace = gain * self.rate / (1 - self.base_loss) ** 0.75
         if self._full:
             cap = 1.0
         slack = max(MIN_PACKETS * self._packet, self.rate * 0.03)
         self.pace = max(pace, self._packet / 2)
         self.cap_bytes = int(cap * held + slack)
+        if self._trusted is not None:  # until a round has shown that what is remembered holds
+            self._trusted = self._trusted or self.cap_bytes
+            self.cap_bytes = min(
+                self.cap_bytes, self._trusted + 2 * (self._delivered - self._began)
+            )
 
 
 _GAINS = {
-    Phase.START: (2.0, 3.0),
+    Phase.START: (2.5, 3.0),
     Phase.CRUISE: (1.0, 2.0),
     Phase.UP: (1.2, 2.0),
-    Phase.DOWN: (0.8, 2.0),
+    Phase.DOWN: (0.8, 1.0),
 }
