@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from mocha_link.link_events import (
@@ -243,11 +243,19 @@ class _Account:
 class LinkBook:
     """Keeps the metrics of all links from what is reported to it.
 
-    A contact that only syncs have shown is over `quiet_s` after the last one.
+    The links to the peers in `protected` are encrypted. A contact that only syncs have shown is
+    over `quiet_s` after the last one.
     """
 
-    def __init__(self, peers: tuple[str, ...], *, quiet_s: float = QUIET_S) -> None:
-        self._links = {peer: _Account() for peer in peers}
+    def __init__(
+        self,
+        peers: Iterable[str],
+        protected: Iterable[str] = (),
+        *,
+        quiet_s: float = QUIET_S,
+    ) -> None:
+        known = frozenset(protected)
+        self._links = {peer: _Account(protected=peer in known) for peer in peers}
         self._quiet_s = quiet_s
 
     def note(self, event: LinkEvent) -> None:

@@ -1,7 +1,7 @@
 """A node's link metrics and events for other processes, as JSON over ZeroMQ.
 
 One XPUB socket. Whoever subscribes gets a snapshot at once, then every event, and a snapshot
-after every quiet second. Messages have two frames: ``links`` or ``event``, and a JSON object.
+every second. Messages have two frames: ``links`` or ``event``, and a JSON object.
 """
 
 from __future__ import annotations
@@ -11,9 +11,11 @@ import dataclasses
 import enum
 import errno
 import json
+import math
 import queue
 import socket
 import threading
+import time
 from typing import TYPE_CHECKING, Any, Self
 
 import zmq
@@ -32,8 +34,9 @@ if TYPE_CHECKING:
     from mocha_link.node import Node
 
 LINKS, EVENT = b"links", b"event"
-SNAPSHOT_MS = 1000
-MAX_MESSAGE_BYTES = 1024 * 1024
+SNAPSHOT_S = 1.0
+MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a snapshot of 255 links with all their topics is 8 MB
+MAX_SUBSCRIPTION_BYTES = 1024
 
 
 class MetricsError(MochaLinkError):
@@ -85,7 +88,7 @@ class MetricsServer:
         publisher = context.socket(zmq.XPUB)
         publisher.setsockopt(zmq.LINGER, 0)
         publisher.setsockopt(zmq.XPUB_VERBOSE, 1)  # every newcomer gets its snapshot
-        publisher.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
+        publisher.setsockopt(zmq.MAXMSGSIZE, MAX_SUBSCRIPTION_BYTES)
         try:
             publisher.bind(self.endpoint)
         except zmq.ZMQError as error:
@@ -144,9 +147,11 @@ class MetricsServer:
         poller = zmq.Poller()
         poller.register(publisher, zmq.POLLIN)
         poller.register(woken, zmq.POLLIN)
+        due_s = time.monotonic() + SNAPSHOT_S
         with context, publisher, woken:
             while not self._stopping:
-                ready = dict(poller.poll(SNAPSHOT_MS))
+                left_s = due_s - time.monotonic()
+                ready = dict(poller.poll(max(0, math.ceil(left_s * 1000))))
                 if woken.fileno() in ready:
                     woken.recv(4096)
                 if publisher in ready:
@@ -155,8 +160,63 @@ class MetricsServer:
                     event = self._events.get()
                     fields = {"event": type(event).__name__, **as_fields(event)}
                     publisher.send_multipart([EVENT, json.dumps(fields).encode()])
-                if publisher in ready or not ready:
+                if publisher in ready or time.monotonic() >= due_s:
                     publisher.send_multipart([LINKS, json.dumps(snapshot(self._node)).encode()])
+                    due_s = time.monotonic() + SNAPSHOT_S
+
+
+class Subscription:
+    """What a node's metrics endpoint sends, from a snapshot on. Use as a context manager.
+
+    Raises MetricsError if the endpoint is none.
+    """
+
+    def __init__(self, endpoint: str) -> None:
+        self._endpoint = endpoint
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._socket = self._context.socket(zmq.SUB)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
+        self._socket.setsockopt(zmq.SUBSCRIBE, b"")
+        try:
+            self._socket.connect(endpoint)
+        except zmq.ZMQError as error:
+            self._context.destroy(0)
+            why = zmq.strerror(error.errno or 0)
+            raise MetricsError(
+                f"'{endpoint}' is no endpoint ({why}); write tcp://address:port"
+            ) from None
+
+    def next(self, timeout_s: float) -> tuple[str, dict[str, Any]] | None:
+        """("links", snapshot) or ("event", event); None if nothing comes for so long.
+
+        Raises MetricsError if what comes is not a node's metrics.
+        """
+        if not self._socket.poll(int(timeout_s * 1000)):
+            return None
+        frames = self._socket.recv_multipart()
+        try:
+            kind, fields = frames[0].decode(), json.loads(frames[1])
+        except (ValueError, IndexError, RecursionError):
+            raise self.strange() from None
+        if not isinstance(fields, dict):
+            raise self.strange()
+        return kind, fields
+
+    def strange(self) -> MetricsError:
+        """The error for what is not a node's metrics."""
+        return MetricsError(f"what {self._endpoint} sends is not a node's metrics")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._context.destroy(0)
 
 
 def watch(endpoint: str, *, timeout_s: float = 5.0) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -166,26 +226,9 @@ def watch(endpoint: str, *, timeout_s: float = 5.0) -> Iterator[tuple[str, dict[
         MetricsError: nothing comes from the endpoint for `timeout_s` (real seconds), or what
             comes is not a node's metrics.
     """
-    with zmq.Context() as context, context.socket(zmq.SUB) as subscriber:
-        subscriber.setsockopt(zmq.LINGER, 0)
-        subscriber.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
-        subscriber.setsockopt(zmq.SUBSCRIBE, b"")
-        try:
-            subscriber.connect(endpoint)
-        except zmq.ZMQError as error:
-            why = zmq.strerror(error.errno or 0)
-            raise MetricsError(
-                f"'{endpoint}' is no endpoint ({why}); write tcp://address:port"
-            ) from None
-        while subscriber.poll(int(timeout_s * 1000)):
-            frames = subscriber.recv_multipart()
-            try:
-                kind, fields = frames[0].decode(), json.loads(frames[1])
-            except (ValueError, IndexError, RecursionError):
-                raise MetricsError(f"what {endpoint} sends is not a node's metrics") from None
-            if not isinstance(fields, dict):
-                raise MetricsError(f"what {endpoint} sends is not a node's metrics")
-            yield kind, fields
+    with Subscription(endpoint) as subscription:
+        while news := subscription.next(timeout_s):
+            yield news
         raise MetricsError(
             f"nothing from {endpoint} for {timeout_s:g} s; is a node running there with "
             f"--metrics {endpoint}?"

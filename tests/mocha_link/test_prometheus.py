@@ -1,0 +1,205 @@
+"""The metrics as Prometheus reads them: checked by Prometheus' own parser, and over HTTP."""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import math
+import socket
+import threading
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from prometheus_client.parser import text_string_to_metric_families
+
+from mocha_link import prometheus
+from mocha_link.metrics import LinkMetrics, LinkState
+from mocha_link.prometheus import (
+    CONTENT_TYPE,
+    MAX_CONNECTIONS,
+    PrometheusError,
+    PrometheusServer,
+    exposition,
+)
+from mocha_link.reading import Reading, Unit
+
+IO = LinkMetrics(
+    "io",
+    state=LinkState.ENDED,
+    last_sync_in_s=1000.5,
+    rtt_s=0.05,
+    rtt_smoothed_s=0.06,
+    bandwidth_bytes_s=125_000.0,
+    bytes_in=12_345,
+    bytes_out=3,
+    syncs_in=4,
+    timeouts=1,
+    signal=Reading(-61.5, Unit.DBM, "wifi"),
+    topic_ages_s={"/pose": 1.5, '/a"b\\c\nd': 2.0},
+    contacts_begun=2,
+    path="udp",
+    protected=True,
+)
+
+
+class FakeNode:
+    def __init__(self, clock, **links):
+        self.name = "titan"
+        self.clock = clock
+        self._links = links
+
+    def links(self):
+        return self._links
+
+
+@pytest.fixture
+def node(clock):
+    return FakeNode(clock, io=IO, europa=LinkMetrics("europa"))
+
+
+def samples(text):
+    """Every sample, by its name and labels without the robot's; each family has its help."""
+    found = {}
+    for family in text_string_to_metric_families(text):
+        assert family.documentation
+        assert family.type in ("gauge", "counter")
+        for sample in family.samples:
+            labels = dict(sample.labels)
+            assert labels.pop("robot") == "titan"
+            key = sample.name, *sorted(labels.items())
+            assert key not in found
+            found[key] = sample.value
+    return found
+
+
+def test_what_prometheus_reads(node):
+    found = samples(exposition(node))
+    io = ("peer", "io")
+    assert found["mocha_link_clock_timestamp_seconds",] == node.clock.now_s()
+    assert found["mocha_link_state", io, ("state", "ended")] == 1
+    assert found["mocha_link_state", io, ("state", "idle")] == 0
+    assert found["mocha_link_state", ("peer", "europa"), ("state", "idle")] == 1
+    assert found["mocha_link_signal_dbm", io, ("source", "wifi")] == -61.5
+    assert found["mocha_link_last_sync_timestamp_seconds", ("direction", "in"), io] == 1000.5
+    assert ("mocha_link_last_sync_timestamp_seconds", ("direction", "out"), io) not in found
+    assert found["mocha_link_rtt_seconds", io] == 0.05
+    assert found["mocha_link_rtt_smoothed_seconds", io] == 0.06
+    assert found["mocha_link_bandwidth_bytes_per_second", io] == 125_000
+    assert found["mocha_link_topic_age_seconds", io, ("topic", "/pose")] == 1.5
+    assert found["mocha_link_topic_age_seconds", io, ("topic", '/a"b\\c\nd')] == 2
+    assert found["mocha_link_bytes_total", ("direction", "in"), io] == 12_345
+    assert found["mocha_link_syncs_total", ("direction", "in"), io] == 4
+    assert found["mocha_link_sync_timeouts_total", io] == 1
+    assert found["mocha_link_contacts_total", io] == 2
+    assert found["mocha_link_path_info", ("path", "udp"), io] == 1
+    assert found["mocha_link_protected", io] == 1
+    assert found["mocha_link_protected", ("peer", "europa")] == 0
+
+
+@pytest.mark.parametrize(
+    ("unit", "name"),
+    [(Unit.SNR_DB, "signal_snr_decibels"), (Unit.DEVICE, "signal_device_units")],
+)
+def test_each_unit_has_its_metric(clock, unit, name):
+    node = FakeNode(clock, io=replace(IO, signal=Reading(7, unit, "x")))
+    found = samples(exposition(node))
+    assert found[f"mocha_link_{name}", ("peer", "io"), ("source", "x")] == 7
+    assert sum(key[0].startswith("mocha_link_signal") for key in found) == 1
+
+
+@settings(max_examples=60)
+@given(st.text(min_size=1, max_size=12), st.text(max_size=12), st.floats(), st.integers(0, 2**80))
+def test_any_text_and_number_is_readable(peer, topic, age_s, count):
+    class Clock:
+        def now_s(self):
+            return age_s
+
+    link = LinkMetrics(peer, topic_ages_s={topic: age_s}, bytes_in=count)
+    found = samples(exposition(FakeNode(Clock(), **{peer: link})))
+    age = found["mocha_link_topic_age_seconds", ("peer", peer), ("topic", topic)]
+    assert age == age_s or (math.isnan(age) and math.isnan(age_s))
+    assert found["mocha_link_bytes_total", ("direction", "in"), ("peer", peer)] == float(count)
+
+
+@pytest.fixture
+def server(node):
+    before = set(threading.enumerate())
+    with PrometheusServer(node, "127.0.0.1:0") as server:
+        yield server
+    assert set(threading.enumerate()) == before
+
+
+def place(server):
+    host, port = server.url.removeprefix("http://").removesuffix("/metrics").split(":")
+    return host, int(port)
+
+
+def ask(server, method="GET", path="/metrics"):
+    connection = http.client.HTTPConnection(*place(server))
+    with contextlib.closing(connection):
+        connection.request(method, path)
+        reply = connection.getresponse()
+        return reply, reply.read().decode()
+
+
+def test_over_http(node, server):
+    reply, body = ask(server)
+    assert reply.headers["Content-Type"] == CONTENT_TYPE
+    assert body == exposition(node)
+    for method, path, code in [
+        ("HEAD", "/metrics?name=x", 200),
+        ("GET", "/", 200),
+        ("GET", "/etc/passwd", 404),
+        ("POST", "/metrics", 501),
+    ]:
+        assert ask(server, method, path)[0].status == code
+
+
+def test_a_real_node(field):
+    node, _, _ = field.node("titan")
+    with PrometheusServer(node, f"{field.host}:0") as server:
+        found = samples(ask(server)[1])
+    assert found["mocha_link_state", ("peer", "io"), ("state", "idle")] == 1
+
+
+def test_no_more_than_so_many_at_a_time(server):
+    idle = [socket.create_connection(place(server)) for _ in range(MAX_CONNECTIONS)]
+    for connection in idle:
+        connection.sendall(b"GET ")  # and nothing more
+    with socket.create_connection(place(server)) as another:
+        assert another.recv(1) == b""
+    idle.pop().close()
+    while True:  # until its thread notices
+        try:
+            assert ask(server)[0].status == 200
+            break
+        except (http.client.HTTPException, ConnectionError):
+            continue
+    for connection in idle:
+        connection.close()
+
+
+def test_nobody_holds_a_connection_for_long(node, monkeypatch):
+    monkeypatch.setattr(prometheus, "REQUEST_S", 0.05)
+    with (
+        PrometheusServer(node, "127.0.0.1:0") as server,
+        socket.create_connection(place(server)) as slow,
+    ):
+        slow.sendall(b"GET ")
+        assert slow.recv(1) == b""
+
+
+@pytest.mark.parametrize("address", ["", "x", "127.0.0.1", "127.0.0.1:99999", "127.0.0.1:-1"])
+def test_addresses_that_are_none(node, address):
+    with pytest.raises(PrometheusError, match="is no address; write host:port"):
+        PrometheusServer(node, address)
+
+
+def test_addresses_that_cannot_be_served(node, server):
+    for address in ("{}:{}".format(*place(server)), "203.0.113.7:1"):
+        with pytest.raises(PrometheusError, match="cannot serve metrics on"):
+            PrometheusServer(node, address).start()
+    PrometheusServer(node, ":0").close()
+    assert PrometheusServer(node, ":9464").url == "http://127.0.0.1:9464/metrics"
