@@ -20,6 +20,7 @@ MIN_ROOM = 300
 _MIN_PIECE = 64  # a smaller one is not worth its head
 # What would take less than this share of a frame is left for the next one rather than cut in two.
 _SMALL_SHARE = 4
+_FEW = 8  # new ones are put in their place one by one
 _BEGUN = 1 << 64  # in a rank
 
 
@@ -194,7 +195,8 @@ class Feed:
         self._sequence = sequence
 
     def _enqueue(self, records: Iterable[Record]) -> None:
-        lacks, queue, waiting = self._peer.lacks, self._queue, len(self._queue)
+        lacks = self._peer.lacks
+        new: list[int] = []
         for record in records:
             long = record_id(record)
             if long in self._missing or long in self._given or not lacks(record, long):
@@ -202,9 +204,13 @@ class Feed:
             rank = _rank(long, record.priority, begun=False)
             if rank not in self._records:
                 self._records[rank] = record
-                queue.append(rank)
-        if len(queue) > waiting:
-            queue.sort()
+                new.append(rank)
+        if len(new) > _FEW:
+            self._queue += new
+            self._queue.sort()
+        else:
+            for rank in new:
+                insort(self._queue, rank)
 
     def _push(self, rank: int, record: Record) -> None:
         insort(self._queue, rank)

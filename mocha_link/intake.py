@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import TYPE_CHECKING
 
 from mocha_link import payload, sync
@@ -32,6 +31,9 @@ SPARE_BYTES = 32_768  # what may come twice rather than cost another round trip
 _REPAIRS = 2  # rounds that only ask again for what was damaged
 _SKIP_BYTES = 4_096  # so much more of what we have already is worth a word
 _MAX_AHEAD = 65_536
+_MAX_BEGUN = 1_024
+_MAX_FAILED = 1_024
+_MAX_REFUSALS = 100  # that one frame is told of
 
 
 class Intake:
@@ -86,10 +88,11 @@ class Intake:
         self._ahead: set[int] = set()
         self._damaged = 0  # frames
         self._done: sync.Done | None = None
-        self._begun: dict[int, int] = {}  # parts that came in this pull: long id -> size
+        self._begun: set[int] = set()  # messages of which a part came in this pull
         self._skipped: set[int] = set()
-        self._failures: Counter[int] = Counter()
+        self._failed: set[int] = set()  # messages
         self._flawed = False  # this round left something out that may be asked for again
+        self._hopeless = False  # it will not come whole in this pull
 
     def open(self, now: Instant) -> Step:
         """Begin: say what we have."""
@@ -109,7 +112,7 @@ class Intake:
             else:
                 self._letter(frame, step)
         except FrameError as error:
-            step.refusals.append(str(error))
+            _refuse(step, str(error))
             self._damaged += 1
             self._flawed = True
         done = self._done
@@ -163,7 +166,7 @@ class Intake:
                 self._flawed = False
                 step.frames += self._opening(self._all())
         elif letter.kind == sync.GROUPS:
-            answers = [self._answer(*each) for each in sync.decode_groups(letter.content)]
+            answers = [self._answer(*each) for each in sync.decode_groups(letter.content).items()]
             content = sync.encode_answers(answers)
             step.frames += sync.letter_frames(sync.ANSWER, self._round, content, self._room)
         else:
@@ -207,34 +210,37 @@ class Intake:
     ) -> None:
         long, total, offset, size = piece
         if self._topic(long) is None:
-            step.refusals.append(_unknown(long))
+            _refuse(step, _unknown(long))
             return
         if not self._wants(long):  # another peer has brought it, or a newer one
-            self._begun.pop(long, None)
+            self._begun.discard(long)
             if total - offset - size > _SKIP_BYTES and long not in self._skipped:
                 self._skipped.add(long)
                 content = sync.encode_skip(long)
                 step.frames += sync.letter_frames(sync.SKIP, self._round, content, self._room)
             return
+        if long not in self._begun and len(self._begun) >= _MAX_BEGUN:
+            raise FrameError("parts of too many messages")
         body = self._shelf.add(long, total, offset, data)
         if body is None:
-            self._begun[long] = total
+            self._begun.add(long)
         else:
-            self._begun.pop(long, None)
+            self._begun.discard(long)
             self._message(long, body, now, step)
 
     def _message(self, long: int, body: bytes, now: Instant, step: Step) -> None:
         known = self._topic(long)
         if known is None:
-            step.refusals.append(_unknown(long))
+            _refuse(step, _unknown(long))
             return
         robot, topic = known
         stamp_ms = long & sync.STAMP_MASK
         try:
             trailer = _proven(body, topic, stamp_ms)
         except PayloadError as error:  # damaged on its way, perhaps
-            step.refusals.append(f"message {long:016x}: {error}")
-            self._failures[long] += 1
+            _refuse(step, f"message {long:016x}: {error}")
+            self._hopeless |= long in self._failed or len(self._failed) >= _MAX_FAILED
+            self._failed.add(long)
             self._flawed = True
             return
         header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
@@ -244,7 +250,7 @@ class Intake:
             if self._verify:
                 self._verify(header, body, trailer)
         except PayloadError as error:  # intact, so it will not be another one next time
-            step.refusals.append(f"message {long:016x}: {error}")
+            _refuse(step, f"message {long:016x}: {error}")
             return
         record = Record(header, topic.priority, body, stamp_ms, now.unix_s, trailer is None)
         if self._database.insert(record, now.unix_s):
@@ -268,9 +274,9 @@ class Intake:
 
     def _finish(self, done: sync.Done, step: Step) -> None:
         missing = [long for long in self._begun if self._wants(long)]
-        hopeless = any(count > 1 for count in self._failures.values())
         flawed = self._flawed or bool(missing)
-        if flawed and not done.cut_short and not hopeless and self._repairs < _REPAIRS:
+        last = self._repairs == _REPAIRS or self._round + 1 == sync.ROUNDS
+        if flawed and not (done.cut_short or self._hopeless or last):
             self._repairs += 1
             self._round += 1
             self._done = None
@@ -287,6 +293,11 @@ class Intake:
         knowledge = Knowledge(done.epoch, done.sequence, self._database.sequence)
         if knowledge != self._database.knowledge(self.peer):
             self._database.learn(self.peer, knowledge)
+
+
+def _refuse(step: Step, reason: str) -> None:
+    if len(step.refusals) < _MAX_REFUSALS:
+        step.refusals.append(reason)
 
 
 def _unknown(long: int) -> str:

@@ -25,8 +25,10 @@ VERSION = 1
 OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS = range(1, 9)
 ROUNDS = 8  # OPENs of one pull
 MAX_LETTER_BYTES = 1024 * 1024
+MIN_PART_BYTES = 200  # of a letter, but for the last part
 MAX_BODY_BYTES = MAX_BYTES + 1024 * 1024  # incompressible data, and what may stand behind it
 MAX_CHUNKS = 65_535  # of each sort in one frame
+MAX_LISTED = 65_535  # messages of a robot in an ANSWER
 MAX_PARTIALS = 64
 STAMP_MASK = (1 << 48) - 1
 GROUP_COUNT = 16
@@ -108,8 +110,11 @@ class Letters:
         if zlib.crc32(view[_COVERED:], kind) != checksum:
             raise FrameError("a damaged frame")
         part = view[LETTER_BYTES:]
-        if round_ >= ROUNDS or total > MAX_LETTER_BYTES or offset + len(part) > total:
+        end = offset + len(part)
+        if round_ >= ROUNDS or total > MAX_LETTER_BYTES or end > total:
             raise FrameError(f"a letter of {total} bytes in round {round_}")
+        if len(part) < MIN_PART_BYTES and end < total:
+            raise FrameError(f"a letter of {total} bytes in parts of {len(part)}")
         if kind == SKIP and len(part) == total:
             return Letter(kind, round_, bytes(part))
         known, partial = self._open.get(kind, (-1, None))
@@ -268,11 +273,11 @@ def encode_groups(groups: Iterable[tuple[int, Sequence[int]]]) -> bytes:
     return b"".join(_GROUPS.pack(robot_id, *digests) for robot_id, digests in groups)
 
 
-def decode_groups(content: bytes) -> list[tuple[int, tuple[int, ...]]]:
+def decode_groups(content: bytes) -> dict[int, tuple[int, ...]]:
     """The reverse of `encode_groups`. Raises FrameError."""
     if len(content) % _GROUPS.size:
         raise FrameError(f"group digests in {len(content)} bytes")
-    return [(each[0], each[1:]) for each in _GROUPS.iter_unpack(content)]
+    return {each[0]: each[1:] for each in _GROUPS.iter_unpack(content)}
 
 
 class Answer(NamedTuple):
@@ -284,11 +289,14 @@ class Answer(NamedTuple):
 
 
 def encode_answers(answers: Iterable[Answer]) -> bytes:
-    """The content of an ANSWER."""
+    """The content of an ANSWER. What does not fit in a letter is left out, and may come twice."""
     parts = []
+    room = MAX_LETTER_BYTES - (1 << 8) * _ANSWER.size
     for robot_id, groups, longs in answers:
-        parts.append(_ANSWER.pack(robot_id, groups, len(longs)))
-        parts += [long.to_bytes(8, "big")[1:] for long in longs]
+        listed = longs[: min(room // _TOPIC_STAMP.size, MAX_LISTED)]
+        room -= len(listed) * _TOPIC_STAMP.size
+        parts.append(_ANSWER.pack(robot_id, groups, len(listed)))
+        parts += [long.to_bytes(8, "big")[1:] for long in listed]
     return b"".join(parts)
 
 
@@ -345,7 +353,10 @@ def read_chunks(frame: Frame) -> Chunks:
         raise FrameError("a damaged frame")
     wholes = list(WHOLE.iter_unpack(view[CHUNKS_BYTES:middle]))
     pieces = list(PIECE.iter_unpack(view[middle:end]))
-    size = sum([size for _, size in wholes])
+    sizes = [size for _, size in wholes]
+    if 0 in sizes:
+        raise FrameError("a message of 0 bytes")
+    size = sum(sizes)
     for long, total, offset, length in pieces:
         if offset + length > total or not length or not _is_body(long, total):
             raise FrameError(f"a piece of {length} bytes at {offset} of {total}")

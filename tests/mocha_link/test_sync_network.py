@@ -4,165 +4,14 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from pathlib import Path
 from unittest import mock
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mocha_link import intake, payload, sync
-from mocha_link.acquaintance import Acquaintance, record_id
-from mocha_link.clock import Instant
-from mocha_link.database import Database, Record
-from mocha_link.document import Document
-from mocha_link.feed import Feed
-from mocha_link.header import Header
-from mocha_link.intake import Intake
-from mocha_link.shelf import Shelf
-from mocha_link.team import Team
-
-NOW = Instant(1_795_175_900.0, 1.0)
-START_MS = 1_795_175_000_000
-ROBOTS, TOPICS = 256, 256
-KINDS = ", ".join(f"{{name: /t{topic}, type: a/B}}" for topic in range(TOPICS))
-TEAM = Team.from_document(
-    Document.from_text(
-        "robots:\n"
-        + "".join(
-            f"  r{robot:03}: {{kind: k, address: a{robot}, base_port: 10, clients: []}}\n"
-            for robot in range(ROBOTS)
-        )
-        + f"kinds: {{k: {{topics: [{KINDS}]}}}}\n",
-        Path("team.yaml"),
-    )
-)
-
-
-def history(robot_id: int, topic_id: int) -> int:
-    return 3 if topic_id % 4 == 3 else 1
-
-
-class Node:
-    """A database with what belongs to it."""
-
-    def __init__(self, name: str, seed: int = 0) -> None:
-        self.name = name
-        self.random = random.Random(f"{name} {seed}")
-        self.published: dict[tuple[int, int], int] = {}
-        self.start()
-
-    def start(self) -> None:
-        """Begin a new process with an empty memory."""
-        self.database = Database(history)
-        self.shelf = Shelf()
-        self.peers: dict[str, Acquaintance] = {}
-
-    def peer(self, name: str) -> Acquaintance:
-        if name not in self.peers:
-            self.peers[name] = Acquaintance(self.random.getrandbits(64), history)
-        return self.peers[name]
-
-    def store(
-        self, robot_id: int, topic_id: int, stamp_ms: int, *, size: int = 20, priority: int = 0
-    ) -> Record:
-        data = random.Random(f"{robot_id} {topic_id} {stamp_ms}").randbytes(size)
-        body = payload.pack(0, priority, data, stamp_ms=stamp_ms)
-        header = Header.at(robot_id, topic_id, stamp_ms)
-        record = Record(header, priority, body, stamp_ms, NOW.unix_s)
-        self.database.insert(record, NOW.unix_s)
-        return record
-
-    @property
-    def content(self) -> dict[int, bytes]:
-        return {record_id(record): record.body for record in self.database.kept()}
-
-
-class Pull:
-    """One node's pull from another, frame by frame."""
-
-    def __init__(self, asker: Node, server: Node, *, budget: int = 0, room: int = 1_100) -> None:
-        self.feed = Feed(server.database, server.peer(asker.name))
-        self.intake = Intake(
-            server.name,
-            team=TEAM,
-            database=asker.database,
-            shelf=asker.shelf,
-            acquaintance=asker.peer(server.name),
-            budget=budget,
-            room=room,
-        )
-        self.up: list[bytes] = []
-        self.down: list[bytes] = []
-        self.events: list[object] = []
-        self.refusals: list[str] = []
-        self.bytes_up = self.bytes_down = self.data_down = 0
-        self.seen: set[bytes] = set()
-        self.arrived: Counter[int] = Counter()  # data bytes by long id
-        self.take(self.intake.open(NOW))
-
-    def take(self, step) -> None:
-        self.up += step.frames
-        self.bytes_up += sum(map(len, step.frames))
-        self.events += step.events
-        self.refusals += step.refusals
-
-    def give(self, room: int = 1_100) -> bytes | None:
-        """The next frame of the serving side, under way now."""
-        frame = self.feed.next(room)
-        if frame is not None:
-            assert len(frame) <= room
-            self.down.append(frame)
-            self.bytes_down += len(frame)
-            self.data_down += data_bytes(frame)
-        return frame
-
-    def ask(self, place: int = 0) -> None:
-        """One frame of the asking side arrives."""
-        self.feed.receive(self.up.pop(place))
-
-    def deliver(self, place: int = 0) -> None:
-        """One frame of the serving side arrives."""
-        frame = self.down.pop(place)
-        if frame[0] == sync.CHUNKS and frame not in self.seen:
-            self.seen.add(frame)
-            chunks = sync.read_chunks(frame)
-            self.arrived.update(dict(chunks.wholes))
-            for long, _, _, size in chunks.pieces:
-                self.arrived[long] += size
-        self.take(self.intake.receive(frame, NOW))
-
-    def run(self, room: int = 65_536) -> Pull:
-        """All of it, with nothing in its way."""
-        for _ in range(1_000_000):
-            if self.up:
-                self.ask()
-            elif self.down:
-                self.deliver()
-            elif self.give(room) is None:
-                break
-        return self
-
-    def run_badly(self, rng: random.Random, *, ordered: bool, cut: int, meanwhile) -> None:
-        """At most `cut` steps, with frames out of order and twice unless `ordered`."""
-        window = rng.randint(1, 12)
-        for _ in range(cut):
-            choice = rng.random()
-            if choice < 0.05:
-                meanwhile()
-            elif choice < 0.35 and len(self.down) < window:
-                self.give(rng.choice((300, 500, 1_100, 5_000)))
-            else:
-                side, arrive = rng.choice(((self.up, self.ask), (self.down, self.deliver)))
-                if side:
-                    place = 0 if ordered else rng.randrange(len(side))
-                    if not ordered and rng.random() < 0.1:
-                        side.insert(rng.randrange(len(side)), side[place])
-                        place = rng.randrange(len(side))
-                    arrive(place)
-
-
-def data_bytes(frame: bytes) -> int:
-    return len(sync.read_chunks(frame).data) if frame[0] == sync.CHUNKS else 0
+from mocha_link import intake
+from mocha_link.acquaintance import record_id
+from tests.mocha_link.network import START_MS, Node, Pull, history
 
 
 class World:
@@ -270,3 +119,153 @@ def test_pulls_at_once_and_restarts_lose_nothing(seed, nodes, ordered, listed):
                 pull.run_badly(rng, ordered=ordered, cut=rng.randint(0, 50), meanwhile=world.write)
                 assert pull.refusals == []
         world.settle()
+
+
+def test_a_large_message_resumes_over_many_short_contacts():
+    asker, server = Node("asker"), Node("server")
+    body = server.store(0, 0, START_MS, size=5_000_000).body
+    sent = contacts = 0
+    while not asker.content:
+        pull = Pull(asker, server)
+        pull.ask()
+        for _ in range(250_000 // 8_000 + 1):
+            pull.give(8_000)
+        lost = 0 if pull.feed.done else 2
+        for _ in range(len(pull.down) - lost):
+            pull.deliver()
+        sent += pull.bytes_down + pull.bytes_up
+        contacts += 1
+    assert contacts >= 20
+    assert asker.content == server.content
+    assert sent < 1.1 * len(body) + contacts * 100
+
+
+def test_a_large_message_resumes_from_another_peer():
+    asker, one, other = Node("asker"), Node("one"), Node("other")
+    body = one.store(0, 0, START_MS, size=1_000_000).body
+    other.store(0, 0, START_MS, size=1_000_000)
+    pull = Pull(asker, one)
+    pull.ask()
+    for _ in range(60):
+        pull.give(10_000)
+        pull.deliver()
+    before = pull.bytes_down
+    assert 0.5 * len(body) < before < len(body)
+    rest = Pull(asker, other).run()
+    assert asker.content == one.content
+    assert before + rest.bytes_down < 1.01 * len(body)
+
+
+def test_what_two_peers_give_at_once_makes_one_message():
+    asker, one, other = Node("asker"), Node("one"), Node("other")
+    body = one.store(0, 0, START_MS, size=1_000_000).body
+    other.store(0, 0, START_MS, size=1_000_000)
+    pulls = [Pull(asker, one), Pull(asker, other)]
+    pulls[0].ask()
+    for _ in range(30):  # the first one is ahead
+        pulls[0].give(10_000)
+        pulls[0].deliver()
+    while not asker.content:
+        for pull in pulls:
+            if pull.up:
+                pull.ask()
+            pull.give(10_000)
+            if pull.down:
+                pull.deliver()
+    for pull in pulls:
+        pull.run(10_000)
+        assert pull.intake.complete
+        assert pull.refusals == []
+    assert asker.content == one.content
+    # The second peer is told that it need not go on.
+    assert sum(pull.bytes_down for pull in pulls) < 1.75 * len(body)
+    assert [len(pull.events) for pull in pulls].count(1) == 1
+
+
+def test_an_urgent_message_is_in_the_very_next_frame():
+    asker, server = Node("asker"), Node("server")
+    server.store(0, 0, START_MS, size=5_000_000, priority=1)
+    pull = Pull(asker, server)
+    pull.ask()
+    for _ in range(100):
+        assert pull.give()
+    urgent = server.store(0, 1, START_MS + 1, size=200, priority=3)
+    frame = pull.give()
+    assert urgent.body in frame
+    assert len(frame) > 1_000  # and the map goes on behind it
+    while not pull.events:
+        pull.deliver()
+    assert pull.events[0].topic == "/t1"
+    pull.run()
+    assert asker.content == server.content
+    assert pull.feed.messages == 2
+
+
+FILLED = 65_536
+
+
+def filled(name: str) -> Node:
+    node = Node(name)
+    for number in range(FILLED):
+        node.store(number >> 8, number & 0xFF, START_MS + number)
+    return node
+
+
+def changes(node: Node, at_ms: int) -> list[int]:
+    rng = random.Random(at_ms)
+    return [
+        record_id(node.store(rng.randrange(256), rng.randrange(256), at_ms + number))
+        for number in range(10)
+    ]
+
+
+def headers_of(pull: Pull) -> int:
+    return pull.bytes_up + pull.bytes_down - pull.data_down
+
+
+def test_few_bytes_say_what_is_new():
+    """65,536 entries, 10 of which differ: what the frames take beside the bodies, both ways."""
+    asker, server = filled("asker"), filled("server")
+    changed = changes(server, START_MS + 100_000)
+    pull = Pull(asker, server, room=65_536).run()
+    assert pull.arrived.keys() == set(changed)
+    assert asker.content == server.content
+    back = Pull(server, asker, room=65_536).run()  # as a stranger: it has never asked before
+    assert back.data_down == 0
+    strangers = headers_of(pull) + headers_of(back)
+    assert strangers < 8_000, strangers
+    changed = changes(server, START_MS + 200_000)
+    pull = Pull(asker, server, room=65_536).run()
+    back = Pull(server, asker, room=65_536).run()
+    assert pull.arrived.keys() == set(changed)
+    assert back.data_down == 0
+    met = headers_of(pull) + headers_of(back)
+    assert met < 1_000, met
+
+
+def test_a_fresh_robot_needs_no_round_of_digests():
+    asker, server = Node("asker"), Node("server")
+    for number in range(2_000):
+        server.store(number >> 8, number & 0xFF, START_MS + number)
+    pull = Pull(asker, server)
+    assert sum(map(len, pull.up)) < 50
+    pull.ask()
+    while pull.give():
+        pass
+    assert pull.feed.done
+    pull.run()
+    assert asker.content == server.content
+
+
+def test_what_was_listed_is_not_sent_though_it_came_from_others():
+    asker, server, third = Node("asker"), Node("server"), Node("third")
+    server.store(0, 0, START_MS)
+    Pull(asker, server).run()
+    for number in range(300):
+        third.store(1, number % 256, START_MS + number, size=50)
+    Pull(asker, third).run()
+    Pull(server, third).run()
+    new = server.store(0, 1, START_MS)
+    pull = Pull(asker, server).run()
+    assert pull.arrived.keys() == {record_id(new)}
+    assert Pull(server, asker).run().data_down == 0

@@ -1,0 +1,161 @@
+"""Two nodes and a model of what is between them, for the tests of the sync between new nodes."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from pathlib import Path
+
+from mocha_link import payload, sync
+from mocha_link.acquaintance import Acquaintance, record_id
+from mocha_link.clock import Instant
+from mocha_link.database import Database, Record
+from mocha_link.document import Document
+from mocha_link.feed import Feed
+from mocha_link.header import Header
+from mocha_link.intake import Intake
+from mocha_link.shelf import Shelf
+from mocha_link.team import Team
+
+NOW = Instant(1_795_175_900.0, 1.0)
+START_MS = 1_795_175_000_000
+ROBOTS, TOPICS = 256, 256
+KINDS = ", ".join(f"{{name: /t{topic}, type: a/B}}" for topic in range(TOPICS))
+TEAM = Team.from_document(
+    Document.from_text(
+        "robots:\n"
+        + "".join(
+            f"  r{robot:03}: {{kind: k, address: a{robot}, base_port: 10, clients: []}}\n"
+            for robot in range(ROBOTS)
+        )
+        + f"kinds: {{k: {{topics: [{KINDS}]}}}}\n",
+        Path("team.yaml"),
+    )
+)
+
+
+def history(robot_id: int, topic_id: int) -> int:
+    return 3 if topic_id % 4 == 3 else 1
+
+
+class Node:
+    """A database with what belongs to it."""
+
+    def __init__(self, name: str, seed: int = 0) -> None:
+        self.name = name
+        self.random = random.Random(f"{name} {seed}")
+        self.published: dict[tuple[int, int], int] = {}
+        self.start()
+
+    def start(self) -> None:
+        """Begin a new process with an empty memory."""
+        self.database = Database(history)
+        self.shelf = Shelf()
+        self.peers: dict[str, Acquaintance] = {}
+
+    def peer(self, name: str) -> Acquaintance:
+        if name not in self.peers:
+            self.peers[name] = Acquaintance(self.random.getrandbits(64), history)
+        return self.peers[name]
+
+    def store(
+        self, robot_id: int, topic_id: int, stamp_ms: int, *, size: int = 20, priority: int = 0
+    ) -> Record:
+        data = random.Random(f"{robot_id} {topic_id} {stamp_ms}").randbytes(size)
+        body = payload.pack(0, priority, data, stamp_ms=stamp_ms)
+        header = Header.at(robot_id, topic_id, stamp_ms)
+        record = Record(header, priority, body, stamp_ms, NOW.unix_s)
+        self.database.insert(record, NOW.unix_s)
+        return record
+
+    @property
+    def content(self) -> dict[int, bytes]:
+        return {record_id(record): record.body for record in self.database.kept()}
+
+
+class Pull:
+    """One node's pull from another, frame by frame."""
+
+    def __init__(self, asker: Node, server: Node, *, budget: int = 0, room: int = 1_100) -> None:
+        self.feed = Feed(server.database, server.peer(asker.name))
+        self.intake = Intake(
+            server.name,
+            team=TEAM,
+            database=asker.database,
+            shelf=asker.shelf,
+            acquaintance=asker.peer(server.name),
+            budget=budget,
+            room=room,
+        )
+        self.up: list[bytes] = []
+        self.down: list[bytes] = []
+        self.events: list[object] = []
+        self.refusals: list[str] = []
+        self.bytes_up = self.bytes_down = self.data_down = 0
+        self.seen: set[bytes] = set()
+        self.arrived: Counter[int] = Counter()  # data bytes by long id
+        self.take(self.intake.open(NOW))
+
+    def take(self, step) -> None:
+        self.up += step.frames
+        self.bytes_up += sum(map(len, step.frames))
+        self.events += step.events
+        self.refusals += step.refusals
+
+    def give(self, room: int = 1_100) -> bytes | None:
+        """The next frame of the serving side, under way now."""
+        frame = self.feed.next(room)
+        if frame is not None:
+            assert len(frame) <= room
+            self.down.append(frame)
+            self.bytes_down += len(frame)
+            self.data_down += data_bytes(frame)
+        return frame
+
+    def ask(self, place: int = 0) -> None:
+        """One frame of the asking side arrives."""
+        self.feed.receive(self.up.pop(place))
+
+    def deliver(self, place: int = 0) -> None:
+        """One frame of the serving side arrives."""
+        frame = self.down.pop(place)
+        if frame[0] == sync.CHUNKS and frame not in self.seen:
+            self.seen.add(frame)
+            chunks = sync.read_chunks(frame)
+            self.arrived.update(dict(chunks.wholes))
+            for long, _, _, size in chunks.pieces:
+                self.arrived[long] += size
+        self.take(self.intake.receive(frame, NOW))
+
+    def run(self, room: int = 65_536) -> Pull:
+        """All of it, with nothing in its way."""
+        for _ in range(1_000_000):
+            if self.up:
+                self.ask()
+            elif self.down:
+                self.deliver()
+            elif self.give(room) is None:
+                break
+        return self
+
+    def run_badly(self, rng: random.Random, *, ordered: bool, cut: int, meanwhile) -> None:
+        """At most `cut` steps, with frames out of order and twice unless `ordered`."""
+        window = rng.randint(1, 12)
+        for _ in range(cut):
+            choice = rng.random()
+            if choice < 0.05:
+                meanwhile()
+            elif choice < 0.35 and len(self.down) < window:
+                self.give(rng.choice((300, 500, 1_100, 5_000)))
+            else:
+                side, arrive = rng.choice(((self.up, self.ask), (self.down, self.deliver)))
+                if side:
+                    place = 0 if ordered else rng.randrange(len(side))
+                    if not ordered and rng.random() < 0.1:
+                        side.insert(rng.randrange(len(side)), side[place])
+                        place = rng.randrange(len(side))
+                    arrive(place)
+
+
+def data_bytes(frame: bytes) -> int:
+    return len(sync.read_chunks(frame).data) if frame[0] == sync.CHUNKS else 0
