@@ -20,8 +20,10 @@ from mocha_link.import_command import add_parser as add_import
 from mocha_link.keys_command import add_parser as add_keys
 from mocha_link.keys_command import links, protection_lines
 from mocha_link.node import Node
+from mocha_link.prometheus import PrometheusServer
 from mocha_link.team import Team, UnknownRobotError
 from mocha_link.telemetry import MetricsError, MetricsServer, as_fields, watch
+from mocha_link.top_command import add_parser as add_top
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,6 +40,7 @@ examples:
   mocha-link check missions/pennovation/team.yaml
   mocha-link node missions/pennovation/team.yaml --robot io --metrics tcp://127.0.0.1:24500
   mocha-link metrics tcp://127.0.0.1:24500 --follow
+  mocha-link top tcp://127.0.0.1:24500
   mocha-link import robot_configs.yaml topic_configs.yaml radio_configs.yaml -o team.yaml
 
 """
@@ -96,6 +99,11 @@ def _parser() -> argparse.ArgumentParser:
     node.add_argument(
         "--metrics", metavar="ENDPOINT", help="serve metrics there, e.g. tcp://127.0.0.1:24500"
     )
+    node.add_argument(
+        "--prometheus",
+        metavar="HOST:PORT",
+        help="serve metrics for Prometheus there, e.g. :9464 (this machine only)",
+    )
     node.add_argument("--json", action="store_true", help="print events as JSON lines")
     node.set_defaults(run=_node)
 
@@ -117,6 +125,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add_import(commands, style)
     add_keys(commands, style)
+    add_top(commands, style)
     return parser
 
 
@@ -148,6 +157,9 @@ def _node(options: argparse.Namespace) -> int:
             if options.metrics:
                 server = stack.enter_context(MetricsServer(node, options.metrics))
                 _say(f"metrics on {server.endpoint}")
+            if options.prometheus:
+                web = stack.enter_context(PrometheusServer(node, options.prometheus))
+                _say(f"metrics on {web.url}")
             robot = node.robot
             for peer in robot.peers:
                 _say(f"{robot.name} answers {peer} on {robot.listen}:{robot.port_for(peer)}")

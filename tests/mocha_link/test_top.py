@@ -1,0 +1,345 @@
+"""`mocha-link top`: what stands on the screen, and how it behaves on a real (pseudo) terminal."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import pty
+import re
+import select
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import time
+
+import pytest
+import zmq
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mocha_link import top_command
+from mocha_link.cli import main
+from mocha_link.metrics import LinkMetrics, LinkState
+from mocha_link.reading import Reading, Unit
+from mocha_link.telemetry import MetricsServer, as_fields
+from mocha_link.top import Picture, Size, Style
+
+WAIT_S = 20
+T = 1_795_175_900.0
+PLAIN = Style(colour=False)
+IO = LinkMetrics(
+    "io",
+    state=LinkState.STARTED,
+    last_sync_in_s=T - 3.5,
+    last_sync_out_s=T - 640,
+    rtt_smoothed_s=0.0513,
+    bandwidth_bytes_s=125_000.0,
+    signal=Reading(-61.2, Unit.DBM, "wifi"),
+    bytes_in=12_345_678,
+    bytes_out=930,
+    timeouts=2,
+    newest_age_s=1.25,
+    topic_ages_s={"/path": 90_000.0, "/pose": 1.25},
+    path="udp",
+    protected=True,
+)
+EUROPA = LinkMetrics(
+    "europa",
+    state=LinkState.TIMED_OUT,
+    bandwidth_bytes_s=1_000.0,
+    signal=Reading(31, Unit.DEVICE, "rajant"),
+)
+
+
+def snapshot(*links, robot="titan", at_s=T):
+    return {"robot": robot, "at_s": at_s, "links": {link.peer: as_fields(link) for link in links}}
+
+
+def event(**fields):
+    return {"event": "RssiChanged", "peer": "io", "at_s": T, "rssi_dbm": -60.0, **fields}
+
+
+def picture(*links):
+    found = Picture("tcp://x:1")
+    found.take("links", snapshot(*links), 100.0)
+    return found
+
+
+# What stands on the screen.
+
+
+def test_the_table():
+    lines = picture(IO, EUROPA).lines(Size(150, 20), PLAIN, 100.0)
+    assert [line[:79].rstrip() for line in lines] == [
+        "links of titan, tcp://x:1",
+        "peer    state      path               signal    in  out    RTT  bandwidth/s",
+        "io      started    udp key      -61 dBm wifi  3.5s  11m  51 ms   125k ████████",
+        "europa  timed_out  -        31 device rajant     -    -      -   1.0k ██▍",
+    ]
+    assert [line[79:].split() for line in lines[1:]] == [
+        ["got", "gave", "broken", "newest", "by", "topic"],
+        ["12.3M", "930B", "2", "1.2s", "/pose", "1.2s", "/path", "25h"],
+        ["0B", "0B", "0", "-", "-"],
+    ]
+
+
+def test_rows_fit_any_width():
+    it = picture(IO, EUROPA)
+    for width in range(1, 160):
+        lines = it.lines(Size(width, 20), PLAIN, 100.0)
+        assert all(len(line) <= width for line in lines)
+    heads = it.lines(Size(60, 20), PLAIN, 100.0)[1].split()
+    assert heads == ["peer", "state", "signal", "in", "out", "newest"]
+    assert it.lines(Size(10, 20), PLAIN, 100.0)[1] == "peer"
+    for rows in range(1, 8):
+        assert len(it.lines(Size(80, rows), PLAIN, 100.0)) <= max(1, rows - 1)
+
+
+def test_ages_grow_without_news():
+    it = picture(IO)
+    assert "3.5s" in it.lines(Size(150, 20), PLAIN, 100.0)[2]
+    assert "5.5s" in it.lines(Size(150, 20), PLAIN, 102.0)[2]
+    lines = it.lines(Size(150, 20), Style(), 109.0)
+    assert lines[0].startswith("\x1b[31mNO NEWS FOR 9 s  links of titan")
+
+
+def test_bars_span_three_decades():
+    links = [LinkMetrics(f"r{n}", bandwidth_bytes_s=10.0**n) for n in range(1, 7)]
+    lines = picture(*links).lines(Size(150, 20), PLAIN, 100.0)
+    cells = [re.search(r"([\d.]+[kMB]) ([█▏▎▍▌▋▊▉]+)", line) for line in lines[2:]]
+    assert [(cell[1], len(cell[2])) for cell in cells] == [
+        ("10B", 1),
+        ("100B", 1),
+        ("1.0k", 1),
+        ("10.0k", 3),
+        ("100k", 6),
+        ("1.0M", 8),
+    ]
+    ascii_only = picture(*links).lines(Size(150, 20), Style(unicode=False), 100.0)
+    assert "1.0M ########" in ascii_only[7]
+
+
+def test_news_fill_the_room_below():
+    it = picture(IO)
+    for number in range(300):
+        it.take("event", event(rssi_dbm=float(-number)), 100.0)
+    lines = it.lines(Size(80, 10), PLAIN, 100.0)
+    assert lines[3] == ""
+    assert lines[4:] == [
+        f"2026-11-20T11:58:20.000Z RssiChanged io rssi_dbm=-{number}.000"
+        for number in range(295, 300)
+    ]
+
+
+def test_colours():
+    lines = picture(IO, EUROPA).lines(Size(80, 20), Style(), 100.0)
+    assert lines[2].startswith("\x1b[36mio ")
+    assert lines[3].startswith("\x1b[31meuropa ")
+    assert all(line.count("\x1b") in (0, 2) for line in lines)
+
+
+def test_nothing_that_a_terminal_obeys_gets_through():
+    it = Picture("tcp://x:1")
+    evil = LinkMetrics("a\x1b]0;x\x07", topic_ages_s={"/\x1b[2J": 1.0}, path="\r\n")
+    it.take("links", snapshot(evil, robot="\x1b[31m"), 0.0)
+    it.take("event", event(peer="\x9b5m"), 0.0)
+    for line in it.lines(Size(200, 20), PLAIN, 0.0):
+        assert line.isprintable()
+
+
+@settings(max_examples=200)
+@given(
+    st.sampled_from(["links", "event", "?"]),
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+        lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.text(max_size=5), inner),
+        max_leaves=5,
+    ),
+    st.sampled_from(["at_s", "robot", "links", *as_fields(IO)]),
+)
+def test_any_json_is_shown_or_refused(kind, value, key):
+    fields = {**snapshot(IO), **event()}
+    (fields if key in fields else fields["links"]["io"])[key] = value
+    it = Picture("tcp://x:1")
+    try:
+        it.take(kind, fields, 0.0)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, OSError):
+        return
+    if it.ready:
+        for later_s in (0.0, 5.0):
+            it.lines(Size(100, 20), PLAIN, later_s)
+
+
+# On a terminal.
+
+
+class FakeNode:
+    """Serves a metrics stream; says what a test wants it to."""
+
+    def __init__(self, host):
+        self._context = zmq.Context()
+        self._socket = self._context.socket(zmq.XPUB)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self.endpoint = f"tcp://{host}:{self._socket.bind_to_random_port(f'tcp://{host}')}"
+
+    def say(self, kind, fields):
+        self._socket.send_multipart([kind.encode(), json.dumps(fields).encode()])
+
+    def wait(self):
+        assert self._socket.poll(WAIT_S * 1000)
+        self._socket.recv()
+
+    def close(self):
+        self._context.destroy(0)
+
+
+@pytest.fixture
+def fake(field):
+    with contextlib.closing(FakeNode(field.host)) as fake:
+        yield fake
+
+
+class Terminal:
+    """A pseudo terminal with a command in it, and what its screen shows."""
+
+    def __init__(self, command, size, **env):
+        self._fd, slave = pty.openpty()
+        self._slave = slave
+        self.resize(size)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "mocha_link.cli", *command],
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            start_new_session=True,
+            env={**os.environ, "TERM": "xterm", "PYTHONIOENCODING": "utf-8", **env},
+        )
+        self.raw = ""
+        self._alternate = False
+        self.cursor_hidden = False
+        self._row = 0
+        self.rows: dict[int, str] = {}
+        self.scrolled = False
+        self._fresh = True
+        self._rest = ""
+
+    def resize(self, size):
+        self.size = size
+        fcntl.ioctl(
+            self._fd, termios.TIOCSWINSZ, struct.pack("HHHH", size.rows, size.columns, 0, 0)
+        )
+
+    def wait(self, *texts):
+        """Until the screen shows all of the texts."""
+        deadline_s = time.monotonic() + WAIT_S
+        while not all(any(text in row for row in self.rows.values()) for text in texts):
+            assert time.monotonic() < deadline_s, (texts, self.rows, self.raw[-2000:])
+            self._read(0.1)
+
+    def _read(self, timeout_s):
+        if select.select([self._fd], [], [], timeout_s)[0]:
+            with contextlib.suppress(OSError):  # EIO: everything that held it has ended
+                self._take(os.read(self._fd, 65536).decode())
+
+    def _take(self, text):
+        """What a terminal does with the little that we send."""
+        self.raw += text
+        text = self._rest + text
+        self._rest = re.search(r"(\x1b[^A-Za-z]*)?$", text)[0]  # the rest of it is still to come
+        text = text.removesuffix(self._rest)
+        pattern = r"\x1b\[\?(\d+)([hl])|\x1b\[([\d;]*)([HKJm])|(\r\n)|(\r)|([^\x1b\r]+)"
+        for mode, switch, _, command, newline, _, shown in re.findall(pattern, text):
+            if mode == "1049":
+                self._alternate, self.rows, self._row = switch == "h", {}, 0
+            elif mode == "25":
+                self.cursor_hidden = switch == "l"
+            elif command == "H":
+                self._row = 0
+                self._fresh = True
+            elif command == "K" and self._fresh:
+                self.rows[self._row] = ""
+            elif command == "J":
+                self.rows = {row: line for row, line in self.rows.items() if row < self._row}
+            elif newline:
+                self._row += 1
+                self._fresh = True
+                self.scrolled |= self._row >= self.size.rows
+            elif shown:
+                before = "" if self._fresh else self.rows.get(self._row, "")
+                self.rows[self._row] = before + shown
+                self._fresh = False
+
+    def end(self, number):
+        """Send a signal and take the rest in; the exit code."""
+        self.process.send_signal(number)
+        code = self.process.wait(WAIT_S)
+        self._read(0.1)
+        return code
+
+    def close(self):
+        self.process.kill()
+        self.process.wait()
+        os.close(self._fd)
+        os.close(self._slave)
+
+
+@pytest.fixture
+def terminal(fake):
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background
+    with contextlib.closing(Terminal(["top", fake.endpoint], Size(120, 12))) as terminal:
+        fake.wait()
+        fake.say("links", snapshot(IO, EUROPA))
+        yield terminal
+    signal.signal(signal.SIGINT, before)
+
+
+def test_live_and_resized(fake, terminal):
+    terminal.wait("links of titan", "europa", "31 device rajant", "-61 dBm wifi")
+    assert terminal.cursor_hidden
+    fake.say("links", snapshot(LinkMetrics("io", state=LinkState.ENDED)))
+    fake.say("event", event())
+    terminal.wait("ended", "RssiChanged io")
+    assert not any("europa" in row for row in terminal.rows.values())
+    terminal.resize(Size(40, 5))
+    os.killpg(terminal.process.pid, signal.SIGWINCH)
+    fake.say("links", snapshot(IO, EUROPA))
+    terminal.wait("europa")
+    assert all(len(row) <= 40 for row in terminal.rows.values())
+    assert not terminal.scrolled
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+def test_the_terminal_is_given_back(terminal, number, code):
+    terminal.wait("links of titan")
+    assert terminal.end(number) == code
+    assert terminal.raw.endswith("\x1b[?25h\x1b[?1049l")
+    assert "Traceback" not in terminal.raw
+
+
+def test_something_strange_ends_it_cleanly(fake, terminal):
+    terminal.wait("links of titan")
+    fake.say("links", {"robot": 1})
+    assert terminal.process.wait(WAIT_S) == 1
+    terminal._read(1)
+    assert "is not a node's metrics" in terminal.raw
+    assert terminal.raw.index("\x1b[?1049l") < terminal.raw.index("is not a node's metrics")
+
+
+def test_without_a_terminal_it_prints_once(field, capsys):
+    node, _, _ = field.node("titan")
+    with MetricsServer(node, f"tcp://{field.host}:*") as server:
+        assert main(["top", server.endpoint]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith(f"links of titan, {server.endpoint}\npeer ")
+    assert "\x1b" not in out
+
+
+def test_nobody_there(field, capsys, monkeypatch):
+    monkeypatch.setattr(top_command, "FIRST_S", 0.05)
+    assert main(["top", f"tcp://{field.host}:9"]) == 1
+    assert "is a node running there with --metrics" in capsys.readouterr().err
+    assert main(["top", "nonsense"]) == 1
