@@ -4,7 +4,7 @@ import argparse
 import json
 import sys
 
-from benchmarks import routing, syncing
+from benchmarks import database, routing, syncing
 
 
 def main() -> int:
@@ -13,7 +13,7 @@ def main() -> int:
     parser.add_argument("--json", metavar="FILE", help="write the rows there as well")
     arguments = parser.parse_args()
     rows = []
-    for measure in (routing.measure, syncing.measure):
+    for measure in (routing.measure, syncing.measure, database.measure):
         for row in measure(quick=arguments.quick):
             rows.append(row)
             print(f"{row['what']:<58}{row['value']:>10.3g} {row['unit']:<4}{row['note']}")

@@ -22,7 +22,7 @@ from mocha_link.header import WRAP_MS, Header, latest_ms
 from mocha_link.index import Floors, Kept, WireOrder, rank, today
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from mocha_link.storage import Storage
     from mocha_link.storage_file import Contents
@@ -148,6 +148,11 @@ class Database:
         with self._lock:
             return self._wire.headers(self._versions)
 
+    def snapshot(self) -> Mapping[bytes, Kept]:
+        """All that is kept now, by its 6-byte header; it does not change any more."""
+        with self._lock:
+            return dict(self._by_raw)
+
     def wants(self, header: Header, now_s: float) -> bool:
         """Whether a message of that header would be stored, seen at Unix `now_s`."""
         key = header.robot_id << 8 | header.topic_id
@@ -197,12 +202,16 @@ class Database:
 
     def since(self, sequence: int) -> list[Record]:
         """Everything kept that got a number after `sequence`, in the order of the numbers."""
+        return [record for _, record in self.numbered_since(sequence)]
+
+    def numbered_since(self, sequence: int) -> list[tuple[int, Record]]:
+        """The same with the numbers."""
         found = []
         with self._lock:
             for number, kept in reversed(self._by_number.items()):
                 if number <= sequence:
                     break
-                found.append(kept.record)
+                found.append((number, kept.record))
         found.reverse()
         return found
 
