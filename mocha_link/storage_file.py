@@ -18,6 +18,7 @@ from __future__ import annotations
 import sqlite3
 import struct
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -187,7 +188,7 @@ class StorageFile:
             )
             run("COMMIT")
         except BaseException:
-            if self._connection.in_transaction:
+            with suppress(sqlite3.Error):  # SQLite may have done it by itself
                 run("ROLLBACK")
             raise
         spare = self._value("PRAGMA freelist_count") if changes.drops else 0
