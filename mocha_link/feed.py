@@ -5,10 +5,10 @@ from __future__ import annotations
 from bisect import insort
 from typing import TYPE_CHECKING
 
-from mocha_link import sync
+from mocha_link import letters, sync
 from mocha_link.acquaintance import Acquaintance, record_id
 from mocha_link.header import Header
-from mocha_link.sync import Digest, Have, Since
+from mocha_link.letters import Digest, Have, Since
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 MIN_ROOM = 300
 _MIN_PIECE = 64  # a smaller one is not worth its head
+_DONE_BYTES = sync.LETTER_BYTES + letters.DONE_BYTES
 # What would take less than this share of a frame is left for the next one rather than cut in two.
 _SMALL_SHARE = 4
 _FEW = 8  # new ones are put in their place one by one
@@ -66,14 +67,14 @@ class Feed:
         if letter is None or self.over:
             return
         if letter.kind == sync.OPEN:
-            self._open(letter.round, sync.Open.decode(letter.content))
+            self._open(letter.round, letters.Open.decode(letter.content))
         elif letter.kind == sync.END:
             self.over = True
             self._peer.end()
         elif letter.kind == sync.SKIP:
-            self._skip(sync.decode_skip(letter.content))
+            self._skip(letters.decode_skip(letter.content))
         elif letter.round == self._round:
-            self._answer(sync.decode_answers(letter.content))
+            self._answer(letters.decode_answers(letter.content))
 
     def next(self, room: int, prefix: bytes = b"") -> bytes | None:
         """The next frame, of at most `room` bytes (at least MIN_ROOM) with `prefix` before it.
@@ -91,7 +92,7 @@ class Feed:
             self._poll()
         left = room
         if self._budget:
-            left = min(room, self._budget - self.bytes - sync.DONE_BYTES)
+            left = min(room, self._budget - self.bytes - _DONE_BYTES)
         frame = self._chunks(left, prefix) if self._queue else None
         if frame is not None:
             self.bytes += len(frame) - len(prefix)
@@ -101,7 +102,7 @@ class Feed:
             return prefix + self._letter(room)
         return None
 
-    def _open(self, round_: int, opening: sync.Open) -> None:
+    def _open(self, round_: int, opening: letters.Open) -> None:
         self._round = round_
         self._budget = opening.budget
         if not self._unknown:  # otherwise what goes on is what the peer has in part
@@ -130,11 +131,11 @@ class Feed:
             case Digest(digests):
                 self._peer.forget()
                 new, groups = self._compare(digests)
-        hello = sync.Hello(self._unknown)
+        hello = letters.Hello(self._unknown)
         self._outbox.append((sync.HELLO, hello.encode(), 0))
         if groups:
             self._asked = frozenset(robot_id for robot_id, _ in groups)
-            self._outbox.append((sync.GROUPS, sync.encode_groups(groups), 0))
+            self._outbox.append((sync.GROUPS, letters.encode_groups(groups), 0))
         self._resume(opening.wishes)
         self._enqueue(new)
 
@@ -154,19 +155,19 @@ class Feed:
             new = [each for each in self._database.kept() if each.header.robot_id in absent]
         return new, [(each, self._database.group_digests(each)) for each in sorted(differing)]
 
-    def _answer(self, answers: Iterable[sync.Answer]) -> None:
+    def _answer(self, answers: Iterable[letters.Answer]) -> None:
         if not self._asked:
             return
         for _, _, longs in answers:
             self._note(longs)
         for robot_id, groups, _ in answers:
             if robot_id in self._asked:
-                for group in range(sync.GROUP_COUNT):
+                for group in range(letters.GROUP_COUNT):
                     if groups >> group & 1:
                         self._enqueue(self._database.headers_in(robot_id, group))
         self._asked = frozenset()
 
-    def _resume(self, wishes: Iterable[sync.Wish]) -> None:
+    def _resume(self, wishes: Iterable[letters.Wish]) -> None:
         begun = []
         for long, total, missing in wishes:
             record = self._peer.begun(long)
@@ -228,7 +229,7 @@ class Feed:
 
     def _end(self) -> None:
         self.cut_short = bool(self._queue)
-        done = sync.Done(self._database.epoch, self._sequence, self._number, self.cut_short)
+        done = letters.Done(self._database.epoch, self._sequence, self._number, self.cut_short)
         self.done = True
         self._outbox.append((sync.DONE, done.encode(), 0))
 

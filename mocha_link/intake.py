@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mocha_link import payload, sync
+from mocha_link import letters, payload, sync
 from mocha_link.acquaintance import record_id
 from mocha_link.database import Knowledge, Record
 from mocha_link.header import UNSAFE_MS, WRAP_MS, Header
+from mocha_link.letters import Digest, Have, Since, Wish
 from mocha_link.metrics import MessageStored
 from mocha_link.payload import STAMPS_MS, PayloadError
 from mocha_link.step import Step
-from mocha_link.sync import Digest, FrameError, Have, Since, Wish
+from mocha_link.sync import FrameError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -87,7 +88,7 @@ class Intake:
         self._next = 0  # frames of chunks: all below it have come, and those
         self._ahead: set[int] = set()
         self._damaged = 0  # frames
-        self._done: sync.Done | None = None
+        self._done: letters.Done | None = None
         self._begun: set[int] = set()  # messages of which a part came in this pull
         self._skipped: set[int] = set()
         self._failed: set[int] = set()  # messages
@@ -121,7 +122,7 @@ class Intake:
         return step
 
     def _opening(self, knowledge: Since | Have | Digest) -> list[bytes]:
-        opening = sync.Open(self._acquaintance.run, self._budget, knowledge, self._wishes())
+        opening = letters.Open(self._acquaintance.run, self._budget, knowledge, self._wishes())
         return sync.letter_frames(sync.OPEN, self._round, opening.encode(), self._room)
 
     def _knowledge(self) -> Since | Have | Digest:
@@ -147,7 +148,7 @@ class Intake:
         for long, partial in list(self._shelf):
             if not self._wants(long):
                 self._shelf.drop(long)
-            elif len(wishes) < sync.MAX_PARTIALS:
+            elif len(wishes) < letters.MAX_PARTIALS:
                 wishes.append(Wish(long, partial.total, partial.missing()))
         return wishes
 
@@ -161,25 +162,26 @@ class Intake:
         if letter is None or letter.round != self._round:
             return
         if letter.kind == sync.HELLO:
-            if sync.Hello.decode(letter.content).unknown and self._round + 1 < sync.ROUNDS:
+            if letters.Hello.decode(letter.content).unknown and self._round + 1 < sync.ROUNDS:
                 self._round += 1
                 self._flawed = False
                 step.frames += self._opening(self._all())
         elif letter.kind == sync.GROUPS:
-            answers = [self._answer(*each) for each in sync.decode_groups(letter.content).items()]
-            content = sync.encode_answers(answers)
+            groups = letters.decode_groups(letter.content)
+            answers = [self._answer(*each) for each in groups.items()]
+            content = letters.encode_answers(answers)
             step.frames += sync.letter_frames(sync.ANSWER, self._round, content, self._room)
         else:
-            self._done = sync.Done.decode(letter.content)
+            self._done = letters.Done.decode(letter.content)
 
-    def _answer(self, robot_id: int, digests: tuple[int, ...]) -> sync.Answer:
+    def _answer(self, robot_id: int, digests: tuple[int, ...]) -> letters.Answer:
         groups = 0
         longs = []
         for group, ours in enumerate(self._database.group_digests(robot_id)):
             if ours != digests[group]:
                 groups |= 1 << group
                 longs += [record_id(r) for r in self._database.headers_in(robot_id, group)]
-        return sync.Answer(robot_id, groups, longs)
+        return letters.Answer(robot_id, groups, longs)
 
     def _chunks(self, frame: sync.Frame, now: Instant, step: Step) -> None:
         chunks = sync.read_chunks(frame)
@@ -216,7 +218,7 @@ class Intake:
             self._begun.discard(long)
             if total - offset - size > _SKIP_BYTES and long not in self._skipped:
                 self._skipped.add(long)
-                content = sync.encode_skip(long)
+                content = letters.encode_skip(long)
                 step.frames += sync.letter_frames(sync.SKIP, self._round, content, self._room)
             return
         if long not in self._begun and len(self._begun) >= _MAX_BEGUN:
@@ -272,7 +274,7 @@ class Intake:
             return None
         return known
 
-    def _finish(self, done: sync.Done, step: Step) -> None:
+    def _finish(self, done: letters.Done, step: Step) -> None:
         missing = [long for long in self._begun if self._wants(long)]
         flawed = self._flawed or bool(missing)
         last = self._repairs == _REPAIRS or self._round + 1 == sync.ROUNDS
@@ -289,7 +291,7 @@ class Intake:
             self._learn(done)
         step.frames += sync.letter_frames(sync.END, self._round, b"", self._room)
 
-    def _learn(self, done: sync.Done) -> None:
+    def _learn(self, done: letters.Done) -> None:
         knowledge = Knowledge(done.epoch, done.sequence, self._database.sequence)
         if knowledge != self._database.knowledge(self.peer):
             self._database.learn(self.peer, knowledge)

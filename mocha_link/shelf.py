@@ -5,6 +5,7 @@ Everything here grows with the bytes that came in, never with what a peer announ
 
 from __future__ import annotations
 
+import heapq
 import itertools
 from bisect import bisect_right
 from typing import TYPE_CHECKING
@@ -81,7 +82,7 @@ class Partial:
         if len(gaps) <= limit:
             return gaps
         between = range(1, len(gaps))
-        widest = sorted(between, key=lambda i: gaps[i][0] - gaps[i - 1][1])[-(limit - 1) :]
+        widest = heapq.nlargest(limit - 1, between, key=lambda i: gaps[i][0] - gaps[i - 1][1])
         cuts = [0, *sorted(widest), len(gaps)]
         return [(gaps[first][0], gaps[last - 1][1]) for first, last in itertools.pairwise(cuts)]
 

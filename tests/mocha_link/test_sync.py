@@ -1,0 +1,242 @@
+"""The frames of the sync: what goes in comes out, and nothing else comes out."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mocha_link import letters, sync
+from mocha_link.letters import Answer, Digest, Done, Have, Hello, Open, Since, Wish
+from mocha_link.sync import FrameError
+
+U64 = st.integers(0, 2**64 - 1)
+LONG = st.builds(sync.long_id, st.integers(0, 255), st.integers(0, 255), st.integers(0, 2**47 - 1))
+LONGS = st.lists(LONG, max_size=20).map(tuple)
+
+
+@st.composite
+def wishes(draw):
+    bounds = draw(st.sets(st.integers(0, 2**20), min_size=2, max_size=32).map(sorted))
+    missing = list(zip(bounds[::2], bounds[1::2], strict=False))
+    return Wish(draw(LONG), draw(st.integers(bounds[-1], 2**26)), missing)
+
+
+OPENS = st.builds(
+    Open,
+    U64,
+    U64,
+    st.one_of(
+        st.builds(Since, U64, U64, LONGS),
+        st.builds(Have, LONGS),
+        st.builds(Digest, st.dictionaries(st.integers(0, 255), U64, max_size=20)),
+    ),
+    st.lists(wishes(), max_size=5).filter(lambda each: all(w.total for w in each)),
+)
+
+
+@given(OPENS)
+def test_an_open_says_what_it_is_told(opening):
+    assert Open.decode(opening.encode()) == opening
+
+
+@given(U64, U64, st.integers(0, 2**32 - 1), st.booleans())
+def test_small_letters(epoch, sequence, frames, flag):
+    done = Done(epoch, sequence, frames, flag)
+    assert Done.decode(done.encode()) == done
+    assert Hello.decode(Hello(flag).encode()) == Hello(flag)
+    assert letters.decode_skip(letters.encode_skip(epoch)) == epoch
+
+
+@given(st.dictionaries(st.integers(0, 255), st.tuples(*[U64] * 16), max_size=5))
+def test_group_digests(groups):
+    assert letters.decode_groups(letters.encode_groups(groups.items())) == groups
+
+
+@given(st.integers(0, 255), st.integers(0, 2**16 - 1), st.lists(st.integers(0, 2**56 - 1)))
+def test_answers(robot_id, groups, rest):
+    answers = [Answer(robot_id, groups, [robot_id << 56 | each for each in rest])] * 2
+    assert letters.decode_answers(letters.encode_answers(answers)) == answers
+
+
+def test_an_answer_that_is_too_long_for_a_letter_leaves_some_out():
+    answers = [Answer(robot, 0xFFFF, [robot << 56] * 2_000) for robot in range(256)]
+    content = letters.encode_answers(answers)
+    assert len(content) <= sync.MAX_LETTER_BYTES
+    read = letters.decode_answers(content)
+    assert [answer.robot_id for answer in read] == list(range(256))
+    assert sum(len(answer.longs) for answer in read) > 140_000
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=3_000), st.integers(300, 2_000), st.randoms(use_true_random=False))
+def test_letters_come_together_in_any_order(content, room, rng):
+    frames = sync.letter_frames(sync.OPEN, 3, content, room)
+    assert all(len(frame) <= room for frame in frames)
+    collector = sync.Letters(sync.OPEN)
+    stream = frames * 3
+    rng.shuffle(stream)
+    found = [letter for frame in stream if (letter := collector.take(frame))]
+    assert found == [sync.Letter(sync.OPEN, 3, content)]
+
+
+def test_a_letter_of_an_earlier_round_is_void():
+    collector = sync.Letters(sync.OPEN, sync.END)
+    assert collector.take(sync.letter_frames(sync.OPEN, 1, b"new", 300)[0])
+    assert collector.take(sync.letter_frames(sync.OPEN, 0, b"old", 300)[0]) is None
+    assert collector.take(sync.letter_frames(sync.END, 0, b"", 300)[0])
+    assert collector.take(sync.letter_frames(sync.OPEN, 2, b"newer", 300)[0])
+
+
+def test_a_new_round_does_not_wait_for_the_old_one():
+    collector = sync.Letters(sync.OPEN)
+    old = sync.letter_frames(sync.OPEN, 0, b"x" * 1_000, 300)
+    assert [collector.take(frame) for frame in old[:2]] == [None, None]
+    assert collector.take(sync.letter_frames(sync.OPEN, 1, b"new", 300)[0])
+    assert [collector.take(frame) for frame in old] == [None] * len(old)
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        b"",
+        b"\1",
+        sync.letter_frames(sync.HELLO, 0, b"", 300)[0],
+        sync.letter_frames(sync.OPEN, sync.ROUNDS, b"", 300)[0],
+        sync.letter_frames(sync.OPEN, 0, bytes(sync.MAX_LETTER_BYTES + 1), 300)[0],
+        sync.letter_frame(sync.OPEN, 0, bytes(1_000), 0, sync.LETTER_BYTES + 100),
+        sync.letter_frames(sync.OPEN, 0, b"abc", 300)[0][:-1],
+    ],
+)
+def test_frames_that_are_no_letters(frame):
+    with pytest.raises(FrameError):
+        sync.Letters(sync.OPEN).take(frame)
+
+
+def chunks(rng: random.Random) -> tuple[bytes, int]:
+    """A frame of chunks, and where its data begin."""
+    wholes = [(sync.long_id(1, 2, number), rng.randint(1, 90)) for number in range(3)]
+    pieces = [(sync.long_id(1, 3, number), 1_000, number * 10, 50) for number in range(2)]
+    data = [rng.randbytes(size) for _, size in wholes] + [rng.randbytes(50) for _ in pieces]
+    frame = sync.chunks_frame(
+        9,
+        [sync.WHOLE.pack(*each) for each in wholes],
+        [sync.PIECE.pack(*each) for each in pieces],
+        data,
+        b"prefix",
+    )
+    assert frame[:6] == b"prefix"
+    read = sync.read_chunks(frame[6:])
+    assert read == (9, wholes, pieces, b"".join(data))
+    assert read == sync.read_chunks(memoryview(frame)[6:])
+    return frame[6:], len(frame) - 6 - len(read.data)
+
+
+def test_every_damaged_bit_but_in_the_data_is_seen():
+    frame, begin = chunks(random.Random(1))
+    letter = sync.letter_frames(sync.DONE, 2, Done(1, 2, 3, cut_short=False).encode(), 300)[0]
+    for place in range(begin * 8):
+        damaged = bytearray(frame)
+        damaged[place // 8] ^= 1 << place % 8
+        with pytest.raises(FrameError):
+            sync.read_chunks(bytes(damaged))
+    for place in range(len(letter) * 8):
+        damaged = bytearray(letter)
+        damaged[place // 8] ^= 1 << place % 8
+        with pytest.raises(FrameError):
+            sync.Letters(*range(8)).take(bytes(damaged))
+
+
+@pytest.mark.parametrize("cut", range(0, 60, 3))
+def test_a_frame_of_chunks_is_all_there_or_refused(cut):
+    frame, _ = chunks(random.Random(2))
+    with pytest.raises(FrameError):
+        sync.read_chunks(frame[: -1 - cut])
+    with pytest.raises(FrameError):
+        sync.read_chunks(frame + bytes(1 + cut))
+
+
+@pytest.mark.parametrize(
+    ("wholes", "pieces", "size"),
+    [
+        ([(1, 0)], [], 0),
+        ([(1, 2**32 - 1)], [], 10),
+        ([], [(1, 100, 100, 1)], 1),
+        ([], [(1, 100, 0, 101)], 101),
+        ([], [(1, 100, 2**32 - 1, 1)], 1),
+        ([], [(1, 100, 0, 0)], 0),
+        ([], [(1, sync.MAX_BODY_BYTES + 1, 0, 1)], 1),
+        ([], [(1 << 47, 100, 0, 1)], 1),
+    ],
+)
+def test_impossible_chunks(wholes, pieces, size):
+    frame = sync.chunks_frame(
+        0,
+        [sync.WHOLE.pack(*each) for each in wholes],
+        [sync.PIECE.pack(*each) for each in pieces],
+        [bytes(size)],
+    )
+    with pytest.raises(FrameError):
+        sync.read_chunks(frame)
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [
+        [],
+        [(0, 0)],
+        [(5, 3)],
+        [(0, 101)],
+        [(10, 20), (15, 30)],
+        [(10, 20), (20, 30)],
+        [(n * 2, n * 2 + 1) for n in range(17)],
+    ],
+)
+def test_impossible_wishes(missing):
+    opening = Open(1, 0, Have(()), [Wish(1, 100, missing)])
+    with pytest.raises(FrameError):
+        Open.decode(opening.encode())
+
+
+def test_another_version_is_refused():
+    content = Open(1, 0, Have(())).encode()
+    with pytest.raises(FrameError, match="version 2 of the sync; ours is 1"):
+        Open.decode(b"\2" + content[1:])
+
+
+@settings(deadline=None, max_examples=300)
+@given(
+    st.one_of(
+        st.binary(max_size=200),
+        st.builds(
+            lambda opening, place, value: (
+                (raw := opening.encode())[: place % len(raw)] + value + raw[place % len(raw) + 1 :]
+            ),
+            OPENS,
+            st.integers(0, 10_000),
+            st.binary(max_size=3),
+        ),
+    )
+)
+def test_any_content_is_read_or_refused(content):
+    for read in (
+        Open.decode,
+        Hello.decode,
+        Done.decode,
+        letters.decode_groups,
+        letters.decode_answers,
+        letters.decode_skip,
+    ):
+        try:
+            read(content)
+        except FrameError:
+            continue
+
+
+def test_many_partial_messages_are_refused():
+    wish = Wish(1, 100, [(0, 100)])
+    assert len(Open.decode(Open(1, 0, Have(()), [wish] * 64).encode()).wishes) == 64
+    with pytest.raises(FrameError):
+        Open.decode(Open(1, 0, Have(()), [wish] * 65).encode())
