@@ -12,19 +12,27 @@ from mocha_link.document import Document, DocumentError, Problem
 from mocha_link.errors import MochaLinkError
 from mocha_link.header import Header, HeaderError
 from mocha_link.metrics import (
+    Contact,
+    ContactBegan,
+    ContactEnded,
     Direction,
     LinkEvent,
     LinkMetrics,
     LinkState,
     MessageStored,
     RssiChanged,
+    StorageFailed,
+    StorageRecovered,
     SyncEnded,
     SyncStarted,
     SyncTimedOut,
 )
 from mocha_link.node import Message, Node, NodeClosedError
 from mocha_link.payload import PayloadError
-from mocha_link.radios import ManualRadio, Radio, RadioError, UdpRadio
+from mocha_link.port import ListenError, PortInUseError
+from mocha_link.prometheus import PrometheusError, PrometheusServer
+from mocha_link.radios import ManualRadio, Radio, RadioError, UdpRadio, open_radio
+from mocha_link.reading import Reading, Unit
 from mocha_link.team import (
     Priority,
     Robot,
@@ -35,10 +43,12 @@ from mocha_link.team import (
     UnknownTopicError,
 )
 from mocha_link.telemetry import MetricsError, MetricsServer
-from mocha_link.transport import ListenError, PortInUseError
 
 __all__ = [
     "Clock",
+    "Contact",
+    "ContactBegan",
+    "ContactEnded",
     "Direction",
     "Document",
     "DocumentError",
@@ -62,10 +72,15 @@ __all__ = [
     "PortInUseError",
     "Priority",
     "Problem",
+    "PrometheusError",
+    "PrometheusServer",
     "Radio",
     "RadioError",
+    "Reading",
     "Robot",
     "RssiChanged",
+    "StorageFailed",
+    "StorageRecovered",
     "SyncEnded",
     "SyncStarted",
     "SyncTimedOut",
@@ -74,6 +89,8 @@ __all__ = [
     "Topic",
     "Trigger",
     "UdpRadio",
+    "Unit",
     "UnknownRobotError",
     "UnknownTopicError",
+    "open_radio",
 ]

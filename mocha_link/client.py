@@ -1,17 +1,15 @@
-"""The asking side of a sync: one pull of everything that is new at a peer. No sockets here."""
+"""The asking side of a sync with an original node: GHEAD, GDATA, DENDT. No sockets here."""
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from mocha_link import payload
 from mocha_link.database import Database, Record
-from mocha_link.header import Header, HeaderError
-from mocha_link.metrics import (
+from mocha_link.header import WRAP_MS, Header, HeaderError
+from mocha_link.link_events import (
     Direction,
-    LinkEvent,
     MessageStored,
     SyncEnded,
     SyncStarted,
@@ -19,24 +17,32 @@ from mocha_link.metrics import (
 )
 from mocha_link.payload import PayloadError
 from mocha_link.protocol import ACK, DENDT, GDATA, GHEAD, ID_BYTES, SERRM, request
+from mocha_link.step import Step
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from mocha_link.clock import Instant
+    from mocha_link.intake import Verify
+    from mocha_link.payload import Trailer
     from mocha_link.team import Robot, Team, Topic
 
-WINDOW = 8  # requests under way at once; an original server answers them in order
 MAX_HEADERS = 65_536
+# Requests under way at once; an original server answers them in order. As many as keep the link
+# busy, by the sizes seen so far.
+MIN_WINDOW, MAX_WINDOW = 8, 256
+_GUESS_BYTES = 8192  # of a message, while none has come
+_AHEAD_BYTES = 64 * 1024
+_AHEAD_S = 0.25
+_WEIGHT = 0.125  # of a new size in the average
 
 
-@dataclass(slots=True)
-class Step:
-    """What a session wants done: frames to send, events to tell, refusals to count."""
+class Past(Protocol):
+    """What earlier pulls have shown of the way to a peer."""
 
-    frames: list[bytes] = field(default_factory=list)
-    events: list[LinkEvent] = field(default_factory=list)
-    refusals: list[str] = field(default_factory=list)
+    rtt_s: float | None
+    rate_bytes_s: float | None
+    cut: dict[bytes, int]
 
 
 class ClientSession:
@@ -44,6 +50,11 @@ class ClientSession:
 
     Every message is stored as it arrives, so a session that breaks off leaves whole messages.
     Make one per pull; it is `over` when it has ended or broken off.
+
+    Args:
+        memory: what is known of the way; it learns which message was cut.
+        verify: raises PayloadError for a message that this peer may not hand us.
+        budget: bytes of replies after which nothing more is asked for; 0: no limit.
     """
 
     def __init__(  # noqa: PLR0913 - all it needs to know, once
@@ -55,7 +66,9 @@ class ClientSession:
         database: Database,
         new_id: Callable[[], bytes],
         timeout_s: float,
-        window: int = WINDOW,
+        memory: Past,
+        verify: Verify | None = None,
+        budget: int = 0,
     ) -> None:
         self.peer = peer
         self.over = False
@@ -66,11 +79,15 @@ class ClientSession:
         self._database = database
         self._new_id = new_id
         self._timeout_s = timeout_s
-        self._window = window
+        self._memory = memory
+        self._verify = verify
+        self._budget = budget
         self._asked: dict[bytes, tuple[bytes, Header | None, float]] = {}
         self._wanted: deque[Header] = deque()
+        self._window = MIN_WINDOW
+        self._size = float(_GUESS_BYTES)
         self._messages = 0
-        self._reached = False
+        self._reached = self._cut_short = False
         self._began_s = self._listed_s = self._fetched_s = self.alive_s = 0.0
         self._fetched_bytes = 0
 
@@ -101,6 +118,8 @@ class ClientSession:
         elif header is not None:
             self._fetched_s = now.steady_s
             self._fetched_bytes += len(frame)
+            self._size += _WEIGHT * (len(frame) - self._size)
+            self._memory.cut.pop(header.pack(), None)
             self._store(step, header, body, now)
         else:
             self.rtt_s = now.steady_s - asked_s
@@ -116,16 +135,12 @@ class ClientSession:
         self._reached = True
         self.alive_s = now.steady_s
 
-    def tick(self, now: Instant) -> Step:
-        """Break off if nothing has arrived for too long."""
-        if self.over or now.steady_s - self.alive_s <= self._timeout_s:
-            return Step()
+    def why_silent(self) -> str:
+        """What to say when nothing has come for the time-out."""
         if not self._reached:
-            return self.fail(f"no connection within {self._timeout_s:g} s", now)
+            return f"no connection within {self._timeout_s:g} s"
         codes = ", ".join(sorted({code.decode() for code, _, _ in self._asked.values()}))
-        return self.fail(
-            f"no byte for {self._timeout_s:g} s, waiting for the reply to {codes}", now
-        )
+        return f"no byte for {self._timeout_s:g} s, waiting for the reply to {codes}"
 
     def fail(self, reason: str, now: Instant) -> Step:
         """Break off for a reason that is known outside, e.g. a closed connection."""
@@ -152,9 +167,8 @@ class ClientSession:
             step.refusals.append(f"a header list of {len(body)} bytes")
             self._fail(step, "the peer answered GHEAD with something else than headers", now)
             return
-        wanted: dict[tuple[int, int], Header] = {}
-        for start in range(0, len(body), Header.SIZE):
-            raw = body[start : start + Header.SIZE]
+        found: list[tuple[int, Header]] = []
+        for raw in self._database.wanted(body, now.unix_s):
             try:
                 header = Header.parse(raw)
             except HeaderError as error:
@@ -164,48 +178,57 @@ class ClientSession:
                 step.refusals.append(f"header {header}: no such robot or topic in the team")
             elif header.hangs_old_nodes:
                 step.refusals.append(f"header {header}: original nodes would stop over its time")
-            elif self._database.wants(header, now.unix_s):
-                key = (header.robot_id, header.topic_id)
-                best = wanted.get(key)
-                if best is None or header.stamp_s(now.unix_s) > best.stamp_s(now.unix_s):
-                    wanted[key] = header
-        self._wanted.extend(wanted.values())
+            else:
+                found.append((self._memory.cut.get(raw, 0), header))
+        # What a contact was too short for comes last: it must not starve the others again.
+        found.sort(key=lambda each: each[0])
+        self._wanted.extend(header for _, header in found)
 
     def _store(self, step: Step, header: Header, body: bytes, now: Instant) -> None:
         known = self._team.by_ids(header.robot_id, header.topic_id)
         if body == SERRM or known is None:
             return  # replaced at the peer meanwhile; the next list has the newer one
+        robot, topic = known
         try:
-            self._check(body, known)
+            trailer = self._check(header, body, known)
         except PayloadError as error:
             step.refusals.append(f"message {header}: {error}")
             return
-        robot, topic = known
-        record = Record(
-            header,
-            topic.priority,
-            body,
-            stamp_ms=header.stamp_ms(now.unix_s),
-            received_s=now.unix_s,
-            inferred=True,
-        )
+        stamp_ms = trailer.stamp_ms if trailer else header.stamp_ms(now.unix_s)
+        record = Record(header, topic.priority, body, stamp_ms, now.unix_s, trailer is None)
         if self._database.insert(record, now.unix_s):
             self._messages += 1
             step.events.append(
                 MessageStored(self.peer, now.unix_s, robot.name, topic.name, header, len(body))
             )
 
-    @staticmethod
-    def _check(body: bytes, known: tuple[Robot, Topic]) -> None:
+    def _check(self, header: Header, body: bytes, known: tuple[Robot, Topic]) -> Trailer | None:
         robot, topic = known
         if payload.dtype_of(body) != topic.dtype:
             raise PayloadError(
                 f"type id {body[0]}, but {robot.name} {topic.name} is {topic.type} ({topic.dtype}) "
                 "here; use the same team file everywhere"
             )
-        payload.unpack(body)  # only to know that it can be done
+        trailer = payload.check(body)
+        if trailer and trailer.stamp_ms % WRAP_MS != header.wrapped_ms:
+            raise PayloadError("it carries the time of another message")
+        if self._verify:
+            self._verify(header, body, trailer)
+        return trailer
+
+    def _widen(self) -> None:
+        """Adapt the window to what the link carries and to how large the messages are."""
+        ahead = float(_AHEAD_BYTES)
+        rate = self.bandwidth_bytes_s or self._memory.rate_bytes_s
+        if rate:
+            ahead = max(ahead, rate * ((self._memory.rtt_s or 0.0) + _AHEAD_S))
+        self._window = int(min(max(ahead / self._size, MIN_WINDOW), MAX_WINDOW))
 
     def _go_on(self, step: Step, now: Instant) -> None:
+        self._widen()
+        if self._budget and self.bytes_in >= self._budget:
+            self._wanted.clear()
+            self._cut_short = True
         while self._wanted and len(self._asked) < self._window:
             header = self._wanted.popleft()
             if self._database.wants(header, now.unix_s):  # another peer may have brought it
@@ -215,6 +238,7 @@ class ClientSession:
 
     def _end(self, step: Step, now: Instant) -> None:
         self.over = True
+        self._memory.rate_bytes_s = self.bandwidth_bytes_s or self._memory.rate_bytes_s
         step.events.append(
             SyncEnded(
                 self.peer,
@@ -223,10 +247,15 @@ class ClientSession:
                 messages=self._messages,
                 bytes=self.bytes_in,
                 duration_s=now.steady_s - self._began_s,
+                complete=not self._cut_short,
             )
         )
 
     def _fail(self, step: Step, reason: str, now: Instant) -> None:
         self.over = True
         self._wanted.clear()
+        self._memory.rate_bytes_s = self.bandwidth_bytes_s or self._memory.rate_bytes_s
+        cut = next((header for _, header, _ in self._asked.values() if header), None)
+        if cut:  # what was coming in when the link broke
+            self._memory.cut[cut.pack()] = self._memory.cut.get(cut.pack(), 0) + 1
         step.events.append(SyncTimedOut(self.peer, now.unix_s, Direction.IN, reason))

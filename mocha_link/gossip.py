@@ -10,26 +10,46 @@ import logging
 import os
 from collections import Counter, deque
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
-from mocha_link.client import ClientSession, Step
-from mocha_link.database import Database, Record
-from mocha_link.metrics import LinkBook, LinkEvent, LinkMetrics, MessageStored, RssiChanged
-from mocha_link.protocol import ID_BYTES, ServerSession
+from mocha_link.acquaintance import Acquaintance
+from mocha_link.database import Database
+from mocha_link.link_events import (
+    LinkEvent,
+    MessageStored,
+    RssiChanged,
+    StorageFailed,
+    StorageRecovered,
+)
+from mocha_link.metrics import LinkBook, LinkMetrics
+from mocha_link.protocol import ID_BYTES
 from mocha_link.publisher import Publisher
+from mocha_link.pull import Means, Memory, Pull
+from mocha_link.server import Server
+from mocha_link.shelf import Shelf
+from mocha_link.signature import Verifier
 from mocha_link.team import UnknownRobotError
 from mocha_link.trigger import SyncTrigger
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from mocha_link.clock import Instant
+    from mocha_link.database import Record
+    from mocha_link.datagram import Flow
     from mocha_link.header import Header
     from mocha_link.reading import Reading
+    from mocha_link.server import Route
+    from mocha_link.signature import Signer
+    from mocha_link.step import Step
     from mocha_link.team import Team, Topic
 
 TIMEOUT_S = 5.0
 STALLED_S = 1.0  # a pull without a byte for so long does not outlive a new contact
+LINGER_S = 2.0  # so long the end of a sync is repeated to a peer that asks again
+LEAST_BUDGET = 1024  # with less left no pull begins
+RUN_BYTES = 8
 
 LOG = logging.getLogger("mocha_link")
 
@@ -51,12 +71,37 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class HangUp:
-    """Close the connection to a peer."""
+    """Close the connection to a peer when what was sent on it is out."""
 
     peer: str
 
 
-Action = Dial | Send | HangUp
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """Send a reply on the connection on which the peer asked."""
+
+    peer: str
+    route: Route
+    frame: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Cast:
+    """Send a datagram of a pull of ours to the peer's port for us."""
+
+    peer: str
+    packet: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class CastBack:
+    """Send a datagram to where the peer's datagrams come from."""
+
+    peer: str
+    packet: bytes
+
+
+Action = Dial | Send | HangUp | Reply | Cast | CastBack
 
 
 def _random_id() -> bytes:
@@ -64,9 +109,18 @@ def _random_id() -> bytes:
 
 
 class Gossip:
-    """One robot's node: what it holds, whom it pulls from and when, what it answers."""
+    """One robot's node: what it holds, whom it pulls from and when, what it answers.
 
-    def __init__(
+    Args:
+        by_timer: pull from everybody every interval; otherwise when the radio hears them.
+        timeout_s: seconds without a byte after which a pull breaks off.
+        new_id: makes the 6 random bytes that name a request.
+        database: where messages are kept; default: in memory.
+        signer: signs what the robot publishes.
+        datagrams: whether there are sockets for them.
+    """
+
+    def __init__(  # noqa: PLR0913 - what a node may be given
         self,
         team: Team,
         name: str,
@@ -74,27 +128,52 @@ class Gossip:
         by_timer: bool,
         timeout_s: float = TIMEOUT_S,
         new_id: Callable[[], bytes] = _random_id,
+        database: Database | None = None,
+        signer: Signer | None = None,
+        datagrams: bool = True,
+        protected: Iterable[str] = (),
     ) -> None:
         self.me = team.robot(name)
-        self.database = Database()
+        history = partial(history_of, team)
+        self.database = database or Database(history)
         self._team = team
-        self._timeout_s = timeout_s
-        self._new_id = new_id
+        self._by_timer = by_timer
+        self._datagrams = datagrams
+        self._verifier = Verifier(team)
         self._book = LinkBook(self.me.peers)
+        for peer in protected:
+            self._book.measure(peer, protected=True)
         self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer)
-        self._publisher = Publisher(self.me, team.topics_of(name), self.database)
-        self._servers = {peer: ServerSession(peer, self.database) for peer in self.me.peers}
-        self._pulls: dict[str, ClientSession] = {}
+        self._publisher = Publisher(
+            self.me, team.topics_of(name), self.database, signer.of if signer else None
+        )
+        self._means = Means(
+            own=name,
+            team=team,
+            database=self.database,
+            shelf=Shelf(),
+            new_id=new_id,
+            timeout_s=timeout_s,
+        )
+        run = int.from_bytes(os.urandom(RUN_BYTES), "big")
+        self._known = {peer: Acquaintance(run, history) for peer in self.me.peers}
+        self._memories = {peer: Memory() for peer in self.me.peers}
+        self._servers = {
+            peer: Server(peer, self.database, self._known[peer]) for peer in self.me.peers
+        }
+        self._pulls: dict[str, Pull] = {}
+        self._ending: dict[str, tuple[Flow, float]] = {}
+        self._spent = dict.fromkeys(self.me.peers, 0)
         self._actions: deque[Action] = deque()
         self._events: deque[LinkEvent] = deque()
         self._refusals: Counter[str] = Counter()
 
-    def publish(self, topic: Topic, body: bytes, now: Instant, *, at_once: bool = False) -> Header:
-        """Take a message of our own; `body` is made by `payload.pack`."""
-        record, stored = self._publisher.publish(topic, body, now.unix_s, at_once=at_once)
-        if stored:
+    def publish(self, topic: Topic, data: bytes, now: Instant, *, at_once: bool = False) -> Header:
+        """Take a message of our own. Raises PayloadError."""
+        header, stored = self._publisher.publish(topic, data, now.unix_s, at_once=at_once)
+        for record in stored:
             self._tell_own(record, now)
-        return record.header
+        return header
 
     def flush(self, topic: Topic, now: Instant) -> None:
         """Store the message of a topic that waits for its interval, if there is one."""
@@ -110,43 +189,80 @@ class Gossip:
         if self._trigger.reading(peer) != before:
             self._tell_signal(peer, now)
         self._tell_contacts()
-        pull = self._pulls.get(peer)
-        if begins and pull and now.steady_s - pull.alive_s > STALLED_S:
-            # Its connection sleeps in TCP's back-off; a fresh one gets through at once.
-            self._take(pull, pull.fail("stalled, and a new contact began", now), now)
+        if begins:
+            self._spent[peer] = 0
+            self._servers[peer].poke(now)
+            self._after_server(peer, now)
+            self._revive(peer, now)
         self._pull_due(now)
 
     def sync(self, peer: str, now: Instant) -> bool:
-        """Pull from a peer now; False if a pull is under way. Raises UnknownRobotError."""
+        """Pull from a peer now; False if a pull is under way. Raises UnknownRobotError.
+
+        Nothing begins either when the contact's budget is used up.
+        """
         self._check(peer)
         if peer in self._pulls:
             return False
-        pull = self._pulls[peer] = ClientSession(
+        if self._by_timer:
+            self._spent[peer] = 0
+        budget = self._team.trigger.budget_bytes
+        left = budget - self._spent[peer] if budget else 0
+        if budget and left < LEAST_BUDGET:
+            return False
+        pull = self._pulls[peer] = Pull(
             peer,
-            self.me.name,
-            team=self._team,
-            database=self.database,
-            new_id=self._new_id,
-            timeout_s=self._timeout_s,
+            self._means,
+            self._memories[peer],
+            self._known[peer],
+            verify=partial(self._verifier.verify, handed_by=peer),
+            original=self._team.robot(peer).original,
+            datagrams=self._datagrams,
+            budget=left,
         )
         self._actions.append(Dial(peer))
         self._take(pull, pull.start(now), now)
         return True
 
-    def request(self, peer: str, parts: Sequence[bytes], now: Instant) -> bytes:
-        """The reply to what came in on the port for a peer."""
-        reply, events = self._servers[peer].answer(parts, now)
-        self._book.count(peer, bytes_out=len(reply))
-        for event in events:
-            self._tell(event)
-        return reply
+    def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
+        """Take in what came in on the port for a peer."""
+        server = self._servers[peer]
+        reply = server.answer(route, parts, now)
+        if reply is not None:
+            self._book.count(peer, bytes_out=len(reply))
+            self._actions.append(Reply(peer, route, reply))
+        self._after_server(peer, now)
+
+    def supply(self, peer: str, now: Instant) -> tuple[Route, bytes] | None:
+        """The next frame of a sync for a connection of the peer; None: nothing to send now."""
+        supplied = self._servers[peer].supply(now)
+        if supplied:
+            self._book.count(peer, bytes_out=len(supplied[1]))
+        return supplied
+
+    def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
+        """Take in a datagram that came to the port for a peer; says whether it made sense."""
+        known = self._servers[peer].packet(packet, now)
+        self._after_server(peer, now)
+        return known
 
     def reply(self, peer: str, parts: Sequence[bytes], now: Instant) -> None:
         """Take in what came back on the connection to a peer."""
         pull = self._pulls.get(peer)
         if pull:
-            self._book.count(peer, bytes_in=sum(map(len, parts)))
+            self._count_in(peer, sum(map(len, parts)))
             self._take(pull, pull.reply(parts, now), now)
+
+    def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
+        """Take in a datagram that a peer sent in answer to ours."""
+        pull = self._pulls.get(peer)
+        if pull and pull.flow and packet[1 : 1 + ID_BYTES] == pull.flow.token:
+            self._count_in(peer, len(packet))
+            self._take(pull, pull.packet(packet, now), now)
+        elif peer in self._ending:
+            flow, _ = self._ending[peer]
+            flow.receive(packet, now.steady_s)
+            self._cast(peer, flow.transmit(now.steady_s))
 
     def progress(self, peer: str, now: Instant) -> None:
         """The connection to a peer stands, or bytes are arriving on it."""
@@ -154,14 +270,31 @@ class Gossip:
         if pull:
             pull.progress(now)
 
+    def measured(self, peer: str, rtt_s: float) -> None:
+        """The round trip of the connection to a peer."""
+        pull = self._pulls.get(peer)
+        if pull and pull.path != "udp":
+            self._memories[peer].rtt_s = rtt_s
+
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer is gone."""
         pull = self._pulls.get(peer)
         if pull:
-            self._take(pull, pull.fail(reason, now), now)
+            self._take(pull, pull.disconnected(reason, now), now)
+
+    def refused(self, peer: str, reason: str) -> None:
+        """Somebody was not let in at the port for a peer, or sent it what is no message."""
+        self._refuse(peer, reason)
+
+    def storage(self, reason: str | None, now: Instant) -> None:
+        """Messages are not written to disk any more (why), or are again (None)."""
+        if reason is None:
+            self._tell(StorageRecovered(self.me.name, now.unix_s))
+        else:
+            self._tell(StorageFailed(self.me.name, now.unix_s, reason))
 
     def tick(self, now: Instant) -> None:
-        """Do what is due by the time alone; call it often."""
+        """Do what is due by the time alone; call it often, and at `wake_s`."""
         for peer in self._trigger.silenced(now.unix_s):
             self._tell_signal(peer, now)
         self._tell_contacts()
@@ -169,10 +302,22 @@ class Gossip:
             self._tell_own(record, now)
         for pull in list(self._pulls.values()):
             self._take(pull, pull.tick(now), now)
-        for server in self._servers.values():
-            for event in server.tick(now):
-                self._tell(event)
+        for peer, (flow, until_s) in list(self._ending.items()):
+            self._cast(peer, flow.transmit(now.steady_s))
+            if flow.settled or now.steady_s > until_s:
+                del self._ending[peer]
+        for peer, server in self._servers.items():
+            server.tick(now)
+            self._after_server(peer, now)
         self._pull_due(now)
+
+    @property
+    def wake_s(self) -> float | None:
+        """When to call `tick` at the latest, in steady seconds; None: no hurry."""
+        times = [pull.wake_s for pull in self._pulls.values()]
+        times += [server.wake_s for server in self._servers.values()]
+        times += [flow.wake_s for flow, _ in self._ending.values()]
+        return min((each for each in times if each is not None), default=None)
 
     def take(self) -> tuple[list[Action], list[LinkEvent]]:
         """What is to be done and told since the last call, in order."""
@@ -183,32 +328,69 @@ class Gossip:
 
     def links(self, now: Instant) -> dict[str, LinkMetrics]:
         """The state of every link."""
-        ages_s: dict[str, dict[str, float]] = {}
-        for record in self.database.records():
-            known = self._team.by_ids(record.header.robot_id, record.header.topic_id)
-            if known:
-                robot, topic = known
-                ages_s.setdefault(robot.name, {})[topic.name] = now.unix_s - record.stamp_s
+        ages_s = {peer: dict(self._ages_s(peer, now)) for peer in self.me.peers}
         return self._book.links(now.unix_s, ages_s)
+
+    def _ages_s(self, peer: str, now: Instant) -> Iterator[tuple[str, float]]:
+        robot_id = self._team.robot(peer).robot_id
+        for topic in self._team.topics_of(peer):
+            record = self.database.newest(robot_id, topic.topic_id)
+            if record:
+                yield topic.name, now.unix_s - record.stamp_s
 
     def _pull_due(self, now: Instant) -> None:
         for peer in self._trigger.due(now.unix_s):
             self.sync(peer, now)
 
-    def _take(self, pull: ClientSession, step: Step, now: Instant) -> None:
+    def _revive(self, peer: str, now: Instant) -> None:
+        """A contact begins: do not wait for the timers of a pull that stalls."""
+        pull = self._pulls.get(peer)
+        if pull is None or now.steady_s - pull.alive_s <= STALLED_S:
+            return
+        if pull.path == "udp":
+            self._take(pull, pull.poke(now), now)
+        else:
+            # Its connection sleeps in TCP's back-off; a fresh one gets through at once.
+            self._take(pull, pull.fail("stalled, and a new contact began", now), now)
+
+    def _take(self, pull: Pull, step: Step, now: Instant) -> None:
         peer = pull.peer
         for frame in step.frames:
             self._actions.append(Send(peer, frame))
+        self._cast(peer, step.packets)
         for reason in step.refusals:
             self._refuse(peer, reason)
-        if pull.over:
-            self._book.measure(peer, rtt_s=pull.rtt_s, bandwidth_bytes_s=pull.bandwidth_bytes_s)
-            if self._pulls.pop(peer, None):
-                self._actions.append(HangUp(peer))
+        if pull.over and self._pulls.pop(peer, None) is not None:
+            self._book.measure(
+                peer,
+                rtt_s=pull.rtt_s,
+                bandwidth_bytes_s=pull.bandwidth_bytes_s,
+                path=pull.path,
+            )
+            self._actions.append(HangUp(peer))
+            if pull.flow and pull.path == "udp":
+                self._cast(peer, pull.flow.transmit(now.steady_s))
+                self._ending[peer] = (pull.flow, now.steady_s + LINGER_S)
         for event in step.events:
             self._tell(event)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 self._recover(self._team.topic(event.robot, event.topic), now)
+
+    def _after_server(self, peer: str, now: Instant) -> None:
+        server = self._servers[peer]
+        for packet in server.transmit(now):
+            self._book.count(peer, bytes_out=len(packet))
+            self._actions.append(CastBack(peer, packet))
+        for event in server.take():
+            self._tell(event)
+
+    def _cast(self, peer: str, packets: Iterable[bytes]) -> None:
+        for packet in packets:
+            self._actions.append(Cast(peer, packet))
+
+    def _count_in(self, peer: str, size: int) -> None:
+        self._spent[peer] += size
+        self._book.count(peer, bytes_in=size)
 
     def _recover(self, topic: Topic, now: Instant) -> None:
         record = self._publisher.recovered(topic, now.unix_s)
@@ -245,3 +427,9 @@ class Gossip:
     def _check(self, peer: str) -> None:
         if peer not in self._servers:
             raise UnknownRobotError(peer, self.me.peers, f"among the clients of {self.me.name}")
+
+
+def history_of(team: Team, robot_id: int, topic_id: int) -> int:
+    """How many versions of a topic the team keeps."""
+    known = team.by_ids(robot_id, topic_id)
+    return known[1].history if known else 1

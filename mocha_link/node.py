@@ -5,24 +5,32 @@ from __future__ import annotations
 import threading
 import time
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Self
 
-from mocha_link import payload
+from mocha_link import batch, payload
 from mocha_link.broadcast import Broadcast, EventStream
 from mocha_link.clock import Clock, Instant, SystemClock
+from mocha_link.database import Database
 from mocha_link.errors import MochaLinkError
-from mocha_link.gossip import TIMEOUT_S, Gossip
+from mocha_link.gossip import TIMEOUT_S, Gossip, history_of
+from mocha_link.keys import public_key, secret_key
 from mocha_link.radios import Radio, open_radio
+from mocha_link.signature import Signer
+from mocha_link.storage import Storage
 from mocha_link.transport import Transport
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
     from types import TracebackType
 
     from mocha_link.database import Record
     from mocha_link.header import Header
+    from mocha_link.keys import PublicKey
     from mocha_link.metrics import LinkEvent, LinkMetrics
     from mocha_link.reading import Reading
+    from mocha_link.storage import StorageError
     from mocha_link.team import Priority, Robot, Team
 
 
@@ -34,7 +42,8 @@ class NodeClosedError(MochaLinkError):
 class Message:
     """The newest message of a topic of a robot.
 
-    `stamp_s` is when the robot published it, `received_s` when it got here: Unix seconds.
+    `stamp_s` is when the robot published it, `received_s` when it got here: Unix seconds. `parts`
+    are the messages in it, more than one if the topic says `aggregate`.
     """
 
     robot: str
@@ -44,6 +53,7 @@ class Message:
     data: bytes = field(repr=False)
     stamp_s: float
     received_s: float
+    parts: tuple[bytes, ...] = field(default=(), repr=False)
 
 
 class Node:
@@ -59,13 +69,20 @@ class Node:
         radio: where RSSI comes from; default: what the team file says for the robot. A robot
             without a radio pulls from everybody by the timer.
         timeout_s: real seconds without a byte after which a pull breaks off.
+        storage: a file in which messages survive the end of the process; default: none, they are
+            in memory only. It is open from now until `close`.
+        keys: the folder with ``<name>.key``, the robot's secret, if the team has a key for it.
+        datagrams: use UDP between new nodes where that is faster.
 
     Raises:
         UnknownRobotError: the team has no robot of that name.
         RadioError: the team file's radio cannot be read.
+        KeyFileError: the secret is missing, is none, or others can read it.
+        KeyMismatchError: it does not fit the key in the team file.
+        KeysUnavailableError: the team has keys, and the extra ``keys`` is not installed.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what a node may be given
         self,
         team: Team,
         name: str,
@@ -73,8 +90,12 @@ class Node:
         clock: Clock | None = None,
         radio: Radio | None = None,
         timeout_s: float = TIMEOUT_S,
+        storage: Path | None = None,
+        keys: Path | None = None,
+        datagrams: bool = True,
     ) -> None:
         robot = team.robot(name)
+        self._secret = secret_key(team, name, keys)
         if radio is None and robot.radio is not None:
             radio = open_radio(robot.radio, team, name)
         self.team = team
@@ -82,10 +103,25 @@ class Node:
         self.clock: Clock = clock or SystemClock()
         self._radio = radio
         self._lock = threading.Lock()
-        self._gossip = Gossip(team, name, by_timer=radio is None, timeout_s=timeout_s)
         self._broadcast = Broadcast()
         self._transport: Transport | None = None
         self._closed = False
+        self._settling = True  # nobody to tell yet
+        self._peer_keys = _peer_keys(team, robot) if self._secret else {}
+        self._storage = Storage(storage, on_fault=self._fault) if storage else None
+        self._gossip = Gossip(
+            team,
+            name,
+            by_timer=radio is None,
+            timeout_s=timeout_s,
+            database=Database(partial(history_of, team), self._storage),
+            signer=Signer(self._secret, robot) if self._secret else None,
+            datagrams=datagrams,
+            protected=self._peer_keys,
+        )
+        self._settling = False
+        if self._storage and self._storage.fault:
+            self._fault(self._storage.fault)
 
     @property
     def robot(self) -> Robot:
@@ -109,6 +145,8 @@ class Node:
             lock=self._lock,
             now=self._now,
             deliver=self._broadcast.send,
+            secret=self._secret,
+            keys=self._peer_keys,
         )
         transport.start()
         self._transport = transport
@@ -132,6 +170,8 @@ class Node:
             self._radio.close()
         if self._transport:
             self._transport.close()
+        if self._storage:
+            self._storage.close()
         self._broadcast.close()
 
     def __enter__(self) -> Self:
@@ -149,8 +189,10 @@ class Node:
     def publish(self, topic: str, data: bytes, *, now: bool = False) -> Header:
         """Put a message of this robot where the others can pull it; returns its header.
 
-        If the topic's `min_interval_s` since the last one is not over, the message waits (the
-        newest one replaces it) until it is; `now` sends it without waiting.
+        If the topic's `min_interval_s` since the last one is not over, the message waits until it
+        is: the newest one replaces it, or joins it if the topic says `aggregate`. `now` sends it
+        without waiting. With a `storage` that works, what has been stored is on disk on return
+        (not when called from a listener, which must not wait).
 
         Raises:
             UnknownTopicError: the team file gives this robot no such topic.
@@ -160,10 +202,11 @@ class Node:
         """
         self._check_open()
         known = self.team.topic(self.name, topic)
-        body = payload.pack(known.dtype, known.priority, data)
         with self._lock:
-            header = self._gossip.publish(known, body, self._now(), at_once=now)
+            header = self._gossip.publish(known, bytes(memoryview(data)), self._now(), at_once=now)
         self._wake()
+        if self._storage and not (self._transport and self._transport.is_current_thread()):
+            self._storage.wait()
         return header
 
     def flush(self, topic: str) -> None:
@@ -189,6 +232,31 @@ class Node:
     def messages(self) -> list[Message]:
         """The newest message of every topic of every robot, most urgent first."""
         return [self._message(record) for record in self._gossip.database.records()]
+
+    def history(self, robot: str, topic: str) -> list[Message]:
+        """The messages of a topic that are kept, newest first (`history` in the team file).
+
+        Raises:
+            UnknownRobotError: the team has no such robot.
+            UnknownTopicError: the robot has no such topic.
+        """
+        known = self.team.topic(robot, topic)
+        robot_id = self.team.robot(robot).robot_id
+        records = self._gossip.database.history(robot_id, known.topic_id)
+        return [self._message(record) for record in records]
+
+    @property
+    def epoch(self) -> int:
+        """Names the database: numbers of `stored_since` count within one epoch."""
+        return self._gossip.database.epoch
+
+    def stored_since(self, sequence: int) -> list[tuple[int, Message]]:
+        """What has been stored after a number, with its own number, in that order.
+
+        Begin with 0. Versions that are not kept any longer are left out.
+        """
+        found = self._gossip.database.numbered_since(sequence)
+        return [(number, self._message(record)) for number, record in found]
 
     def links(self) -> dict[str, LinkMetrics]:
         """The state of the link to every peer, by its name."""
@@ -233,15 +301,24 @@ class Node:
         if known is None:
             raise MochaLinkError(f"{record.header} is not of this team")
         robot, topic = known
+        data = payload.unpack(record.body)
         return Message(
             robot=robot.name,
             topic=topic.name,
             header=record.header,
             priority=topic.priority,
-            data=payload.unpack(record.body),
+            data=data,
             stamp_s=record.stamp_s,
             received_s=record.received_s,
+            parts=batch.unpack(data) if topic.aggregate else (data,),
         )
+
+    def _fault(self, fault: StorageError | None) -> None:
+        if self._settling:
+            return
+        with self._lock:
+            self._gossip.storage(str(fault) if fault else None, self._now())
+        self._wake()
 
     def _now(self) -> Instant:
         return Instant(self.clock.now_s(), time.monotonic())
@@ -253,3 +330,9 @@ class Node:
     def _check_open(self) -> None:
         if self._closed:
             raise NodeClosedError(f"the node of {self.name} is closed; make a new one")
+
+
+def _peer_keys(team: Team, robot: Robot) -> dict[str, PublicKey]:
+    """The keys of the peers that have one: links to them are encrypted."""
+    keys = {peer: public_key(team.robot(peer)) for peer in robot.peers}
+    return {peer: key for peer, key in keys.items() if key}

@@ -79,9 +79,7 @@ def pack(  # noqa: PLR0913 - what a message is made from
     Raises:
         PayloadError: larger than any node would accept.
     """
-    size = memoryview(data).nbytes  # TypeError for what is not bytes
-    if size > MAX_BYTES:
-        raise PayloadError(f"{size} bytes; at most {MAX_BYTES} can be sent: split the message")
+    check_size(data)
     prefix = bytes((dtype, priority))
     frame: bytes = lz4.frame.compress(data, content_checksum=checksum and stamp_ms is None)
     if stamp_ms is None:
@@ -96,6 +94,13 @@ def pack(  # noqa: PLR0913 - what a message is made from
     for part in (prefix, frame, head, signature):
         crc = zlib.crc32(part, crc)
     return b"".join((prefix, frame, head, signature, _CRC.pack(crc)))
+
+
+def check_size(data: bytes) -> None:
+    """Raise PayloadError if data are larger than any node would accept."""
+    size = memoryview(data).nbytes  # TypeError for what is not bytes
+    if size > MAX_BYTES:
+        raise PayloadError(f"{size} bytes; at most {MAX_BYTES} can be sent: split the message")
 
 
 def dtype_of(body: bytes) -> int:

@@ -10,24 +10,25 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mocha_link.header import Header, HeaderError
-from mocha_link.metrics import Direction, LinkEvent, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.link_events import Direction, LinkEvent, SyncEnded, SyncStarted, SyncTimedOut
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from mocha_link.clock import Instant
-    from mocha_link.database import Database, Record
+    from mocha_link.database import Database
+    from mocha_link.index import Kept
 
 ID_BYTES = 6
 CODE_BYTES = 5
 GHEAD, GDATA, DENDT = b"GHEAD", b"GDATA", b"DENDT"
+# Between new nodes: open a sync, a later frame of it, more credit. Original nodes refuse them.
+SYNC1, SYNCF, SYNCC = b"SYNC1", b"SYNCF", b"SYNCC"
 SERRM, ACK = b"SERRM", b"Ack"
 
 # An original client is idle again 12.4 s after its last unanswered request. Until then it may ask
 # for what was offered to it, and it would store an error reply as if it were a message.
 PATIENCE_S = 13.0
-# Of what was replaced since it was offered, so much is kept for one peer, the newest first.
-KEPT_BYTES = 64 * 1024 * 1024
 
 
 def request(request_id: bytes, code: bytes, argument: bytes = b"") -> bytes:
@@ -53,7 +54,11 @@ class ServerSession:
         self._database = database
         self._pull: _Pull | None = None
         self._heard_s = 0.0
-        self._offered: dict[Header, tuple[Record, float]] = {}
+        # What was offered stays available, though newer messages replace it, until well after the
+        # peer has asked for another list.
+        self._offered: Mapping[bytes, Kept] = {}
+        self._offered_before: Mapping[bytes, Kept] = {}
+        self._listed_s = 0.0
 
     def answer(self, parts: Sequence[bytes], now: Instant) -> tuple[bytes, list[LinkEvent]]:
         """The reply to the body parts of a request (a good one has one part), and what it began."""
@@ -68,7 +73,7 @@ class ServerSession:
             events = self._begin(now)
             body = self._list(now)
         elif code == GDATA:
-            body = self._data(argument)
+            body = self._data(argument, now)
         elif code == DENDT:
             events = self._end(now)
             body = ACK
@@ -112,33 +117,22 @@ class ServerSession:
         return [SyncTimedOut(self._peer, now.unix_s, Direction.OUT, reason)]
 
     def _list(self, now: Instant) -> bytes:
-        # What was offered stays available, though newer messages replace it, until well after the
-        # peer has asked for another list.
-        records = self._database.records()
-        offered = {record.header: (record, now.steady_s) for record in records}
-        kept: list[tuple[Record, float]] = []
-        room = KEPT_BYTES
-        for header, (record, offered_s) in reversed(self._offered.items()):
-            if header in offered or now.steady_s - offered_s > PATIENCE_S:
-                continue
-            room -= len(record.body)
-            if room < 0:
-                break
-            kept.append((record, offered_s))
-        self._offered = {record.header: (record, since) for record, since in reversed(kept)}
-        self._offered.update(offered)
-        return b"".join(record.header.pack() for record in records)
+        self._offered_before, self._offered = self._offered, self._database.snapshot()
+        self._listed_s = now.steady_s
+        return self._database.header_list()
 
-    def _data(self, argument: bytes) -> bytes:
+    def _data(self, argument: bytes, now: Instant) -> bytes:
         try:
-            header = Header.parse(argument)
+            record = self._database.get(Header.parse(argument))
         except HeaderError:
             return SERRM
-        record = self._database.newest(header.robot_id, header.topic_id)
-        if record is None or record.header != header:
-            if header not in self._offered:
+        if record is None:
+            if now.steady_s - self._listed_s > PATIENCE_S:
+                self._offered_before = {}
+            kept = self._offered.get(argument) or self._offered_before.get(argument)
+            if kept is None:
                 return SERRM
-            record = self._offered[header][0]
+            record = kept.record
         if self._pull:
             self._pull.messages += 1
         return record.body

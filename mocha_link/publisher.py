@@ -2,82 +2,137 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from mocha_link import batch, payload
 from mocha_link.database import Database, Record
 from mocha_link.header import Header, next_stamp_ms
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mocha_link.team import Robot, Topic
+
+    Sign = Callable[[bytes], bytes]
+
+
+@dataclass(slots=True)
+class _Draft:
+    """Messages that are not packed yet, and the stamp that they have been promised."""
+
+    stamp_ms: int
+    made_s: float
+    parts: list[bytes] = field(default_factory=list)
+    size: int = 0
+
+    def add(self, data: bytes) -> None:
+        self.parts.append(data)
+        self.size += len(data)
 
 
 class Publisher:
-    """Makes records of the robot's own messages and holds those that come too early."""
+    """Makes records of the robot's own messages and holds those that come too early.
 
-    def __init__(self, robot: Robot, topics: tuple[Topic, ...], database: Database) -> None:
+    Args:
+        sign: gives what signs the messages of a topic; None: they are not signed.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        topics: tuple[Topic, ...],
+        database: Database,
+        sign: Callable[[Topic], Sign] | None = None,
+    ) -> None:
         self._robot = robot
         self._topics = {topic.name: topic for topic in topics}
         self._database = database
+        self._signs = {topic.name: sign(topic) for topic in topics} if sign else {}
         self._last_ms: dict[str, int] = {}
         self._stored_s: dict[str, float] = {}
-        self._held: dict[str, Record] = {}
-        self._latest: dict[str, Record] = {}
+        self._held: dict[str, _Draft] = {}
+        self._latest: dict[str, tuple[_Draft, Header]] = {}
 
     def publish(
-        self, topic: Topic, body: bytes, now_s: float, *, at_once: bool
-    ) -> tuple[Record, bool]:
-        """The record of a new message, and whether it was stored now or is held.
+        self, topic: Topic, data: bytes, now_s: float, *, at_once: bool
+    ) -> tuple[Header, list[Record]]:
+        """The header of a new message, and what was stored now because of it.
 
-        A message that is held is replaced by the next one, and stored when the topic's interval
-        since the last stored one is over. `body` is made by `payload.pack`.
+        A message that comes before the topic's interval since the last stored one is over is held
+        until then; the next one replaces it, or joins it if the topic says `aggregate`.
+
+        Raises:
+            PayloadError: larger than any node would accept.
         """
+        payload.check_size(data)
+        stored = []
+        draft = self._held.get(topic.name)
+        if draft and topic.aggregate and draft.size + len(data) > batch.FULL_BYTES:
+            stored.append(self._flush(topic, now_s))
+            draft = None
         last_ms = self._last_ms.get(topic.name)
         recovered = self._database.newest(self._robot.robot_id, topic.topic_id)
         if recovered is not None:  # it may come from a peer, from before a restart
             last_ms = max(last_ms or 0, recovered.stamp_ms)
         stamp_ms = self._last_ms[topic.name] = next_stamp_ms(now_s, last_ms)
+        if draft is None or not topic.aggregate:
+            draft = self._held[topic.name] = _Draft(stamp_ms, now_s)
+        draft.stamp_ms, draft.made_s = stamp_ms, now_s
+        draft.add(data)
         header = Header.at(self._robot.robot_id, topic.topic_id, stamp_ms)
-        record = Record(header, topic.priority, body, stamp_ms, received_s=now_s)
-        self._held[topic.name] = record
-        due = at_once or self._is_due(topic.name, now_s)
-        return record, due and self.flush(topic, now_s) is not None
+        if at_once or self._is_due(topic.name, now_s):
+            record = self._flush(topic, now_s)
+            stored.append(record)
+            header = record.header
+        return header, stored
 
     def flush(self, topic: Topic, now_s: float) -> Record | None:
         """Store the held message of a topic, if there is one, and return it."""
-        record = self._held.pop(topic.name, None)
-        if record is None:
-            return None
-        self._stored_s[topic.name] = now_s
-        return self._store(topic, record, now_s)
+        return self._flush(topic, now_s) if topic.name in self._held else None
 
     def recovered(self, topic: Topic, now_s: float) -> Record | None:
         """Store our latest message anew if one from before a restart has replaced it.
 
         A peer hands that back to us; it has the later stamp if our clock is behind what it was.
         """
-        latest = self._latest.get(topic.name)
         newest = self._database.newest(self._robot.robot_id, topic.topic_id)
-        if latest is None or newest is None or newest.header == latest.header:
+        if topic.name not in self._latest or newest is None:
             return None
-        return self._store(topic, latest, now_s)
-
-    def _store(self, topic: Topic, record: Record, now_s: float) -> Record:
-        newest = self._database.newest(self._robot.robot_id, topic.topic_id)
-        if not self._database.insert(record, now_s) and newest:
-            # From before a restart, with a later stamp. Ours must follow it to be taken by anyone.
-            stamp_ms = self._last_ms[topic.name] = next_stamp_ms(now_s, newest.stamp_ms)
-            header = Header.at(self._robot.robot_id, topic.topic_id, stamp_ms)
-            record = replace(record, header=header, stamp_ms=stamp_ms)
-            self._database.insert(record, now_s)
-        self._latest[topic.name] = record
-        return record
+        draft, header = self._latest[topic.name]
+        return self._store(topic, draft, now_s) if newest.header != header else None
 
     def due(self, now_s: float) -> list[Record]:
         """Store the held messages whose interval is over, and return them."""
         names = [name for name in self._held if self._is_due(name, now_s)]
-        records = (self.flush(self._topics[name], now_s) for name in names)
-        return [record for record in records if record is not None]
+        return [self._flush(self._topics[name], now_s) for name in names]
+
+    def _flush(self, topic: Topic, now_s: float) -> Record:
+        self._stored_s[topic.name] = now_s
+        return self._store(topic, self._held.pop(topic.name), now_s)
+
+    def _store(self, topic: Topic, draft: _Draft, now_s: float) -> Record:
+        record = self._record(topic, draft)
+        if not self._database.insert(record, now_s):
+            # From before a restart, with a later stamp. Ours must follow it to be taken by anyone.
+            newest = self._database.newest(self._robot.robot_id, topic.topic_id)
+            last_ms = max(newest.stamp_ms if newest else 0, draft.stamp_ms)
+            draft.stamp_ms = self._last_ms[topic.name] = next_stamp_ms(now_s, last_ms)
+            record = self._record(topic, draft)
+            self._database.insert(record, now_s)
+        self._latest[topic.name] = (draft, record.header)
+        return record
+
+    def _record(self, topic: Topic, draft: _Draft) -> Record:
+        body = payload.pack(
+            topic.dtype,
+            topic.priority,
+            batch.pack(draft.parts) if topic.aggregate else draft.parts[0],
+            stamp_ms=draft.stamp_ms,
+            sign=self._signs.get(topic.name),
+        )
+        header = Header.at(self._robot.robot_id, topic.topic_id, draft.stamp_ms)
+        return Record(header, topic.priority, body, draft.stamp_ms, received_s=draft.made_s)
 
     def _is_due(self, name: str, now_s: float) -> bool:
         last = self._stored_s.get(name)

@@ -9,8 +9,9 @@ from mocha_link.metrics import LinkEvent
 
 @dataclass(slots=True)
 class Step:
-    """Frames to send, events to tell, refusals to count."""
+    """Frames and datagrams to send, events to tell, refusals to count."""
 
     frames: list[bytes] = field(default_factory=list)
     events: list[LinkEvent] = field(default_factory=list)
     refusals: list[str] = field(default_factory=list)
+    packets: list[bytes] = field(default_factory=list)

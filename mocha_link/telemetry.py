@@ -23,8 +23,8 @@ import zmq
 from mocha_link.errors import MochaLinkError
 from mocha_link.header import Header
 from mocha_link.metrics import Contact
+from mocha_link.port import ListenError, PortInUseError
 from mocha_link.reading import Reading
-from mocha_link.transport import ListenError, PortInUseError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -1,9 +1,8 @@
-"""The ZeroMQ shell of a node: one thread, one poller, a port for every peer."""
+"""The shell of a node: one thread, one poller, a port for every peer, TCP and UDP."""
 
 from __future__ import annotations
 
 import contextlib
-import errno
 import logging
 import socket
 import threading
@@ -11,44 +10,40 @@ from typing import TYPE_CHECKING
 
 import zmq
 
-from mocha_link.contact import Contact
-from mocha_link.errors import MochaLinkError
-from mocha_link.gossip import Dial, HangUp, Send
+from mocha_link.curve import Gatekeeper
+from mocha_link.gossip import Cast, CastBack, Dial, HangUp, Reply, Send
+from mocha_link.line import CurveLine, Line, TcpLine
+from mocha_link.port import Port
+from mocha_link.resolver import Resolver
+from mocha_link.seal import Seal
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mocha_link.clock import Instant
     from mocha_link.gossip import Action, Gossip
-    from mocha_link.metrics import LinkEvent
-    from mocha_link.team import Robot, Team
+    from mocha_link.keys import PublicKey, SecretKey
+    from mocha_link.link_events import LinkEvent
+    from mocha_link.team import Team
 
 TICK_MS = 20  # the node's clock may be a simulated one: look at it often
+FULL_MS = 1  # ZeroMQ does not tell when one of many connections takes more
 OBSERVE_S = 0.25
 BURST = 64  # frames of one peer in a row, so that no peer starves the others
 CLOSE_S = 0.9
-MAX_REQUEST_BYTES = 65_536
-QUEUE_REPLIES = 16  # to one connection that does not read; further ones are dropped
-DEAD_PEER_S = 60
+DATAGRAM_BYTES = 1500
 
 LOG = logging.getLogger("mocha_link")
-
-
-class PortInUseError(MochaLinkError):
-    """A port that the node needs is taken by another process or node."""
-
-
-class ListenError(MochaLinkError):
-    """A port or address on which the node cannot listen for another reason."""
 
 
 class Transport:
     """Moves frames between the sockets and a `Gossip`, which it drives under `lock`.
 
-    `deliver` gets the events on the transport's thread.
+    `deliver` gets the events on the transport's thread. With `secret`, links to peers that have a
+    key in the team file are encrypted.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what the shell stands between
         self,
         gossip: Gossip,
         team: Team,
@@ -56,6 +51,8 @@ class Transport:
         lock: threading.Lock,
         now: Callable[[], Instant],
         deliver: Callable[[LinkEvent], None],
+        secret: SecretKey | None = None,
+        keys: dict[str, PublicKey] | None = None,
     ) -> None:
         self._gossip = gossip
         self._team = team
@@ -63,10 +60,17 @@ class Transport:
         self._lock = lock
         self._now = now
         self._deliver = deliver
+        self._secret = secret
+        self._keys = keys or {}
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._poller = zmq.Poller()
-        self._ports: dict[zmq.Socket[bytes], str] = {}
-        self._contacts: dict[str, Contact] = {}
+        self._ports: dict[str, Port] = {}
+        self._gate: Gatekeeper | None = None
+        self._lines: dict[str, Line | list[bytes]] = {}  # frames: the address is not known yet
+        self._seals: dict[str, Seal] = {}
+        self._caster: socket.socket | None = None
+        self._peers_at: dict[tuple[str, int], str] = {}
+        self._resolver = Resolver(self.wake)
         self._waker, self._woken = socket.socketpair()
         self._observed_s = 0.0
         self._stopping = False
@@ -77,22 +81,35 @@ class Transport:
     def start(self) -> None:
         """Bind the ports and begin. Raises PortInUseError or ListenError, and is closed then."""
         try:
+            if self._secret:
+                self._seals = {p: Seal(self._secret, key) for p, key in self._keys.items()}
+                self._gate = Gatekeeper(self._context, self._keys)
             for peer in self._me.peers:
-                self._ports[self._bind(peer)] = peer
+                secret = self._secret if peer in self._keys else None
+                self._ports[peer] = Port(self._context, self._me, peer, secret)
+                if secret and self._gate:
+                    self._gate.watch(self._ports[peer].socket, peer)
+            self._caster = _caster(self._me.listen)
         except BaseException:
             self._close_all()
             raise
-        for port in self._ports:
-            self._poller.register(port, zmq.POLLIN)
         self._waker.setblocking(False)
         self._woken.setblocking(False)
-        self._poller.register(self._woken, zmq.POLLIN)
+        for port in self._ports.values():
+            port.watch(self._poller)
+        for each in (*(self._gate.sockets if self._gate else ()), self._caster, self._woken):
+            if each:
+                self._poller.register(each, zmq.POLLIN)
         self._thread.start()
 
     def wake(self) -> None:
         """Have the thread look at the gossip now; from any thread."""
         with contextlib.suppress(OSError):  # full: it is about to wake anyway; closed: too late
             self._waker.send(b"\0")
+
+    def is_current_thread(self) -> bool:
+        """Whether this is the thread that must not wait."""
+        return self._thread is threading.current_thread()
 
     def close(self) -> None:
         """Stop and close everything; from any thread, also from a callback."""
@@ -109,93 +126,147 @@ class Transport:
                     CLOSE_S,
                 )
 
-    def _bind(self, peer: str) -> zmq.Socket[bytes]:
-        number = self._me.port_for(peer)
-        port = self._context.socket(zmq.ROUTER)
-        port.setsockopt(zmq.LINGER, 0)
-        port.setsockopt(zmq.MAXMSGSIZE, MAX_REQUEST_BYTES)
-        port.setsockopt(zmq.SNDHWM, QUEUE_REPLIES)
-        # Links break without a word: do not keep the connections of peers that are gone.
-        port.setsockopt(zmq.TCP_KEEPALIVE, 1)
-        port.setsockopt(zmq.TCP_KEEPALIVE_IDLE, DEAD_PEER_S // 2)
-        port.setsockopt(zmq.TCP_KEEPALIVE_INTVL, DEAD_PEER_S // 6)
-        port.setsockopt(zmq.TCP_KEEPALIVE_CNT, 3)
-        port.setsockopt(zmq.TCP_MAXRT, DEAD_PEER_S * 1000)
-        try:
-            port.bind(f"tcp://{self._me.listen}:{number}")
-        except zmq.ZMQError as error:
-            port.close(0)
-            raise _listen_error(self._me, peer, number, error) from None
-        return port
-
     def _run(self) -> None:
+        wait_ms = 0
         try:
             while not self._stopping:
-                ready = self._poller.poll(TICK_MS)
+                ready: set[object] = {each for each, _ in self._poller.poll(wait_ms)}
+                wait_ms = TICK_MS
                 try:
-                    self._turn(ready)
+                    wait_ms = self._turn(ready)
                 except Exception:  # nothing that comes from outside may end the node
                     LOG.exception("%s: an error in the node", self._me.name)
         finally:
             self._close_all()
 
-    def _turn(self, ready: list[tuple[object, int]]) -> None:
-        sockets = {each for each, _ in ready}
-        if self._woken.fileno() in sockets:
+    def _turn(self, ready: set[object]) -> int:
+        """Do what is to be done; how many milliseconds to wait for more."""
+        if self._woken.fileno() in ready:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
-        for port, peer in self._ports.items():
-            if port in sockets:
-                self._serve(port, peer)
-        for peer, contact in list(self._contacts.items()):
-            if contact.socket in sockets or contact.monitor in sockets or contact.failure:
-                self._attend(contact, peer)
+        for port in self._ports.values():
+            if port.is_ready(ready):
+                self._serve(port)
+        if self._gate and not ready.isdisjoint(self._gate.sockets):
+            self._admit(self._gate)
+        if self._caster and self._caster.fileno() in ready:
+            self._catch(self._caster)
         now = self._now()
+        for peer, line in list(self._lines.items()):
+            if isinstance(line, list) or line.is_ready(ready, now.steady_s):
+                self._attend(line, peer, now)
         if now.steady_s - self._observed_s > OBSERVE_S:
-            self._observed_s = now.steady_s
             self._observe(now)
         with self._lock:
             self._gossip.tick(now)
         self._act()
+        wait_ms = min((self._supply(port) for port in self._ports.values()), default=TICK_MS)
+        self._act()
+        return min(wait_ms, self._wait_ms())
 
-    def _serve(self, port: zmq.Socket[bytes], peer: str) -> None:
+    def _wait_ms(self) -> int:
+        with self._lock:
+            wake_s = self._gossip.wake_s
+        if wake_s is None:
+            return TICK_MS
+        return max(int((wake_s - self._now().steady_s) * 1000 + 0.999), 0)
+
+    def _serve(self, port: Port) -> None:
+        for _ in range(BURST):
+            request = port.receive()
+            if request is None:
+                break
+            route, parts = request
+            with self._lock:
+                self._gossip.request(port.peer, route, parts, self._now())
+            self._act()
+        address = self._resolver.address(self._team.robot(port.peer).address)
+        seal = self._seals.get(port.peer)
+        for packet, source in port.packets(BURST):
+            opened = seal.open(packet) if seal else packet
+            # Without a key an address is all there is to tell friends from strangers.
+            if opened is None or (not seal and source[0] != address):
+                continue
+            with self._lock:
+                known = self._gossip.packet_in(port.peer, opened, self._now())
+            if known:
+                port.caller = source
+            self._act()
+
+    def _supply(self, port: Port) -> int:
+        """Send frames of a sync while the connection takes them; when to go on, in ms."""
+        for _ in range(BURST):
+            if not port.flush():
+                return FULL_MS
+            with self._lock:
+                supplied = self._gossip.supply(port.peer, self._now())
+            if supplied is None:
+                return TICK_MS
+            port.push(*supplied)
+        return 0
+
+    def _admit(self, gate: Gatekeeper) -> None:
+        refusals = gate.serve()
+        with self._lock:
+            for refusal in refusals:
+                self._gossip.refused(refusal.peer, f"somebody came {refusal.why}")
+
+    def _catch(self, caster: socket.socket) -> None:
         for _ in range(BURST):
             try:
-                frames = port.recv_multipart(zmq.NOBLOCK)
-            except zmq.Again:
+                packet, source = caster.recvfrom(DATAGRAM_BYTES)
+            except BlockingIOError:
                 return
-            if b"" not in frames[1:-1]:
-                continue  # no envelope: REP sockets ignore it, too
-            body = frames.index(b"", 1) + 1
-            with self._lock:
-                reply = self._gossip.request(peer, frames[body:], self._now())
-            # The peer may be gone, or not read its replies: then they are dropped, as with REP.
-            with contextlib.suppress(zmq.ZMQError):
-                port.send_multipart([*frames[:body], reply], flags=zmq.NOBLOCK)
+            except OSError:
+                continue  # an ICMP error of an earlier datagram
+            peer = self._peers_at.get(source)
+            if peer is None:
+                continue
+            seal = self._seals.get(peer)
+            opened = seal.open(packet) if seal else packet
+            if opened is not None:
+                with self._lock:
+                    self._gossip.packet_back(peer, opened, self._now())
+                self._act()
 
-    def _attend(self, contact: Contact, peer: str) -> None:
-        contact.listen()
-        for _ in range(BURST):
-            parts = contact.receive()
-            if parts is None:
-                break
-            with self._lock:
+    def _attend(self, line: Line | list[bytes], peer: str, now: Instant) -> None:
+        if isinstance(line, list):
+            self._open_line(peer, line)
+            return
+        arrived = line.turn(now.steady_s)
+        if arrived:
+            self._note_arrival(line, peer, now)
+        with self._lock:
+            for parts in line.replies():
                 self._gossip.reply(peer, parts, self._now())
-            self._act()
-            if self._contacts.get(peer) is not contact:
-                return
-        else:
-            return  # there may be more; the other peers come first
-        if contact.failure:
+        self._act()
+        if self._lines.get(peer) is not line:
+            return
+        if line.failure:
             with self._lock:
-                self._gossip.lost(peer, contact.failure, self._now())
+                self._gossip.lost(peer, line.failure, now)
             self._act()
+        if self._lines.get(peer) is line:
+            if line.failure:
+                self._hang_up(peer)
+            else:
+                line.watch(self._poller)
 
     def _observe(self, now: Instant) -> None:
-        for peer, contact in self._contacts.items():
-            if contact.has_progressed():
-                with self._lock:
-                    self._gossip.progress(peer, now)
+        """Look at what the kernel knows of the connections."""
+        self._observed_s = now.steady_s
+        for peer, line in list(self._lines.items()):
+            if isinstance(line, list):
+                continue
+            if line.turn(now.steady_s):
+                self._note_arrival(line, peer, now)
+
+    def _note_arrival(self, line: Line, peer: str, now: Instant) -> None:
+        rtt_s = line.rtt_s()
+        with self._lock:
+            self._gossip.progress(peer, now)
+            if rtt_s is not None:
+                self._gossip.measured(peer, rtt_s)
 
     def _act(self) -> None:
         with self._lock:
@@ -210,55 +281,91 @@ class Transport:
         match action:
             case Dial():
                 self._hang_up(peer)
-                self._dial(peer)
+                self._lines[peer] = []
             case Send():
-                if peer in self._contacts:
-                    self._contacts[peer].send(action.frame)
+                line = self._lines.get(peer)
+                if isinstance(line, list):
+                    line.append(action.frame)
+                    self._open_line(peer, line)
+                elif line:
+                    line.send(action.frame)
+                    line.watch(self._poller)
             case HangUp():
                 self._hang_up(peer)
+            case Reply():
+                self._ports[peer].reply(action.route, action.frame)
+            case Cast():
+                self._cast(peer, action.packet)
+            case CastBack():
+                self._ports[peer].cast(self._sealed(peer, action.packet))
 
-    def _dial(self, peer: str) -> None:
+    def _open_line(self, peer: str, frames: list[bytes]) -> None:
         robot = self._team.robot(peer)
+        address = self._resolver.address(robot.address)
         port = robot.port_for(self._me.name)
-        try:
-            contact = Contact(self._context, robot.address, port)
-        except zmq.ZMQError as error:
-            why = f"cannot connect to {robot.address}:{port}: {zmq.strerror(error.errno or 0)}"
+        why = self._resolver.failure(robot.address)
+        if address:
+            try:
+                line = self._new_line(peer, address, port)
+            except (OSError, zmq.ZMQError) as error:
+                why = f"cannot connect to {robot.address}:{port}: {error}"
+            else:
+                self._lines[peer] = line
+                for frame in frames:
+                    line.send(frame)
+                line.watch(self._poller)
+                return
+        if why:
+            self._lines.pop(peer, None)
             with self._lock:
                 self._gossip.lost(peer, why, self._now())
-            return
-        self._contacts[peer] = contact
-        self._poller.register(contact.socket, zmq.POLLIN)
-        self._poller.register(contact.monitor, zmq.POLLIN)
+
+    def _new_line(self, peer: str, address: str, port: int) -> Line:
+        if self._secret and peer in self._keys:
+            return CurveLine(self._context, address, port, own=self._secret, peer=self._keys[peer])
+        return TcpLine(address, port)
 
     def _hang_up(self, peer: str) -> None:
-        contact = self._contacts.pop(peer, None)
-        if contact:
-            self._poller.unregister(contact.socket)
-            self._poller.unregister(contact.monitor)
-            contact.close()
+        line = self._lines.pop(peer, None)
+        if line and not isinstance(line, list):
+            line.forget(self._poller)
+            line.close()
+
+    def _cast(self, peer: str, packet: bytes) -> None:
+        robot = self._team.robot(peer)
+        address = self._resolver.address(robot.address)
+        if address and self._caster:
+            place = (address, robot.port_for(self._me.name))
+            self._peers_at[place] = peer
+            with contextlib.suppress(OSError):  # full, or no way there now: it is a datagram
+                self._caster.sendto(self._sealed(peer, packet), place)
+
+    def _sealed(self, peer: str, packet: bytes) -> bytes:
+        seal = self._seals.get(peer)
+        return seal.seal(packet) if seal else packet
 
     def _close_all(self) -> None:
-        for peer in list(self._contacts):
+        for peer in list(self._lines):
             self._hang_up(peer)
-        for port in self._ports:
-            port.close(0)
+        if self._gate:
+            self._gate.close()
+        for port in self._ports.values():
+            port.close()
+        if self._caster:
+            self._caster.close()
         self._context.term()
         self._waker.close()
         self._woken.close()
 
 
-def _listen_error(
-    me: Robot, peer: str, number: int, error: zmq.ZMQError
-) -> PortInUseError | ListenError:
-    what = f"{me.name} cannot listen for {peer} on tcp://{me.listen}:{number}"
-    if error.errno == errno.EADDRINUSE:
-        return PortInUseError(
-            f"{what}: port {number} is in use; end the other node or process on it "
-            f"(ss -ltnp 'sport = :{number}' shows it), or change base_port of {me.name} in the "
-            "team file of every robot"
-        )
-    return ListenError(
-        f"{what}: {zmq.strerror(error.errno or 0)}; set 'listen' of {me.name} to * or to an "
-        "address of this machine, and its base_port to one that you may use"
-    )
+def _caster(listen: str) -> socket.socket | None:
+    """The socket from which our datagrams go; None if there can be none."""
+    caster = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        caster.bind(("" if listen == "*" else listen, 0))
+        caster.setblocking(False)
+    except OSError as error:
+        caster.close()
+        LOG.warning("no datagrams: %s", error)
+        return None
+    return caster

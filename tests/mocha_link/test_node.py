@@ -31,7 +31,7 @@ from mocha_link.node import Node, NodeClosedError
 from mocha_link.payload import PayloadError
 from mocha_link.radios import ManualRadio, RadioError, UdpRadio
 from mocha_link.team import UnknownRobotError, UnknownTopicError
-from mocha_link.transport import ListenError, PortInUseError
+from mocha_link.port import ListenError, PortInUseError
 
 IN, OUT = Direction.IN, Direction.OUT
 WAIT_MS = 20_000
@@ -62,7 +62,7 @@ def test_two_nodes_exchange_both_ways(field):
     assert (link.state_in, link.syncs_in, link.rssi_dbm) == (LinkState.ENDED, 1, -60.0)
     assert link.rtt_s > 0
     assert link.bandwidth_bytes_s > 0
-    assert link.bytes_in == ended.bytes
+    assert link.bytes_in >= ended.bytes
     assert link.newest_age_s == 0
     assert io.links()["callisto"].state is LinkState.IDLE
 
@@ -176,6 +176,7 @@ def test_a_slow_reply_is_progress(field):
     """A large reply that trickles in does not time out: bytes count, not messages."""
     host, port = field.host, field.team.robot("titan").port_for("io")
     body = payload.pack(3, 0, random.Random(1).randbytes(40_000))
+    field.team = field.team.with_robots({"titan": {"original": True}})
     io, _, io_saw = field.node("io", timeout_s=2.5)
     header = Header.at(2, 1, as_ms(field.clock.now_s())).pack()
     with socket.create_server((host, port)) as listener:
@@ -248,7 +249,9 @@ def test_a_node_pulls_from_an_old_server(field):
             assert server.poll(WAIT_MS)
             request = server.recv()
             asked.append(request[6:])
-            if asked[-1] == b"GHEAD":
+            if asked[-1].startswith(b"SYNC1"):
+                body = b"SERRM"
+            elif asked[-1] == b"GHEAD":
                 body = b"".join(clouds)
             elif asked[-1].startswith(b"GDATA"):
                 topic = asked[-1][6]
@@ -257,6 +260,7 @@ def test_a_node_pulls_from_an_old_server(field):
                 body = b"Ack"
             server.send(request[:6] + body)
         assert io_saw.wait(SyncEnded, peer="callisto", direction=IN).messages == 3
+    assert asked.pop(0).startswith(b"SYNC1")
     assert asked == [b"GHEAD", *(b"GDATA" + header for header in clouds), b"DENDTio"]
     assert io.latest("callisto", "/cloud").data == bytes([2]) * 1000
     assert io.links()["callisto"].refused == 0
@@ -293,7 +297,7 @@ def test_hostile_bytes_do_not_stop_a_node(field):
 
 def test_a_peer_that_is_no_node(field):
     """What answers on the peer's port talks nonsense: the pull breaks off, the node goes on."""
-    io, _, io_saw = field.node("io")
+    io, _, io_saw = field.node("io", timeout_s=0.2)
     with zmq.Context() as context, context.socket(zmq.ROUTER) as peer:
         peer.setsockopt(zmq.LINGER, 0)
         peer.bind(f"tcp://{field.host}:{field.team.robot('titan').port_for('io')}")
@@ -302,35 +306,38 @@ def test_a_peer_that_is_no_node(field):
         identity, _, request = peer.recv_multipart()
         peer.send_multipart([identity, b"", request[:6] + b"SERRM"])
         broken = io_saw.wait(SyncTimedOut, peer="titan", direction=IN)
-        assert "something else than headers" in broken.reason
+        assert broken.reason == "no byte for 0.2 s, waiting for the reply to GHEAD"
         for frames in ([b"", b"wrong id", b"and parts"], [b"no envelope"], [b""]):
             io.sync("titan")
-            assert peer.poll(WAIT_MS)
-            identity = peer.recv_multipart()[0]
+            before = identity
+            while identity == before:  # the GHEAD of the last pull
+                assert peer.poll(WAIT_MS)
+                identity = peer.recv_multipart()[0]
             for _ in range(100):  # what comes after the first one is not even looked at
                 peer.send_multipart([identity, *frames])
             broken = io_saw.wait(SyncTimedOut, peer="titan", direction=IN)
             assert broken.reason == "the peer answered what was not asked"
-    assert io.links()["titan"].refused == 4
+    assert io.links()["titan"].refused == 3
 
 
 def test_nobody_at_the_address(field):
     io, _, io_saw = field.node("io", timeout_s=0.1)
     io.sync("titan")
     broken = io_saw.wait(SyncTimedOut, peer="titan", direction=IN)
-    assert broken.reason == "no connection within 0.1 s"
+    assert broken.reason.endswith("Connection refused")
 
 
 def test_no_socket_left(field, monkeypatch):
     def fail(*_: object) -> None:
-        raise zmq.ZMQError(errno.EMFILE)
+        raise OSError(errno.EMFILE, "Too many open files")
 
     io, _, io_saw = field.node("io")
-    monkeypatch.setattr(transport, "Contact", fail)
+    monkeypatch.setattr(transport, "TcpLine", fail)
     io.sync("titan")
     broken = io_saw.wait(SyncTimedOut, peer="titan", direction=IN)
     port = field.team.robot("titan").port_for("io")
-    assert broken.reason == f"cannot connect to {field.host}:{port}: Too many open files"
+    assert broken.reason.startswith(f"cannot connect to {field.host}:{port}: ")
+    assert "Too many open files" in broken.reason
     assert [type(event) for event in io_saw.seen] == [SyncStarted, SyncTimedOut]
 
 
@@ -554,12 +561,12 @@ def test_events_for_asyncio(field):
 
 def test_closing_is_quick_even_in_mid_sync(field):
     io, _, io_saw = field.node("io")
-    io.sync("titan")  # nobody answers there
-    io.sync("callisto")
-    io_saw.wait(SyncStarted, peer="callisto")
-    begin = time.monotonic()
-    io.close()
-    assert time.monotonic() - begin < 1
+    with socket.create_server((field.host, field.team.robot("titan").port_for("io"))):
+        io.sync("titan")  # nobody answers there
+        io_saw.wait(SyncStarted, peer="titan")
+        begin = time.monotonic()
+        io.close()
+        assert time.monotonic() - begin < 1
     assert io.links()["titan"].state is LinkState.STARTED
     gc.collect()
 

@@ -9,7 +9,7 @@ import pytest
 import zmq
 
 from mocha_link.telemetry import MetricsError, MetricsServer, watch
-from mocha_link.transport import ListenError, PortInUseError
+from mocha_link.port import ListenError, PortInUseError
 
 
 @pytest.fixture

@@ -1,0 +1,69 @@
+"""How much a peer may send ahead on a connection, so that nothing urgent waits behind it.
+
+A connection takes whatever it is given and holds megabytes on a slow link; what is in there cannot
+be overtaken any more. So the asking side grants credit: enough to keep the link busy, no more.
+"""
+
+from __future__ import annotations
+
+import struct
+
+GRANT = struct.Struct(">QI")  # bytes since the beginning, largest frame
+
+MIN_WINDOW = 32 * 1024
+FIRST_WINDOW = 64 * 1024
+MAX_WINDOW = 16 * 1024 * 1024
+MIN_CHUNK, MAX_CHUNK = 1400, 1024 * 1024
+_QUEUE_S = 0.15  # what may lie in buffers on top of a round trip
+_GROWTH = 1.5  # so much more than the rate so far, as it may rise
+_CHUNKS = 8  # in a window
+_GRANTS = 4  # per window
+_MEMORY_S = 1.0  # a rate of longer ago tells nothing of now
+
+
+class Credit:
+    """The asking side's account of one connection.
+
+    Args:
+        rate_bytes_s, rtt_s: what the last contact showed, if there was one.
+    """
+
+    def __init__(self, rate_bytes_s: float | None, rtt_s: float | None) -> None:
+        self.received = 0
+        self._rtt_s = rtt_s
+        self._window = FIRST_WINDOW
+        self._allowed = FIRST_WINDOW
+        if rate_bytes_s and rtt_s:
+            self._adapt(rate_bytes_s)
+            self._allowed = self._window
+        self._since_s: float | None = None
+        self._since_bytes = 0
+        self._granted_at = 0
+
+    @property
+    def grant(self) -> bytes:
+        """What the peer may send, as it stands on the wire."""
+        chunk = min(max(self._window // _CHUNKS, MIN_CHUNK), MAX_CHUNK)
+        return GRANT.pack(self._allowed, chunk)
+
+    def take(self, size: int, now_s: float, rtt_s: float | None) -> bool:
+        """Account for bytes that came; says whether to send the new grant."""
+        self.received += size
+        self._rtt_s = rtt_s or self._rtt_s
+        if self._since_s is None:
+            self._since_s, self._since_bytes = now_s, self.received
+        if self.received - self._granted_at < self._window // _GRANTS:
+            return False
+        self._granted_at = self.received
+        passed_s = now_s - self._since_s
+        if passed_s > 0 and self._rtt_s:
+            rate = (self.received - self._since_bytes) / passed_s
+            self._adapt(rate)
+            if passed_s > max(_MEMORY_S, 4 * self._rtt_s):
+                self._since_s, self._since_bytes = now_s, self.received
+        self._allowed = max(self._allowed, self.received + self._window)
+        return True
+
+    def _adapt(self, rate_bytes_s: float) -> None:
+        window = rate_bytes_s * ((self._rtt_s or 0) + _QUEUE_S) * _GROWTH
+        self._window = int(min(max(window, MIN_WINDOW), MAX_WINDOW))

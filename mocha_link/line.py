@@ -1,0 +1,336 @@
+"""One outgoing connection to a peer, made fresh for a pull and closed after it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import struct
+from typing import TYPE_CHECKING, Protocol
+
+import zmq
+from zmq.utils.monitor import parse_monitor_message
+
+from mocha_link import payload, zmtp
+from mocha_link.curve import protect_contact
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from mocha_link.keys import PublicKey, SecretKey
+
+# A reply: id, prefix, an LZ4 frame of incompressible data, something behind it.
+MAX_REPLY_BYTES = payload.MAX_BYTES + 1024 * 1024
+# Requests leave so long after our handshake even if the peer's has not come: see `zmtp`.
+EAGER_S = 0.03
+
+_READ_BYTES = 256 * 1024
+_READS = 16  # in a row, so that no peer starves the others
+_QUEUE_REPLIES = 16
+_LINGER_MS = 300
+_RTT_AT, _RECEIVED_AT = 68, 128  # of struct tcp_info, linux/tcp.h (since 4.1): u32 us, u64
+
+_FAILURES: dict[int, str] = {
+    zmq.Event.DISCONNECTED: "the peer closed the connection",
+    zmq.Event.HANDSHAKE_FAILED_NO_DETAIL: "the connection broke in the ZeroMQ handshake, "
+    "or the keys do not fit",
+    zmq.Event.HANDSHAKE_FAILED_PROTOCOL: "what answers there does not speak ZeroMQ",
+    zmq.Event.HANDSHAKE_FAILED_AUTH: "the peer refused our key",
+}
+
+
+class Line(Protocol):
+    """A connection on which requests go out and replies come in.
+
+    `failure` says what it suffered, if anything; it is of no use then.
+    """
+
+    failure: str | None
+
+    def watch(self, poller: zmq.Poller) -> None:
+        """Have the poller wait for what this waits for; call it after every turn."""
+
+    def forget(self, poller: zmq.Poller) -> None:
+        """Take it out of the poller."""
+
+    def is_ready(self, ready: set[object], now_s: float) -> bool:
+        """Whether there is something to do."""
+
+    def turn(self, now_s: float) -> bool:
+        """Move what can be moved; says whether anything arrived, also of part of a reply."""
+
+    def send(self, frame: bytes) -> None:
+        """Send a request."""
+
+    def replies(self) -> Iterable[list[bytes]]:
+        """The body parts of the replies since the last call."""
+
+    def rtt_s(self) -> float | None:
+        """The round-trip time as the kernel has seen it."""
+
+    def close(self) -> None:
+        """Close when what was sent is out, without waiting for it."""
+
+
+class TcpLine:
+    """A connection without encryption, of our own ZMTP: it is set up in half the time."""
+
+    def __init__(self, address: str, port: int) -> None:
+        self.failure: str | None = None
+        self._address = (address, port)
+        self._eager = True
+        self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready
+        self._waiting: list[bytes] = []
+        self._connect()
+
+    def _connect(self) -> None:
+        self._protocol = zmtp.Connection(MAX_REPLY_BYTES)
+        self._out = bytearray(self._protocol.hello)
+        self._connected_s: float | None = None
+        self._opened = False
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        try:
+            self._socket.connect(self._address)
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            self.failure = f"cannot connect to {self._address[0]}:{self._address[1]}: {error}"
+
+    def watch(self, poller: zmq.Poller) -> None:
+        """Have the poller wait for what this waits for."""
+        writing = self._connected_s is None or self._out
+        poller.register(self._socket.fileno(), zmq.POLLIN | (zmq.POLLOUT if writing else 0))
+
+    def forget(self, poller: zmq.Poller) -> None:
+        """Take it out of the poller."""
+        with contextlib.suppress(KeyError):
+            poller.unregister(self._socket.fileno())
+
+    def is_ready(self, ready: set[object], now_s: float) -> bool:
+        """Whether there is something to do."""
+        late = bool(self._waiting) and self._may_ask(now_s)
+        return late or self.failure is not None or self._socket.fileno() in ready
+
+    def turn(self, now_s: float) -> bool:
+        """Move what can be moved; says whether anything arrived."""
+        arrived = False
+        try:
+            if self._connected_s is None:
+                if not self._is_connected():
+                    return False
+                self._connected_s = now_s
+                arrived = True
+            arrived = self._read() or arrived
+            self._ask(now_s)
+            self._flush()
+        except (OSError, zmtp.ZmtpError) as error:
+            self._fail(error)
+        return arrived
+
+    def send(self, frame: bytes) -> None:
+        """Send a request."""
+        self._waiting.append(self._protocol.request(frame))
+        if self._protocol.ready:
+            self._ask(0.0)
+            with contextlib.suppress(OSError):
+                self._flush()
+
+    def replies(self) -> Iterable[list[bytes]]:
+        """The body parts of the replies since the last call."""
+        return self._protocol.replies()
+
+    def rtt_s(self) -> float | None:
+        """The round-trip time as the kernel has seen it."""
+        return _rtt_s(self._socket)
+
+    def close(self) -> None:
+        """Close when what was sent is out."""
+        self._socket.close()
+
+    def _is_connected(self) -> bool:
+        error = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if error:
+            raise OSError(error, os.strerror(error))
+        try:
+            self._socket.getpeername()
+        except OSError:
+            return False  # it is under way
+        return True
+
+    def _may_ask(self, now_s: float) -> bool:
+        if self._protocol.ready:
+            return True
+        return (
+            self._eager
+            and self._connected_s is not None
+            and not self._opened
+            and now_s - self._connected_s >= EAGER_S
+        )
+
+    def _ask(self, now_s: float) -> None:
+        if not self._waiting or not self._may_ask(now_s):
+            return
+        if not self._protocol.ready:
+            if self._out:
+                return  # not together with the handshake
+            self._unconfirmed = list(self._waiting)
+            self._opened = True
+        for each in self._waiting:
+            self._out += each
+        self._waiting.clear()
+
+    def _flush(self) -> None:
+        while self._out:
+            try:
+                sent = self._socket.send(self._out)
+            except BlockingIOError:
+                return
+            del self._out[:sent]
+
+    def _read(self) -> bool:
+        arrived = False
+        for _ in range(_READS):
+            try:
+                data = self._socket.recv(_READ_BYTES)
+            except BlockingIOError:
+                return arrived
+            if not data:
+                raise ConnectionResetError(0, "the peer closed the connection")
+            arrived = True
+            self._out += self._protocol.receive(data)
+        return arrived
+
+    def _fail(self, error: Exception) -> None:
+        handshaking = self._connected_s is not None and not self._protocol.ready
+        if handshaking and self._opened and isinstance(error, OSError):
+            # Our requests got there together with the handshake: this time wait for the peer.
+            self._eager = False
+            self._socket.close()
+            self._waiting = self._unconfirmed + self._waiting
+            self._connect()
+        elif isinstance(error, zmtp.ZmtpError):
+            self.failure = str(error)
+        elif handshaking:
+            self.failure = "the connection broke in the ZeroMQ handshake"
+        elif self._connected_s is None:
+            host, port = self._address
+            self.failure = f"cannot connect to {host}:{port}: {error.args[-1]}"
+        else:
+            self.failure = "the peer closed the connection"
+
+
+class CurveLine:
+    """An encrypted connection, by libzmq."""
+
+    def __init__(
+        self,
+        context: zmq.Context[zmq.Socket[bytes]],
+        address: str,
+        port: int,
+        *,
+        own: SecretKey,
+        peer: PublicKey,
+    ) -> None:
+        self.failure: str | None = None
+        self._socket = context.socket(zmq.DEALER)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.setsockopt(zmq.RCVHWM, _QUEUE_REPLIES)
+        self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_REPLY_BYTES)
+        protect_contact(self._socket, own, peer)
+        events = int(zmq.Event.CONNECTED)
+        for failure in _FAILURES:
+            events |= failure
+        self._monitor = self._socket.get_monitor_socket(events)
+        self._port = port
+        self._fd: int | None = None
+        self._received = 0
+        self._socket.connect(f"tcp://{address}:{port}")
+
+    def watch(self, poller: zmq.Poller) -> None:
+        """Have the poller wait for what this waits for."""
+        poller.register(self._socket, zmq.POLLIN)
+        poller.register(self._monitor, zmq.POLLIN)
+
+    def forget(self, poller: zmq.Poller) -> None:
+        """Take it out of the poller."""
+        for each in (self._socket, self._monitor):
+            with contextlib.suppress(KeyError):
+                poller.unregister(each)
+
+    def is_ready(self, ready: set[object], _now_s: float) -> bool:
+        """Whether there is something to do."""
+        return self._socket in ready or self._monitor in ready or self.failure is not None
+
+    def turn(self, _now_s: float) -> bool:
+        """Take in what ZeroMQ tells about the connection; says whether anything arrived."""
+        while self._monitor.poll(0):
+            event = parse_monitor_message(self._monitor.recv_multipart(zmq.NOBLOCK))
+            if event["event"] == zmq.Event.CONNECTED:
+                self._fd, self._received = int(event["value"]), -1
+            else:
+                self._fd = None
+                self.failure = _FAILURES.get(event["event"], self.failure)
+        before = self._received
+        with _borrowed(self._fd, self._port) as connection:
+            self._received = _tcp_info(connection, "=Q", _RECEIVED_AT) or before
+        return self._received > before
+
+    def send(self, frame: bytes) -> None:
+        """Send a request; the empty delimiter makes it one for REP sockets."""
+        self._socket.send_multipart([b"", frame], flags=zmq.NOBLOCK)
+
+    def replies(self) -> Iterator[list[bytes]]:
+        """The body parts of the replies since the last call."""
+        while True:
+            try:
+                parts = self._socket.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+            yield parts[1:] if parts[0] == b"" else parts
+
+    def rtt_s(self) -> float | None:
+        """The round-trip time as the kernel has seen it."""
+        with _borrowed(self._fd, self._port) as connection:
+            return _rtt_s(connection)
+
+    def close(self) -> None:
+        """Close when what was sent is out, or after 0.3 s."""
+        self._socket.disable_monitor()
+        self._monitor.close(0)
+        self._socket.close(_LINGER_MS)
+
+
+@contextlib.contextmanager
+def _borrowed(fd: int | None, port: int) -> Iterator[socket.socket | None]:
+    """A connection of libzmq, which may close it at any time; None if it is another one by now."""
+    try:
+        copy = os.dup(fd) if fd is not None else -1
+    except OSError:
+        copy = -1
+    if copy < 0:
+        yield None
+        return
+    with socket.socket(fileno=copy) as connection:
+        try:
+            same = connection.getpeername()[1] == port
+        except (OSError, IndexError, TypeError):
+            same = False
+        yield connection if same else None
+
+
+def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int | None:
+    if connection is None:
+        return None
+    try:
+        info = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
+        value: int = struct.unpack_from(layout, info, offset)[0]
+    except (OSError, AttributeError, struct.error):  # closed, or not Linux
+        return None
+    return value
+
+
+def _rtt_s(connection: socket.socket | None) -> float | None:
+    rtt_us = _tcp_info(connection, "=I", _RTT_AT)
+    return rtt_us / 1e6 if rtt_us else None

@@ -1,0 +1,171 @@
+"""The port of a node for one peer: requests over ZeroMQ, datagrams of the same number."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import logging
+import socket
+from typing import TYPE_CHECKING
+
+import zmq
+
+from mocha_link.curve import protect_port
+from mocha_link.errors import MochaLinkError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mocha_link.keys import SecretKey
+    from mocha_link.server import Route
+    from mocha_link.team import Robot
+
+MAX_REQUEST_BYTES = 65_536 + 1024
+QUEUE_REPLIES = 16  # to one connection that does not read; further ones are dropped
+DEAD_PEER_S = 60
+DATAGRAM_BYTES = 1500
+DATAGRAM_BUFFER_BYTES = 1024 * 1024
+
+LOG = logging.getLogger("mocha_link")
+
+
+class PortInUseError(MochaLinkError):
+    """A port that the node needs is taken by another process or node."""
+
+
+class ListenError(MochaLinkError):
+    """A port or address on which the node cannot listen for another reason."""
+
+
+class Port:
+    """A ROUTER, which a REQ or DEALER takes for a REP, and a datagram socket beside it.
+
+    `caller` is where the peer's datagrams come from. Raises PortInUseError or ListenError.
+    """
+
+    def __init__(
+        self,
+        context: zmq.Context[zmq.Socket[bytes]],
+        me: Robot,
+        peer: str,
+        secret: SecretKey | None,
+    ) -> None:
+        self.peer = peer
+        self.caller: tuple[str, int] | None = None
+        self._stuck: tuple[Route, bytes] | None = None
+        number = me.port_for(peer)
+        self.socket = context.socket(zmq.ROUTER)
+        self.socket.setsockopt(zmq.LINGER, 0)
+        self.socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
+        self.socket.setsockopt(zmq.MAXMSGSIZE, MAX_REQUEST_BYTES)
+        self.socket.setsockopt(zmq.SNDHWM, QUEUE_REPLIES)
+        # Links break without a word: do not keep the connections of peers that are gone.
+        self.socket.setsockopt(zmq.TCP_KEEPALIVE, 1)
+        self.socket.setsockopt(zmq.TCP_KEEPALIVE_IDLE, DEAD_PEER_S // 2)
+        self.socket.setsockopt(zmq.TCP_KEEPALIVE_INTVL, DEAD_PEER_S // 6)
+        self.socket.setsockopt(zmq.TCP_KEEPALIVE_CNT, 3)
+        self.socket.setsockopt(zmq.TCP_MAXRT, DEAD_PEER_S * 1000)
+        if secret:
+            protect_port(self.socket, secret, peer)
+        try:
+            self.socket.bind(f"tcp://{me.listen}:{number}")
+        except zmq.ZMQError as error:
+            self.socket.close(0)
+            raise _listen_error(me, peer, number, error) from None
+        self._datagrams = _datagram_socket(me, number)
+
+    def watch(self, poller: zmq.Poller) -> None:
+        """Have the poller wait for requests and datagrams."""
+        poller.register(self.socket, zmq.POLLIN)
+        if self._datagrams:
+            poller.register(self._datagrams, zmq.POLLIN)
+
+    def is_ready(self, ready: set[object]) -> bool:
+        """Whether anything has come."""
+        datagrams = self._datagrams
+        return self.socket in ready or (datagrams is not None and datagrams.fileno() in ready)
+
+    def receive(self) -> tuple[Route, list[bytes]] | None:
+        """The next request: on which connection it came, and its body parts."""
+        while True:
+            try:
+                frames = self.socket.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return None
+            if b"" in frames[1:-1]:  # without an envelope REP sockets ignore it, too
+                body = frames.index(b"", 1) + 1
+                return tuple(frames[:body]), frames[body:]
+
+    def packets(self, limit: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
+        """The datagrams that have come, and where from."""
+        for _ in range(limit if self._datagrams else 0):
+            try:
+                packet, source = self._datagrams.recvfrom(DATAGRAM_BYTES)  # type: ignore[union-attr]
+            except BlockingIOError:
+                return
+            except OSError:
+                continue  # an ICMP error of an earlier datagram
+            yield packet, source
+
+    def reply(self, route: Route, frame: bytes) -> None:
+        """Send a reply; if the peer is gone or does not read, it is dropped, as with REP."""
+        with contextlib.suppress(zmq.ZMQError):
+            self.socket.send_multipart([*route, frame], flags=zmq.NOBLOCK)
+
+    def push(self, route: Route, frame: bytes) -> None:
+        """Send a frame of a sync, or keep it until `flush` gets it out."""
+        try:
+            self.socket.send_multipart([*route, frame], flags=zmq.NOBLOCK)
+        except zmq.Again:
+            self._stuck = (route, frame)
+        except zmq.ZMQError:
+            pass  # the peer is gone; it comes again and asks for what is missing
+
+    def flush(self) -> bool:
+        """Try to send what waits; whether nothing waits any more."""
+        if self._stuck:
+            (route, frame), self._stuck = self._stuck, None
+            self.push(route, frame)
+        return self._stuck is None
+
+    def cast(self, packet: bytes) -> None:
+        """Send a datagram to where the peer's come from."""
+        if self._datagrams and self.caller:
+            with contextlib.suppress(OSError):
+                self._datagrams.sendto(packet, self.caller)
+
+    def close(self) -> None:
+        """Close at once; nothing that is queued is sent any more."""
+        self.socket.close(0)
+        if self._datagrams:
+            self._datagrams.close()
+
+
+def _datagram_socket(me: Robot, number: int) -> socket.socket | None:
+    """None if the port is taken: then all goes over ZeroMQ."""
+    datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        datagrams.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER_BYTES)
+        datagrams.bind(("" if me.listen == "*" else me.listen, number))
+        datagrams.setblocking(False)
+    except OSError as error:
+        datagrams.close()
+        LOG.warning("no datagrams on port %d of %s: %s", number, me.name, error.strerror)
+        return None
+    return datagrams
+
+
+def _listen_error(
+    me: Robot, peer: str, number: int, error: zmq.ZMQError
+) -> PortInUseError | ListenError:
+    what = f"{me.name} cannot listen for {peer} on tcp://{me.listen}:{number}"
+    if error.errno == errno.EADDRINUSE:
+        return PortInUseError(
+            f"{what}: port {number} is in use; end the other node or process on it "
+            f"(ss -ltnp 'sport = :{number}' shows it), or change base_port of {me.name} in the "
+            "team file of every robot"
+        )
+    return ListenError(
+        f"{what}: {zmq.strerror(error.errno or 0)}; set 'listen' of {me.name} to * or to an "
+        "address of this machine, and its base_port to one that you may use"
+    )

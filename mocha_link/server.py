@@ -1,0 +1,257 @@
+"""The answering side of one peer: its pulls, whatever node it runs and whatever path they take.
+
+Nothing here touches sockets: requests and datagrams in, replies and frames out.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mocha_link.credit import GRANT, MAX_CHUNK, MIN_CHUNK
+from mocha_link.datagram import Flow
+from mocha_link.feed import MIN_ROOM, Feed
+from mocha_link.link_events import Direction, LinkEvent, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.protocol import (
+    CODE_BYTES,
+    GHEAD,
+    ID_BYTES,
+    PATIENCE_S,
+    SERRM,
+    SYNC1,
+    SYNCC,
+    SYNCF,
+    ServerSession,
+)
+from mocha_link.pull import NEAR_S
+from mocha_link.sync import FrameError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mocha_link.acquaintance import Acquaintance
+    from mocha_link.clock import Instant
+    from mocha_link.database import Database
+
+FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
+
+Route = tuple[bytes, ...]
+"""The frames in front of a request that say on which connection it came."""
+
+
+class _Sync:
+    """A pull of a new node."""
+
+    def __init__(self, request_id: bytes, feed: Feed, now: Instant) -> None:
+        self.id = request_id
+        self.feed = feed
+        self.began_s = now.steady_s
+        self.heard_s = now.steady_s
+        self.by_datagram = False
+        self.told = False
+        self.route: Route | None = None
+        self.sent = 0
+        self.allowed = 0
+        self.chunk = MIN_CHUNK
+
+    def grant(self, raw: bytes) -> None:
+        """Take in what may be sent on the connection."""
+        if len(raw) == GRANT.size:
+            allowed, chunk = GRANT.unpack(raw)
+            self.allowed = max(self.allowed, allowed)
+            self.chunk = min(max(chunk, MIN_CHUNK), MAX_CHUNK)
+
+
+class Server:
+    """Answers one peer, whatever it sends, and tells when its pulls start and end."""
+
+    def __init__(self, peer: str, database: Database, acquaintance: Acquaintance) -> None:
+        self._peer = peer
+        self._database = database
+        self._acquaintance = acquaintance
+        self._session = ServerSession(peer, database)
+        self._sync: _Sync | None = None
+        self._flow: Flow | None = None
+        self._rate_bytes_s: float | None = None
+        self._rtt_s: float | None = None
+        self._events: list[LinkEvent] = []
+
+    def answer(self, route: Route, parts: Sequence[bytes], now: Instant) -> bytes | None:
+        """The reply to the body parts of a request; None: none, or not yet (see `supply`)."""
+        frame = parts[0] if len(parts) == 1 else b""
+        request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
+        if code in (SYNC1, SYNCF, SYNCC):
+            return self._answer_sync(route, frame, now)
+        sync = self._sync
+        if code == GHEAD and sync and sync.id == request_id and sync.route == route:
+            return None  # the fallback for original nodes
+        reply, events = self._session.answer(parts, now)
+        self._events += events
+        return reply
+
+    def packet(self, packet: bytes, now: Instant) -> bool:
+        """Take in a datagram; says whether it was one of a sync."""
+        flow = self._flow
+        token = packet[1 : 1 + ID_BYTES]
+        if len(token) != ID_BYTES:
+            return False
+        if flow is None or flow.token != token:
+            return self._packet_of_new(token, packet, now)
+        refused = flow.refused
+        for frame in flow.receive(packet, now.steady_s):
+            self._feed_frame(frame, now)
+        if self._sync and flow.refused == refused:
+            self._sync.heard_s = now.steady_s
+        return flow.refused == refused
+
+    def transmit(self, now: Instant) -> list[bytes]:
+        """The datagrams to send now."""
+        flow = self._flow
+        if flow is None:
+            return []
+        packets = flow.transmit(now.steady_s)
+        if self._sync is None and flow.settled:
+            self._close_flow()
+        return packets
+
+    @property
+    def wake_s(self) -> float | None:
+        """When to call `transmit` at the latest."""
+        return self._flow.wake_s if self._flow else None
+
+    def supply(self, now: Instant) -> tuple[Route, bytes] | None:
+        """The next frame for a connection, if the peer has credit left for one."""
+        sync = self._sync
+        if sync is None or sync.route is None:
+            return None
+        if sync.by_datagram and self._flow is not None:
+            near = self._flow.rtt_s is not None and self._flow.rtt_s < NEAR_S
+            if not near and (self._flow.rate_bytes_s or 0) < FAST_BYTES_S:
+                return None
+            sync.by_datagram = False
+        room = sync.allowed - sync.sent
+        if room <= 0:
+            return None
+        frame = sync.feed.next(min(sync.chunk, max(room, MIN_ROOM + ID_BYTES)), sync.id)
+        if frame is None:
+            return None
+        sync.sent += len(frame)
+        sync.heard_s = max(sync.heard_s, now.steady_s)
+        return sync.route, frame
+
+    def poke(self, now: Instant) -> None:
+        """A new contact begins."""
+        if self._flow:
+            self._flow.poke(now.steady_s)
+
+    def tick(self, now: Instant) -> None:
+        """What the peer's silence ends."""
+        self._events += self._session.tick(now)
+        sync = self._sync
+        if sync and now.steady_s - sync.heard_s > PATIENCE_S:
+            self._break_off(f"the peer said nothing for {PATIENCE_S:g} s", now)
+
+    def take(self) -> list[LinkEvent]:
+        """What is to be told since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    def _answer_sync(self, route: Route, frame: bytes, now: Instant) -> bytes | None:
+        request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
+        argument = frame[ID_BYTES + CODE_BYTES :]
+        sync = self._sync
+        if sync is None or sync.id != request_id:
+            if code != SYNC1:
+                return request_id + SERRM
+            sync = _Sync(request_id, Feed(self._database, self._acquaintance), now)
+            grant, argument = argument[: GRANT.size], argument[GRANT.size :]
+            if not self._takes(sync, argument):
+                return request_id + SERRM
+            sync.route = route
+            sync.grant(grant)
+            self._begin(sync, now)
+            return None
+        sync.heard_s = now.steady_s
+        if sync.route is None or code == SYNC1:
+            sync.route, sync.sent = route, 0
+        if code == SYNC1:
+            sync.grant(argument[: GRANT.size])
+            argument = argument[GRANT.size :]
+        if code == SYNCC:
+            sync.grant(argument)
+        elif not self._takes(sync, argument):
+            return request_id + SERRM
+        self._look(now)
+        return None
+
+    def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
+        sync = self._sync
+        if sync and sync.id == token and not sync.by_datagram:
+            return True  # the connection was first, so it serves
+        sync = _Sync(token, Feed(self._database, self._acquaintance), now)
+        flow = Flow(
+            token,
+            lambda room: self._next_for_datagram(sync, room),
+            rate_bytes_s=self._rate_bytes_s,
+            rtt_s=self._rtt_s,
+        )
+        frames = flow.receive(packet, now.steady_s)
+        if not frames or not all(self._takes(sync, frame) for frame in frames):
+            return False
+        sync.by_datagram = True
+        self._begin(sync, now)
+        self._close_flow()
+        self._flow = flow
+        return True
+
+    @staticmethod
+    def _next_for_datagram(sync: _Sync, room: int) -> bytes | None:
+        return sync.feed.next(room) if sync.by_datagram and room >= MIN_ROOM else None
+
+    def _feed_frame(self, frame: bytes, now: Instant) -> None:
+        if self._sync and self._flow and self._sync.id == self._flow.token:
+            self._takes(self._sync, frame)
+            self._look(now)
+
+    @staticmethod
+    def _takes(sync: _Sync, frame: bytes) -> bool:
+        try:
+            sync.feed.receive(frame)
+        except FrameError:
+            return False
+        return True
+
+    def _begin(self, sync: _Sync, now: Instant) -> None:
+        if self._sync:
+            self._break_off("the peer began anew", now)
+        self._sync = sync
+        self._events.append(SyncStarted(self._peer, now.unix_s, Direction.OUT))
+        self._look(now)
+
+    def _look(self, now: Instant) -> None:
+        """End the pull when the peer says that it is over."""
+        sync = self._sync
+        if sync is None or not sync.feed.over:
+            return
+        self._sync = None
+        self._events.append(
+            SyncEnded(
+                self._peer,
+                now.unix_s,
+                Direction.OUT,
+                messages=sync.feed.messages,
+                bytes=sync.feed.bytes,
+                duration_s=now.steady_s - sync.began_s,
+                complete=not sync.feed.cut_short,
+            )
+        )
+
+    def _break_off(self, reason: str, now: Instant) -> None:
+        self._sync = None
+        self._close_flow()
+        self._events.append(SyncTimedOut(self._peer, now.unix_s, Direction.OUT, reason))
+
+    def _close_flow(self) -> None:
+        flow, self._flow = self._flow, None
+        if flow and flow.rtt_s is not None:
+            self._rtt_s = flow.rtt_s
+            self._rate_bytes_s = flow.rate_bytes_s or self._rate_bytes_s

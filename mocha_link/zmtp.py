@@ -1,0 +1,160 @@
+"""The asking end of a ZeroMQ connection (ZMTP 3.1, NULL mechanism), without sockets.
+
+libzmq waits for the other side before it sends each part of its handshake: the first answer costs
+four round trips, which eat a short contact. The protocol does not ask for that. This end sends its
+whole handshake at once; so the first answer costs three, or two when requests follow without
+waiting for the other side's READY. A libzmq that reads them together with the handshake closes
+the connection; so they have to come a moment later (see `contact`).
+
+https://rfc.zeromq.org/spec/37/ describes the protocol.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+
+from mocha_link.errors import MochaLinkError
+
+_SIGNATURE = b"\xff" + bytes(8) + b"\x7f"
+_GREETING = _SIGNATURE + b"\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
+_MORE, _LONG, _COMMAND = 1, 2, 4
+_READY = b"\x05READY"
+_SHORT = 256
+
+
+def _property(name: bytes, value: bytes) -> bytes:
+    return bytes((len(name),)) + name + struct.pack(">I", len(value)) + value
+
+
+def _frame(flags: int, body: bytes) -> bytes:
+    if len(body) < _SHORT:
+        return bytes((flags, len(body))) + body
+    return struct.pack(">BQ", flags | _LONG, len(body)) + body
+
+
+_HELLO = _GREETING + _frame(
+    _COMMAND, _READY + _property(b"Socket-Type", b"DEALER") + _property(b"Identity", b"")
+)
+_DELIMITER = b"\x01\x00"  # the empty frame that REP expects before a request
+
+
+class ZmtpError(MochaLinkError):
+    """What came is not the answering end of a ZeroMQ connection that we can use."""
+
+
+class Connection:
+    """Turns requests into bytes and bytes into replies; one per TCP connection.
+
+    `hello` is to be sent first, without waiting for anything. Requests may follow when the other
+    side is `ready`.
+    """
+
+    hello = _HELLO
+
+    def __init__(self, max_bytes: int) -> None:
+        self.ready = False
+        self._max_bytes = max_bytes
+        self._buffer = bytearray()
+        self._greeted = False
+        self._parts: list[bytes] = []
+        self._messages: deque[list[bytes]] = deque()
+        self._large: list[bytes] = []
+        self._missing = 0
+        self._flags = 0
+
+    @staticmethod
+    def request(body: bytes) -> bytes:
+        """The bytes of a request with one body part."""
+        return _DELIMITER + _frame(0, body)
+
+    def receive(self, data: bytes) -> bytes:
+        """Take in bytes; returns what is to be sent back (answers to heartbeats).
+
+        Raises ZmtpError; the connection is of no use then.
+        """
+        if self._missing:
+            data = self._fill(data)
+            if not data:
+                return b""
+        self._buffer += data
+        answer = bytearray()
+        position = 0 if self._greeted else self._greet()
+        while self._greeted:
+            start = position
+            size = len(self._buffer)
+            if size - position < 2:
+                break
+            flags = self._buffer[position]
+            if flags & _LONG:
+                if size - position < 9:
+                    break
+                length = int.from_bytes(self._buffer[position + 1 : position + 9], "big")
+                position += 9
+            else:
+                length = self._buffer[position + 1]
+                position += 2
+            if flags > _MORE | _LONG | _COMMAND or length > self._max_bytes:
+                raise ZmtpError(f"a frame with flags {flags:#x} and {length} bytes")
+            if size - position < length:
+                if length < _SHORT:
+                    position = start
+                    break
+                # A large body is not gathered in the buffer: that would copy it again and again.
+                self._large = [bytes(self._buffer[position:])]
+                self._missing, self._flags = length - (size - position), flags
+                position = size
+                break
+            self._take(flags, bytes(self._buffer[position : position + length]), answer)
+            position += length
+        del self._buffer[:position]
+        return bytes(answer)
+
+    def replies(self) -> deque[list[bytes]]:
+        """The replies since the last call: the body parts of each (a good one has one)."""
+        messages, self._messages = self._messages, deque()
+        return messages
+
+    def _greet(self) -> int:
+        """Check as much of the other side's greeting as is there; its length when it is whole."""
+        head = bytes(self._buffer[:10])
+        if head[:1] != b"\xff"[: len(head)] or (len(head) == 10 and not head[9] & 1):
+            raise ZmtpError("what answers there does not speak ZeroMQ")
+        if len(self._buffer) > 10 and self._buffer[10] < 3:
+            raise ZmtpError(f"the peer speaks ZMTP {self._buffer[10]}, too old for us")
+        if len(self._buffer) < len(_GREETING):
+            return 0
+        mechanism = bytes(self._buffer[12:32]).rstrip(b"\0")
+        if mechanism != b"NULL":
+            raise ZmtpError(
+                f"the peer wants {mechanism.decode('ascii', 'replace')}: it has a key for us, we "
+                "have none for it; give both the same team file"
+            )
+        self._greeted = True
+        return len(_GREETING)
+
+    def _fill(self, data: bytes) -> bytes:
+        """Add to the large body that is under way; what remains of the data."""
+        piece, rest = data[: self._missing], data[self._missing :]
+        self._large.append(piece)
+        self._missing -= len(piece)
+        if not self._missing:
+            body, self._large = b"".join(self._large), []
+            self._take(self._flags, body, bytearray())
+        return rest
+
+    def _take(self, flags: int, body: bytes, answer: bytearray) -> None:
+        if flags & _COMMAND:
+            if body.startswith(_READY):
+                self.ready = True
+            elif body.startswith(b"\x05ERROR"):
+                raise ZmtpError("the peer refused us")
+            elif body.startswith(b"\x04PING"):
+                answer += _frame(_COMMAND, b"\x04PONG" + body[7:23])
+            return
+        self._parts.append(body)
+        if not flags & _MORE:
+            parts, self._parts = self._parts, []
+            self._messages.append(parts[1:] if parts[0] == b"" else parts)
+        elif len(self._parts) > 8:
+            raise ZmtpError("a reply of too many parts")
