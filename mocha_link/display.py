@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from mocha_link.team import Team
 
@@ -42,14 +42,26 @@ def links_table(fields: dict[str, Any]) -> str:
     """A snapshot of all links, as `telemetry.snapshot` has it."""
     now = fields["at_s"]
     rows = [
-        ("peer", "state", "RSSI", "in", "ago", "out", "ago", "RTT", "bandwidth", "newest", "broken")
+        (
+            "peer",
+            "state",
+            "signal",
+            "in",
+            "ago",
+            "out",
+            "ago",
+            "RTT",
+            "bandwidth",
+            "newest",
+            "broken",
+        )
     ]
     for peer, link in fields["links"].items():
         rows.append(
             (
                 peer,
                 link["state"],
-                _with_unit(link["rssi_dbm"], "dBm"),
+                signal_text(link),
                 str(link["syncs_in"]),
                 _ago(now, link["last_sync_in_s"]),
                 str(link["syncs_out"]),
@@ -61,6 +73,15 @@ def links_table(fields: dict[str, Any]) -> str:
             )
         )
     return f"links of {fields['robot']}\n{_table(rows)}"
+
+
+def signal_text(link: Mapping[str, Any]) -> str:
+    """How a peer is heard, with unit and source, from the fields of its metrics."""
+    signal = link.get("signal")
+    if signal is None:
+        return _with_unit(link["rssi_dbm"], "dBm")
+    unit = "dB SNR" if signal["unit"] == "dB" else str(signal["unit"])
+    return f"{signal['value']:.0f} {unit} {signal['source']}"
 
 
 def _ago(now_s: float, then_s: float | None) -> str:

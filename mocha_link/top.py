@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from mocha_link.display import event_line
+from mocha_link.display import event_line, signal_text
 
 MAX_NEWS = 200
 SILENT_S = 3.0  # snapshots come every second
@@ -193,14 +193,6 @@ def _path(link: Link, _: _Scene) -> str:
     return f"{path} key" if link.get("protected") else path
 
 
-def _signal(link: Link, _: _Scene) -> str:
-    signal = link.get("signal")
-    if signal is None:
-        return "-" if link["rssi_dbm"] is None else f"{link['rssi_dbm']:.0f} dBm"
-    unit = "dB SNR" if signal["unit"] == "dB" else str(signal["unit"])
-    return f"{signal['value']:.0f} {unit} {signal['source']}"
-
-
 def _rtt(link: Link, _: _Scene) -> str:
     rtt_s = link["rtt_smoothed_s"]
     return "-" if rtt_s is None else f"{rtt_s * 1000:.0f} ms"
@@ -214,7 +206,7 @@ def _topics(link: Link, _: _Scene) -> str:
 _COLUMNS = (
     _Column("state", 1, lambda link, _: str(link["state"])),
     _Column("path", 9, _path),
-    _Column("signal", 2, _signal, right=True),
+    _Column("signal", 2, lambda link, _: signal_text(link), right=True),
     _Column("in", 3, lambda link, scene: _since(link["last_sync_in_s"], scene), right=True),
     _Column("out", 4, lambda link, scene: _since(link["last_sync_out_s"], scene), right=True),
     _Column("RTT", 7, _rtt, right=True),

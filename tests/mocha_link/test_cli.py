@@ -85,7 +85,7 @@ def test_metrics_are_followed_line_by_line(field, capsys, monkeypatch):
     assert main(["metrics", "tcp://x:1", "--follow"]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "links of io",
-        "peer  state  RSSI  in  ago  out  ago  RTT  bandwidth  newest  broken",
+        "peer  state  signal  in  ago  out  ago  RTT  bandwidth  newest  broken",
         "2026-11-20T11:58:20.250Z RssiChanged io rssi_dbm=-61.000",
     ]
     assert main(["metrics", "tcp://x:1", "--follow", "--json"]) == 0

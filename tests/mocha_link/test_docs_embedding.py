@@ -1,0 +1,138 @@
+"""What docs/embedding.md and docs/radios.md show works as it stands there, and is complete."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import re
+import subprocess
+import sys
+import typing
+from pathlib import Path
+
+import pytest
+
+from mocha_link import (
+    Contact,
+    LinkEvent,
+    LinkMetrics,
+    LinkState,
+    MetricsServer,
+    Node,
+    Reading,
+    Team,
+    Unit,
+    open_radio,
+)
+from mocha_link.document import Document
+from mocha_link.link_events import Direction
+from mocha_link.radios import parse_report
+from mocha_link.radios.url import FORMS
+from mocha_link.team import Trigger
+
+DOCS = Path(__file__).parents[2] / "docs"
+EMBEDDING, RADIOS = ((DOCS / f"{name}.md").read_text() for name in ("embedding", "radios"))
+PLANNER, READER = re.findall(r"```python\n(.*?)```", EMBEDDING, re.DOTALL)
+WAIT_S = 20
+
+
+def rows(text):
+    """The cells of every table row."""
+    return [line.strip("|").split("|") for line in text.splitlines() if line.startswith("|")]
+
+
+def test_the_planner_meets_everybody(field, tmp_path):
+    assert len([line for line in PLANNER.splitlines() if line.strip()]) <= 30
+    path = tmp_path / "team.yaml"
+    path.write_text(field.team.dump().replace("interval_s: 2.0\n", "interval_s: 0.2\n"))
+    team = Team.load(path)
+    assert team.trigger.interval_s == 0.2
+    with contextlib.ExitStack() as stack:
+        for name in ("callisto", "io"):  # no radio: all of them pull by the timer
+            stack.enter_context(Node(team, name)).publish("/pose", b"{}")
+        planner = subprocess.run(
+            [sys.executable, "-c", PLANNER, str(path), "titan"],
+            capture_output=True,
+            text=True,
+            timeout=WAIT_S,
+            check=True,
+        )
+    first, *_, callisto, io = planner.stdout.splitlines()
+    assert re.fullmatch(r"met (callisto|io); seek (callisto|io), heard at None", first)
+    assert re.fullmatch(r"callisto: data of 1 topics, newest \d[\d.e-]* s", callisto)
+    assert re.fullmatch(r"io: data of 1 topics, newest \d[\d.e-]* s", io)
+
+
+def test_the_reader_needs_nothing_of_ours(field):
+    assert "mocha_link" not in READER
+    node, radio, _ = field.node("titan")
+    with (
+        MetricsServer(node, f"tcp://{field.host}:*") as server,
+        subprocess.Popen(
+            [sys.executable, "-c", READER, server.endpoint], stdout=subprocess.PIPE, text=True
+        ) as reader,
+        contextlib.ExitStack() as stack,
+    ):
+        stack.callback(reader.kill)
+        lines = iter(reader.stdout.readline, "")
+        assert next(lines) == "titan callisto idle None\n"
+        radio.report("io", Reading(-80.0, Unit.DBM, "wifi"))
+        assert any(re.fullmatch(r"[\d.]+ RssiChanged io\n", line) for line in lines)
+        shown = "titan io idle {'value': -80.0, 'unit': 'dBm', 'source': 'wifi'}\n"
+        assert shown in lines
+
+
+def test_every_event_is_documented_with_its_fields():
+    documented = {
+        re.sub(r"[`\s]", "", cells[0]): set(re.findall(r"`(\w+)`", cells[2]))
+        for cells in rows(EMBEDDING)
+        if len(cells) == 3
+    }
+    for event in typing.get_args(LinkEvent):
+        fields = {part.name for part in dataclasses.fields(event)} - {"peer", "at_s"}
+        assert documented[event.__name__] == fields
+
+
+def test_every_metric_is_documented():
+    words = set(re.findall(r"`([\w_]+)`", EMBEDDING))
+    for kind in (LinkMetrics, Contact, Reading):
+        assert {part.name for part in dataclasses.fields(kind)} <= words
+    for state in LinkState:
+        assert state.value in words
+    assert {direction.value for direction in Direction} <= words
+
+
+def test_every_radio_and_unit_is_documented():
+    urls = {re.sub(r"[`\s]", "", cells[0]) for cells in rows(RADIOS)}
+    schemes = {url.partition(":")[0] for url in urls}
+    assert set(FORMS) | {unit.value for unit in Unit} <= schemes
+    trigger = Trigger()
+    for name in ("rssi_threshold_dbm", "snr_threshold_db", "device_threshold", "hysteresis_db"):
+        assert f"`{name}` ({getattr(trigger, name):g})" in RADIOS
+
+
+def test_the_reports_are_reports():
+    (block,) = re.findall(r"```text\n(.*?)```", RADIOS, re.DOTALL)
+    found = [parse_report(line.encode()) for line in block.splitlines()]
+    assert found[:4] == [
+        ("titan", Reading(-61.5, Unit.DBM, "radio")),
+        ("titan", Reading(14.0, Unit.SNR_DB, "silvus")),
+        ("titan", Reading(31.0, Unit.DEVICE, "radio")),
+        ("titan", None),
+    ]
+    assert [reading and reading.value for _, reading in found[4:]] == [-61.5, 14.0, 31.0, None]
+
+
+def test_the_team_has_radios():
+    (text,) = re.findall(r"```yaml\n(.*?)```", RADIOS, re.DOTALL)
+    team = Team.from_document(Document.from_text(text, Path("team.yaml")))
+    for robot in team.robots.values():
+        open_radio(robot.radio, team, robot.name)
+    for url in re.findall(r'radio: "(.*?)"', RADIOS):
+        assert open_radio(url, team, "io")
+
+
+@pytest.mark.parametrize("page", [EMBEDDING, RADIOS])
+def test_links_lead_somewhere(page):
+    for link in re.findall(r"\]\(([^)#]+)\)", page):
+        assert (DOCS / link).exists()
