@@ -1,39 +1,37 @@
-"""How fast to send: a model of the link, made from what arrives and when. No clock here.
+"""How fast to send over a link: as much as it takes, at once if it is known. No clock here.
 
-The model is that of BBR (draft-ietf-ccwg-bbr): the highest delivery rate of the last rounds and the
-lowest round-trip time say how much the link holds. Single losses say nothing, as radios lose
-packets without being full. A queue that stands or losses that come with more sending say that the
-link is full; then what is delivered at that moment is its rate, however fast it was before.
+After BBR (draft-ietf-ccwg-bbr): packets leave at the highest rate that the link delivered lately,
+and no more are under way than it holds. Single losses say nothing, as radios lose packets without
+being full. A queue that stands, packets that come out at longer distances than they went in, or
+losses together with a risen round trip say that it is full; then what it delivers at that moment
+is its rate, however fast it was before. Unlike BBR, the distances of the first packets let a fast start
+leap, and losses that stay when less is sent are made up for by sending more.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass
 from enum import Enum, auto
 
-START_PACKETS = 10  # in the first flight to an unknown link
-START_RATE = 1_250_000.0  # bytes/s at which that flight leaves
+from mocha_link.delivery import MAX_RATE, Delivery, Stamp, Train
+
+START_PACKETS = 10  # leave close together when a contact begins: their distances show the rate
+FIRST = START_PACKETS + 1
+START_RATE = 1_250_000.0  # bytes/s at which they leave
 UNKNOWN_RTT_S = 0.2
-ROUND_S = 0.02  # a round is at least so long, however short the way
-PEAK_ROUNDS = 10  # the delivery rate is the highest of so many rounds
-RTT_WINDOW_S = 10.0
 BURST_S = 0.01  # sending that was missed by a late call and may be caught up at once
 AHEAD_S = 0.001  # a packet may leave so much early: fewer wake-ups
-MIN_PACKETS = 4
-MAX_RATE = 125e6
-LOSS_PACKETS = 64  # a share of losses is taken from at least so many
-LOSS_BINS = 6
-MAX_LOSS = 0.3
-TRAIN_PACKETS = 5  # their distances show the rate of the link, if they left close together
-TRAIN_S = 0.05  # the distances are added up over this time, if packets are not fewer
-STRETCHED = 1.5  # so much longer for the same packets, coming than going, means a full link
-STRETCHED_S = 0.01
-START_LOSS = 0.1  # so many losses together with a risen round-trip time end the fast start
-FIRST = START_PACKETS + 1  # the packets that leave close together, and one
-UP_LOSS = 0.05  # so many more than without a queue end the probing
-RISEN_S = 0.005
+MIN_PACKETS = 4  # under way, however little the link holds
+SLACK_S = 0.03  # and what it takes in this time, as acknowledgements may be late
 MAX_LEAP = 16  # times as much in the next round, at most, because of distances alone
+GROWTH = 1.25  # a round with less growth is none, in a fast start
+STILL_ROUNDS = 2
+CRUISE_ROUNDS = 6
+UP_ROUNDS = 2
+DOWN_ROUNDS = 4  # by then a queue of ours would have gone
+START_LOSS = 0.1
+EXCESS_LOSS = 0.05
+LOSSY = 0.02  # with more losses it is worth looking where they come from
+MAX_LOSS = 0.25  # not more than that is made up for
 
 
 class Phase(Enum):
@@ -43,18 +41,16 @@ class Phase(Enum):
     CRUISE = auto()  # at the rate of the link
     UP = auto()  # a little more, to see if the link has become faster
     DOWN = auto()  # a little less, until what was too much has left the queue
+    LOW = auto()  # less for a round, where packets are lost: what is lost now is not our doing
 
 
-@dataclass(slots=True)
-class Stamp:
-    """What was known when a packet left; it comes back with its acknowledgement."""
-
-    size: int
-    sent_s: float
-    delivered: int
-    delivered_s: float
-    first_s: float
-    limited: bool
+_GAINS = {  # of the rate, and how many times what the link holds may be under way
+    Phase.START: (2.5, 3.0),
+    Phase.CRUISE: (1.0, 2.0),
+    Phase.UP: (1.2, 2.0),
+    Phase.DOWN: (0.8, 1.0),
+    Phase.LOW: (0.8, 2.0),
+}
 
 
 class Pacing:
@@ -66,45 +62,21 @@ class Pacing:
     def __init__(
         self, packet_bytes: int, *, rate_bytes_s: float | None = None, rtt_s: float | None = None
     ) -> None:
-        self.srtt_s: float | None = rtt_s
-        self.rttvar_s = 0.0 if rtt_s is None else rtt_s / 8
-        self.min_rtt_s: float | None = rtt_s
-        self.phase = Phase.START
-        self.next_s = 0.0
+        rate = min(max(rate_bytes_s, 1.0), MAX_RATE) if rate_bytes_s else 0.0
+        self.link = Delivery(packet_bytes, rate, rtt_s)
+        self.phase = Phase.CRUISE if rate else Phase.START
+        self.pace = START_RATE
+        self.cap_bytes = START_PACKETS * packet_bytes
         self._packet = packet_bytes
-        self._min_rtt_at_s: float | None = None
-        self._delivered = 0
-        self._delivered_s = 0.0
-        self._first_s = 0.0
-        self._limited_until = -1
-        self._peaks: deque[tuple[int, float]] = deque()
-        self._round = 0
-        self._round_ends = 0  # when this much is delivered
-        self._round_s = 0.0
-        self._round_rtt_s: float | None = None
-        self._round_rate = 0.0
-        self._round_limited = True
-        self._round_lost = 0
-        self._round_delivered = 0
+        self._next_s = self._burst_s = 0.0
+        self._burst = START_PACKETS
+        self._began = 0  # what had arrived before this contact
+        self._trusted: int | None = 0 if rate else None
         self._since = 0  # rounds in this phase
-        self._still = 0  # rounds without growth, at the start
-        self._before = 0.0  # the rate before this round, or before the phase
-        self._train: deque[tuple[float, float, int, int]] = deque()
-        self._spread = 0.0
-        self._group_rtt_s: float | None = None
-        self._missing = 0
-        self._burst = START_PACKETS  # leave close together: their distances show the rate
-        self._began = 0  # what had been delivered before this contact
-        self._burst_s = 0.0
-        self._trusted: int | None = None if rate_bytes_s is None else 0
-        self._lost = self._arrived = 0
-        self._losses: deque[float] = deque(maxlen=LOSS_BINS)
+        self._still = 0  # rounds without growth at the start, rounds with growth when probing
+        self._before = rate
+        self._loss = 0.0  # of the last rounds
         self._full = False
-        self.rate = 0.0
-        if rate_bytes_s is not None:
-            self.rate = min(max(rate_bytes_s, 1.0), MAX_RATE)
-            self._peaks.append((0, self.rate))
-            self._enter(Phase.CRUISE)
         self._set()
 
     # --- what the sender asks
@@ -113,278 +85,154 @@ class Pacing:
         """Whether the link holds another packet."""
         return in_flight + self._packet <= self.cap_bytes
 
-    def due(self, now_s: float) -> bool:
-        """Whether a packet may leave now."""
-        return self.gate_s <= now_s + AHEAD_S
-
     @property
-    def gate_s(self) -> float:
+    def due_s(self) -> float:
         """When the next packet may leave."""
-        return min(self._burst_s, self.next_s) if self._burst else self.next_s
+        return min(self._burst_s, self._next_s) if self._burst else self._next_s
 
     def sent(self, size: int, now_s: float, in_flight: int) -> Stamp:
         """A packet leaves."""
-        if in_flight == 0:
-            self._first_s = self._delivered_s = now_s
-            self._train.clear()
-        self.next_s = max(self.next_s, now_s - BURST_S) + size / self.pace
+        self._next_s = max(self._next_s, now_s - BURST_S) + size / self.pace
         if self._burst:
             self._burst -= 1
             self._burst_s = now_s + size / START_RATE
-        return Stamp(
-            size,
-            now_s,
-            self._delivered,
-            self._delivered_s,
-            self._first_s,
-            self._delivered < self._limited_until,
-        )
-
-    def idle(self, in_flight: int) -> None:
-        """There was nothing to send: what is delivered next says little about the link."""
-        self._limited_until = self._delivered + in_flight
+        return self.link.sent(size, now_s, idle=in_flight == 0, low=self.phase is Phase.LOW)
 
     def resume(self, now_s: float) -> None:
         """The link is back after a gap: start again from what it was."""
-        self.next_s = now_s
-        self._limited_until = -1
-        self._burst, self._burst_s = START_PACKETS, now_s
-        self._began = self._delivered
-        self._round_ends = self._delivered
-        self._train.clear()
-        self._clear_round(now_s)
+        self.link.resume(now_s)
+        self._next_s = self._burst_s = now_s
+        self._burst = START_PACKETS
+        self._began = self.link.total
         self._full = False
         if self.phase is not Phase.START:
             self._enter(Phase.CRUISE)
         self._set()
 
-    # --- what the acknowledgements say
+    # --- what acknowledgements say
 
     def arrived(
-        self, stamps: list[Stamp], rtt_s: float | None, lost: int, now_s: float, in_flight: int
+        self, stamps: list[Stamp], rtt_s: float | None, now_s: float, in_flight: int
     ) -> None:
-        """Packets were acknowledged (the newest is the last one), `lost` bytes are missing."""
-        self._round_lost += lost
-        self._missing += lost
-        if rtt_s is not None:
-            self._rtt(rtt_s, now_s)
-        if not stamps:
-            return
+        """Packets were acknowledged; the newest is the last one."""
+        link = self.link
         self._burst = 0
-        size = 0
-        for stamp in stamps:
-            size += stamp.size
-        self._delivered += size
-        self._delivered_s = now_s
-        self._round_delivered += size
+        train = link.arrived(stamps, rtt_s, now_s)
+        if train:
+            self._judge_train(train)
         newest = stamps[-1]
-        self._first_s = newest.sent_s
-        self._measure(newest, now_s)
-        self._watch_train(newest, now_s)
-        if newest.delivered >= self._round_ends and now_s >= self._round_s + ROUND_S:
-            self._end_round(newest, now_s, in_flight)
+        if link.round_over(newest, now_s):
+            link.close_round()
+            if not link.round.limited:
+                self._since += 1
+                if newest.delivered > self._began:
+                    self._trusted = None
+                self._judge_round(in_flight)
+            link.next_round(now_s)
         elif self.phase is Phase.DOWN and in_flight <= self._held():
-            self._enter(Phase.CRUISE)
+            self._drained()
         self._set()
 
-    def _rtt(self, rtt_s: float, now_s: float) -> None:
-        if self.srtt_s is None:
-            self.srtt_s, self.rttvar_s = rtt_s, rtt_s / 2
-        else:
-            self.rttvar_s += (abs(rtt_s - self.srtt_s) - self.rttvar_s) / 4
-            self.srtt_s += (rtt_s - self.srtt_s) / 8
-        if self._round_rtt_s is None or rtt_s < self._round_rtt_s:
-            self._round_rtt_s = rtt_s
-        if self._group_rtt_s is None or rtt_s < self._group_rtt_s:
-            self._group_rtt_s = rtt_s
-        at_s = self._min_rtt_at_s  # what is remembered has none: the first sample replaces it
-        low = self.min_rtt_s
-        if low is None or at_s is None or rtt_s <= low or now_s > at_s + RTT_WINDOW_S:
-            self.min_rtt_s = rtt_s
-            self._min_rtt_at_s = now_s
-
-    def _measure(self, newest: Stamp, now_s: float) -> None:
-        taken_s = max(newest.sent_s - newest.first_s, now_s - newest.delivered_s)
-        if self.min_rtt_s is None or taken_s < self.min_rtt_s * 0.9 or taken_s <= 0:
-            return
-        rate = min((self._delivered - newest.delivered) / taken_s, MAX_RATE)
-        if not newest.limited:
-            self._round_limited = False
-        elif rate <= self.rate:
-            return
-        if rate > self._round_rate:
-            self._round_rate = rate
-            if rate > self.rate:
-                self._peak(rate)
-
-    def _watch_train(self, newest: Stamp, now_s: float) -> None:
-        """See by the distances of the last packets what the link does with them."""
-        train = self._train
-        if not train:
-            train.append((now_s, newest.sent_s, self._delivered, self._missing))
-            return
-        last_s, _, before, _ = train[-1]
-        if self._delivered - before < TRAIN_PACKETS * self._packet or now_s <= last_s:
-            return
-        self._spread = min((self._delivered - before) / (now_s - last_s), MAX_RATE)
-        train.append((now_s, newest.sent_s, self._delivered, self._missing))
-        while len(train) > 2 and now_s - train[1][0] >= TRAIN_S:
-            train.popleft()
-        began_s, sent_s, before, missing = train[0]
-        taken_s = now_s - began_s
-        size = self._delivered - before
-        full = taken_s > STRETCHED * (newest.sent_s - sent_s) + STRETCHED_S
-        lost = self._missing - missing
-        if not full and self.phase is Phase.START:  # a short queue drops instead
-            full = lost > START_LOSS * (lost + size) and self._risen(self._group_rtt_s)
-        self._group_rtt_s = None
-        if self.phase is Phase.CRUISE and self._delivered < self._began + FIRST * self._packet:
-            if self._spread > 2 * self.rate:  # much faster than in the last contact
-                self._enter(Phase.START)
-            elif self._spread > 1.2 * self.rate:
-                self._enter(Phase.UP)
-        if self.phase is Phase.UP and lost > (UP_LOSS + self.base_loss) * (lost + size):
+    def _judge_train(self, train: Train) -> None:
+        link, phase = self.link, self.phase
+        first = link.total < self._began + FIRST * self._packet
+        if train.stretched or (phase is Phase.START and train.risen and train.loss > START_LOSS):
+            link.replace(train.rate)
+            if phase is not Phase.DOWN:
+                self._enter(Phase.DOWN)
+        elif phase is Phase.UP and train.risen and train.loss > EXCESS_LOSS + link.base_loss:
             self._enter(Phase.DOWN)
-        if full:
-            train.clear()
-            self._bottleneck(size / taken_s)
+        elif phase is Phase.CRUISE and first and link.spread > 2 * link.rate:
+            self._enter(Phase.START)  # much faster than in the last contact
+        elif phase is Phase.CRUISE and first and link.spread > 1.2 * link.rate:
+            self._enter(Phase.UP)
 
-    def _risen(self, rtt_s: float | None) -> bool:
-        """Whether packets wait somewhere, be it for a moment only."""
-        if rtt_s is None or self.min_rtt_s is None:
-            return False
-        return rtt_s > self.min_rtt_s + max(RISEN_S, 3 * self._packet / self.rate)
+    def _judge_round(self, in_flight: int) -> None:
+        link, phase = self.link, self.phase
+        loss = link.round.loss
+        excess = loss - link.base_loss
+        self._loss += (loss - self._loss) / 4
+        short = excess > EXCESS_LOSS and phase is not Phase.LOW and link.risen(link.round.rtt_s)
+        self._full = bool(link.round.rate) and (short or link.queue_stands())
+        if self._full:
+            self._give_way()
+        elif phase is Phase.START:
+            self._still = self._still + 1 if link.rate < self._before * GROWTH else 0
+            self._before = link.rate
+            if self._still >= STILL_ROUNDS or (self._still and excess > START_LOSS):
+                self._enter(Phase.DOWN)
+        elif phase is Phase.UP:
+            self._judge_probe(excess)
+        elif phase is Phase.DOWN:
+            if self._since >= UP_ROUNDS or in_flight <= self._held():
+                self._drained()
+        elif phase is Phase.LOW:
+            self._enter(Phase.CRUISE)
+        elif not link.base_known and self._loss > LOSSY and self._since >= UP_ROUNDS:
+            self._enter(Phase.LOW)
+        elif self._since >= CRUISE_ROUNDS:
+            self._enter(Phase.UP)
 
-    def _bottleneck(self, rate: float) -> None:
-        """What we send leaves the link more slowly than it enters: now its rate is known."""
-        self._peaks.clear()
-        self._peak(min(rate, MAX_RATE))
+    def _give_way(self) -> None:
+        if self.phase is Phase.DOWN and self._since >= DOWN_ROUNDS:
+            self.link.accept_rtt()
+            self._full = False
+            self._enter(Phase.CRUISE)
+            return
+        self.link.replace(self.link.round.rate)
         if self.phase is not Phase.DOWN:
             self._enter(Phase.DOWN)
 
-    def _peak(self, rate: float) -> None:
-        peaks = self._peaks
-        while peaks and peaks[-1][1] <= rate:
-            peaks.pop()
-        peaks.append((self._round, rate))
-        self.rate = peaks[0][1]
+    def _judge_probe(self, excess: float) -> None:
+        if self.link.rate > self._before * 1.1 and excess < EXCESS_LOSS:
+            self._before = self.link.rate
+            self._still += 1
+            if self._still >= STILL_ROUNDS:  # it has become much faster
+                self._enter(Phase.START)
+        elif self._since >= UP_ROUNDS or excess > EXCESS_LOSS:
+            self._enter(Phase.DOWN)
 
-    # --- rounds and phases
-
-    def _clear_round(self, now_s: float) -> None:
-        self._round_s = now_s
-        self._round_rtt_s = None
-        self._round_rate = 0.0
-        self._round_limited = True
-        self._round_lost = self._round_delivered = 0
-
-    def _end_round(self, newest: Stamp, now_s: float, in_flight: int) -> None:
-        if not self._risen(self._round_rtt_s):
-            self._lost += self._round_lost
-            self._arrived += self._round_delivered
-            if self._lost + self._arrived >= LOSS_PACKETS * self._packet:
-                self._losses.append(self._lost / (self._lost + self._arrived))
-                self._lost = self._arrived = 0
-        rate, limited = self._round_rate, self._round_limited
-        if not limited:
-            self._round += 1
-            if rate:
-                self._peak(rate)
-            while len(self._peaks) > 1 and self._peaks[0][0] <= self._round - PEAK_ROUNDS:
-                self._peaks.popleft()
-            self.rate = self._peaks[0][1] if self._peaks else self.rate
-            self._since += 1
-            if newest.delivered > self._began:
-                self._trusted = None
-            self._judge(rate, in_flight)
-        self._round_ends = self._delivered
-        self._clear_round(now_s)
-
-    def _queue_stands(self) -> bool:
-        low = self.min_rtt_s
-        if low is None or self._round_rtt_s is None:
-            return False
-        slack_s = max(low / 4, 0.03, 4 * self._packet / self.rate if self.rate else 0.0)
-        return self._round_rtt_s - low > slack_s
-
-    def _judge(self, rate: float, in_flight: int) -> None:  # noqa: C901 - a table of phases
-        total = self._round_lost + self._round_delivered
-        excess = self._round_lost / total - self.base_loss if total else 0.0
-        if rate and (self._queue_stands() or (excess > 0.05 and self._risen(self._round_rtt_s))):
-            if self.phase is Phase.DOWN and self._since >= 4:  # sending less did not help
-                self.min_rtt_s = self._round_rtt_s
-                self._enter(Phase.CRUISE)
-                return
-            self._peaks.clear()
-            self._peak(rate)
-            self._full = True
-            if self.phase is not Phase.DOWN:
-                self._enter(Phase.DOWN)
-            return
-        self._full = False
-        if self.phase is Phase.START:
-            self._still = self._still + 1 if self.rate < self._before * 1.25 else 0
-            if self._still >= 2 or (self._still and excess > 0.1):
-                self._enter(Phase.DOWN)
-            self._before = self.rate
-        elif self.phase is Phase.UP:
-            if self.rate > self._before * 1.1 and excess < 0.05:
-                self._before = self.rate  # it takes more: go on, and soon faster
-                self._still += 1
-                if self._still >= 2:
-                    self._enter(Phase.START)
-            elif self._since >= 2 or excess > 0.05:
-                self._enter(Phase.DOWN)
-        elif self.phase is Phase.DOWN:
-            if self._since >= 2 or in_flight <= self._held():
-                self._enter(Phase.CRUISE)
-        elif self._since >= 6:
-            self._enter(Phase.UP)
+    def _drained(self) -> None:
+        self._enter(Phase.LOW if self._loss > LOSSY else Phase.CRUISE)
 
     def _enter(self, phase: Phase) -> None:
         self.phase = phase
-        self._since = 0
-        self._still = 0
-        self._before = self.rate
+        self._since = self._still = 0
+        self._before = self.link.rate
 
-    @property
-    def base_loss(self) -> float:
-        """The share of packets that is lost without any queue."""
-        return min(*self._losses, MAX_LOSS) if len(self._losses) > 1 else 0.0
+    # --- what follows
+
+    def _holds(self) -> float:
+        return self.link.rate * (self.link.min_rtt_s or UNKNOWN_RTT_S)
 
     def _held(self) -> float:
-        """How much the link holds without a queue, in bytes."""
-        return self.rate * (self.min_rtt_s or UNKNOWN_RTT_S) + 2 * self._packet
+        """With so many bytes under way nothing waits."""
+        return self._holds() + 2 * self._packet
 
     def _set(self) -> None:
-        if not self.rate:
-            self.pace = START_RATE
-            self.cap_bytes = START_PACKETS * self._packet
+        """Pace and limit for the present phase."""
+        link, phase = self.link, self.phase
+        if not link.rate:
             return
-        gain, cap = _GAINS[self.phase]
-        held = self.rate * (self.min_rtt_s or UNKNOWN_RTT_S)
-        if self.phase is Phase.UP:
-            packets = max(held / self._packet, 1.0)
+        gain, cap = _GAINS[phase]
+        holds = self._holds()
+        if phase is Phase.UP:  # the smaller its share, the more a flow adds: shares become equal
+            packets = max(holds / self._packet, 1.0)
             gain = 1 + min(max(8.0, 2 * packets**0.5) / packets, 0.5)
-        elif self.phase is Phase.START:
-            gain = max(gain, min(self._spread / self.rate, MAX_LEAP))
+        elif phase is Phase.START:
+            gain = max(gain, min(link.spread / link.rate, MAX_LEAP))
             cap = 1.2 * gain
-        pace = gain * self.rate / (1 - self.base_loss) ** 0.75
+        pace = gain * link.rate
+        slack: float = MIN_PACKETS * self._packet
+        if phase is not Phase.LOW:
+            pace /= 1 - min(link.base_loss, MAX_LOSS)
+        if phase is not Phase.DOWN:
+            slack = max(slack, link.rate * SLACK_S)
         if self._full:
             cap = 1.0
-        slack = max(MIN_PACKETS * self._packet, self.rate * 0.03)
         self.pace = max(pace, self._packet / 2)
-        self.cap_bytes = int(cap * held + slack)
+        self.cap_bytes = int(cap * holds + slack)
         if self._trusted is not None:  # until a round has shown that what is remembered holds
             self._trusted = self._trusted or self.cap_bytes
-            self.cap_bytes = min(
-                self.cap_bytes, self._trusted + 2 * (self._delivered - self._began)
-            )
-
-
-_GAINS = {
-    Phase.START: (2.5, 3.0),
-    Phase.CRUISE: (1.0, 2.0),
-    Phase.UP: (1.2, 2.0),
-    Phase.DOWN: (0.8, 1.0),
-}
+            grown = self._trusted + 2 * (link.total - self._began)
+            self.cap_bytes = min(self.cap_bytes, grown)
