@@ -155,11 +155,7 @@ class Pull:
         if frame[:ID_BYTES] != self._id:
             return self._refuse("a reply to nothing that was asked", now)
         if frame[ID_BYTES:] == SERRM:
-            if self.path is not None:
-                return self.fail("the peer does not know of the sync any more", now)
-            self._refused = True  # the reply to GHEAD comes next
-            self.progress(now)
-            return Step()
+            return self._reply_of_refusal(now)
         if self._refused:
             self.path = "original"
             return self._reply_of_original(parts, now)
@@ -250,6 +246,13 @@ class Pull:
             return self._session.bandwidth_bytes_s
         taken_s = self._last_s - self._first_s
         return self._intake.bytes / taken_s if self._intake.messages and taken_s > 0 else None
+
+    def _reply_of_refusal(self, now: Instant) -> Step:
+        if self.path is not None:
+            return self.fail("the peer does not know of the sync any more", now)
+        self._refused = True  # an original node; its reply to GHEAD comes next
+        self.progress(now)
+        return Step()
 
     def _reply_of_original(self, parts: Sequence[bytes], now: Instant) -> Step:
         step = self._session.reply(parts, now)
