@@ -5,7 +5,7 @@ SPEED ?= 10
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: setup sim test lint bench clean
+.PHONY: setup sim test lint bench bench-link clean
 
 setup: $(VENV)/.ready
 
@@ -29,6 +29,14 @@ lint: setup
 
 bench: setup
 	$(BIN)/python -m benchmarks
+
+# The other ways (zenoh, DDS) are only needed here. Options: make bench-link BENCH="--quick --json FILE"
+bench-link: $(VENV)/.bench
+	$(BIN)/python -m benchmarks.link $(BENCH)
+
+$(VENV)/.bench: $(VENV)/.ready
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench]'
+	@touch $@
 
 clean:
 	rm -rf $(VENV)

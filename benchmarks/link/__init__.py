@@ -1,0 +1,1 @@
+"""How much of what a radio contact allows gets across; run by `make bench-link`."""

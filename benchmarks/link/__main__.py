@@ -1,0 +1,113 @@
+"""`make bench-link`: how much of what a radio contact allows gets across, by several ways.
+
+Every way runs over the same emulated links, with real sockets of this kernel. The share is bytes
+of complete messages by (rate x sum over the contacts of (contact - one round trip)), in per cent.
+"""
+
+import argparse
+import json
+import sys
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from benchmarks.link import links as known
+from benchmarks.link import table
+from benchmarks.link.cell import Task
+from benchmarks.link.load import Load
+from benchmarks.link.namespaces import EmulationError, congestion_control
+from benchmarks.link.runner import run
+from benchmarks.link.score import Score
+from benchmarks.link.ways import WAYS
+
+SEED = 3
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    options = _options(argv)
+    try:
+        chosen = _links(options)
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return 2
+    ways = list(_ways(options))
+    print(__doc__.strip().partition("\n")[2].strip())
+    print(f"TCP congestion control: {congestion_control()}; gaps of {options.gap:g} s\n")
+    for name in ways:
+        print(f"{name:<12}{WAYS[name].what}")
+    load = Load()
+    try:
+        scores, complete = _measure(options, ways, chosen)
+    except EmulationError as error:
+        print(f"links cannot be emulated here: {error}", file=sys.stderr)
+        return 1
+    print()
+    for line in table.shares(scores, ways, chosen):
+        print(line)
+    print()
+    for line in table.conditions(scores, load):
+        print(line)
+    if options.json:
+        rows = [table.as_row(score) for score in scores.values()]
+        options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    return 0 if complete else 1
+
+
+def _measure(
+    options: argparse.Namespace, ways: Sequence[str], chosen: Sequence[known.Link]
+) -> tuple[dict[tuple[str, known.Link], Score], bool]:
+    tasks = [
+        Task(way, link, zlib.crc32(f"{options.seed} {link.name}".encode()))
+        for way in ways
+        for link in chosen
+    ]
+    failures: list[Task] = []
+
+    def failed(task: Task, why: str) -> None:
+        failures.append(task)
+        print(f"{task.way} on {task.link.name}: {why}", file=sys.stderr)
+
+    scores = {}
+    for task, score in run(tasks, weight=options.weight, failed=failed):
+        scores[task.way, task.link] = score
+        if sys.stderr.isatty():
+            print(f"\r{len(scores)} of {len(tasks)} ", end="", file=sys.stderr, flush=True)
+    return scores, not failures
+
+
+def _ways(options: argparse.Namespace) -> Iterator[str]:
+    for name in options.only or WAYS:
+        missing = WAYS[name].missing
+        if missing:
+            print(f"{name}: skipped, {missing} is not installed (extra 'bench')", file=sys.stderr)
+        else:
+            yield name
+
+
+def _options(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.link",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--quick", action="store_true", help="a few links, in less than two minutes")
+    add("--loss", action="store_true", help="1 Mbit/s, 50 ms, 10 s with 1 to 20 %% of packets lost")
+    add("--json", metavar="FILE", type=Path, help="write all results there as well")
+    add("--only", metavar="WAY", action="append", choices=tuple(WAYS), help="this way (repeatable)")
+    add("--links", metavar="SUBSET", help="RTT ms/Mbit/s/contact s, * for any, e.g. 50/1/3,300/*/1")
+    add("--gap", metavar="S", type=float, default=known.GAP_S, help="between contacts")
+    add("--seed", type=int, default=SEED, help="of the messages and of packet loss")
+    add("--weight", type=float, help=argparse.SUPPRESS)
+    return parser.parse_args(argv)
+
+
+def _links(options: argparse.Namespace) -> tuple[known.Link, ...]:
+    links = known.LOSSY if options.loss else known.QUICK if options.quick else known.ALL
+    if options.links:
+        links = known.chosen(options.links, known.LOSSY if options.loss else known.ALL)
+    return tuple(link.with_gap(options.gap) for link in links)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

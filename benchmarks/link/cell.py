@@ -1,0 +1,175 @@
+"""One measurement: a way on a link, with two nodes as processes in namespaces of their own."""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import socket
+import time
+import traceback
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+
+from benchmarks.link import namespaces
+from benchmarks.link.emulator import Emulator
+from benchmarks.link.links import Link
+from benchmarks.link.offer import Offer
+from benchmarks.link.score import Score
+from benchmarks.link.ways import ADDRESSES, WAYS, Side
+
+START_S = 60.0  # to get ready, on a busy machine
+SETTLE_S = 0.5  # to take in what had arrived when the last contact ended
+END_S = 60.0
+
+PROCESSES = multiprocessing.get_context("fork")
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What the wanting node saw: when which message was complete, and which were wrong."""
+
+    delivered: tuple[tuple[float, int], ...] = ()
+    damaged: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What to measure."""
+
+    way: str
+    link: Link
+    seed: int
+
+
+@dataclass(slots=True)
+class _Agent:
+    process: multiprocessing.process.BaseProcess
+    control: Connection
+    interface: int = field(default=-1)
+
+
+def measure(task: Task) -> Score:
+    """Run one task; takes as long as its contacts and gaps.
+
+    Raises:
+        EmulationError: this machine does not let us emulate links.
+        RuntimeError: one of the nodes failed.
+    """
+    agents: list[_Agent] = []
+    try:
+        agents.extend(_begin(task, number) for number in range(2))
+        namespaces.be_punctual()
+        for agent in agents:
+            _expect(agent, "ready", START_S)
+        emulator = Emulator(task.link, (agents[0].interface, agents[1].interface), task.seed)
+
+        def report(heard: bool) -> None:
+            for agent in agents:
+                agent.control.send("heard" if heard else "lost")
+
+        emulator.run(report)
+        time.sleep(SETTLE_S)
+        for agent in agents:
+            agent.control.send("end")
+        reports = [_expect(agent, "report", END_S) for agent in agents]
+        seen = reports[1]
+        if not isinstance(seen, Report):
+            raise TypeError(f"no report but {seen!r}")
+        return Score.of(
+            task.way,
+            task.link,
+            offer=Offer.for_link(task.link, task.seed),
+            emulator=emulator,
+            delivered=seen.delivered,
+            damaged=seen.damaged,
+        )
+    finally:
+        for agent in agents:
+            _end(agent)
+
+
+def _begin(task: Task, number: int) -> _Agent:
+    control, theirs = PROCESSES.Pipe()
+    ours, passing = socket.socketpair()
+    process = PROCESSES.Process(target=_agent, args=(task, number, theirs, passing))
+    process.start()
+    theirs.close()
+    passing.close()
+    agent = _Agent(process, control)
+    with ours:
+        _, descriptors, _, _ = socket.recv_fds(ours, 1, 1)
+    if descriptors:
+        agent.interface = descriptors[0]
+    else:
+        _expect(agent, "interface", START_S)
+    return agent
+
+
+def _expect(agent: _Agent, what: str, timeout_s: float) -> object:
+    if not agent.control.poll(timeout_s):
+        raise RuntimeError(f"a node was not done with '{what}' within {timeout_s:g} s")
+    try:
+        got, value = agent.control.recv()
+    except EOFError:
+        raise RuntimeError("a node is gone") from None
+    if got == "forbidden":
+        raise namespaces.EmulationError(value)
+    if got != what:
+        raise RuntimeError(f"a node failed:\n{value}")
+    return value
+
+
+def _end(agent: _Agent) -> None:
+    agent.process.join(1)
+    if agent.process.is_alive():
+        agent.process.kill()
+        agent.process.join()
+    agent.control.close()
+    if agent.interface >= 0:
+        os.close(agent.interface)
+
+
+def _agent(task: Task, number: int, control: Connection, passing: socket.socket) -> None:
+    """The main of a node's process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    try:
+        namespaces.enter()
+        interface = namespaces.open_interface(ADDRESSES[number])
+        socket.send_fds(passing, [b"i"], [interface])
+        os.close(interface)
+        passing.close()
+        control.send(("report", _live(task, number, control)))
+    except namespaces.EmulationError as error:
+        control.send(("forbidden", str(error)))
+    except Exception:  # noqa: BLE001 - whatever it was, the measuring process tells it
+        with contextlib.suppress(OSError):
+            control.send(("failed", traceback.format_exc()))
+    finally:
+        passing.close()
+        control.close()
+        os._exit(0)  # threads of libraries that hang must not keep the process
+
+
+def _live(task: Task, number: int, control: Connection) -> Report:
+    way = WAYS[task.way]
+    offer = Offer.for_link(task.link, task.seed)
+    delivered: list[tuple[float, int]] = []
+
+    def deliver(key: int) -> None:
+        delivered.append((time.monotonic(), key))
+
+    side: Side = way.make_sink(offer, deliver) if number else way.make_source(offer)
+    side.start()
+    control.send(("ready", None))
+    in_contact = False
+    while (order := control.recv()) != "end":
+        if order == "heard":
+            side.heard(again=in_contact)
+            in_contact = True
+        else:
+            side.lost()
+            in_contact = False
+    side.close()
+    damaged = tuple(key for _, key in delivered if side.data(key) != offer.data(key))
+    return Report(tuple(delivered), damaged)
