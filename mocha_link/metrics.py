@@ -243,19 +243,11 @@ class _Account:
 class LinkBook:
     """Keeps the metrics of all links from what is reported to it.
 
-    The links to the peers in `protected` are encrypted. A contact that only syncs have shown is
-    over `quiet_s` after the last one.
+    A contact that only syncs have shown is over `quiet_s` after the last one.
     """
 
-    def __init__(
-        self,
-        peers: Iterable[str],
-        protected: Iterable[str] = (),
-        *,
-        quiet_s: float = QUIET_S,
-    ) -> None:
-        known = frozenset(protected)
-        self._links = {peer: _Account(protected=peer in known) for peer in peers}
+    def __init__(self, peers: Iterable[str], *, quiet_s: float = QUIET_S) -> None:
+        self._links = {peer: _Account() for peer in peers}
         self._quiet_s = quiet_s
 
     def note(self, event: LinkEvent) -> None:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import http.client
+import json
 import math
 import socket
+import subprocess
+import sys
 import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
@@ -162,6 +166,31 @@ def test_a_real_node(field):
     with PrometheusServer(node, f"{field.host}:0") as server:
         found = samples(ask(server)[1])
     assert found["mocha_link_state", ("peer", "io"), ("state", "idle")] == 1
+
+
+def test_a_node_of_the_command_line(field, tmp_path):
+    """Its radio speaks on standard input, and Prometheus reads what it hears."""
+    team = tmp_path / "team.yaml"
+    team.write_text(field.team.with_robots({"io": {"radio": "stdin:"}}).dump())
+    command = [str(team), "--robot", "io", "--json", "--prometheus", f"{field.host}:0"]
+    with (
+        subprocess.Popen(
+            [sys.executable, "-m", "mocha_link.cli", "node", *command],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as process,
+        contextlib.ExitStack() as stack,
+    ):
+        stack.callback(process.kill)
+        lines = iter(process.stderr.readline, "")
+        url = next(line for line in lines if line.startswith("metrics on http://")).split()[-1]
+        process.stdin.write("titan 9.5 dB\n")
+        process.stdin.flush()
+        assert json.loads(process.stdout.readline())["signal"]["unit"] == "dB"
+        shown = 'mocha_link_signal_snr_decibels{robot="io",peer="titan",source="stdin"} 9.5'
+        assert shown in ask(SimpleNamespace(url=url))[1].splitlines()
 
 
 def test_no_more_than_so_many_at_a_time(server):
