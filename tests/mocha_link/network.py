@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import random
+import struct
+import zlib
 from collections import Counter
 from pathlib import Path
 
@@ -58,13 +60,20 @@ class Node:
             self.peers[name] = Acquaintance(self.random.getrandbits(64), history)
         return self.peers[name]
 
-    def store(
-        self, robot_id: int, topic_id: int, stamp_ms: int, *, size: int = 20, priority: int = 0
+    def store(  # noqa: PLR0913
+        self,
+        robot_id: int,
+        topic_id: int,
+        stamp_ms: int,
+        *,
+        size: int = 20,
+        priority: int = 0,
+        inferred: bool = False,
     ) -> Record:
         data = random.Random(f"{robot_id} {topic_id} {stamp_ms}").randbytes(size)
         body = payload.pack(0, priority, data, stamp_ms=stamp_ms)
         header = Header.at(robot_id, topic_id, stamp_ms)
-        record = Record(header, priority, body, stamp_ms, NOW.unix_s)
+        record = Record(header, priority, body, stamp_ms, NOW.unix_s, inferred)
         self.database.insert(record, NOW.unix_s)
         return record
 
@@ -159,3 +168,33 @@ class Pull:
 
 def data_bytes(frame: bytes) -> int:
     return len(sync.read_chunks(frame).data) if frame[0] == sync.CHUNKS else 0
+
+
+def mutated(rng: random.Random, frame: bytes) -> bytes:
+    """A frame with something wrong in it; often its checksum fits again."""
+    raw = bytearray(frame)
+    for _ in range(rng.randint(1, 3)):
+        place = rng.randrange(len(raw) + 1)
+        match rng.randrange(5):
+            case 0:
+                del raw[place:]
+            case 1:
+                del raw[place : place + rng.randint(1, 9)]
+            case 2:
+                raw[place:place] = rng.randbytes(rng.randint(1, 9))
+            case 3:
+                raw[place : place + 1] = bytes((rng.choice((0, 1, 127, 255)),))
+            case 4:
+                raw[place : place + 4] = rng.randbytes(4)
+    return signed(bytes(raw)) if rng.random() < 0.7 else bytes(raw)
+
+
+def signed(frame: bytes) -> bytes:
+    """The frame with the checksum that it should have."""
+    if len(frame) < sync.CHUNKS_BYTES:
+        return frame
+    end = len(frame)
+    if frame[0] == sync.CHUNKS:
+        wholes, pieces = struct.unpack_from(">HH", frame, 9)
+        end = sync.CHUNKS_BYTES + wholes * sync.WHOLE.size + pieces * sync.PIECE.size
+    return frame[:1] + zlib.crc32(frame[5:end], frame[0]).to_bytes(4) + frame[5:]

@@ -1,0 +1,514 @@
+"""The asking side: what it says of itself, what it takes, and what it makes of whatever comes."""
+
+from __future__ import annotations
+
+import itertools
+import random
+import tracemalloc
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mocha_link import letters, payload, sync
+from mocha_link.acquaintance import record_id
+from mocha_link.database import Knowledge
+from mocha_link.header import WRAP_MS
+from mocha_link.intake import Intake
+from mocha_link.letters import Digest, Done, Have, Hello, Open, Since
+from mocha_link.link_events import MessageStored
+from mocha_link.payload import PayloadError
+from tests.mocha_link.network import NOW, START_MS, TEAM, Node, Pull, mutated
+
+EPOCH = 99
+
+
+def body(stamp_ms: int | None = START_MS, data: bytes = b"data", dtype: int = 0) -> bytes:
+    return payload.pack(dtype, 0, data, stamp_ms=stamp_ms)
+
+
+LONG = sync.long_id(3, 4, START_MS)
+
+
+class Asking:
+    """An intake whose peer says what the test wants."""
+
+    def __init__(self, node: Node | None = None, **options: object) -> None:
+        self.node = node or Node("asker")
+        self.intake = Intake(
+            "io",
+            team=TEAM,
+            database=self.node.database,
+            shelf=self.node.shelf,
+            acquaintance=self.node.peer("io"),
+            **options,
+        )
+        self.letters = sync.Letters(sync.OPEN, sync.ANSWER, sync.SKIP, sync.END)
+        self.said: list[object] = []
+        self.events: list[object] = []
+        self.refusals: list[str] = []
+        self.round = 0
+        self.number = 0
+        self.take(self.intake.open(NOW))
+
+    def take(self, step) -> None:
+        self.events += step.events
+        self.refusals += step.refusals
+        for frame in step.frames:
+            letter = self.letters.take(frame)
+            if letter:
+                self.round = letter.round
+                read = {
+                    sync.OPEN: Open.decode,
+                    sync.ANSWER: letters.decode_answers,
+                    sync.SKIP: letters.decode_skip,
+                    sync.END: lambda _: "END",
+                }
+                self.said.append(read[letter.kind](letter.content))
+
+    def hear(self, frame: bytes) -> None:
+        self.take(self.intake.receive(frame, NOW))
+
+    def letter(self, kind: int, content: bytes) -> None:
+        for frame in sync.letter_frames(kind, self.round, content, 500):
+            self.hear(frame)
+
+    def chunks(self, *wholes: tuple[int, bytes], pieces=()) -> bytes:
+        """The next frame with these messages and (long id, body, start, end) of pieces."""
+        self.number += 1
+        return sync.chunks_frame(
+            self.number - 1,
+            [sync.WHOLE.pack(long, len(body)) for long, body in wholes],
+            [sync.PIECE.pack(long, len(b), start, end - start) for long, b, start, end in pieces],
+            [body for _, body in wholes] + [b[start:end] for _, b, start, end in pieces],
+        )
+
+    def done(self, *, cut_short: bool = False, frames: int | None = None) -> None:
+        frames = self.number if frames is None else frames
+        self.letter(sync.DONE, Done(EPOCH, 50, frames, cut_short).encode())
+
+    @property
+    def knowledge(self):
+        return self.said[-1].knowledge
+
+
+def test_a_fresh_robot_says_that_it_has_nothing():
+    asking = Asking(budget=7)
+    assert asking.said == [Open(asking.node.peer("io").run, 7, Have(()), [])]
+
+
+def test_one_with_few_messages_lists_them():
+    node = Node("asker")
+    record = node.store(0, 0, START_MS)
+    assert Asking(node).knowledge == Have((record_id(record),))
+
+
+def test_one_with_many_sends_digests():
+    node = Node("asker")
+    for number in range(513):
+        node.store(number % 256, number >> 8, START_MS)
+    assert Asking(node).knowledge == Digest(node.database.digests())
+
+
+def test_one_that_has_met_the_peer_says_what_it_got_since():
+    node = Node("asker")
+    node.store(0, 0, START_MS)
+    node.database.learn("io", Knowledge(EPOCH, 40, node.database.sequence))
+    assert Asking(node).knowledge == Since(EPOCH, 40, ())
+    later = node.store(0, 1, START_MS)
+    assert Asking(node).knowledge == Since(EPOCH, 40, (record_id(later),))
+
+
+def test_of_many_new_ones_the_largest_are_listed_if_the_others_are_small():
+    node = Node("asker")
+    node.database.learn("io", Knowledge(EPOCH, 40, 0))
+    for number in range(600):
+        node.store(number % 256, number >> 8, START_MS, size=0 if number < 200 else 300)
+    listed = Asking(node).knowledge.longs
+    assert len(listed) == 512
+    assert {sync.long_id(n % 256, n >> 8, START_MS) for n in range(200, 600)} <= set(listed)
+    for number in range(600, 800):
+        node.store(number % 256, number >> 8, START_MS, size=300)
+    assert isinstance(Asking(node).knowledge, Digest)
+
+
+def test_an_opening_comes_in_frames_that_fit():
+    node = Node("asker")
+    for number in range(400):
+        node.store(number % 256, number >> 8, START_MS)
+    step = Asking(node, room=300).intake.open(NOW)
+    assert len(step.frames) == -(-(400 * 8 + 21) // 286)
+    assert all(len(frame) <= 300 for frame in step.frames)
+
+
+def test_a_message_is_stored_and_told():
+    asking = Asking()
+    asking.letter(sync.HELLO, Hello(unknown=False).encode())
+    asking.hear(asking.chunks((LONG, body())))
+    (record,) = asking.node.database.kept()
+    assert record.body == body()
+    assert record.stamp_ms == START_MS
+    assert record.received_s == NOW.unix_s
+    assert not record.inferred
+    assert asking.events == [
+        MessageStored("io", NOW.unix_s, "r003", "/t4", record.header, len(body()))
+    ]
+    assert asking.intake.messages == 1
+    asking.done()
+    assert asking.said[-1] == "END"
+    assert asking.intake.over
+    assert asking.intake.complete
+    assert asking.refusals == []
+    assert asking.node.database.knowledge("io") == Knowledge(EPOCH, 50, 1)
+
+
+def test_a_message_of_an_original_node_has_an_inferred_time():
+    asking = Asking()
+    asking.hear(asking.chunks((LONG, body(None))))
+    assert asking.node.database.kept()[0].inferred
+
+
+def test_pieces_come_in_any_order_and_more_than_once():
+    asking = Asking()
+    whole_body = body(data=random.Random(1).randbytes(5_000))
+    cuts = [0, 500, 501, 3_000, len(whole_body)]
+    frames = [
+        asking.chunks(pieces=[(LONG, whole_body, start, end)])
+        for start, end in itertools.pairwise(cuts)
+    ]
+    frames += [asking.chunks(pieces=[(LONG, whole_body, 400, 3_100)])]
+    random.Random(2).shuffle(frames)
+    asking.done()
+    assert not asking.intake.over
+    for frame in frames + frames:
+        asking.hear(frame)
+    assert asking.node.content == {LONG: whole_body}
+    assert asking.intake.complete
+    assert len(asking.events) == 1
+
+
+def test_done_before_the_rest_waits_for_the_rest():
+    asking = Asking()
+    first, second = (asking.chunks((sync.long_id(3, topic, START_MS), body())) for topic in (1, 2))
+    asking.done()
+    asking.hear(second)
+    assert not asking.intake.over
+    asking.hear(first)
+    assert asking.intake.complete
+
+
+def test_a_pull_that_the_budget_cut_short_is_over_but_teaches_nothing():
+    asking = Asking(budget=100)
+    asking.done(cut_short=True)
+    assert asking.intake.over
+    assert not asking.intake.complete
+    assert asking.node.database.knowledge("io") is None
+    assert asking.said[-1] == "END"
+
+
+def test_nothing_is_written_down_when_nothing_has_changed():
+    node = Node("asker")
+    Asking(node).done()
+    known = node.database.knowledge("io")
+    Asking(node).done()
+    assert node.database.knowledge("io") is known
+
+
+def test_a_server_that_does_not_remember_us_gets_the_whole_list():
+    node = Node("asker")
+    record = node.store(0, 0, START_MS)
+    node.database.learn("io", Knowledge(EPOCH, 40, 1))
+    asking = Asking(node)
+    asking.letter(sync.HELLO, Hello(unknown=True).encode())
+    assert asking.knowledge == Have((record_id(record),))
+    assert asking.round == 1
+    asking.letter(sync.HELLO, Hello(unknown=False).encode())
+    asking.done()
+    assert asking.intake.complete
+
+
+def test_a_server_that_never_remembers_is_not_asked_for_ever():
+    asking = Asking()
+    for _ in range(20):
+        asking.letter(sync.HELLO, Hello(unknown=True).encode())
+    assert asking.round == sync.ROUNDS - 1
+
+
+def test_only_what_differs_is_listed_in_an_answer():
+    node = Node("asker")
+    for topic_id in range(40):
+        node.store(1, topic_id, START_MS)
+    digests = list(node.database.group_digests(1))
+    digests[3] ^= 1
+    asking = Asking(node)
+    groups = [(1, digests), (2, range(16))]
+    asking.letter(sync.GROUPS, letters.encode_groups(groups))
+    one, two = asking.said[-1]
+    assert one == (1, 1 << 3, [sync.long_id(1, topic, START_MS) for topic in (3, 19, 35)])
+    assert two == (2, 0xFFFE, [])  # 0 is the digest of nothing
+
+
+@pytest.mark.parametrize(
+    ("bad", "reason"),
+    [
+        (b"\0", "a body of 1 bytes"),
+        (b"\0\0garbage", "not an LZ4 frame"),
+        (body()[:-5], "ends within its trailer"),
+        (body().replace(b"data", b"dada"), "damaged on its way"),
+        (body(None)[:-4], "ends within its LZ4 frame"),
+        (body(START_MS + 1), f"of time {START_MS + 1} ms, said to be of {START_MS} ms"),
+        (body(None, dtype=7), "type id 7, but /t4 is a/B (0) here"),
+    ],
+)
+@pytest.mark.parametrize("in_pieces", [False, True])
+def test_what_may_be_damaged_is_asked_for_once_more(bad, reason, in_pieces):
+    asking = Asking()
+
+    def give(content: bytes) -> None:
+        if in_pieces:
+            half = len(content) // 2 or 1
+            for start, end in ((0, half), (half, len(content))):
+                if end > start:
+                    piece = (LONG, content, start, end)
+                    asking.hear(asking.chunks(pieces=[piece]))
+        else:
+            asking.hear(asking.chunks((LONG, content)))
+
+    give(bad)
+    assert len(asking.refusals) == 1
+    assert reason in asking.refusals[0]
+    assert len(asking.node.shelf) == 0
+    asking.done()
+    assert asking.round == 1
+    assert asking.knowledge == Have(())
+    give(bad)
+    asking.done()
+    assert asking.intake.over  # given up until the next pull
+    assert not asking.intake.complete
+    assert asking.node.database.knowledge("io") is None
+    asking = Asking(asking.node)
+    give(bad)
+    asking.done()
+    give(body())
+    asking.done()
+    assert asking.intake.complete
+    assert asking.node.content == {LONG: body()}
+
+
+def test_an_intact_message_of_another_type_is_refused_for_good():
+    asking = Asking()
+    asking.hear(asking.chunks((LONG, body(dtype=7))))
+    asking.done()
+    assert "type id 7, but /t4 is a/B (0) here; use the same team file" in asking.refusals[0]
+    assert asking.intake.complete
+    assert asking.node.content == {}
+    assert asking.node.database.knowledge("io")
+
+
+def test_what_the_team_does_not_trust_is_refused_for_good():
+    def verify(header, content, trailer) -> None:
+        assert content == body()
+        assert trailer.stamp_ms == START_MS
+        raise PayloadError(f"{header.robot_id} did not sign it")
+
+    asking = Asking(verify=verify)
+    asking.hear(asking.chunks((LONG, body())))
+    asking.done()
+    assert "3 did not sign it" in asking.refusals[0]
+    assert asking.intake.complete
+    assert asking.node.content == {}
+
+
+@pytest.mark.parametrize("pieces", [False, True])
+@pytest.mark.parametrize(
+    "long",
+    [
+        LONG - LONG % (1 << 48) + 2**47,
+        sync.long_id(3, 4, START_MS - START_MS % WRAP_MS + 1_000),
+        sync.long_id(3, 4, 0),
+    ],
+)
+def test_impossible_and_unsafe_times_are_refused(long, pieces):
+    asking = Asking()
+    if pieces:
+        asking.hear(asking.chunks(pieces=[(long, body(), 0, 10)]))
+    else:
+        asking.hear(asking.chunks((long, body())))
+    assert len(asking.refusals) == 1
+    assert asking.node.content == {}
+    assert len(asking.node.shelf) == 0
+
+
+def test_robots_and_topics_that_the_team_does_not_know_are_refused(team):
+    node = Node("asker")
+    intake = Intake(
+        "io", team=team, database=node.database, shelf=node.shelf, acquaintance=node.peer("io")
+    )
+    intake.open(NOW)
+    asking = Asking()
+    for robot_id, topic_id in ((3, 0), (0, 3), (255, 255)):
+        long = sync.long_id(robot_id, topic_id, START_MS)
+        frame = asking.chunks((long, body()), pieces=[(long, body(), 0, 10)])
+        step = intake.receive(frame, NOW)
+        assert len(step.refusals) == 2
+        assert "no such robot or topic in the team" in step.refusals[0]
+    assert node.content == {}
+    done = Done(EPOCH, 50, asking.number, cut_short=False).encode()
+    step = intake.receive(sync.letter_frames(sync.DONE, 0, done, 500)[0], NOW)
+    assert intake.complete  # there is nothing to be had by asking again
+
+
+def test_a_damaged_frame_is_made_up_for():
+    asking = Asking()
+    frame = asking.chunks((LONG, body()))
+    asking.hear(frame[:3] + b"?" + frame[4:])
+    assert asking.refusals == ["a damaged frame"]
+    asking.done()
+    assert asking.round == 1
+    asking.hear(asking.chunks((LONG, body())))
+    asking.done()
+    assert asking.intake.complete
+    assert asking.node.content == {LONG: body()}
+
+
+def test_a_peer_that_damages_everything_is_not_asked_for_ever():
+    asking = Asking()
+    for _ in range(10):
+        asking.chunks()
+        asking.hear(b"junk")
+        asking.done()
+    assert asking.intake.over
+    assert not asking.intake.complete
+    assert asking.round == 2
+
+
+def test_a_part_whose_rest_never_comes_is_asked_for():
+    asking = Asking()
+    asking.hear(asking.chunks(pieces=[(LONG, body(), 5, 10)]))
+    asking.done()
+    (wish,) = asking.said[-1].wishes
+    assert wish == (LONG, len(body()), [(0, 5), (10, len(body()))])
+    asking.hear(asking.chunks(pieces=[(LONG, body(), 0, 5), (LONG, body(), 10, len(body()))]))
+    asking.done()
+    assert asking.intake.complete
+    assert asking.node.content == {LONG: body()}
+
+
+def test_a_part_that_nobody_needs_any_more_is_dropped():
+    node = Node("asker")
+    asking = Asking(node)
+    asking.hear(asking.chunks(pieces=[(LONG, body(), 0, 10)]))
+    assert [wish.long for wish in Asking(node).said[0].wishes] == [LONG]
+    node.store(3, 4, START_MS + 1)
+    assert Asking(node).said[0].wishes == []
+    assert len(node.shelf) == 0
+    asking.done()
+    assert asking.intake.complete
+
+
+def test_the_rest_of_what_came_from_elsewhere_is_declined_once():
+    node = Node("asker")
+    asking = Asking(node)
+    large = node.store(3, 4, START_MS, size=100_000).body
+    asking.hear(asking.chunks(pieces=[(LONG, large, 0, 10), (LONG, large, 10, 20)]))
+    asking.hear(asking.chunks(pieces=[(LONG, large, 20, 30)]))
+    assert asking.said[1:] == [LONG]
+    assert len(node.shelf) == 0
+    asking.done()
+    assert asking.intake.complete
+    assert asking.events == []
+
+
+def test_parts_of_too_many_messages_are_refused():
+    asking = Asking()
+    for number in range(1_030):
+        asking.hear(asking.chunks(pieces=[(LONG + number, body(), 0, 1)]))
+    assert asking.refusals == ["parts of too many messages"] * 6
+    assert len(asking.node.shelf) == 1_024
+
+
+def test_one_frame_is_not_complained_of_for_ever():
+    asking = Asking()
+    asking.hear(asking.chunks(*[(LONG + number, b"\0") for number in range(5_000)]))
+    assert len(asking.refusals) == 100
+
+
+def test_what_comes_after_the_end_is_nothing():
+    asking = Asking()
+    asking.done()
+    asking.hear(asking.chunks((LONG, body())))
+    asking.hear(b"")
+    assert asking.node.content == {}
+    assert asking.refusals == []
+
+
+@pytest.mark.parametrize("frame", [b"", b"\0", b"\1" * 30, b"\10", b"\10" * 40])
+def test_junk_is_counted(frame):
+    asking = Asking()
+    asking.hear(frame)
+    assert len(asking.refusals) == 1
+    assert not asking.intake.over
+
+
+def serving_frames() -> list[bytes]:
+    """What a serving side says in pulls of all sorts."""
+    server, asker = Node("server"), Node("asker")
+    for number in range(30):
+        server.store(number % 5, number, START_MS, size=number * 40)
+    pull = Pull(asker, server)
+    pull.ask()
+    while pull.give(500):
+        pass
+    groups = [(robot_id, range(16)) for robot_id in range(9)]
+    said = pull.down
+    said += sync.letter_frames(sync.HELLO, 0, Hello(unknown=True).encode(), 400)
+    said += sync.letter_frames(sync.GROUPS, 1, letters.encode_groups(groups), 400)
+    said += sync.letter_frames(sync.DONE, 1, Done(1, 2, 3, cut_short=True).encode(), 400)
+    return said
+
+
+@settings(deadline=None, max_examples=150)
+@given(st.integers(0, 2**32))
+def test_whatever_comes_an_intake_keeps_only_good_messages(seed):
+    rng = random.Random(seed)
+    said = serving_frames()
+    node = Node("asker")
+    asking = Asking(node)
+    for _ in range(60):
+        frame = rng.choice(said)
+        if rng.random() < 0.7:
+            frame = mutated(rng, frame)
+        asking.intake.receive(frame, NOW)
+        if asking.intake.over:
+            asking = Asking(node)
+    for record in node.database.kept():
+        payload.check(record.body)
+        assert record.body[0] == 0
+        assert not record.header.hangs_old_nodes
+
+
+def test_memory_grows_with_what_came_and_not_with_what_was_announced():
+    rng = random.Random(1)
+    asking = Asking()
+    came = 0
+    tracemalloc.start()
+    before, _ = tracemalloc.get_traced_memory()
+    for number in range(2_000):
+        long = sync.long_id(number % 256, number >> 8, START_MS)
+        offset = rng.randrange(60_000_000)
+        frame = sync.chunks_frame(
+            rng.randrange(2**32), [], [sync.PIECE.pack(long, 2**26, offset, 1)], [b"?"]
+        )
+        frame = (
+            frame
+            if number % 2
+            else sync.letter_frame(
+                sync.GROUPS, number % 8, bytes(2**20), rng.randrange(2**10) * 300, 300
+            )
+        )
+        came += len(frame)
+        asking.intake.receive(frame, NOW)
+    after, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert after - before < 8 * came
+    assert peak - before < 8 * came + 2**21
