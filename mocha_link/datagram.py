@@ -146,11 +146,14 @@ class Flow:
             return
         self._tail = False
         rtt_s = None
+        came_s = now_s
         if heard.newest:
             rtt_s = now_s - heard.newest.sent_s
-            rtt_s = max(rtt_s - ack.delay_s if ack.delay_s < rtt_s else rtt_s, 1e-4)
+            if ack.delay_s < rtt_s:
+                rtt_s -= ack.delay_s
+                came_s -= ack.delay_s
         self._lose(now_s)
-        self._pacing.arrived(heard.stamps, rtt_s, now_s, outbox.in_flight_bytes)
+        self._pacing.arrived(heard.stamps, rtt_s, came_s, outbox.in_flight_bytes)
 
     def _lose(self, now_s: float) -> None:
         for stamp in self._outbox.lose(now_s - self._patience_s()):

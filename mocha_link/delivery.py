@@ -9,6 +9,7 @@ from typing import NamedTuple
 PEAK_ROUNDS = 10  # the rate of the link is the highest of so many rounds
 ROUND_S = 0.02  # a round is at least so long, however short the way
 RTT_WINDOW_S = 10.0  # the lowest round trip of so long
+MIN_RTT_S = 1e-4
 MAX_RATE = 125e6
 GROUP_PACKETS = 5  # the distances between so many packets show a rate
 TRAIN_S = 0.05  # distances are added up over this time
@@ -111,8 +112,9 @@ class Delivery:
 
     def arrived(self, stamps: list[Stamp], rtt_s: float | None, now_s: float) -> Train | None:
         """Packets arrived, the newest is the last one. A train, if enough came for one."""
+        now_s = max(now_s, self._total_s)
         if rtt_s is not None:
-            self._round_trip(rtt_s, now_s)
+            self._round_trip(max(rtt_s, MIN_RTT_S), now_s)
         size = 0
         for stamp in stamps:
             size += stamp.size

@@ -4,8 +4,8 @@ After BBR (draft-ietf-ccwg-bbr): packets leave at the highest rate that the link
 and no more are under way than it holds. Single losses say nothing, as radios lose packets without
 being full. A queue that stands, packets that come out at longer distances than they went in, or
 losses together with a risen round trip say that it is full; then what it delivers at that moment
-is its rate, however fast it was before. Unlike BBR, the distances of the first packets let a fast start
-leap, and losses that stay when less is sent are made up for by sending more.
+is its rate, however fast it was before. Unlike BBR, the distances of the first packets let a fast
+start leap, and losses that stay when less is sent are made up for by sending more.
 """
 
 from __future__ import annotations
@@ -114,7 +114,10 @@ class Pacing:
     def arrived(
         self, stamps: list[Stamp], rtt_s: float | None, now_s: float, in_flight: int
     ) -> None:
-        """Packets were acknowledged; the newest is the last one."""
+        """Packets were acknowledged; the newest is the last one, and came about when `now_s` says.
+
+        The time that the other end let pass before it answered is not in it, nor in `rtt_s`.
+        """
         link = self.link
         self._burst = 0
         train = link.arrived(stamps, rtt_s, now_s)
