@@ -99,10 +99,12 @@ class Monitor:
             return self._report()
         if line == "ERR":
             raise RadioError("the Rajant monitor has lost its radio")
+        ended = False
         for name, fields in self._blocks.feed(line):
+            ended = True
             if name.partition("-")[0] == "peer":
                 self._peer(fields, now_s)
-        return self._report() if self._blocks.depth == 0 else {}
+        return self._report() if ended and self._blocks.depth == 0 else {}
 
     def _peer(self, fields: Mapping[str, str], now_s: float) -> None:
         ids = {mac for mac in (_mac(fields.get("mac", "")),) if mac}

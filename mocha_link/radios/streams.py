@@ -8,7 +8,7 @@ import socket
 import sys
 from typing import TYPE_CHECKING, Protocol
 
-from mocha_link.radios.port import Desk, Report
+from mocha_link.radios.port import LOG, Desk, Report
 from mocha_link.radios.reports import MAX_LINE_BYTES, Lines, parse_report
 from mocha_link.radios.url import RadioUrl
 from mocha_link.radios.worker import READ_BYTES, Worker, pause, pump
@@ -185,6 +185,7 @@ class StdinRadio:
 
         if not pump(fd, stopped, take):
             take(b"\n")  # the last line may lack its end
+            LOG.warning("standard input has ended: no more radio reports, nobody is heard")
 
 
 def accept(desk: Desk, report: Report, raw: bytes, source: str) -> None:

@@ -204,7 +204,7 @@ def test_a_reading_shows_all_of_it():
         "stdin:",
         "wifi://wlan0",
         "rajant://10.229.221.1:2300",
-        "rajant://10.229.221.1?jar=/opt/rajant/monitor.jar",
+        "rajant://10.229.221.1?jar=/usr/local/lib/monitor.jar",
         "mavlink://127.0.0.1:14550?peer=io",
         "mavlink://127.0.0.1:14550",
     ],
