@@ -87,8 +87,8 @@ class DdsSource(_DdsSide):
         participant, topic, qos = self._join(ADDRESSES[1])
         writer = DataWriter(participant, topic, qos=qos)
         self._parts.append(writer)
-        for key in range(len(self._messages)):
-            writer.write(Message(key=key, data=self._messages[key])  # type: ignore[arg-type])
+        for key, data in self._messages.items():
+            writer.write(Message(key=key, data=data))  # type: ignore[arg-type]
 
     def data(self, key: int) -> bytes | None:
         return self._messages.get(key)
@@ -109,7 +109,8 @@ class DdsSink(_DdsSide):
             def on_data_available(self, reader: Any) -> None:
                 arrived(reader)
 
-        self._parts.append(DataReader(participant, topic, qos=qos, listener=Notice())  # type: ignore[no-untyped-call])
+        notice = Notice()  # type: ignore[no-untyped-call]
+        self._parts.append(DataReader(participant, topic, qos=qos, listener=notice))
 
     def data(self, key: int) -> bytes | None:
         return self._messages.get(key)
