@@ -22,15 +22,15 @@ from mocha_link.link_events import (
     StorageFailed,
     StorageRecovered,
 )
-from mocha_link.metrics import LinkBook, LinkMetrics
+from mocha_link.metrics import QUIET_S, LinkBook, LinkMetrics
 from mocha_link.protocol import ID_BYTES
 from mocha_link.publisher import Publisher
 from mocha_link.pull import Means, Memory, Pull
 from mocha_link.server import Server
 from mocha_link.shelf import Shelf
 from mocha_link.signature import Verifier
-from mocha_link.team import UnknownRobotError
-from mocha_link.trigger import SyncTrigger
+from mocha_link.team import Trust, UnknownRobotError
+from mocha_link.trigger import SILENT_INTERVALS, SyncTrigger
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -140,7 +140,10 @@ class Gossip:
         self._by_timer = by_timer
         self._datagrams = datagrams
         self._verifier = Verifier(team)
-        self._book = LinkBook(self.me.peers)
+        keyless = not any(robot.key for robot in team.robots.values())
+        self._verifies = team.trust is Trust.SIGNED or not keyless
+        quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
+        self._book = LinkBook(self.me.peers, quiet_s=quiet_s)
         for peer in protected:
             self._book.measure(peer, protected=True)
         self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer)
@@ -215,7 +218,7 @@ class Gossip:
             self._means,
             self._memories[peer],
             self._known[peer],
-            verify=partial(self._verifier.verify, handed_by=peer),
+            verify=partial(self._verifier.verify, handed_by=peer) if self._verifies else None,
             original=self._team.robot(peer).original,
             datagrams=self._datagrams,
             budget=left,
@@ -273,8 +276,8 @@ class Gossip:
     def measured(self, peer: str, rtt_s: float) -> None:
         """The round trip of the connection to a peer."""
         pull = self._pulls.get(peer)
-        if pull and pull.path != "udp":
-            self._memories[peer].rtt_s = rtt_s
+        if pull:
+            pull.measured(rtt_s)
 
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer is gone."""

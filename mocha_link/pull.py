@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Path = Literal["original", "zmq", "udp"]
 
 NEAR_S = 0.02  # round trips below this: a connection is set up in no time and carries more
+LOOK_S = 0.01  # a connection that stands within this time tells that an unknown peer is near
 PATIENCE_S = 0.1  # without an answer on the connection to a near peer, datagrams may get through
 LETTER_ROOM = 1100  # our frames fit in a datagram, whichever path they take
 MAX_MISSES = 2  # pulls on which datagrams carried nothing although the peer took them
@@ -143,7 +144,9 @@ class Pull:
         step.frames[:0] = [first, *rest]
         if self._datagrams:
             self._outbox.extend(opening)
-            self._cast_at_s = now.steady_s + (PATIENCE_S if self._memory.is_near else 0.0)
+            known = self._memory.rtt_s is not None
+            wait_s = PATIENCE_S if self._memory.is_near else 0.0 if known else LOOK_S
+            self._cast_at_s = now.steady_s + wait_s
             step.packets += self._cast(now)
         return step
 
@@ -191,6 +194,14 @@ class Pull:
         if rtt_s is not None:
             self._memory.rtt_s = rtt_s
         self._session.progress(now)
+
+    def measured(self, rtt_s: float) -> None:
+        """The round trip of the connection, as far as it is known by now."""
+        if self.path == "udp":
+            return
+        self._memory.rtt_s = rtt_s
+        if self._memory.is_near and self._cast_at_s is not None:
+            self._cast_at_s = max(self._cast_at_s, self._began_s + PATIENCE_S)
 
     def poke(self, now: Instant) -> Step:
         """A new contact begins while the pull is under way."""

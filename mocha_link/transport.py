@@ -152,11 +152,14 @@ class Transport:
         if self._caster and self._caster.fileno() in ready:
             self._catch(self._caster)
         now = self._now()
+        observe = now.steady_s - self._observed_s > OBSERVE_S  # what nothing tells to the poller
+        if observe:
+            self._observed_s = now.steady_s
         for peer, line in list(self._lines.items()):
-            if isinstance(line, list) or line.is_ready(ready, now.steady_s):
+            if isinstance(line, list):
+                self._open_line(peer, line)
+            elif observe or line.is_ready(ready, now.steady_s):
                 self._attend(line, peer, now)
-        if now.steady_s - self._observed_s > OBSERVE_S:
-            self._observe(now)
         with self._lock:
             self._gossip.tick(now)
         self._act()
@@ -229,14 +232,14 @@ class Transport:
                     self._gossip.packet_back(peer, opened, self._now())
                 self._act()
 
-    def _attend(self, line: Line | list[bytes], peer: str, now: Instant) -> None:
-        if isinstance(line, list):
-            self._open_line(peer, line)
-            return
+    def _attend(self, line: Line, peer: str, now: Instant) -> None:
         arrived = line.turn(now.steady_s)
-        if arrived:
-            self._note_arrival(line, peer, now)
+        rtt_s = line.rtt_s() if arrived else None
         with self._lock:
+            if arrived:
+                self._gossip.progress(peer, now)
+            if rtt_s is not None:
+                self._gossip.measured(peer, rtt_s)
             for parts in line.replies():
                 self._gossip.reply(peer, parts, self._now())
         self._act()
@@ -251,22 +254,6 @@ class Transport:
                 self._hang_up(peer)
             else:
                 line.watch(self._poller)
-
-    def _observe(self, now: Instant) -> None:
-        """Look at what the kernel knows of the connections."""
-        self._observed_s = now.steady_s
-        for peer, line in list(self._lines.items()):
-            if isinstance(line, list):
-                continue
-            if line.turn(now.steady_s):
-                self._note_arrival(line, peer, now)
-
-    def _note_arrival(self, line: Line, peer: str, now: Instant) -> None:
-        rtt_s = line.rtt_s()
-        with self._lock:
-            self._gossip.progress(peer, now)
-            if rtt_s is not None:
-                self._gossip.measured(peer, rtt_s)
 
     def _act(self) -> None:
         with self._lock:
