@@ -105,11 +105,11 @@ class Feed:
     def _open(self, round_: int, opening: letters.Open) -> None:
         self._round = round_
         self._budget = opening.budget
-        if not self._unknown:  # otherwise what goes on is what the peer has in part
-            self._queue.clear()
-            self._records.clear()
-            self._missing.clear()
-            self._given.clear()
+        self._number = 0
+        self._queue.clear()
+        self._records.clear()
+        self._missing.clear()
+        self._given.clear()
         self.done = self.cut_short = self._unknown = False
         self._asked = frozenset()
         self._outbox.clear()
@@ -136,8 +136,9 @@ class Feed:
         if groups:
             self._asked = frozenset(robot_id for robot_id, _ in groups)
             self._outbox.append((sync.GROUPS, letters.encode_groups(groups), 0))
-        self._resume(opening.wishes)
-        self._enqueue(new)
+        if not self._unknown:
+            self._resume(opening.wishes)
+            self._enqueue(new)
 
     def _note(self, longs: Iterable[int]) -> None:
         for long in longs:
@@ -174,12 +175,12 @@ class Feed:
             if record is None:
                 header = Header.at(long >> 56, long >> 48 & 0xFF, long & sync.STAMP_MASK)
                 record = self._database.get(header)
-            if record and len(record.body) == total and record_id(record) == long:
+            is_same = record and len(record.body) == total and record_id(record) == long
+            if record and is_same and long not in self._missing:
                 begun.append(long)
-                if long not in self._missing and long not in self._given:
-                    self._missing[long] = missing[::-1]
-                    self._peer.begin(long, record)
-                    self._push(_rank(long, record.priority, begun=True), record)
+                self._missing[long] = missing[::-1]
+                self._peer.begin(long, record)
+                self._push(_rank(long, record.priority, begun=True), record)
         self._peer.end(begun)
 
     def _skip(self, long: int) -> None:
@@ -265,9 +266,9 @@ class Feed:
             room -= self._piece(long, record, room, pieces, tail)
         if not wholes and not pieces:
             return None
-        number = self._number
+        place = (self._round, self._number)
         self._number += 1
-        return sync.chunks_frame(number, wholes, pieces, data + tail, prefix)
+        return sync.chunks_frame(place, wholes, pieces, data + tail, prefix)
 
     def _piece(
         self, long: int, record: Record, room: int, pieces: list[bytes], data: list[sync.Frame]

@@ -85,7 +85,7 @@ class Intake:
         self._round = 0
         self._repairs = 0
         self._now_s = 0.0
-        self._next = 0  # frames of chunks: all below it have come, and those
+        self._next = 0  # frames of chunks of this round: all below it have come, and those
         self._ahead: set[int] = set()
         self._damaged = 0  # frames
         self._done: letters.Done | None = None
@@ -120,6 +120,13 @@ class Intake:
         if done and self._next + len(self._ahead) + self._damaged >= done.frames:
             self._finish(done, step)
         return step
+
+    def _begin_round(self) -> None:
+        self._round += 1
+        self._next = self._damaged = 0
+        self._ahead.clear()
+        self._done = None
+        self._flawed = False
 
     def _opening(self, knowledge: Since | Have | Digest) -> list[bytes]:
         opening = letters.Open(self._acquaintance.run, self._budget, knowledge, self._wishes())
@@ -163,8 +170,7 @@ class Intake:
             return
         if letter.kind == sync.HELLO:
             if letters.Hello.decode(letter.content).unknown and self._round + 1 < sync.ROUNDS:
-                self._round += 1
-                self._flawed = False
+                self._begin_round()
                 step.frames += self._opening(self._all())
         elif letter.kind == sync.GROUPS:
             groups = letters.decode_groups(letter.content)
@@ -185,18 +191,8 @@ class Intake:
 
     def _chunks(self, frame: sync.Frame, now: Instant, step: Step) -> None:
         chunks = sync.read_chunks(frame)
-        number = chunks.number
-        if number < self._next or number in self._ahead:
+        if chunks.round == self._round and not self._count(chunks.number):
             return
-        if number == self._next:
-            self._next += 1
-            while self._next in self._ahead:
-                self._ahead.remove(self._next)
-                self._next += 1
-        elif len(self._ahead) < _MAX_AHEAD:
-            self._ahead.add(number)
-        else:
-            raise FrameError("a frame far ahead of the others")
         data, at = chunks.data, 0
         for long, size in chunks.wholes:
             end = at + size
@@ -206,6 +202,21 @@ class Intake:
             end = at + piece[-1]
             self._piece(piece, data[at:end], now, step)
             at = end
+
+    def _count(self, number: int) -> bool:
+        """Note that a frame of this round has come; whether it is the first time."""
+        if number < self._next or number in self._ahead:
+            return False
+        if number == self._next:
+            self._next += 1
+            while self._next in self._ahead:
+                self._ahead.remove(self._next)
+                self._next += 1
+        elif len(self._ahead) < _MAX_AHEAD:
+            self._ahead.add(number)
+        else:
+            raise FrameError("a frame far ahead of the others")
+        return True
 
     def _piece(
         self, piece: tuple[int, int, int, int], data: memoryview, now: Instant, step: Step
@@ -280,9 +291,7 @@ class Intake:
         last = self._repairs == _REPAIRS or self._round + 1 == sync.ROUNDS
         if flawed and not (done.cut_short or self._hopeless or last):
             self._repairs += 1
-            self._round += 1
-            self._done = None
-            self._flawed = False
+            self._begin_round()
             step.frames += self._opening(self._knowledge())
             return
         self.over = True

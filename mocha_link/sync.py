@@ -26,7 +26,7 @@ MAX_CHUNKS = 65_535  # of each sort in one frame
 STAMP_MASK = (1 << 48) - 1
 
 _LETTER = struct.Struct(">BIBII")  # kind, checksum, round, offset, total
-_CHUNKS = struct.Struct(">BIIHH")  # kind, checksum, number, whole messages, pieces
+_CHUNKS = struct.Struct(">BIBIHH")  # kind, checksum, round, number, whole messages, pieces
 _COVERED = 5  # the checksum is over what follows it
 WHOLE = struct.Struct(">QI")  # long id, size
 PIECE = struct.Struct(">QIII")  # long id, size of the whole, offset, size of the piece
@@ -110,8 +110,12 @@ class Letters:
 
 
 class Chunks(NamedTuple):
-    """A frame of chunks: `data` has the whole messages one after another, then the pieces."""
+    """A frame of chunks, `number` of its round.
 
+    `data` has the whole messages one after another, then the pieces.
+    """
+
+    round: int
     number: int
     wholes: list[tuple[int, int]]  # long id, size
     pieces: list[tuple[int, int, int, int]]  # long id, size of the whole, offset, size
@@ -119,19 +123,27 @@ class Chunks(NamedTuple):
 
 
 def chunks_frame(
-    number: int, wholes: list[bytes], pieces: list[bytes], data: list[Frame], prefix: bytes = b""
+    place: tuple[int, int],
+    wholes: list[bytes],
+    pieces: list[bytes],
+    data: list[Frame],
+    prefix: bytes = b"",
 ) -> bytes:
-    """A frame of chunks from packed WHOLEs and PIECEs and their data, with a prefix before it."""
-    covered = b"".join((struct.pack(">IHH", number, len(wholes), len(pieces)), *wholes, *pieces))
-    head = struct.pack(">BI", CHUNKS, zlib.crc32(covered, CHUNKS))
-    return b"".join((prefix, head, covered, *data))
+    """A frame of chunks: its round and number, packed WHOLEs and PIECEs, and their data.
+
+    `prefix` goes before it.
+    """
+    head = struct.pack(">BIHH", *place, len(wholes), len(pieces))
+    covered = b"".join((head, *wholes, *pieces))
+    checksum = zlib.crc32(covered, CHUNKS)
+    return b"".join((prefix, struct.pack(">BI", CHUNKS, checksum), covered, *data))
 
 
 def read_chunks(frame: Frame) -> Chunks:
     """Read a frame of chunks. Raises FrameError."""
     if len(frame) < CHUNKS_BYTES:
         raise FrameError(f"a frame of {len(frame)} bytes")
-    kind, checksum, number, whole_count, piece_count = _CHUNKS.unpack_from(frame)
+    kind, checksum, round_, number, whole_count, piece_count = _CHUNKS.unpack_from(frame)
     middle = CHUNKS_BYTES + whole_count * WHOLE.size
     end = middle + piece_count * PIECE.size
     view = memoryview(frame)
@@ -149,7 +161,7 @@ def read_chunks(frame: Frame) -> Chunks:
         size += length
     if size != len(frame) - end:
         raise FrameError(f"chunks of {size} bytes in a frame with {len(frame) - end}")
-    return Chunks(number, wholes, pieces, view[end:])
+    return Chunks(round_, number, wholes, pieces, view[end:])
 
 
 def is_body(long: int, total: int) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import struct
 import zlib
@@ -17,6 +18,7 @@ from mocha_link.feed import Feed
 from mocha_link.header import Header
 from mocha_link.intake import Intake
 from mocha_link.shelf import Shelf
+from mocha_link.sync import FrameError
 from mocha_link.team import Team
 
 NOW = Instant(1_795_175_900.0, 1.0)
@@ -123,18 +125,26 @@ class Pull:
 
     def ask(self, place: int = 0) -> None:
         """One frame of the asking side arrives."""
-        self.feed.receive(self.up.pop(place))
+        frame = self.up.pop(place)
+        try:
+            self.feed.receive(frame)
+        except FrameError as error:
+            self.refusals.append(str(error))
 
     def deliver(self, place: int = 0) -> None:
         """One frame of the serving side arrives."""
         frame = self.down.pop(place)
         if frame[0] == sync.CHUNKS and frame not in self.seen:
             self.seen.add(frame)
+            self.count(frame)
+        self.take(self.intake.receive(frame, NOW))
+
+    def count(self, frame: bytes) -> None:
+        with contextlib.suppress(FrameError):
             chunks = sync.read_chunks(frame)
             self.arrived.update(dict(chunks.wholes))
             for long, _, _, size in chunks.pieces:
                 self.arrived[long] += size
-        self.take(self.intake.receive(frame, NOW))
 
     def run(self, room: int = 65_536) -> Pull:
         """All of it, with nothing in its way."""
@@ -147,7 +157,9 @@ class Pull:
                 break
         return self
 
-    def run_badly(self, rng: random.Random, *, ordered: bool, cut: int, meanwhile) -> None:
+    def run_badly(
+        self, rng: random.Random, *, ordered: bool, cut: int, meanwhile, damage: float = 0
+    ) -> None:
         """At most `cut` steps, with frames out of order and twice unless `ordered`."""
         window = rng.randint(1, 12)
         for _ in range(cut):
@@ -163,11 +175,20 @@ class Pull:
                     if not ordered and rng.random() < 0.1:
                         side.insert(rng.randrange(len(side)), side[place])
                         place = rng.randrange(len(side))
+                    if rng.random() < damage:
+                        side[place] = damaged(rng, side[place])
                     arrive(place)
 
 
 def data_bytes(frame: bytes) -> int:
     return len(sync.read_chunks(frame).data) if frame[0] == sync.CHUNKS else 0
+
+
+def damaged(rng: random.Random, frame: bytes) -> bytes:
+    """A frame with one wrong bit."""
+    raw = bytearray(frame)
+    raw[rng.randrange(len(raw))] ^= 1 << rng.randrange(8)
+    return bytes(raw)
 
 
 def mutated(rng: random.Random, frame: bytes) -> bytes:
@@ -195,6 +216,6 @@ def signed(frame: bytes) -> bytes:
         return frame
     end = len(frame)
     if frame[0] == sync.CHUNKS:
-        wholes, pieces = struct.unpack_from(">HH", frame, 9)
+        wholes, pieces = struct.unpack_from(">HH", frame, 10)
         end = sync.CHUNKS_BYTES + wholes * sync.WHOLE.size + pieces * sync.PIECE.size
     return frame[:1] + zlib.crc32(frame[5:end], frame[0]).to_bytes(4) + frame[5:]

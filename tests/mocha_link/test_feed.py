@@ -252,17 +252,16 @@ def test_an_unknown_epoch_or_number_is_said_and_asked_again(node, of):
     wish = Wish(sync.long_id(0, 1, START_MS), len(body), [(0, 10), (4_000, len(body))])
     since = Since(node.database.epoch + of[0], node.database.sequence + of[1], ())
     served = Served(node, since, wishes=[wish])
-    hello, chunks = served.hear()
-    assert hello.unknown
-    assert len(chunks.pieces) == 2  # what the peer certainly lacks does not wait
-    assert chunks.wholes == []
+    assert served.hear() == [Hello(unknown=True)]
+    node.store(0, 2, START_MS)
+    assert served.hear() == []
     assert not served.feed.done
-    served.open(Have(()), wishes=[wish])  # said before those pieces came
+    served.open(Have(()), wishes=[wish])
     hello, chunks, done = served.hear()
     assert not hello.unknown
-    assert [long for long, _ in chunks.wholes] == [sync.long_id(0, 0, START_MS)]
-    assert chunks.pieces == []
-    assert done.frames == 2
+    assert len(chunks.wholes) == 2
+    assert len(chunks.pieces) == 2
+    assert (chunks.round, chunks.number, done.frames) == (1, 0, 1)
 
 
 def test_only_what_differs_is_asked_about(node):

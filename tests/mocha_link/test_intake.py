@@ -57,7 +57,8 @@ class Asking:
         for frame in step.frames:
             letter = self.letters.take(frame)
             if letter:
-                self.round = letter.round
+                if letter.round != self.round:
+                    self.round, self.number = letter.round, 0
                 read = {
                     sync.OPEN: Open.decode,
                     sync.ANSWER: letters.decode_answers,
@@ -77,7 +78,7 @@ class Asking:
         """The next frame with these messages and (long id, body, start, end) of pieces."""
         self.number += 1
         return sync.chunks_frame(
-            self.number - 1,
+            (self.round, self.number - 1),
             [sync.WHOLE.pack(long, len(body)) for long, body in wholes],
             [sync.PIECE.pack(long, len(b), start, end - start) for long, b, start, end in pieces],
             [body for _, body in wholes] + [b[start:end] for _, b, start, end in pieces],
@@ -497,7 +498,7 @@ def test_memory_grows_with_what_came_and_not_with_what_was_announced():
         long = sync.long_id(number % 256, number >> 8, START_MS)
         offset = rng.randrange(60_000_000)
         frame = sync.chunks_frame(
-            rng.randrange(2**32), [], [sync.PIECE.pack(long, 2**26, offset, 1)], [b"?"]
+            (0, rng.randrange(2**32)), [], [sync.PIECE.pack(long, 2**26, offset, 1)], [b"?"]
         )
         frame = (
             frame

@@ -121,7 +121,7 @@ def chunks(rng: random.Random) -> tuple[bytes, int]:
     pieces = [(sync.long_id(1, 3, number), 1_000, number * 10, 50) for number in range(2)]
     data = [rng.randbytes(size) for _, size in wholes] + [rng.randbytes(50) for _ in pieces]
     frame = sync.chunks_frame(
-        9,
+        (2, 9),
         [sync.WHOLE.pack(*each) for each in wholes],
         [sync.PIECE.pack(*each) for each in pieces],
         data,
@@ -129,7 +129,7 @@ def chunks(rng: random.Random) -> tuple[bytes, int]:
     )
     assert frame[:6] == b"prefix"
     read = sync.read_chunks(frame[6:])
-    assert read == (9, wholes, pieces, b"".join(data))
+    assert read == (2, 9, wholes, pieces, b"".join(data))
     assert read == sync.read_chunks(memoryview(frame)[6:])
     return frame[6:], len(frame) - 6 - len(read.data)
 
@@ -173,7 +173,7 @@ def test_a_frame_of_chunks_is_all_there_or_refused(cut):
 )
 def test_impossible_chunks(wholes, pieces, size):
     frame = sync.chunks_frame(
-        0,
+        (0, 0),
         [sync.WHOLE.pack(*each) for each in wholes],
         [sync.PIECE.pack(*each) for each in pieces],
         [bytes(size)],
