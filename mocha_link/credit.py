@@ -12,8 +12,8 @@ GRANT = struct.Struct(">QI")  # bytes since the beginning, largest frame
 
 MIN_WINDOW = 32 * 1024
 FIRST_WINDOW = 64 * 1024
-MAX_WINDOW = 16 * 1024 * 1024
-MIN_CHUNK, MAX_CHUNK = 1400, 1024 * 1024
+MAX_WINDOW = 32 * 1024 * 1024
+MIN_CHUNK, MAX_CHUNK = 1400, 4 * 1024 * 1024
 _QUEUE_S = 0.15  # what may lie in buffers on top of a round trip
 _GROWTH = 1.5  # so much more than the rate so far, as it may rise
 _CHUNKS = 8  # in a window

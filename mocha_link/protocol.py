@@ -81,7 +81,7 @@ class ServerSession:
             body = SERRM
         if self._pull:
             self._pull.bytes += ID_BYTES + len(body)
-        return request_id + body, events
+        return b"".join((request_id, body)), events
 
     def tick(self, now: Instant) -> list[LinkEvent]:
         """What the peer's silence ends."""
