@@ -24,12 +24,21 @@ from air_router.recorder import Recorder
 from air_router.report import write_report
 from air_router.status import StatusLine
 from mocha_link import ListenError, PortInUseError, RadioError, Team
+from mocha_link.keys import KeyFileError, KeyMismatchError, KeysUnavailableError
 
 if TYPE_CHECKING:
     from air_router.mission import Mission
 
 DEFAULT_URL = "udpin://0.0.0.0:14540"
 AERIAL = "aerial_robot"
+_UNUSABLE = (  # the gossip node cannot begin, so the flight does not
+    PortInUseError,
+    ListenError,
+    RadioError,
+    KeyFileError,
+    KeyMismatchError,
+    KeysUnavailableError,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +49,7 @@ class FlyOptions:
         url: MAVSDK connection URL of the vehicle.
         team: Team file, None for the mission's own.
         camera: Endpoint of the camera's patches; metrics: endpoint to serve the links' metrics at.
+        keys: The folder with the UAV's secret, if the team has a key for it.
         duration_s: Come home after so long in the air, None for the mission's own.
     """
 
@@ -48,6 +58,7 @@ class FlyOptions:
     team: Path | None = None
     camera: str | None = None
     metrics: str | None = None
+    keys: Path | None = None
     duration_s: float | None = None
     arm: bool = False
     log_dir: Path | None = None
@@ -65,14 +76,24 @@ def fly(mission: Mission, options: FlyOptions) -> FlightResult:
         )
     team = Team.load(team_path)
     uav = mission.uav or only_uav(team)
+    try:
+        return _fly(mission, options, team, uav)
+    except _UNUSABLE as error:
+        raise RefusedError(str(error)) from None
+
+
+def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightResult:
     clock = VehicleClock()
     mapper = Mapper(mission)
+    gossip = Gossip(
+        mission.frame, team, uav, clock, mapper, metrics=options.metrics, keys=options.keys
+    )
     with Recorder(options.log_dir, str(mission.path)) as recorder:
         flight = Flight(
             mission,
             Px4Vehicle(mission, options.url, clock, system_id=options.system_id),
             clock=clock,
-            gossip=Gossip(mission.frame, team, uav, clock, mapper, metrics=options.metrics),
+            gossip=gossip,
             mapper=mapper,
             seek=mission.seek or ground_robots(team, uav),
             recorder=recorder,
@@ -80,10 +101,7 @@ def fly(mission: Mission, options: FlyOptions) -> FlightResult:
             camera=options.camera,
             arm=options.arm,
         )
-        try:
-            return asyncio.run(flight.run())
-        except (PortInUseError, ListenError, RadioError) as error:
-            raise RefusedError(str(error)) from None
+        return asyncio.run(flight.run())
 
 
 def only_uav(team: Team) -> str:
@@ -152,6 +170,12 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         help="let other programs watch the links there, e.g. tcp://127.0.0.1:24500 "
         "(`mocha-link metrics ENDPOINT --follow`)",
     )
+    parser.add_argument(
+        "--keys",
+        type=Path,
+        metavar="DIR",
+        help="the folder with the UAV's secret key, NAME.key, if the team has a key for it",
+    )
     parser.add_argument("--json", action="store_true", help="end with one JSON object on stdout")
 
 
@@ -168,6 +192,7 @@ def run(arguments: argparse.Namespace) -> int:
             team=arguments.team,
             camera=arguments.camera,
             metrics=arguments.metrics,
+            keys=arguments.keys,
             duration_s=arguments.duration,
             arm=arguments.arm,
             log_dir=arguments.log_dir,

@@ -22,6 +22,8 @@ from mocha_link import MetricsServer, Node
 from mocha_link.metrics import LinkEvent, LinkMetrics, MessageStored
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from air_router.clock import VehicleClock
     from air_router.mapper import Mapper
     from air_router.vehicle import Telemetry
@@ -49,6 +51,7 @@ class Gossip:
         clock: Stamps and ages follow the vehicle's time.
         mapper: The map to publish.
         metrics: Endpoint at which other programs may watch the links, None for none.
+        keys: The folder with the UAV's secret, if the team has a key for it.
 
     Raises:
         UnknownRobotError: the team has no robot of the UAV's name.
@@ -64,13 +67,14 @@ class Gossip:
         mapper: Mapper,
         *,
         metrics: str | None = None,
+        keys: Path | None = None,
     ) -> None:
         self._frame = frame
         self._mapper = mapper
         self._clock = clock
         self._name = name
         self._topics = {topic.name for topic in team.topics_of(self._name)}
-        self.node = Node(team, self._name, clock=clock)
+        self.node = Node(team, self._name, clock=clock, keys=keys)
         self._metrics = None if metrics is None else MetricsServer(self.node, metrics)
         self._pose_at_s = float("-inf")
         self._map_at_s = float("-inf")

@@ -104,6 +104,18 @@ def _parser() -> argparse.ArgumentParser:
         metavar="HOST:PORT",
         help="serve metrics for Prometheus there, e.g. :9464 (this machine only)",
     )
+    node.add_argument(
+        "--storage",
+        type=Path,
+        metavar="FILE",
+        help="keep the messages in this file, so that they survive a restart; default: in memory",
+    )
+    node.add_argument(
+        "--keys",
+        type=Path,
+        metavar="DIR",
+        help="the folder with the robot's secret, NAME.key, if the team has a key for it",
+    )
     node.add_argument("--json", action="store_true", help="print events as JSON lines")
     node.set_defaults(run=_node)
 
@@ -140,7 +152,7 @@ def _seconds(text: str) -> float:
 
 
 def _node(options: argparse.Namespace) -> int:
-    node = Node(Team.load(options.team), options.robot)
+    node = Node(Team.load(options.team), options.robot, storage=options.storage, keys=options.keys)
     events: queue.Queue[LinkEvent] = queue.Queue(QUEUE_EVENTS)
 
     def keep(event: LinkEvent) -> None:  # the node must not wait for whoever reads our output

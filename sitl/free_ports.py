@@ -55,6 +55,7 @@ def _places(team: Team, chance: random.Random) -> dict[str, dict[str, object]]:
             "listen": listen,
             "base_port": port,
             "radio": f"udp://{listen}:{port + len(robot.clients)}",
+            "key": None,  # the relays have none
         }
         port += len(robot.clients) + 1
     return places
