@@ -9,13 +9,14 @@ from typing import NamedTuple
 
 import pytest
 
-from mocha_link import payload
+from mocha_link import client, payload
 from mocha_link.client import ClientSession
 from mocha_link.clock import Instant
 from mocha_link.database import Database, Record
 from mocha_link.header import Header
 from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncStarted
 from mocha_link.protocol import ServerSession
+from mocha_link.pull import Memory
 from mocha_link.team import Team
 
 DATA = Path(__file__).parents[1] / "data" / "mocha"
@@ -123,7 +124,9 @@ def test_our_server_answers_as_the_real_node(recorded_team, bodies, pull):
 
 @pytest.mark.parametrize("pull", PULLS)
 @pytest.mark.parametrize("window", [1, 8])
-def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, window):
+def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, window, monkeypatch):
+    monkeypatch.setattr(client, "MIN_WINDOW", window)
+    monkeypatch.setattr(client, "MAX_WINDOW", window)
     recorded = exchange(*pull.connections)
     ids = iter(request[:6] for request, _ in recorded)
     own = database(recorded_team, bodies, *pull.client_holds)
@@ -134,7 +137,7 @@ def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, wi
         database=own,
         new_id=lambda: next(ids),
         timeout_s=5,
-        window=window,
+        memory=Memory(),
     )
     replies = dict(recorded)
     step = session.start(NOW)
@@ -181,19 +184,20 @@ def test_a_recorded_pull_with_large_messages(recorded_team):
     ids = iter(bytes.fromhex(request["hex"])[:6] for request, _ in pairs)
     server = ServerSession("titan", held)
     got = Database()
-    client = ClientSession(
+    asking = ClientSession(
         "callisto",
         "titan",
         team=recorded_team,
         database=got,
         new_id=lambda: next(ids),
         timeout_s=5,
+        memory=Memory(),
     )
-    pending, asked_frames, replies = client.start(NOW).frames, [], []
+    pending, asked_frames, replies = asking.start(NOW).frames, [], []
     while pending:
         asked_frames.append(pending.pop(0))
         replies.append(server.answer([asked_frames[-1]], NOW)[0])
-        pending += client.reply([replies[-1]], NOW).frames
+        pending += asking.reply([replies[-1]], NOW).frames
     assert [frame.hex() for frame in asked_frames] == [request["hex"] for request, _ in pairs]
     assert replies[0].hex() == pairs[0][1]["hex"]
     assert replies[-1].hex() == pairs[-1][1]["hex"]

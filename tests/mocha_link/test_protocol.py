@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mocha_link import protocol
 from mocha_link.clock import Instant
 from mocha_link.database import Database, Record
 from mocha_link.header import Header
@@ -112,19 +111,46 @@ def test_what_was_offered_stays_available(database):
         ID + b"\0\0newer"
     )
     session.answer([ID + b"GHEAD"], at(101))
-    assert session.answer([ask], at(102))[0] == ID + b"SERRM"
+    # It may still be busy with the list before: 13 s after the new one it is not.
+    assert session.answer([ask], at(114))[0] == ID + b"\0\0body"
+    assert session.answer([ask], at(114.1))[0] == ID + b"SERRM"
     assert ServerSession("europa", database).answer([ask], at(0))[0] == ID + b"SERRM"
 
 
-def test_a_peer_that_keeps_asking_does_not_fill_the_memory(database, monkeypatch):
-    monkeypatch.setattr(protocol, "KEPT_BYTES", 2500)
+def test_a_peer_that_keeps_asking_does_not_fill_the_memory(database):
+    """Only the two last lists are remembered, each with one message of a topic."""
     session = ServerSession("io", database)
     for second in range(1501, 1600):
         database.insert(record(second, bytes(1000)), 2000)
         session.answer([ID + b"GHEAD"], at(0))
+    database.insert(record(1600), 2000)
 
-    def holds(second: int) -> bool:
+    def holds(second: int, steady_s: float) -> bool:
         ask = ID + b"GDATA" + record(second).header.pack()
-        return not session.answer([ask], at(1))[0].endswith(b"SERRM")
+        return not session.answer([ask], at(steady_s))[0].endswith(b"SERRM")
 
-    assert [second for second in range(1500, 1600) if holds(second)] == [1597, 1598, 1599]
+    assert [second for second in range(1500, 1601) if holds(second, 1)] == [1598, 1599, 1600]
+    assert [second for second in range(1500, 1601) if holds(second, 14)] == [1599, 1600]
+
+
+def test_every_kept_version_is_given_by_its_header():
+    """The list has the newest only, but another node may still ask for the one before."""
+    held = Database(history=lambda *_: 2)
+    session = ServerSession("io", held)
+    for second in (1500, 1501, 1502):
+        held.insert(record(second, f"at {second}".encode()), 2000)
+    assert session.answer([ID + b"GHEAD"], at(0))[0] == ID + record(1502).header.pack()
+    answers = [
+        session.answer([ID + b"GDATA" + record(second).header.pack()], at(0))[0][6:]
+        for second in (1500, 1501, 1502)
+    ]
+    assert answers == [b"SERRM", b"at 1501", b"at 1502"]
+
+
+@pytest.mark.parametrize("code", [b"SYNC1", b"SYNCF", b"SYNCC"])
+def test_what_only_new_nodes_say_is_refused_here(database, code):
+    """As an original node refuses it: `Server` answers it before it gets here."""
+    assert ServerSession("io", database).answer([ID + code + b"rest"], at(0)) == (
+        ID + b"SERRM",
+        [],
+    )

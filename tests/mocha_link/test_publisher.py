@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from mocha_link import batch, payload
 from mocha_link.database import Database, Record
 from mocha_link.header import Header
+from mocha_link.payload import PayloadError
 from mocha_link.publisher import Publisher
 
 T = 1_795_175_900.0
@@ -32,23 +36,42 @@ def often(team):
 
 
 def stored(database, topic) -> bytes | None:
+    """The data of the newest message of a topic of titan."""
     record = database.newest(2, topic.topic_id)
-    return record.body if record else None
+    return payload.unpack(record.body) if record else None
+
+
+def own(topic, stamp_ms: int, data: bytes) -> Record:
+    """A message of titan from before a restart."""
+    body = payload.pack(topic.dtype, topic.priority, data, stamp_ms=stamp_ms)
+    return Record(Header.at(2, topic.topic_id, stamp_ms), topic.priority, body, stamp_ms, T)
 
 
 def test_an_early_message_waits_and_the_newest_one_is_stored(publisher, database, slow):
-    record, now = publisher.publish(slow, b"1", T, at_once=False)
-    assert now
-    assert record.header == Header.at(2, 1, int(T * 1000))
-    assert publisher.publish(slow, b"2", T + 1, at_once=False)[1] is False
-    third, _ = publisher.publish(slow, b"3", T + 2, at_once=False)
+    header, (record,) = publisher.publish(slow, b"1", T, at_once=False)
+    assert header == record.header == Header.at(2, 1, int(T * 1000))
+    assert publisher.publish(slow, b"2", T + 1, at_once=False)[1] == []
+    third, nothing = publisher.publish(slow, b"3", T + 2, at_once=False)
+    assert nothing == []
     assert stored(database, slow) == b"1"
     assert publisher.due(T + 4.9) == []
-    assert publisher.due(T + 5) == [third]
-    assert third.stamp_s == T + 2  # stamped when it was said, not when it left
+    (record,) = publisher.due(T + 5)
+    assert record.header == third
+    assert record.stamp_s == T + 2  # stamped when it was said, not when it left
     assert stored(database, slow) == b"3"
     assert publisher.due(T + 20) == []
     assert publisher.publish(slow, b"4", T + 10, at_once=False)[1]
+
+
+def test_what_is_stored_is_a_message_as_it_crosses_the_wire(publisher, often):
+    header, (record,) = publisher.publish(often, b"grid", T, at_once=False)
+    assert payload.dtype_of(record.body) == often.dtype
+    assert record.body[1] == record.priority == often.priority
+    assert payload.unpack(record.body) == b"grid"
+    trailer = payload.check(record.body)
+    assert trailer.stamp_ms == record.stamp_ms == int(T * 1000)
+    assert trailer.signature is None
+    assert (record.header, record.received_s, record.inferred) == (header, T, False)
 
 
 def test_at_once_and_flush_do_not_wait(publisher, database, slow):
@@ -57,8 +80,8 @@ def test_at_once_and_flush_do_not_wait(publisher, database, slow):
     assert publisher.publish(slow, b"3", T + 2, at_once=True)[1]
     assert stored(database, slow) == b"3"
     assert publisher.flush(slow, T + 2) is None
-    publisher.publish(slow, b"4", T + 3, at_once=False)
-    assert publisher.flush(slow, T + 3).body == b"4"
+    header, _ = publisher.publish(slow, b"4", T + 3, at_once=False)
+    assert publisher.flush(slow, T + 3).header == header
     assert stored(database, slow) == b"4"
 
 
@@ -70,27 +93,25 @@ def test_a_clock_set_back_holds_nothing_for_ever(publisher, database, slow):
 
 def test_two_messages_of_a_topic_never_share_a_header(publisher, often):
     times = (T, T, T, T - 3600, T + 0.001, T)
-    headers = [publisher.publish(often, b"x", t, at_once=False)[0].header for t in times]
+    headers = [publisher.publish(often, b"x", t, at_once=False)[0] for t in times]
     assert len(set(headers)) == len(times)
     assert [h.milliseconds for h in headers] == [0, 1, 2, 3, 4, 5]
 
 
 def test_new_messages_follow_those_from_before_a_restart(publisher, database, often):
-    before = Header.at(2, 0, int(T * 1000) + 500)
-    database.insert(Record(before, 3, b"old", int(T * 1000) + 500, T), T)
-    record, now = publisher.publish(often, b"new", T, at_once=False)
-    assert now
-    assert record.header == Header.at(2, 0, int(T * 1000) + 501)
+    database.insert(own(often, int(T * 1000) + 500, b"old"), T)
+    header, (record,) = publisher.publish(often, b"new", T, at_once=False)
+    assert header == record.header == Header.at(2, 0, int(T * 1000) + 501)
     assert stored(database, often) == b"new"
 
 
 def test_a_message_held_over_a_recovery_still_leaves(publisher, database, slow):
     publisher.publish(slow, b"1", T, at_once=False)
     publisher.publish(slow, b"2", T + 1, at_once=False)
-    before = Header.at(2, 1, int(T * 1000) + 90_000)
-    database.insert(Record(before, 0, b"old", int(T * 1000) + 90_000, T), T + 2)
+    database.insert(own(slow, int(T * 1000) + 90_000, b"old"), T + 2)
     (record,) = publisher.due(T + 5)
     assert record.header == Header.at(2, 1, int(T * 1000) + 90_001)
+    assert payload.check(record.body).stamp_ms == record.stamp_ms
     assert stored(database, slow) == b"2"
 
 
@@ -98,10 +119,93 @@ def test_a_recovered_message_does_not_replace_what_was_said_since(publisher, dat
     assert publisher.recovered(often, T) is None
     publisher.publish(often, b"new", T, at_once=False)
     assert publisher.recovered(often, T) is None
-    before = Header.at(2, 0, int(T * 1000) + 90_000)
-    database.insert(Record(before, 3, b"old", int(T * 1000) + 90_000, T), T)
+    database.insert(own(often, int(T * 1000) + 90_000, b"old"), T)
     record = publisher.recovered(often, T + 1)
-    assert (record.header, record.body) == (Header.at(2, 0, int(T * 1000) + 90_001), b"new")
+    assert record.header == Header.at(2, 0, int(T * 1000) + 90_001)
+    assert payload.check(record.body).stamp_ms == record.stamp_ms
     assert stored(database, often) == b"new"
     assert publisher.recovered(often, T + 1) is None
-    assert publisher.publish(often, b"3", T + 2, at_once=False)[0].stamp_s == T + 90.002
+    (record,) = publisher.publish(often, b"3", T + 2, at_once=False)[1]
+    assert record.stamp_s == T + 90.002
+
+
+def test_too_large_a_message_is_refused_before_anything(publisher, database, slow, monkeypatch):
+    monkeypatch.setattr(payload, "MAX_BYTES", 100)
+    with pytest.raises(PayloadError, match="101 bytes; at most 100"):
+        publisher.publish(slow, bytes(101), T, at_once=False)
+    assert publisher.due(T + 100) == []
+    assert publisher.publish(slow, b"1", T, at_once=False)[0] == Header.at(2, 1, int(T * 1000))
+
+
+def test_what_signs_is_asked_for_the_bytes_and_put_into_the_trailer(team, database, often):
+    signed: list[bytes] = []
+
+    def of(topic):
+        def sign(covered: bytes) -> bytes:
+            signed.append(topic.name.encode() + covered)
+            return bytes([topic.topic_id]) * 64
+
+        return sign
+
+    publisher = Publisher(team.robot("titan"), team.topics_of("titan"), database, of)
+    _, (record,) = publisher.publish(often, b"grid", T, at_once=False)
+    assert payload.check(record.body).signature == bytes(64)
+    assert len(signed) == 1
+    assert signed[0].startswith(b"/map")
+
+
+# --- several messages in one: topics with `aggregate`
+
+
+@pytest.fixture
+def gathered(often):
+    return replace(often, name="/gathered", aggregate=True, min_interval_s=5.0)
+
+
+@pytest.fixture
+def gatherer(team, database, gathered) -> Publisher:
+    return Publisher(team.robot("titan"), (gathered,), database)
+
+
+def parts(database, topic) -> tuple[bytes, ...]:
+    return batch.unpack(stored(database, topic))
+
+
+def test_early_messages_wait_together(gatherer, database, gathered):
+    """None is lost: they leave as one, with the time of the last one."""
+    gatherer.publish(gathered, b"1", T, at_once=False)
+    assert parts(database, gathered) == (b"1",)
+    for second, data in enumerate((b"2", b"", b"4"), 1):
+        header, nothing = gatherer.publish(gathered, data, T + second, at_once=False)
+        assert nothing == []
+    (record,) = gatherer.due(T + 5)
+    assert parts(database, gathered) == (b"2", b"", b"4")
+    assert (record.header, record.stamp_s) == (header, T + 3)
+    gatherer.publish(gathered, b"5", T + 6, at_once=False)
+    assert gatherer.flush(gathered, T + 6)
+    assert parts(database, gathered) == (b"5",)
+    gatherer.publish(gathered, b"6", T + 7, at_once=False)
+    gatherer.publish(gathered, b"7", T + 8, at_once=True)
+    assert parts(database, gathered) == (b"6", b"7")
+
+
+def test_a_full_batch_does_not_wait(gatherer, database, gathered):
+    half = bytes(batch.FULL_BYTES // 2)
+    gatherer.publish(gathered, b"first", T, at_once=False)
+    gatherer.publish(gathered, half, T + 1, at_once=False)
+    gatherer.publish(gathered, half, T + 1, at_once=False)
+    header, (record,) = gatherer.publish(gathered, b"more", T + 1, at_once=False)
+    assert parts(database, gathered) == (half, half)
+    assert record.header != header  # what is returned is the header that this one will have
+    (record,) = gatherer.due(T + 6)
+    assert record.header == header
+    assert parts(database, gathered) == (b"more",)
+
+
+def test_one_large_message_is_a_batch_of_its_own(gatherer, database, gathered):
+    large = bytes(2 * batch.FULL_BYTES)
+    gatherer.publish(gathered, b"first", T, at_once=False)
+    gatherer.publish(gathered, large, T + 1, at_once=False)
+    (record,) = gatherer.publish(gathered, b"last", T + 2, at_once=False)[1]
+    assert parts(database, gathered) == (large,)
+    assert record.stamp_s == T + 1

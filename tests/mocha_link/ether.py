@@ -1,0 +1,282 @@
+"""Whole nodes without sockets, and a model of what is between them: TCP, UDP, time, cuts."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from mocha_link import payload
+from mocha_link.clock import Instant
+from mocha_link.gossip import Cast, CastBack, Dial, Gossip, HangUp, Reply, Send
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from mocha_link.gossip import Action
+    from mocha_link.header import Header
+    from mocha_link.team import Team
+
+T = 1_795_175_900.0
+NAMES = ("callisto", "io", "titan")
+STEADY_S = 1000.0
+TICK_S = 0.25
+LIMIT_S = 120.0
+
+Path = Literal["zmq", "udp"]
+
+
+class Carried(NamedTuple):
+    """What was given to the ether: a frame of a connection or a datagram."""
+
+    path: Path
+    source: str
+    target: str
+    data: bytes
+
+
+@dataclass
+class Line:
+    """A connection; it stands after a round trip, and is dead once something of it was lost."""
+
+    number: int
+    client: str
+    server: str
+    stands_s: float
+    dead: bool = False
+    waiting: list[bytes] = field(default_factory=list)
+
+    @property
+    def route(self) -> tuple[bytes, ...]:
+        return (self.number.to_bytes(4), b"")
+
+
+class Ether:
+    """Carries what nodes send, each piece `delay_s` after it left, in order.
+
+    `blocked` has (path, source, target) of what vanishes without a word; of `left` more pieces all
+    are carried, then none (None: no limit). `silent` names who is not there at all.
+    """
+
+    def __init__(
+        self,
+        team: Team,
+        *,
+        names: Iterable[str] = NAMES,
+        delay_s: float = 0.0,
+        datagrams: bool = False,
+        by_timer: bool = False,
+    ) -> None:
+        self._ids = itertools.count(1)
+        self._order = itertools.count()
+        self._lines = itertools.count(1)
+        self.team = team
+        self.delay_s = delay_s
+        self.time_s = 0.0
+        self.offset_s: dict[str, float] = {}  # how wrong clocks are
+        self.options = {"by_timer": by_timer, "datagrams": datagrams}
+        self.nodes: dict[str, Gossip] = {}
+        self.events: dict[str, list[object]] = {name: [] for name in names}
+        self.refused: dict[str, list[str]] = {name: [] for name in names}
+        self.blocked: set[tuple[Path, str, str]] = set()
+        self.silent: set[str] = set()
+        self.left: int | None = None
+        self.carried: list[Carried] = []
+        self.lines: dict[tuple[str, str], Line] = {}
+        self._served: dict[tuple[str, bytes], Line] = {}
+        self._callers: set[tuple[str, str]] = set()  # server, client: it knows where to cast back
+        self._due: list[tuple[float, int, Callable[[], None]]] = []
+        for name in names:
+            self.restart(name)
+
+    @property
+    def now(self) -> Instant:
+        return Instant(T + self.time_s, STEADY_S + self.time_s)
+
+    def at(self, name: str) -> Instant:
+        """Now, by the clocks of a node."""
+        return Instant(self.now.unix_s + self.offset_s.get(name, 0.0), self.now.steady_s)
+
+    def restart(self, name: str, **options: object) -> None:
+        """A new process; nothing of the old one is left."""
+        self.nodes[name] = Gossip(
+            self.team, name, new_id=lambda: next(self._ids).to_bytes(6), **self.options, **options
+        )
+        for key in [key for key in self.lines if name in key]:
+            del self.lines[key]
+        self._callers = {pair for pair in self._callers if pair[0] != name}
+
+    def publish(self, name: str, topic: str, data: bytes) -> Header:
+        return self.nodes[name].publish(self.team.topic(name, topic), data, self.at(name))
+
+    def pull(self, client: str, server: str, *, cut_after: int | None = None) -> None:
+        """One pull, until nothing more happens by itself; after `cut_after` pieces all is lost."""
+        self.left = cut_after
+        self.nodes[client].sync(server, self.at(client))
+        if cut_after is None:
+            self.settle()
+        else:
+            self.carry()
+        self.left = None
+
+    def carry(self) -> None:
+        """Everything that happens without time passing but for the way."""
+        self._act()
+        while self._due:
+            self._step()
+
+    def settle(self) -> None:
+        """Let time pass until no pull is under way any more."""
+        until_s = self.time_s + LIMIT_S
+        self._act()
+        while any(node._pulls for node in self.nodes.values()) or self._due:
+            assert self.time_s < until_s, "a pull that does not end"
+            self._advance(until_s)
+        self._act()
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass."""
+        until_s = self.time_s + seconds
+        self._act()
+        while self.time_s < until_s:
+            self._advance(until_s)
+
+    def held(self, name: str) -> dict[tuple[str, str], bytes]:
+        """The newest message of every topic that a node holds."""
+        held = {}
+        for record in self.nodes[name].database.records():
+            robot, topic = self.team.by_ids(record.header.robot_id, record.header.topic_id)
+            held[robot.name, topic.name] = payload.unpack(record.body)
+        return held
+
+    def told(self, name: str, kind: type) -> list:
+        """The events of a kind that a node told."""
+        return [event for event in self.events[name] if isinstance(event, kind)]
+
+    def sent(self, path: Path, source: str, target: str) -> list[bytes]:
+        """What one gave to the ether for another."""
+        return [c.data for c in self.carried if c[:3] == (path, source, target)]
+
+    # --- how it works
+
+    def _advance(self, until_s: float) -> None:
+        """Go on to whatever is next."""
+        if self._due and self._due[0][0] <= self.time_s:
+            self._step()
+            return
+        wakes = [node.wake_s for node in self.nodes.values()]
+        times = [wake_s - STEADY_S for wake_s in wakes if wake_s is not None]
+        times += [due[0] for due in self._due[:1]]
+        times += [self.time_s + TICK_S, until_s]
+        before_s = self.time_s
+        self.time_s = max(min(times), before_s)
+        if self.time_s == before_s:
+            self.time_s += 1e-4  # something is due, and has been seen to
+        if self._due and self._due[0][0] <= self.time_s:
+            self._step()
+        for name, node in self.nodes.items():
+            node.tick(self.at(name))
+        self._act()
+
+    def _step(self) -> None:
+        due_s, _, arrive = heapq.heappop(self._due)
+        self.time_s = max(self.time_s, due_s)
+        arrive()
+        self._act()
+
+    def _later(self, arrive: Callable[[], None], at_s: float | None = None) -> None:
+        when_s = self.time_s + self.delay_s if at_s is None else at_s
+        heapq.heappush(self._due, (when_s, next(self._order), arrive))
+
+    def _act(self) -> None:
+        """Carry what the nodes want carried, until none wants anything more."""
+        busy = True
+        while busy:
+            busy = False
+            for name, node in self.nodes.items():
+                actions, events = node.take()
+                self.events[name] += events
+                for action in actions:
+                    busy = True
+                    self._do(name, action)
+                for peer in node.me.peers:
+                    supplied = node.supply(peer, self.at(name))
+                    if supplied:
+                        busy = True
+                        self._answer(name, *supplied)
+
+    def _do(self, name: str, action: Action) -> None:
+        peer = action.peer
+        match action:
+            case Dial():
+                stands_s = self.time_s + 2 * self.delay_s
+                line = Line(next(self._lines), name, peer, stands_s)
+                self.lines[name, peer] = line
+                self._served[peer, line.route[0]] = line
+                self._later(lambda: self._stand(line), stands_s)
+            case Send():
+                line = self.lines[name, peer]
+                line.waiting.append(action.frame)
+                if self.time_s >= line.stands_s:
+                    self._flush(line)
+            case HangUp():
+                self.lines.pop((name, peer), None)
+            case Reply():
+                self._answer(name, action.route, action.frame)
+            case Cast():
+                if self._lets(Carried("udp", name, peer, action.packet)):
+                    self._later(lambda: self._cast(name, peer, action.packet))
+            case CastBack():
+                known = (name, peer) in self._callers
+                if known and self._lets(Carried("udp", name, peer, action.packet)):
+                    self._later(
+                        lambda: self.nodes[peer].packet_back(name, action.packet, self.at(peer))
+                    )
+
+    def _lets(self, piece: Carried) -> bool:
+        self.carried.append(piece)
+        if piece[:3] in self.blocked or self.silent & {piece.source, piece.target}:
+            return False
+        if self.left is None:
+            return True
+        self.left -= 1
+        return self.left >= 0
+
+    def _stand(self, line: Line) -> None:
+        if self.lines.get((line.client, line.server)) is not line or line.dead:
+            return
+        way = ("zmq", line.client, line.server)
+        if way in self.blocked or self.silent & {line.client, line.server} or self.left == 0:
+            line.dead = True
+            return
+        self.nodes[line.client].progress(line.server, self.at(line.client))
+        self._flush(line)
+
+    def _flush(self, line: Line) -> None:
+        for frame in line.waiting:
+            if not line.dead and self._lets(Carried("zmq", line.client, line.server, frame)):
+                self._later(lambda f=frame: self._ask(line, f))
+            else:
+                line.dead = True
+        line.waiting.clear()
+
+    def _ask(self, line: Line, frame: bytes) -> None:
+        self.nodes[line.server].request(line.client, line.route, [frame], self.at(line.server))
+
+    def _answer(self, server: str, route: tuple[bytes, ...], frame: bytes) -> None:
+        line = self._served.get((server, route[0]))
+        if line is None or line.dead:
+            return
+        if self._lets(Carried("zmq", server, line.client, frame)):
+            self._later(lambda: self._reply(line, frame))
+        else:
+            line.dead = True
+
+    def _reply(self, line: Line, frame: bytes) -> None:
+        if self.lines.get((line.client, line.server)) is line:
+            self.nodes[line.client].reply(line.server, [frame], self.at(line.client))
+
+    def _cast(self, client: str, server: str, packet: bytes) -> None:
+        if self.nodes[server].packet_in(client, packet, self.at(server)):
+            self._callers.add((server, client))
