@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 MAX_RANGES = 16  # missing ranges that are asked for; more are taken together
 
 _LIMIT_BYTES = 128 * 1024 * 1024
+_BLOCK_BYTES = 32_768  # growing what is larger would copy it too often
 _SEGMENT_COST = 200  # what Python takes for a segment and for an entry, in bytes, roughly
 _ENTRY_COST = 600
 
@@ -53,7 +54,7 @@ class Partial:
             upto = min(end, starts[place]) if place < len(starts) else end
             count = upto - offset
             if count:
-                if before_end == offset:
+                if before_end == offset and len(segments[place - 1]) < _BLOCK_BYTES:
                     segments[place - 1] += data[:count]
                 else:
                     starts.insert(place, offset)
