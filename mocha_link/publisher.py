@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from hashlib import blake2b
 from typing import TYPE_CHECKING
 
 from mocha_link import batch, payload
 from mocha_link.database import Database, Record
-from mocha_link.header import Header, next_stamp_ms
+from mocha_link.header import Header, as_ms, next_stamp_ms
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from mocha_link.team import Robot, Topic
 
     Sign = Callable[[bytes], bytes]
+
+LEAP_MS = 600_000
 
 
 @dataclass(slots=True)
@@ -72,10 +75,12 @@ class Publisher:
             stored.append(self._flush(topic, now_s))
             draft = None
         last_ms = self._last_ms.get(topic.name)
-        recovered = self._database.newest(self._robot.robot_id, topic.topic_id)
-        if recovered is not None:  # it may come from a peer, from before a restart
-            last_ms = max(last_ms or 0, recovered.stamp_ms)
-        stamp_ms = self._last_ms[topic.name] = next_stamp_ms(now_s, last_ms)
+        newest = self._database.newest(self._robot.robot_id, topic.topic_id)
+        if newest is not None and (last_ms is None or newest.stamp_ms > last_ms):
+            stamp_ms = _stamp_after(newest, now_s, data)
+        else:
+            stamp_ms = next_stamp_ms(now_s, last_ms)
+        self._last_ms[topic.name] = stamp_ms
         if draft is None or not topic.aggregate:
             draft = self._held[topic.name] = _Draft(stamp_ms, now_s)
         draft.stamp_ms, draft.made_s = stamp_ms, now_s
@@ -115,9 +120,9 @@ class Publisher:
         record = self._record(topic, draft)
         if not self._database.insert(record, now_s):
             # From before a restart, with a later stamp. Ours must follow it to be taken by anyone.
-            newest = self._database.newest(self._robot.robot_id, topic.topic_id)
-            last_ms = max(newest.stamp_ms if newest else 0, draft.stamp_ms)
-            draft.stamp_ms = self._last_ms[topic.name] = next_stamp_ms(now_s, last_ms)
+            newest = self._database.newest(self._robot.robot_id, topic.topic_id) or record
+            draft.stamp_ms = _stamp_after(newest, now_s, record.body)
+            self._last_ms[topic.name] = draft.stamp_ms
             record = self._record(topic, draft)
             self._database.insert(record, now_s)
         self._latest[topic.name] = (draft, record.header)
@@ -139,3 +144,16 @@ class Publisher:
         interval_s = self._topics[name].min_interval_s
         # A clock that was set back must not hold a message until it comes round again.
         return last is None or not 0 <= now_s - last < interval_s
+
+
+def _stamp_after(earlier: Record, now_s: float, data: bytes) -> int:
+    """The stamp that follows a message from before a restart.
+
+    If the clock is behind it, others may hold still later ones of which we know nothing, each a
+    millisecond after the other, and two messages must not get the same header. So it is some
+    minutes later; how much follows from the data.
+    """
+    if as_ms(now_s) > earlier.stamp_ms:
+        return next_stamp_ms(now_s, earlier.stamp_ms)
+    leap_ms = int.from_bytes(blake2b(data, digest_size=8).digest(), "big") % LEAP_MS
+    return next_stamp_ms(now_s, earlier.stamp_ms + leap_ms)

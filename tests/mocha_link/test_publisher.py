@@ -10,7 +10,7 @@ from mocha_link import batch, payload
 from mocha_link.database import Database, Record
 from mocha_link.header import Header
 from mocha_link.payload import PayloadError
-from mocha_link.publisher import Publisher
+from mocha_link.publisher import LEAP_MS, Publisher
 
 T = 1_795_175_900.0
 
@@ -101,7 +101,8 @@ def test_two_messages_of_a_topic_never_share_a_header(publisher, often):
 def test_new_messages_follow_those_from_before_a_restart(publisher, database, often):
     database.insert(own(often, int(T * 1000) + 500, b"old"), T)
     header, (record,) = publisher.publish(often, b"new", T, at_once=False)
-    assert header == record.header == Header.at(2, 0, int(T * 1000) + 501)
+    assert header == record.header == Header.at(2, 0, record.stamp_ms)
+    assert 0 < record.stamp_ms - int(T * 1000) - 500 <= LEAP_MS
     assert stored(database, often) == b"new"
 
 
@@ -110,7 +111,8 @@ def test_a_message_held_over_a_recovery_still_leaves(publisher, database, slow):
     publisher.publish(slow, b"2", T + 1, at_once=False)
     database.insert(own(slow, int(T * 1000) + 90_000, b"old"), T + 2)
     (record,) = publisher.due(T + 5)
-    assert record.header == Header.at(2, 1, int(T * 1000) + 90_001)
+    assert record.header == Header.at(2, 1, record.stamp_ms)
+    assert 0 < record.stamp_ms - int(T * 1000) - 90_000 <= LEAP_MS
     assert payload.check(record.body).stamp_ms == record.stamp_ms
     assert stored(database, slow) == b"2"
 
@@ -121,12 +123,26 @@ def test_a_recovered_message_does_not_replace_what_was_said_since(publisher, dat
     assert publisher.recovered(often, T) is None
     database.insert(own(often, int(T * 1000) + 90_000, b"old"), T)
     record = publisher.recovered(often, T + 1)
-    assert record.header == Header.at(2, 0, int(T * 1000) + 90_001)
+    assert record.header == Header.at(2, 0, record.stamp_ms)
+    assert 0 < record.stamp_ms - int(T * 1000) - 90_000 <= LEAP_MS
     assert payload.check(record.body).stamp_ms == record.stamp_ms
     assert stored(database, often) == b"new"
     assert publisher.recovered(often, T + 1) is None
-    (record,) = publisher.publish(often, b"3", T + 2, at_once=False)[1]
-    assert record.stamp_s == T + 90.002
+    (another,) = publisher.publish(often, b"3", T + 2, at_once=False)[1]
+    assert another.stamp_ms == record.stamp_ms + 1
+
+
+def test_lives_with_a_wrong_clock_do_not_make_the_same_header(team, often):
+    """A peer has the first life's second message, which the second life does not know of."""
+    headers = set()
+    for _ in range(2):
+        database = Database()
+        database.insert(own(often, int(T * 1000), b"known to all"), T)
+        publisher = Publisher(team.robot("titan"), team.topics_of("titan"), database)
+        for number in range(20):
+            data = b"%d %d" % (len(headers), number)
+            headers.add(publisher.publish(often, data, 100.0, at_once=False)[0])
+    assert len(headers) == 40
 
 
 def test_too_large_a_message_is_refused_before_anything(publisher, database, slow, monkeypatch):
