@@ -227,7 +227,8 @@ class Intake:
             return
         if not self._wants(long):  # another peer has brought it, or a newer one
             self._begun.discard(long)
-            if total - offset - size > _SKIP_BYTES and long not in self._skipped:
+            more = total - offset - size > _SKIP_BYTES and len(self._skipped) < _MAX_BEGUN
+            if more and long not in self._skipped:
                 self._skipped.add(long)
                 content = letters.encode_skip(long)
                 step.frames += sync.letter_frames(sync.SKIP, self._round, content, self._room)
