@@ -204,8 +204,8 @@ class Database:
         """Everything kept that got a number after `sequence`, in the order of the numbers."""
         return [record for _, record in self.numbered_since(sequence)]
 
-    def numbered_since(self, sequence: int) -> list[tuple[int, Record]]:
-        """The same with the numbers."""
+    def numbered_since(self, sequence: int, limit: int | None = None) -> list[tuple[int, Record]]:
+        """The same with the numbers; the first `limit` of them."""
         found = []
         with self._lock:
             for number, kept in reversed(self._by_number.items()):
@@ -213,7 +213,7 @@ class Database:
                     break
                 found.append((number, kept.record))
         found.reverse()
-        return found
+        return found[:limit]
 
     def remembers(self, epoch: int, sequence: int) -> bool:
         """Whether `since(sequence)` answers a peer that learnt these numbers from us.
