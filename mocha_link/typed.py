@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import json
 import logging
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from mocha_link.errors import MochaLinkError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from mocha_link.node import Message
     from mocha_link.ros import RosCodec
     from mocha_link.team import Robot, Team, Topic
@@ -22,13 +24,88 @@ JSON_PACKAGE = "json/"
 
 LOG = logging.getLogger("mocha_link")
 
+Ros = Literal[1, 2]
+
 
 class TypedError(MochaLinkError):
-    """Data that are not what their topic's type says, or a value that does not fit it."""
+    """Data that are not what their type says, or a value that does not fit it."""
+
+
+class Types:
+    """Turns data into values and back, by the names of types. Any thread may use it.
+
+    Args:
+        definitions: texts of ``.msg`` files by ``pkg/Type``, as in a team file.
+
+    Raises:
+        RosError: one of the definitions cannot be used.
+    """
+
+    def __init__(self, definitions: Mapping[str, str]) -> None:
+        self._codec = _codec(definitions)
+
+    def decode(self, kind: str, data: bytes, ros: Ros) -> Any:
+        """A JSON value, a ROS message object, or the bytes. Raises TypedError."""
+        if kind.startswith(JSON_PACKAGE):
+            return _parsed(data)
+        codec = self._codec_for(kind, ros)
+        return _guarded(codec.decode, kind, data, ros) if codec else data
+
+    def plain(self, kind: str, data: bytes, ros: Ros) -> Any:
+        """As `decode`, but ROS messages as values that `json.dumps` takes; bytes stay bytes."""
+        value = self.decode(kind, data, ros)
+        codec = None if kind.startswith(JSON_PACKAGE) else self._codec_for(kind, ros)
+        return _guarded(codec.to_json, kind, value) if codec else value
+
+    def encode(self, kind: str, value: Any, ros: Ros) -> bytes:
+        """The data for a value; ROS messages as objects or as plain values. Raises TypedError."""
+        if kind.startswith(JSON_PACKAGE):
+            try:
+                return json.dumps(value, allow_nan=False, separators=(",", ":")).encode()
+            except (TypeError, ValueError, RecursionError) as error:
+                raise TypedError(f"not a JSON value: {error}") from None
+        codec = self._codec_for(kind, ros)
+        if codec:
+            data: bytes = _guarded(codec.encode, kind, value, ros)
+            return data
+        if not isinstance(value, bytes | bytearray | memoryview):
+            raise TypedError(f"only bytes can be sent as {kind}")
+        return bytes(value)
+
+    def converted(self, kind: str, data: bytes, from_ros: Ros, to_ros: Ros) -> bytes:
+        """The same message for the other version of ROS, checked; other bytes as they are.
+
+        Raises TypedError: the data are not what the type says, or cannot be converted here.
+        """
+        if kind.startswith(JSON_PACKAGE):
+            _parsed(data)
+            return data
+        codec = self._codec_for(kind, from_ros)
+        if codec is None:
+            if self._codec is None and from_ros != to_ros:
+                raise TypedError(f"from ROS {from_ros} to {to_ros}: that needs the extra 'ros'")
+            return data
+        value = _guarded(codec.decode, kind, data, from_ros)
+        if from_ros == to_ros == 1:
+            return data
+        # CDR is written anew: another byte order or padding at its end is not for everybody.
+        changed: bytes = _guarded(codec.encode, kind, value, to_ros)
+        return changed
+
+    def about(self, kind: str) -> dict[str, Any]:
+        """What ROS a type is known in, and its ROS 1 MD5 sum and text; nothing if it is no type."""
+        known = [ros for ros in (1, 2) if self._codec_for(kind, ros)]
+        if self._codec is None or 1 not in known:
+            return {"ros": known} if known else {}
+        text, md5 = self._codec.definition(kind)
+        return {"ros": known, "md5": md5, "text": text}
+
+    def _codec_for(self, kind: str, ros: Ros) -> RosCodec | None:
+        return self._codec if self._codec and self._codec.knows(kind, ros) else None
 
 
 class Typed:
-    """Turns the data of a team's messages into values, and back. Any thread may use it.
+    """The same for the messages of a team.
 
     Raises:
         RosError: the team brings along a definition that cannot be used.
@@ -36,30 +113,19 @@ class Typed:
 
     def __init__(self, team: Team) -> None:
         self._team = team
-        self._codec = _codec(team)
+        self._types = Types(team.definitions)
 
     def decode(self, message: Message) -> Any:
         """What a message says: a JSON value, a ROS message object, or its bytes.
 
-        Raises TypedError; the message itself is still good to carry.
+        Of a topic with `aggregate` a list of that. Raises TypedError; the message itself is still
+        good to carry.
         """
-        robot, topic = self._known(message.robot, message.topic)
-        if topic.type.startswith(JSON_PACKAGE):
-            return _parsed(message.data, f"{robot.name} {topic.name}")
-        if self._codec and self._codec.knows(topic.type, robot.ros):
-            try:
-                return self._codec.decode(topic.type, message.data, robot.ros)
-            except MochaLinkError as error:
-                raise TypedError(f"{robot.name} {topic.name}: {error}") from None
-        return message.data
+        return self._all(message, self._types.decode)
 
     def plain(self, message: Message) -> Any:
         """As `decode`, but ROS messages as values that `json.dumps` takes; bytes stay bytes."""
-        _, topic = self._known(message.robot, message.topic)
-        value = self.decode(message)
-        if self._codec is None or value is message.data or topic.type.startswith(JSON_PACKAGE):
-            return value
-        return self._codec.to_json(topic.type, value)
+        return self._all(message, self._types.plain)
 
     def encode(self, robot: str, topic: str, value: Any) -> bytes:
         """The data of a message of a robot; ROS messages as objects or as plain values.
@@ -70,35 +136,44 @@ class Typed:
             TypedError: the value does not fit the topic's type.
         """
         sender, known = self._known(robot, topic)
-        if known.type.startswith(JSON_PACKAGE):
-            try:
-                return json.dumps(value, allow_nan=False, separators=(",", ":")).encode()
-            except (TypeError, ValueError, RecursionError) as error:
-                raise TypedError(f"{robot} {topic}: not a JSON value: {error}") from None
-        if self._codec and self._codec.knows(known.type, sender.ros):
-            try:
-                return self._codec.encode(known.type, value, sender.ros)
-            except MochaLinkError as error:
-                raise TypedError(f"{robot} {topic}: {error}") from None
-        if not isinstance(value, bytes | bytearray | memoryview):
-            raise TypedError(f"{robot} {topic} is {known.type}: only bytes can be sent as that")
-        return bytes(value)
+        try:
+            return self._types.encode(known.type, value, sender.ros)
+        except TypedError as error:
+            raise TypedError(f"{robot} {topic}: {error}") from None
+
+    def _all(self, message: Message, work: Callable[[str, bytes, Ros], Any]) -> Any:
+        robot, topic = self._known(message.robot, message.topic)
+        try:
+            if topic.aggregate:
+                if message.data and not message.parts:
+                    raise TypedError("not a batch of messages")
+                return [work(topic.type, part, robot.ros) for part in message.parts]
+            return work(topic.type, message.data, robot.ros)
+        except TypedError as error:
+            raise TypedError(f"{message.robot} {message.topic}: {error}") from None
 
     def _known(self, robot: str, topic: str) -> tuple[Robot, Topic]:
         return self._team.robot(robot), self._team.topic(robot, topic)
 
 
-def _codec(team: Team) -> RosCodec | None:
+def _codec(definitions: Mapping[str, str]) -> RosCodec | None:
     try:
         from mocha_link.ros import RosCodec  # noqa: PLC0415 - an extra that may be missing
     except ModuleNotFoundError as error:
         LOG.warning("what is not JSON is left as bytes: %s", error)
         return None
-    return RosCodec(team.definitions)
+    return RosCodec(definitions)
 
 
-def _parsed(data: bytes, what: str) -> Any:
+def _guarded(work: Any, *arguments: Any) -> Any:
+    try:
+        return work(*arguments)
+    except MochaLinkError as error:
+        raise TypedError(str(error)) from None
+
+
+def _parsed(data: bytes) -> Any:
     try:
         return json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise TypedError(f"{what}: not JSON: {error}") from None
+        raise TypedError(f"not JSON: {error}") from None

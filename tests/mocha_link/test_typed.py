@@ -72,7 +72,7 @@ def test_what_does_not_fit(team):
     types = Typed(team)
     for topic in ("/pose", "/goal", "/own"):
         for data in (b"\xff", b"{", b"[" * 100_000):
-            with pytest.raises(TypedError, match=f"one {topic}: not"):
+            with pytest.raises(TypedError, match=f"one {topic}: not "):
                 types.decode(message(team, "one", topic, data))
     for topic, value in (("/pose", {"x": 1}), ("/goal", b""), ("/goal", float("nan")), ("/raw", 5)):
         with pytest.raises(TypedError, match=f"one {topic}"):

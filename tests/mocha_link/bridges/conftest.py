@@ -1,0 +1,89 @@
+"""Two nodes of a small team; they pull only when a test says so. One of them is served."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+
+from mocha_link.document import Document
+from mocha_link.metrics import Direction, MessageStored, SyncEnded
+from mocha_link.node import Node
+from mocha_link.radios import ManualRadio
+from mocha_link.service_client import ServiceClient
+from mocha_link.service_server import ServiceServer
+from mocha_link.team import Team
+
+TEAM = """\
+robots:
+  one: {kind: rover, address: 127.0.0.1, base_port: 10, clients: [two]}
+  two: {kind: rover, address: 127.0.0.1, base_port: 20, clients: [one], ros: 2}
+kinds:
+  rover:
+    topics:
+      - {name: /pose, type: geometry_msgs/PoseStamped, priority: high}
+      - {name: /goal, type: json/Goal}
+      - {name: /raw, type: grid/Map, history: 3}
+      - {name: /own, type: field/Own}
+definitions:
+  field/Own: "uint16 count"
+"""
+
+
+@pytest.fixture
+def team(field):
+    ports = field.team.robot("titan").base_port
+    place = {"address": field.host, "listen": field.host}
+    plain = Team.from_document(Document.from_text(TEAM, Path("team.yaml")))
+    return plain.with_robots(
+        {"one": {"base_port": ports, **place}, "two": {"base_port": ports + 1, **place}}
+    )
+
+
+@pytest.fixture
+def one(team, field):
+    with Node(team, "one", clock=field.clock, radio=ManualRadio()) as node:
+        yield node
+
+
+@pytest.fixture
+def two(team, field):
+    with Node(team, "two", clock=field.clock, radio=ManualRadio()) as node:
+        yield node
+
+
+@pytest.fixture
+def server(one):
+    with ServiceServer(one, "tcp://127.0.0.1:*") as server:
+        server.node = one
+        yield server
+
+
+@pytest.fixture
+def client(server):
+    with ServiceClient(server.endpoint, timeout_s=20) as client:
+        yield client
+
+
+@pytest.fixture
+def pulled(one, two):
+    """Lets `two` publish, and `one` pull it."""
+
+    def pull(topic, data):
+        two.publish(topic, data)
+        stored, ended = threading.Event(), threading.Event()
+
+        def seen(event):
+            if isinstance(event, MessageStored) and (event.robot, event.topic) == ("two", topic):
+                stored.set()
+            elif isinstance(event, SyncEnded) and event.direction is Direction.IN:
+                ended.set()
+
+        unsubscribe = one.subscribe(seen)
+        assert one.sync("two")
+        assert stored.wait(20)
+        assert ended.wait(20)
+        unsubscribe()
+
+    return pull

@@ -1,0 +1,284 @@
+"""Programs on the same machine ask a node: requests, answers, and what is none."""
+
+from __future__ import annotations
+
+import json
+import threading
+
+import pytest
+import zmq
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
+
+from mocha_link.node import Node
+from mocha_link.port import ListenError, PortInUseError
+from mocha_link.ros import RosCodec
+from mocha_link.service import Service
+from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError
+from mocha_link.service_server import ServiceServer
+
+POSE = {"header": {"frame_id": "map"}}
+
+
+def test_publish_and_read(client, one):
+    header = client.publish("/raw", b"\0grid")
+    assert one.latest("one", "/raw").data == b"\0grid"
+    about, data = client.latest("one", "/raw")
+    assert (about["header"], data) == (header, b"\0grid")
+    assert about["type"] == "grid/Map"
+    assert about["stamp_s"] == pytest.approx(1_795_175_900, abs=10)
+    assert client.latest("two", "/pose") is None
+    client.publish("/goal", b"{}")
+    assert {m["topic"] for m in client.messages()} == {"/raw", "/goal"}
+    assert client.messages("two") == []
+
+
+def test_a_repeated_request_publishes_once(client, one):
+    header = client.publish("/raw", b"1", key="a")
+    assert client.publish("/raw", b"1", key="a") == header
+    assert client.publish("/raw", b"2", key="b") != header
+    assert client.since(own=True)[0][1] == 2
+
+
+def test_what_is_new_since_the_last_time(client, one, pulled):
+    place, messages = client.since()
+    assert messages == []
+    for number in range(3):
+        pulled("/raw", bytes([number]))
+    place, messages = client.since(place)
+    assert [(about["robot"], data) for about, data in messages][-1] == ("two", b"\2")
+    assert client.since(place)[1] == []
+    one.publish("/goal", b"{}")
+    assert client.since(place)[1] == []
+    [(about, data)] = client.since(place, own=True)[1]
+    assert (about["robot"], about["topic"], data) == ("one", "/goal", b"{}")
+    # Another database, or this one before a restart: everything that is kept.
+    assert len(client.since(("0123", 7), own=True)[1]) == 4
+
+
+def test_much_comes_in_batches(client, one):
+    for topic, size in (("/goal", 1), ("/pose", 9_000_000), ("/raw", 5_000_000)):
+        one.publish(topic, bytes(size))
+    place, batches = None, []
+    while True:
+        place, messages = client.since(place, own=True)
+        if not messages:
+            break
+        batches.append([about["size"] for about, _ in messages])
+    assert batches == [[1, 9_000_000], [5_000_000]]
+    place = None
+    for _ in range(3):
+        place, messages = client.since(place, own=True, limit=1)
+        assert len(messages) == 1
+    assert client.since(place, own=True, limit=1)[1] == []
+
+
+def test_waiting_for_a_message(client, pulled):
+    place, _ = client.since()
+    pulling = threading.Thread(target=pulled, args=("/goal", b"[1]"))
+    pulling.start()
+    _, [(about, data)] = client.since(place, wait_s=20.0)
+    assert (about["topic"], data) == ("/goal", b"[1]")
+    pulling.join()
+    assert client.since(("", 0), wait_s=0.01, limit=1)[1]
+
+
+def test_waiting_in_vain(client):
+    place, messages = client.since(wait_s=0.02)
+    assert messages == []
+    assert client.since(place, wait_s=0.02) == (place, [])
+
+
+def test_who_waits_is_answered_when_the_node_ends(client, server, monkeypatch):
+    place, _ = client.since()
+    take = server._take
+
+    def taken(*arguments):
+        take(*arguments)
+        threading.Thread(target=server.close).start()
+
+    monkeypatch.setattr(server, "_take", taken)
+    assert client.since(place, wait_s=20.0) == (place, [])
+    server._thread.join()
+
+
+def test_in_the_form_of_either_ros(client, one, two, pulled):
+    codec = RosCodec()
+    cdr = codec.encode("geometry_msgs/PoseStamped", POSE, 2)
+    pulled("/pose", cdr)
+    assert client.latest("two", "/pose")[1] == cdr
+    ros1 = client.latest("two", "/pose", ros=1)[1]
+    assert codec.decode("geometry_msgs/PoseStamped", ros1, 1).header.frame_id == "map"
+    assert client.since(ros=1)[1][0][1] == ros1
+    client.publish("/pose", cdr, ros=2)
+    assert one.latest("one", "/pose").data == ros1  # as this robot has it
+    with pytest.raises(ServiceError, match="not a geometry_msgs/msg/PoseStamped of ROS 1"):
+        client.publish("/pose", cdr[:-1], ros=1)
+    two.publish("/pose", b"nonsense")
+    pulled("/goal", b"nonsense")
+    errors = {about["topic"]: about["error"] for about, _ in client.since(ros=1)[1]}
+    assert "not a geometry_msgs" in errors["/pose"]
+    assert "not JSON" in errors["/goal"]
+
+
+def test_what_the_team_is(client):
+    team = client.team()
+    assert team["robot"] == "one"
+    assert team["robots"]["two"]["ros"] == 2
+    assert team["robots"]["two"]["topics"][2] == {
+        "name": "/raw",
+        "type": "grid/Map",
+        "priority": "none",
+        "history": 3,
+    }
+    assert team["types"]["geometry_msgs/PoseStamped"]["md5"] == "d3812c3cbc69362b77dc0b19b345f8f5"
+    assert team["types"]["grid/Map"] == {}
+    assert team["definitions"] == {"field/Own": "uint16 count"}
+
+
+@pytest.mark.parametrize(
+    ("frames", "complaint"),
+    [
+        ([], "begins with a JSON object"),
+        ([b"x"], "begins with a JSON object"),
+        ([b"[]"], "begins with a JSON object"),
+        ([b"[" * 100_000], "of up to 65536 bytes"),
+        ([b"[" * 10_000], "begins with a JSON object"),
+        ([b"{}"], "no request 'None'; use one of publish, latest, list, since, team"),
+        ([b'{"request": "fly"}'], "no request 'fly'"),
+        ([b'{"request": ["fly"]}'], "no request"),
+        ([b'{"request": "latest"}'], "latest: 'robot': Field required"),
+        ([b'{"request": "latest", "robot": "one", "topic": "/x"}'], "has no topic '/x'"),
+        ([b'{"request": "latest", "robot": "x", "topic": "/x"}'], "no robot 'x'"),
+        ([b'{"request": "publish", "topic": "/goal"}'], "0 frames of data"),
+        ([b'{"request": "publish", "topic": "/goal"}', b"", b""], "2 frames of data"),
+        ([b'{"request": "publish", "topic": "/nowhere"}', b""], "has no topic '/nowhere'"),
+        ([b'{"request": "publish", "topic": "/goal", "ros": 3}', b""], "publish: 'ros'"),
+        ([b'{"request": "team"}', b""], "1 frames of data"),
+        ([b'{"request": "team", "tiem": 1}'], "team: 'tiem'"),
+        ([b'{"request": "since", "sequence": -1}'], "since: 'sequence'"),
+        ([b'{"request": "since", "sequence": 1e999}'], "since: 'sequence'"),
+        ([b'{"request": "since", "wait_s": NaN}'], "since: 'wait_s'"),
+        ([b'{"request": "since", "wait_s": 61}'], "since: 'wait_s'"),
+        ([b'{"request": "since", "limit": true}'], "since: 'limit'"),
+    ],
+)
+def test_what_is_no_request(one, frames, complaint):
+    answers = []
+    Service(one).request(frames, answers.append, 0.0)
+    [[answer]] = answers
+    fields = json.loads(answer)
+    assert fields["ok"] is False
+    assert complaint in fields["error"]
+
+
+def test_too_many_wait(one):
+    service, answers = Service(one), []
+    for _ in range(257):
+        service.request([b'{"request": "since", "wait_s": 1, "id": 7}'], answers.append, 5.0)
+    assert len(answers) == 1
+    assert b"256 requests wait already" in answers[0][0]
+    assert service.until_s == 6
+    service.tick(5.9)
+    assert len(answers) == 1
+    service.tick(6.0)
+    assert len(answers) == 257
+    assert service.until_s is None
+    assert json.loads(answers[-1][0])["id"] == 7
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.text(max_size=3), inner),
+    max_leaves=3,
+)
+KEYS = st.sampled_from(
+    ["request", "id", "robot", "topic", "ros", "key", "now", "epoch", "sequence", "limit", "wait_s"]
+)
+REQUESTS = st.dictionaries(KEYS, VALUES, max_size=4).flatmap(
+    lambda fields: st.sampled_from(["publish", "latest", "list", "since", "team", "?"]).map(
+        lambda name: json.dumps({"topic": "/goal", "robot": "one", **fields, "request": name})
+    )
+)
+
+
+@pytest.fixture
+def still(team):
+    """A service of a node that does not run."""
+    return Service(Node(team, "one"))
+
+
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(frames=st.lists(st.binary(max_size=30) | REQUESTS.map(str.encode), max_size=3))
+def test_every_request_is_answered_once(still, frames):
+    answers = []
+    still.request(frames, answers.append, 0.0)
+    still.tick(1e9)
+    [answer] = answers
+    assert json.loads(answer[0])["ok"] in (True, False)
+
+
+def test_any_socket_may_ask(server):
+    with zmq.Context() as context:
+        for kind, empty in ((zmq.REQ, []), (zmq.DEALER, [b""]), (zmq.DEALER, [])):
+            with context.socket(kind) as asking:
+                asking.setsockopt(zmq.LINGER, 0)
+                asking.connect(server.endpoint)
+                asking.send_multipart([*empty, b'{"request": "team", "id": "x"}'])
+                assert asking.poll(20_000)
+                answer = asking.recv_multipart()
+                assert answer[:-1] == empty
+                assert json.loads(answer[-1])["id"] == "x"
+
+
+def test_a_node_that_comes_back(one, server):
+    with ServiceClient(server.endpoint, timeout_s=0.3) as client:
+        client.publish("/goal", b"1")
+        place, _ = client.since(own=True)
+        server.close()
+        with pytest.raises(ServiceUnreachableError, match="no answer from"):
+            client.team()
+        with ServiceServer(one, server.endpoint):
+            patient = ServiceClient(server.endpoint, timeout_s=20)
+            with patient:
+                again, messages = patient.since(place, own=True)
+        assert again != place
+        assert len(messages) == 1
+
+
+def test_endpoints_that_are_none(one, server, tmp_path):
+    with pytest.raises(PortInUseError, match="it is in use"):
+        ServiceServer(one, server.endpoint).start()
+    for endpoint in ("nonsense", "tcp://203.0.113.7:1"):
+        with pytest.raises(ListenError, match="cannot serve on"):
+            ServiceServer(one, endpoint).start()
+    with pytest.raises(ServiceUnreachableError, match="'nonsense' is no endpoint"):
+        ServiceClient("nonsense")
+    path = f"ipc://{tmp_path}/node"
+    with ServiceServer(one, path), ServiceClient(path, timeout_s=20) as client:
+        assert client.team()["robot"] == "one"
+    ServiceServer(one, path).close()  # never started
+
+
+@pytest.mark.parametrize(
+    "answer", [b"x", b"[]", b'{"id": 1}', b'{"id": 1, "ok": true}', b"[" * 9999]
+)
+def test_something_else_there(answer):
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as other:
+        other.setsockopt(zmq.LINGER, 0)
+        port = other.bind_to_random_port("tcp://127.0.0.1")
+
+        def reply():
+            sender, *_ = other.recv_multipart()
+            other.send_multipart([sender, answer])
+
+        thread = threading.Thread(target=reply)
+        thread.start()
+        with (
+            ServiceClient(f"tcp://127.0.0.1:{port}", timeout_s=20) as client,
+            pytest.raises(ServiceUnreachableError, match="is no node"),
+        ):
+            client.since()
+        thread.join()
