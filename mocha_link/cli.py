@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from mocha_link.bridge_command import add_parser as add_bridge
 from mocha_link.display import event_line, links_table, team_tables
 from mocha_link.document import DocumentError
 from mocha_link.errors import MochaLinkError
@@ -21,6 +22,7 @@ from mocha_link.keys_command import add_parser as add_keys
 from mocha_link.keys_command import links, protection_lines
 from mocha_link.node import Node
 from mocha_link.prometheus import PrometheusServer
+from mocha_link.service_server import ServiceServer
 from mocha_link.team import Team, UnknownRobotError
 from mocha_link.telemetry import MetricsError, MetricsServer, as_fields, watch
 from mocha_link.top_command import add_parser as add_top
@@ -41,6 +43,8 @@ examples:
   mocha-link node missions/pennovation/team.yaml --robot io --metrics tcp://127.0.0.1:24500
   mocha-link metrics tcp://127.0.0.1:24500 --follow
   mocha-link top tcp://127.0.0.1:24500
+  mocha-link node team.yaml --robot io --serve ipc:///tmp/io.node
+  mocha-link bridge ros1 --node ipc:///tmp/io.node
   mocha-link import robot_configs.yaml topic_configs.yaml radio_configs.yaml -o team.yaml
 
 """
@@ -116,6 +120,9 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="the folder with the robot's secret, NAME.key, if the team has a key for it",
     )
+    node.add_argument(
+        "--serve", metavar="ENDPOINT", help="serve bridges there, e.g. ipc:///tmp/io.node"
+    )
     node.add_argument("--json", action="store_true", help="print events as JSON lines")
     node.set_defaults(run=_node)
 
@@ -135,6 +142,7 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("--json", action="store_true", help="print the ids and ports as JSON")
     check.set_defaults(run=_check)
 
+    add_bridge(commands, style)
     add_import(commands, style)
     add_keys(commands, style)
     add_top(commands, style)
@@ -172,6 +180,9 @@ def _node(options: argparse.Namespace) -> int:
             if options.prometheus:
                 web = stack.enter_context(PrometheusServer(node, options.prometheus))
                 _say(f"metrics on {web.url}")
+            if options.serve:
+                service = stack.enter_context(ServiceServer(node, options.serve))
+                _say(f"serves bridges on {service.endpoint}")
             robot = node.robot
             for peer in robot.peers:
                 _say(f"{robot.name} answers {peer} on {robot.listen}:{robot.port_for(peer)}")

@@ -1,0 +1,101 @@
+"""`mocha-link bridge`: a process beside the node that connects it to what else the robot runs."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from mocha_link import bridges
+from mocha_link.bridges import run as ros_bridge
+from mocha_link.bridges.zeromq import ZeroMqBridge
+
+if TYPE_CHECKING:
+    import argparse
+
+WHAT = {
+    "zmq": "serve programs in any language, with JSON or bytes",
+    "ros1": "publish and subscribe ROS 1 topics",
+    "ros2": "publish and subscribe ROS 2 topics",
+}
+NEEDS = {"ros1": ("rospy",), "ros2": ("rclpy", "cyclonedds")}
+DEFAULT_PYTHON = "/usr/bin/python3"  # what Debian's and Ubuntu's ROS packages are installed for
+
+
+def add_parser(commands: Any, style: dict[str, Any]) -> None:
+    """Add the command to the subcommands of a parser."""
+    command = commands.add_parser(
+        "bridge", help="connect a running node to ROS 1, ROS 2 or other programs", **style
+    )
+    kinds = command.add_subparsers(required=True, dest="kind", metavar="BRIDGE")
+    served = kinds.add_parser("zmq", help=WHAT["zmq"], **style)
+    served.add_argument(
+        "--node", required=True, metavar="ENDPOINT", help="what the node got as --serve"
+    )
+    served.add_argument(
+        "--serve", required=True, metavar="ENDPOINT", help="where programs ask, e.g. ipc:///tmp/io"
+    )
+    served.add_argument("--stream", metavar="ENDPOINT", help="publish all messages there")
+    served.add_argument("--json", action="store_true", help="stream values, not data")
+    served.set_defaults(run=_serve)
+    for kind in ("ros1", "ros2"):
+        parser = kinds.add_parser(kind, help=WHAT[kind], **style)
+        ros_bridge.add_options(parser, kind)
+        parser.add_argument(
+            "--python",
+            metavar="PATH",
+            help=f"the Python that has ROS, if this one has not ({DEFAULT_PYTHON})",
+        )
+        parser.set_defaults(run=_run_ros)
+
+
+def _serve(options: argparse.Namespace) -> int:
+    ending = threading.Event()
+    before = signal.signal(signal.SIGTERM, lambda *_: ending.set())
+    try:
+        with ZeroMqBridge(
+            options.node, options.serve, stream=options.stream, as_json=options.json
+        ) as bridge:
+            print(f"answers on {bridge.endpoint}", file=sys.stderr)
+            if bridge.stream:
+                print(f"streams on {bridge.stream}", file=sys.stderr)
+            print("ready; Ctrl-C ends", file=sys.stderr, flush=True)
+            ending.wait()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    return 0
+
+
+def _run_ros(options: argparse.Namespace) -> int:
+    """Run here if this Python can, else become one that can."""
+    here = any(map(ros_bridge.has, NEEDS[options.kind]))
+    python = options.python or (None if here else DEFAULT_PYTHON)
+    if python is not None:
+        found = shutil.which(python)
+        if found is None:
+            advice = ros_bridge.ADVICE[options.kind]
+            raise ros_bridge.BridgeError(f"no program {python}; {advice}")
+        _become(found, options)
+    return ros_bridge.run(options.kind, options)
+
+
+def _become(python: str, options: argparse.Namespace) -> NoReturn:
+    folder = str(Path(bridges.__file__).parent)
+    verbose = ["-v"] if options.verbose else []
+    sys.stderr.flush()
+    os.execv(python, [python, folder, *verbose, options.kind, *_arguments(options)])  # noqa: S606
+
+
+def _arguments(options: argparse.Namespace) -> list[str]:
+    given = ["--node", options.node]
+    if options.state:
+        given += ["--state", str(options.state)]
+    if options.kind == "ros2":
+        given += [] if options.domain is None else ["--domain", str(options.domain)]
+        given += ["--best-effort", *options.best_effort] if options.best_effort else []
+        given += ["--dds"] if options.dds else []
+    return given

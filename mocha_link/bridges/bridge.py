@@ -1,0 +1,256 @@
+"""Hands messages between a node's service and another middleware, in both directions.
+
+What the middleware says on the robot's own topics is published through the node; what arrives from
+other robots is handed to the middleware under ``/<robot>/<topic>``. Messages wait for whichever
+side is away; one that cannot be handed on is logged and passed over.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+import threading
+import uuid
+from collections import Counter, deque
+from typing import TYPE_CHECKING, Any, Protocol
+
+from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError, split
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mocha_link.bridges.progress import Progress
+
+WAIT_S = 1.0  # of a request for news; also how long an end may take
+PAUSE_S = 0.5  # before a node that does not answer is asked again
+MAX_HELD = 1000  # messages of the robot that wait for the node
+MAX_HELD_BYTES = 64 * 1024 * 1024
+JSON_PACKAGE = "json/"
+TEXT = "std_msgs/String"  # what JSON travels in
+
+LOG = logging.getLogger("mocha_link")
+
+
+class Middleware(Protocol):
+    """What a bridge needs of the other side. `ros` is how it serializes messages."""
+
+    ros: int
+
+    def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> None:
+        """Hand over the serialized messages of a topic, from any thread. Raises any exception."""
+
+    def publish(self, topic: str, kind: str, history: int, data: bytes) -> None:
+        """Publish a serialized message. Raises any exception."""
+
+    def text(self, data: bytes) -> bytes:
+        """UTF-8 text as a serialized std_msgs/String."""
+
+    def from_text(self, data: bytes) -> bytes:
+        """The UTF-8 text in a serialized std_msgs/String. Raises ValueError."""
+
+    def watch(self, wait: Callable[[float], bool]) -> str | None:
+        """Why a bridge must end though nobody wants it to; None when `wait` says that it ends."""
+
+    def close(self) -> None:
+        """Give up everything."""
+
+
+class Outbox:
+    """Messages of the robot on their way to the node, in order; the oldest give way to too many."""
+
+    def __init__(self) -> None:
+        self._held: deque[tuple[str, bytes]] = deque()
+        self._size = 0
+        self._changed = threading.Condition()
+        self.dropped = 0
+
+    def put(self, topic: str, data: bytes) -> None:
+        """Add a message, from any thread."""
+        with self._changed:
+            self._held.append((topic, data))
+            self._size += len(data)
+            while len(self._held) > MAX_HELD or (
+                self._size > MAX_HELD_BYTES and len(self._held) > 1
+            ):
+                self._size -= len(self._held.popleft()[1])
+                self.dropped += 1
+            self._changed.notify()
+
+    def first(self, timeout_s: float) -> tuple[str, bytes] | None:
+        """The oldest message, which stays until `done`."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._held, timeout_s)
+            return self._held[0] if self._held else None
+
+    def done(self, message: tuple[str, bytes]) -> None:
+        """A message has left."""
+        with self._changed:
+            if self._held and self._held[0] is message:
+                self._size -= len(self._held.popleft()[1])
+
+
+class Bridge:
+    """Runs between the node at an endpoint and a middleware until it is stopped.
+
+    The node is away when it has not answered for `patience_s`.
+    """
+
+    def __init__(
+        self, endpoint: str, middleware: Middleware, progress: Progress, *, patience_s: float = 5.0
+    ) -> None:
+        self.endpoint = endpoint
+        self._patience_s = patience_s
+        self._middleware = middleware
+        self._progress = progress
+        self._outbox = Outbox()
+        self._stopping = threading.Event()
+        self._complaints: Counter[str] = Counter()
+        self._away = False
+        self._run = uuid.uuid4().hex
+
+    def stop(self) -> None:
+        """Let `run` end, from any thread or a signal handler."""
+        self._stopping.set()
+
+    def run(self) -> None:
+        """Hand messages on until `stop`."""
+        with ServiceClient(self.endpoint, timeout_s=self._patience_s) as client:
+            team = self._patiently(client.team)
+            if team is None:
+                return
+            self._subscribe(team)
+            outgoing = threading.Thread(target=self._send, name="bridge out", daemon=True)
+            outgoing.start()
+            LOG.info("ready: the bridge of %s", team["robot"])
+            try:
+                self._follow(client, team)
+            finally:
+                self._stopping.set()
+                outgoing.join(2 * WAIT_S)  # longer only if it waits for a node that is away
+
+    def _subscribe(self, team: dict[str, Any]) -> None:
+        for topic in team["robots"][team["robot"]]["topics"]:
+            name, kind = topic["name"], topic["type"]
+            carried = self._carried(kind, team)
+            if carried is None:
+                continue
+
+            def hand(data: bytes, name: str = name, kind: str = kind) -> None:
+                try:
+                    plain = kind.startswith(JSON_PACKAGE)
+                    self._outbox.put(name, self._middleware.from_text(data) if plain else data)
+                except ValueError as error:
+                    self._complain(name, f"not handed on: {error}")
+
+            try:
+                self._middleware.subscribe(channel(name), carried, topic["history"], hand)
+            except Exception as error:  # noqa: BLE001 - whatever a middleware raises
+                self._complain(name, f"cannot be subscribed: {error}")
+
+    def _carried(self, kind: str, team: dict[str, Any]) -> str | None:
+        """The type of the middleware that carries a type of the team's."""
+        if kind.startswith(JSON_PACKAGE):
+            return TEXT
+        if self._middleware.ros in team["types"].get(kind, {}).get("ros", ()):
+            return kind
+        self._complain(kind, f"is no type of ROS {self._middleware.ros} that is known here")
+        return None
+
+    def _follow(self, client: ServiceClient, team: dict[str, Any]) -> None:
+        """Hand on what comes from other robots."""
+        histories = {
+            (robot, topic["name"]): topic["history"]
+            for robot, about in team["robots"].items()
+            for topic in about["topics"]
+        }
+        while not self._stopping.is_set():
+            found = self._patiently(
+                lambda: client.since(self._progress.place, wait_s=WAIT_S, ros=self._middleware.ros)
+            )
+            if found is None:
+                return
+            place, messages = found
+            for about, data in messages:
+                if self._stopping.is_set():
+                    return
+                history = histories.get((about["robot"], about["topic"]), 1)
+                self._hand_on(about, data, history, team)
+            if place != self._progress.place:
+                self._progress.move(place)
+
+    def _hand_on(
+        self, about: dict[str, Any], data: bytes, history: int, team: dict[str, Any]
+    ) -> None:
+        name = channel(f"/{about['robot']}/{about['topic']}")
+        if self._progress.handed(name, about["header"]):
+            return
+        kind = self._carried(about["type"], team)
+        if "error" in about:
+            self._complain(name, f"passed over: {about['error']}")
+        elif kind is not None:
+            try:
+                for part in split(about, data):
+                    plain = about["type"].startswith(JSON_PACKAGE)
+                    body = self._middleware.text(part) if plain else part
+                    self._middleware.publish(name, kind, history, body)
+            except Exception as error:  # noqa: BLE001 - whatever a middleware raises
+                self._complain(name, f"passed over: {error}")
+        self._progress.note(name, about["header"], history)
+
+    def _send(self) -> None:
+        """Publish through the node what the robot says."""
+        number = 0
+        with ServiceClient(self.endpoint, timeout_s=self._patience_s) as client:
+            while not self._stopping.is_set():
+                message = self._outbox.first(WAIT_S)
+                if message is None:
+                    continue
+                number += 1
+                topic, data = message
+                key = f"{self._run}-{number}"
+                with contextlib.suppress(_GivenUpError):
+                    self._patiently(
+                        lambda: client.publish(topic, data, ros=self._middleware.ros, key=key),  # noqa: B023
+                        topic,
+                    )
+                if not self._stopping.is_set():
+                    self._outbox.done(message)
+
+    def _patiently(self, ask: Callable[[], Any], about: str = "") -> Any:
+        """What a request answers, as soon as the node does; None when stopping."""
+        while not self._stopping.is_set():
+            try:
+                answer = ask()
+            except ServiceUnreachableError as error:
+                if not self._away:
+                    LOG.warning("waiting for the node: %s", error)
+                self._away = True
+                self._stopping.wait(PAUSE_S)
+            except ServiceError as error:
+                self._complain(about, f"the node refused: {error}")
+                if about and not error.again:
+                    raise _GivenUpError from None
+                self._stopping.wait(PAUSE_S)
+            else:
+                if self._away:
+                    LOG.warning("the node answers again")
+                self._away = False
+                return answer
+        return None
+
+    def _complain(self, about: str, what: str) -> None:
+        """Log, loudly the first time."""
+        self._complaints[about] += 1
+        level = logging.WARNING if self._complaints[about] == 1 else logging.DEBUG
+        LOG.log(level, "%s %s", about, what)
+
+
+class _GivenUpError(Exception):
+    """The node does not take a message, and will not."""
+
+
+def channel(name: str) -> str:
+    """A name as ROS allows it: other characters become ``_``, none begins with a digit."""
+    parts = (re.sub(r"[^A-Za-z0-9_]", "_", part) for part in name.split("/") if part)
+    return "/" + "/".join(f"_{part}" if part[0].isdigit() else part for part in parts)

@@ -1,0 +1,136 @@
+"""The ROS 1 side of a bridge: rospy, with messages as the bytes that they are.
+
+Nothing is decoded here, so the packages of the message types need not be installed: what rospy
+must know of a type comes from the package if it is there, else from the node.
+"""
+
+from __future__ import annotations
+
+import logging
+import struct
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+BUFFER_BYTES = 16 * 1024 * 1024  # rospy falls behind with large messages in a smaller one
+ROSCORE_S = 5.0  # between looks at whether the roscore is still the same
+
+LOG = logging.getLogger("mocha_link")
+
+
+class Ros1:
+    """Publishes and subscribes as a ROS 1 node. Needs rospy, and waits for a roscore.
+
+    Args:
+        name: of the ROS node.
+        types: by type name what the node says of it: ``md5`` and ``text``.
+    """
+
+    ros = 1
+
+    def __init__(self, name: str, types: dict[str, dict[str, Any]] | None = None) -> None:
+        import rospy  # noqa: PLC0415 - of a ROS installation
+
+        self._rospy = rospy
+        self.types = types or {}
+        self._classes: dict[str, Any] = {}
+        self._publishers: dict[str, Any] = {}
+        self._subscribers: list[Any] = []
+        self._odd: set[str] = set()
+        rospy.init_node(name, disable_signals=True)
+        LOG.disabled = False  # rospy takes over all logging
+        handler = logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
+        LOG.addHandler(handler)
+        LOG.propagate = False
+
+    def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> None:
+        """See `bridge.Middleware`. Publishers of another type are told once, and not heard."""
+
+        def heard(message: Any) -> None:
+            said = message._connection_header.get("type", kind)  # noqa: SLF001 - rospy's way
+            if said == kind:
+                hand(message._buff)  # noqa: SLF001 - the bytes; AnyMsg has nothing else
+            elif topic not in self._odd:
+                self._odd.add(topic)
+                LOG.warning("%s is published as %s; the team says %s", topic, said, kind)
+
+        subscriber = self._rospy.Subscriber(
+            topic, self._rospy.AnyMsg, heard, queue_size=max(100, history), buff_size=BUFFER_BYTES
+        )
+        self._subscribers.append(subscriber)
+
+    def publish(self, topic: str, kind: str, history: int, data: bytes) -> None:
+        """See `bridge.Middleware`. The newest message stays for subscribers that come later."""
+        made = self._class(kind)
+        if topic not in self._publishers:
+            self._publishers[topic] = self._rospy.Publisher(
+                topic, made, latch=True, queue_size=max(100, history)
+            )
+        message = made()
+        message._buff = data  # noqa: SLF001
+        self._publishers[topic].publish(message)
+
+    def text(self, data: bytes) -> bytes:
+        """See `bridge.Middleware`."""
+        return struct.pack("<I", len(data)) + data
+
+    def from_text(self, data: bytes) -> bytes:
+        """See `bridge.Middleware`."""
+        if len(data) < 4 or struct.unpack_from("<I", data)[0] != len(data) - 4:
+            raise ValueError("not a std_msgs/String")
+        return data[4:]
+
+    def close(self) -> None:
+        """See `bridge.Middleware`."""
+        self._rospy.signal_shutdown("the bridge ends")
+
+    def watch(self, wait: Callable[[float], bool]) -> str | None:
+        """See `bridge.Middleware`. A roscore does not know the ROS nodes that are older than it."""
+        first = None
+        while not wait(ROSCORE_S):
+            run = self._run_id()
+            if run is not None and first is not None and run != first:
+                return "the roscore was restarted, and does not know this process; start it again"
+            first = first or run
+        return None
+
+    def _run_id(self) -> str | None:
+        import rosgraph  # noqa: PLC0415 - of a ROS installation
+
+        try:
+            return str(rosgraph.Master("/mocha_bridge").getParam("/run_id"))
+        except Exception:  # noqa: BLE001 - whatever it is, there is no roscore now
+            return None
+
+    def _class(self, kind: str) -> Any:
+        """A class of messages that are their bytes, with the names that rospy tells others."""
+        if kind not in self._classes:
+            about = self._installed(kind) or self.types.get(kind, {})
+            if "md5" not in about:
+                raise LookupError(f"neither ROS nor the node knows the type {kind}")
+            self._classes[kind] = type(
+                "Bytes",
+                (self._rospy.AnyMsg,),
+                {
+                    "__slots__": ["_buff"],
+                    "_type": kind,
+                    "_md5sum": about["md5"],
+                    "_full_text": about["text"],
+                    "_has_header": False,
+                },
+            )
+        return self._classes[kind]
+
+    @staticmethod
+    def _installed(kind: str) -> dict[str, Any]:
+        try:
+            from roslib.message import get_message_class  # noqa: PLC0415 - of a ROS installation
+
+            found = get_message_class(kind)
+        except Exception:  # noqa: BLE001 - a package that is broken is one that is not there
+            return {}
+        if found is None:
+            return {}
+        return {"md5": found._md5sum, "text": found._full_text}  # noqa: SLF001 - rospy's way

@@ -1,0 +1,172 @@
+"""Runs the bridge to ROS 1 or ROS 2 until a signal ends it, in whatever Python has that ROS."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import logging
+import os
+import re
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mocha_link.bridges.bridge import Bridge
+from mocha_link.bridges.progress import Progress
+from mocha_link.errors import MochaLinkError
+from mocha_link.service_client import ServiceClient, ServiceUnreachableError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+DONE, FAILED, INTERRUPTED = 0, 1, 130
+PAUSE_S = 0.5
+
+LOG = logging.getLogger("mocha_link")
+
+
+class BridgeError(MochaLinkError):
+    """A bridge cannot run here; the message says what it needs."""
+
+
+class _EndedError(BaseException):
+    """SIGTERM came."""
+
+
+def add_options(parser: argparse.ArgumentParser, kind: str) -> None:
+    """The options of the bridge to ``ros1`` or ``ros2``."""
+    parser.add_argument(
+        "--node", required=True, metavar="ENDPOINT", help="what the node got as --serve"
+    )
+    parser.add_argument(
+        "--state",
+        type=Path,
+        metavar="FILE",
+        help="remember there what was handed on (~/.local/state/mocha-link/<robot>-<bridge>)",
+    )
+    if kind == "ros2":
+        parser.add_argument("--domain", type=int, metavar="N", help="DDS domain (ROS_DOMAIN_ID)")
+        parser.add_argument(
+            "--best-effort",
+            nargs="+",
+            default=[],
+            metavar="TOPIC",
+            help="topics of this robot whose publishers are not reliable",
+        )
+        parser.add_argument(
+            "--dds", action="store_true", help="use CycloneDDS also where rclpy is installed"
+        )
+
+
+def run(kind: str, options: argparse.Namespace) -> int:
+    """Run a bridge until a signal comes; returns the exit code. Raises MochaLinkError."""
+
+    def end(_number: int, _frame: Any) -> None:
+        raise _EndedError
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        _run(kind, options)
+    except _EndedError:
+        return DONE
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    return DONE
+
+
+def _run(kind: str, options: argparse.Namespace) -> None:
+    with ServiceClient(options.node) as client:
+        team = _team(client)
+    progress = Progress(options.state or _state_file(f"{team['robot']}-{kind}"))
+    middleware = _middleware(kind, options, team)
+    bridge = Bridge(options.node, middleware, progress)
+    ending = threading.Event()
+    reasons: list[str] = []
+
+    def watch() -> None:
+        reason = middleware.watch(ending.wait)
+        if reason:
+            reasons.append(reason)
+            bridge.stop()
+
+    threading.Thread(target=watch, name="watch", daemon=True).start()
+    try:
+        bridge.run()
+    finally:
+        ending.set()
+        middleware.close()
+        progress.close()
+    if reasons:
+        raise BridgeError(reasons[0])
+
+
+def _team(client: ServiceClient) -> dict[str, Any]:
+    """What the node says of its team, as soon as it runs."""
+    told = False
+    while True:
+        try:
+            return client.team()
+        except ServiceUnreachableError as error:
+            if not told:
+                LOG.warning("waiting for the node: %s", error)
+            told = True
+
+
+def _state_file(name: str) -> Path:
+    state = os.environ.get("XDG_STATE_HOME") or "~/.local/state"
+    return Path(state).expanduser() / "mocha-link" / name
+
+
+def _middleware(kind: str, options: argparse.Namespace, team: dict[str, Any]) -> Any:
+    name = "mocha_bridge_" + re.sub(r"[^A-Za-z0-9_]", "_", team["robot"])
+    if kind == "ros1":
+        if not has("rospy"):
+            raise BridgeError(f"{sys.executable} has no rospy; {ADVICE['ros1']}")
+        from mocha_link.bridges.ros1 import Ros1  # noqa: PLC0415 - only where rospy is
+
+        return Ros1(name, team["types"])
+    if has("rclpy") and not options.dds:
+        from mocha_link.bridges.rcl import Rcl  # noqa: PLC0415 - only where rclpy is
+
+        if options.domain is not None:
+            os.environ["ROS_DOMAIN_ID"] = str(options.domain)
+        return Rcl(name, best_effort=options.best_effort)
+    if not has("cyclonedds") or not has("rosbags"):
+        raise BridgeError(
+            f"{sys.executable} has neither rclpy nor the extra 'ros2'; {ADVICE['ros2']}"
+        )
+    from mocha_link.bridges.dds import Dds  # noqa: PLC0415 - an extra that may be missing
+
+    return Dds(team["definitions"], domain=options.domain, best_effort=options.best_effort)
+
+
+def has(module: str) -> bool:
+    """Whether this Python has a module."""
+    return importlib.util.find_spec(module) is not None
+
+
+ADVICE = {
+    "ros1": "name one that has it: --python /usr/bin/python3 (Debian: python3-rospy, python3-zmq)",
+    "ros2": "pip install 'air-router[ros2]', or name a Python that has rclpy: --python PATH",
+}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The command line of ``__main__``, in a foreign Python."""
+    parser = argparse.ArgumentParser(prog="mocha-link bridge", description=run.__doc__)
+    parser.add_argument("-v", "--verbose", action="store_true", help="log more, on stderr")
+    kinds = parser.add_subparsers(required=True, dest="kind", metavar="BRIDGE")
+    for kind in ("ros1", "ros2"):
+        add_options(kinds.add_parser(kind), kind)
+    options = parser.parse_args(arguments)
+    level = logging.DEBUG if options.verbose else logging.INFO
+    logging.basicConfig(stream=sys.stderr, level=level, format="%(levelname)s %(message)s")
+    try:
+        return run(options.kind, options)
+    except MochaLinkError as error:
+        sys.stderr.write(f"mocha-link: {error}\n")
+        return FAILED
+    except KeyboardInterrupt:
+        return INTERRUPTED

@@ -1,0 +1,108 @@
+"""Messages as JSON for programs that do not want bytes: requests on their way in, answers out."""
+
+from __future__ import annotations
+
+import base64
+import json
+from typing import TYPE_CHECKING, Any
+
+from mocha_link.errors import MochaLinkError
+from mocha_link.service_client import split
+from mocha_link.typed import TypedError, Types
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+MAX_REQUEST_BYTES = 8 * 1024 * 1024
+
+
+class ValueRequestError(MochaLinkError):
+    """A request that is not one, or whose value does not fit its topic."""
+
+
+class Values:
+    """Translates for the programs of one robot.
+
+    Args:
+        team: what the node says of the team.
+
+    Raises:
+        RosError: the team brings along a definition that cannot be used.
+    """
+
+    def __init__(self, team: dict[str, Any]) -> None:
+        self._types = Types(team["definitions"])
+        self._robots = team["robots"]
+        self.robot: str = team["robot"]
+        self._kinds = {topic["name"]: topic["type"] for topic in self._robots[self.robot]["topics"]}
+
+    def request(self, frames: Sequence[bytes]) -> tuple[dict[str, Any], list[bytes], bool]:
+        """A request as the node wants it, and whether the answer is wanted as JSON.
+
+        ``value`` of ``publish`` becomes its data; ``json`` is only ours. Raises ValueRequestError.
+        """
+        values = _object(frames)
+        wanted = values.pop("json", False)
+        data = list(frames[1:])
+        if "value" in values and values.get("request") == "publish":
+            topic, value = values.get("topic"), values.pop("value")
+            kind = self._kinds.get(topic) if isinstance(topic, str) else None
+            if kind is None:
+                raise ValueRequestError(f"{self.robot} has no topic {str(topic)[:80]!r}")
+            if data:
+                raise ValueRequestError("publish has a value or a frame of data, not both")
+            try:
+                data = [self._types.encode(kind, _from_base64(value), self._ros(self.robot))]
+            except TypedError as error:
+                raise ValueRequestError(f"{topic}: {error}") from None
+        return values, data, wanted is True
+
+    def answer(self, values: dict[str, Any], data: Sequence[bytes]) -> dict[str, Any]:
+        """An answer of the node with the messages as values in place of data."""
+        messages = values.get("messages", [values.get("message")])
+        for about, body in zip(messages, data, strict=False):
+            if isinstance(about, dict):
+                about.update(self.value(about, body))
+        return values
+
+    def value(self, about: dict[str, Any], data: bytes) -> dict[str, Any]:
+        """``value`` of a message, ``values`` if it is several in one, or ``error``."""
+        ros = self._ros(about["robot"])
+        try:
+            values = [
+                _as_base64(self._types.plain(about["type"], part, ros))
+                for part in split(about, data)
+            ]
+            json.dumps(values, allow_nan=False)
+        except (TypedError, ValueError) as error:
+            return {"error": str(error)}
+        return {"values": values} if "parts" in about else {"value": values[0]}
+
+    def _ros(self, robot: str) -> Any:
+        return self._robots.get(robot, {}).get("ros", 1)
+
+
+def _object(frames: Sequence[bytes]) -> dict[str, Any]:
+    if not frames or len(frames[0]) > MAX_REQUEST_BYTES:
+        raise ValueRequestError(f"a request begins with JSON of up to {MAX_REQUEST_BYTES} bytes")
+    try:
+        values = json.loads(frames[0])
+    except (ValueError, RecursionError):
+        values = None
+    if not isinstance(values, dict):
+        raise ValueRequestError("a request begins with a JSON object")
+    return values
+
+
+def _as_base64(value: Any) -> Any:
+    return {"base64": base64.b64encode(value).decode()} if isinstance(value, bytes) else value
+
+
+def _from_base64(value: Any) -> Any:
+    """Bytes that were sent as ``{"base64": text}``; any other value as it is."""
+    if not isinstance(value, dict) or set(value) != {"base64"}:
+        return value
+    try:
+        return base64.b64decode(value["base64"], validate=True)
+    except (TypeError, ValueError):
+        raise TypedError("not Base64 text") from None

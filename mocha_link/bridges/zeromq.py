@@ -1,0 +1,223 @@
+"""The bridge to programs in any language that have ZeroMQ: requests, and a stream of messages.
+
+It passes the requests of the node's service on, and adds JSON: whatever a program does to this
+process does not touch the node.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import logging
+import threading
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import zmq
+
+from mocha_link.bridges.values import MAX_REQUEST_BYTES, ValueRequestError, Values
+from mocha_link.payload import MAX_BYTES
+from mocha_link.port import ListenError, PortInUseError
+from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import TracebackType
+
+    from mocha_link.service_client import Place
+
+PATIENCE_S = 5.0  # for the node's answer, beyond what a request wants to wait
+MAX_WAIT_S = 60.0
+MAX_PENDING = 1000
+MAX_UNREAD = 16  # answers that a program may leave unread before more of them are dropped
+TICK_MS = 200
+STREAM_WAIT_S = 1.0
+PAUSE_S = 0.5
+
+LOG = logging.getLogger("mocha_link")
+
+Socket = zmq.Socket[bytes]
+
+
+@dataclass(slots=True)
+class _Pending:
+    envelope: list[bytes]
+    id: object
+    as_json: bool
+    until_s: float
+
+
+class ZeroMqBridge:
+    """Serves programs at an endpoint, and streams all messages at another.
+
+    Port ``*`` takes a free one; `endpoint` and `stream` then say which. Use as a context manager.
+
+    Args:
+        node: endpoint of the node's service.
+        endpoint: where programs ask; ``ipc://path`` or ``tcp://127.0.0.1:port``.
+        stream: where they subscribe, if anywhere.
+        as_json: the stream carries values and not data.
+
+    Raises:
+        ServiceUnreachableError: the node does not answer.
+        PortInUseError: an endpoint is in use.
+        ListenError: an endpoint is none.
+    """
+
+    def __init__(
+        self, node: str, endpoint: str, *, stream: str | None = None, as_json: bool = False
+    ) -> None:
+        self._node = node
+        self._as_json = as_json
+        self._stopping = threading.Event()
+        self._pending: dict[int, _Pending] = {}
+        self._number = 0
+        with ServiceClient(node) as client:
+            self._values = Values(client.team())
+        self._context: zmq.Context[Socket] = zmq.Context()
+        try:
+            self._front = self._bound(zmq.ROUTER, endpoint)
+            self._stream = self._bound(zmq.PUB, stream) if stream else None
+        except Exception:
+            self._context.destroy(0)
+            raise
+        self.endpoint = _place_of(self._front)
+        self.stream = _place_of(self._stream) if self._stream else None
+        self._back = self._dialled()
+        self._threads = [threading.Thread(target=self._serve, name="bridge requests", daemon=True)]
+        if self._stream:
+            work = threading.Thread(target=self._follow, name="bridge stream", daemon=True)
+            self._threads.append(work)
+        for thread in self._threads:
+            thread.start()
+
+    def close(self) -> None:
+        """Stop, and give up everything; may be called twice."""
+        self._stopping.set()
+        for thread in self._threads:
+            thread.join()
+        self._context.destroy(0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _bound(self, kind: int, endpoint: str) -> Socket:
+        socket = self._context.socket(kind)
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.MAXMSGSIZE, MAX_BYTES + MAX_REQUEST_BYTES)
+        if kind == zmq.ROUTER:
+            socket.setsockopt(zmq.SNDHWM, MAX_UNREAD)
+            socket.setsockopt(zmq.RCVHWM, MAX_UNREAD)
+        try:
+            socket.bind(endpoint)
+        except zmq.ZMQError as error:
+            what = f"cannot serve on {endpoint}"
+            if error.errno == errno.EADDRINUSE:
+                raise PortInUseError(f"{what}: it is in use; choose another one") from None
+            why = zmq.strerror(error.errno or 0)
+            raise ListenError(f"{what}: {why}; write ipc://path or tcp://127.0.0.1:port") from None
+        return socket
+
+    def _dialled(self) -> Socket:
+        socket = self._context.socket(zmq.DEALER)
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.SNDHWM, MAX_PENDING)
+        socket.connect(self._node)
+        return socket
+
+    def _serve(self) -> None:
+        poller = zmq.Poller()
+        poller.register(self._front, zmq.POLLIN)
+        poller.register(self._back, zmq.POLLIN)
+        while not self._stopping.is_set():
+            ready = dict(poller.poll(TICK_MS))
+            if self._front in ready:
+                frames = self._front.recv_multipart()
+                delimiter = 2 if len(frames) > 1 and not frames[1] else 1
+                self._take(frames[:delimiter], frames[delimiter:])
+            if self._back in ready:
+                self._answered(self._back.recv_multipart())
+            self._give_up()
+
+    def _take(self, envelope: list[bytes], frames: list[bytes]) -> None:
+        number: object = None
+        if len(self._pending) >= MAX_PENDING:
+            self._refuse(envelope, number, f"{MAX_PENDING} requests wait already")
+            return
+        try:
+            values, data, as_json = self._values.request(frames)
+            number = values.get("id")
+            wait_s = values.get("wait_s")
+            known = isinstance(wait_s, int | float) and 0 <= wait_s <= MAX_WAIT_S
+            until_s = time.monotonic() + PATIENCE_S + (float(wait_s) if known else 0.0)  # type: ignore[arg-type]
+            self._number += 1
+            self._pending[self._number] = _Pending(envelope, number, as_json, until_s)
+            header = json.dumps({**values, "id": self._number}).encode()
+            self._back.send_multipart([header, *data], zmq.NOBLOCK)
+        except ValueRequestError as error:
+            self._refuse(envelope, number, str(error))
+        except zmq.Again:
+            del self._pending[self._number]
+            self._refuse(envelope, number, "the node does not answer")
+
+    def _answered(self, frames: list[bytes]) -> None:
+        values: dict[str, Any] = json.loads(frames[0])  # of the node, which is ours
+        pending = self._pending.pop(values.get("id"), None)  # type: ignore[arg-type]
+        if pending is None:
+            return  # nobody waits for it any more
+        data: Sequence[bytes] = frames[1:]
+        if pending.as_json:
+            values, data = self._values.answer(values, data), ()
+        values["id"] = pending.id
+        self._send([*pending.envelope, json.dumps(values).encode(), *data])
+
+    def _give_up(self) -> None:
+        now_s = time.monotonic()
+        for number in [n for n, one in self._pending.items() if now_s > one.until_s]:
+            pending = self._pending.pop(number)
+            self._refuse(pending.envelope, pending.id, "the node does not answer")
+
+    def _refuse(self, envelope: list[bytes], number: object, why: str) -> None:
+        answer = {"ok": False, "id": number, "error": why, "again": True}
+        self._send([*envelope, json.dumps(answer).encode()])
+
+    def _send(self, frames: list[bytes]) -> None:
+        with contextlib.suppress(zmq.Again):  # it does not read what it asks for
+            self._front.send_multipart(frames, zmq.NOBLOCK)
+
+    def _follow(self) -> None:
+        """Stream what the node stores."""
+        place: Place | None = None
+        with ServiceClient(self._node, timeout_s=2.0) as client:
+            while not self._stopping.is_set():
+                try:
+                    place, messages = client.since(place, wait_s=STREAM_WAIT_S, own=True)
+                except (ServiceUnreachableError, ServiceError) as error:
+                    LOG.warning("%s", error)
+                    self._stopping.wait(PAUSE_S)
+                    continue
+                for about, data in messages:
+                    self._publish(about, data)
+
+    def _publish(self, about: dict[str, Any], data: bytes) -> None:
+        if self._stream is None:
+            return
+        body = [data]
+        if self._as_json:
+            about, body = {**about, **self._values.value(about, data)}, []
+        topic = f"/{about['robot']}/{about['topic'].lstrip('/')}"
+        self._stream.send_multipart([topic.encode(), json.dumps(about).encode(), *body])
+
+
+def _place_of(socket: Socket) -> str:
+    return socket.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0")

@@ -1,0 +1,184 @@
+"""Messages between a node and a middleware that is none: what gets through, and what survives."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import queue
+import struct
+import threading
+
+import pytest
+
+pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
+
+from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, Bridge, Outbox, channel
+from mocha_link.bridges.progress import Progress
+from mocha_link.metrics import MessageStored
+from mocha_link.ros import RosCodec
+from mocha_link.service_server import ServiceServer
+
+POSE = "geometry_msgs/PoseStamped"
+CODEC = RosCodec()
+
+
+def pose(name, ros):
+    return CODEC.encode(POSE, {"header": {"frame_id": name}}, ros)
+
+
+class Desk:
+    """A middleware that keeps what it gets, and hands over what a test says."""
+
+    ros = 1
+
+    def __init__(self):
+        self.said = queue.SimpleQueue()
+        self.hands = {}
+        self.ready = threading.Event()
+
+    def subscribe(self, topic, kind, history, hand):
+        if topic == "/own":
+            raise RuntimeError("no such thing")
+        self.hands[topic] = (kind, hand)
+        if topic == "/pose":
+            self.ready.set()
+
+    def publish(self, topic, kind, history, data):
+        if b"breaks" in data:
+            raise RuntimeError("broken")
+        self.said.put((topic, kind, data))
+
+    def text(self, data):
+        return struct.pack("<I", len(data)) + data
+
+    def from_text(self, data):
+        if len(data) < 4:
+            raise ValueError("too short")
+        return data[4:]
+
+
+@contextlib.contextmanager
+def running(endpoint, progress):
+    desk = Desk()
+    bridge = Bridge(endpoint, desk, progress, patience_s=0.3)
+    thread = threading.Thread(target=bridge.run)
+    thread.start()
+    try:
+        assert desk.ready.wait(20)
+        yield desk
+    finally:
+        bridge.stop()
+        thread.join(20)
+        assert not thread.is_alive()
+
+
+@pytest.fixture
+def progress(tmp_path):
+    return Progress(tmp_path / "state")
+
+
+@pytest.fixture
+def stored(one):
+    """What the node stores, as it does."""
+    events = queue.SimpleQueue()
+    one.subscribe(lambda event: isinstance(event, MessageStored) and events.put(event.topic))
+    return events
+
+
+def test_what_the_robot_says(server, one, stored, progress, caplog):
+    with running(server.endpoint, progress) as desk:
+        kind, hand = desk.hands["/pose"]
+        assert kind == POSE
+        hand(b"nonsense")
+        hand(pose("there", 1))
+        assert stored.get(timeout=20) == "/pose"
+        assert one.latest("one", "/pose").data == pose("there", 1)
+        kind, hand = desk.hands["/goal"]
+        assert kind == "std_msgs/String"
+        hand(b"")
+        hand(desk.text(b"not JSON"))
+        hand(desk.text(b"[5]"))
+        assert stored.get(timeout=20) == "/goal"
+        assert one.latest("one", "/goal").data == b"[5]"
+        assert set(desk.hands) == {"/pose", "/goal"}
+    assert "/pose the node refused: not a geometry_msgs/msg/PoseStamped" in caplog.text
+    assert "/goal not handed on: too short" in caplog.text
+    assert "grid/Map is no type of ROS 1" in caplog.text
+    assert "/own cannot be subscribed: no such thing" in caplog.text
+
+
+def test_what_others_say(server, two, pulled, progress, caplog):
+    caplog.set_level(logging.DEBUG)
+    with running(server.endpoint, progress) as desk:
+        for data in (b"nonsense", pose("breaks", 2), pose("here", 2)):
+            pulled("/pose", data)
+        two.publish("/raw", b"grid")
+        two.publish("/own", b"\0\1\0\0\7\0")
+        pulled("/goal", b"{}")
+        said = [desk.said.get(timeout=20) for _ in range(3)]
+        assert said[0] == ("/two/pose", POSE, pose("here", 1))
+        assert sorted(said[1:]) == [
+            ("/two/goal", "std_msgs/String", b"\2\0\0\0{}"),
+            ("/two/own", "field/Own", b"\7\0"),
+        ]
+    assert "/two/pose passed over: not a geometry_msgs/msg/PoseStamped" in caplog.text
+    assert "/two/pose passed over: broken" in caplog.text
+
+
+def test_a_bridge_that_restarts(server, pulled, progress):
+    pulled("/pose", pose("1", 2))
+    with running(server.endpoint, progress) as desk:
+        assert desk.said.get(timeout=20)[2] == pose("1", 1)
+    pulled("/pose", pose("2", 2))
+    with running(server.endpoint, progress) as desk:
+        pulled("/goal", b"3")
+        assert desk.said.get(timeout=20)[2] == pose("2", 1)
+        assert desk.said.get(timeout=20)[2] == desk.text(b"3")
+
+
+def test_a_node_that_restarts(server, pulled, stored, progress, caplog):
+    pulled("/pose", pose("1", 2))
+    stored.get(timeout=20)
+    with running(server.endpoint, progress) as desk:
+        assert desk.said.get(timeout=20)[2] == pose("1", 1)
+        server.close()
+        desk.hands["/pose"][1](pose("a", 1))
+        desk.hands["/pose"][1](pose("b", 1))
+        pulled("/goal", b"2")
+        assert stored.get(timeout=20) == "/goal"
+        with ServiceServer(server.node, server.endpoint):
+            assert [stored.get(timeout=20) for _ in range(2)] == ["/pose", "/pose"]
+            assert server.node.latest("one", "/pose").data == pose("b", 1)
+            # Numbers begin anew with the service, but nothing is handed on twice.
+            assert desk.said.get(timeout=20)[2] == desk.text(b"2")
+            assert desk.said.empty()
+    assert "waiting for the node" in caplog.text
+
+
+def test_the_outbox_is_bounded():
+    outbox = Outbox()
+    for number in range(MAX_HELD + 5):
+        outbox.put("/a", str(number).encode())
+    assert outbox.dropped == 5
+    first = outbox.first(0)
+    assert first == ("/a", b"5")
+    outbox.done(first)
+    assert outbox.first(0) == ("/a", b"6")
+    outbox.put("/b", bytes(MAX_HELD_BYTES))
+    assert outbox.first(0)[0] == "/b"
+    outbox.done(first)
+    assert outbox.first(0)[0] == "/b"
+
+
+@pytest.mark.parametrize(
+    ("name", "channel_name"),
+    [
+        ("/io//pose", "/io/pose"),
+        ("pose", "/pose"),
+        ("/rover-1//a b/c", "/rover_1/a_b/c"),
+        ("/3d/1", "/_3d/_1"),
+        ("", "/"),
+    ],
+)
+def test_names_that_ros_allows(name, channel_name):
+    assert channel(name) == channel_name

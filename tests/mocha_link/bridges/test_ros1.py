@@ -1,0 +1,137 @@
+"""A live ROS 1: its master, a bridge in its Python, and a ROS node that talks and listens."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import subprocess
+import sys
+import threading
+
+import pytest
+
+pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
+
+from mocha_link.metrics import MessageStored
+from mocha_link.ros import RosCodec
+
+PYTHON = "/usr/bin/python3"
+POSE = "geometry_msgs/PoseStamped"
+NODE = """
+import sys, rospy
+from geometry_msgs.msg import PoseStamped
+from std_msgs.msg import String
+
+def say(kind, text):
+    sys.stdout.write(kind + " " + text + chr(10))
+    sys.stdout.flush()
+
+rospy.init_node("other", disable_signals=True)
+rospy.Subscriber("/two/pose", PoseStamped, lambda m: say("pose", m.header.frame_id))
+rospy.Subscriber("/two/goal", String, lambda m: say("goal", m.data))
+poses = rospy.Publisher("/pose", PoseStamped, queue_size=10, latch=True)
+goals = rospy.Publisher("/goal", String, queue_size=10, latch=True)
+odd = rospy.Publisher("/own", String, queue_size=10, latch=True)
+odd.publish(String(data="odd"))
+message = PoseStamped()
+message.header.frame_id = "from ROS"
+poses.publish(message)
+goals.publish(String(data="[1, 2]"))
+rospy.spin()
+"""
+
+
+def has_ros():
+    with contextlib.suppress(OSError):
+        command = [PYTHON, "-c", "import rospy, zmq, geometry_msgs.msg, rosmaster"]
+        return subprocess.run(command, capture_output=True, check=False).returncode == 0
+    return False
+
+
+pytestmark = pytest.mark.skipif(not has_ros(), reason=f"{PYTHON} has no rospy and pyzmq")
+
+
+@pytest.fixture
+def ros(tmp_path, field):
+    """The environment of a ROS master of our own; and what starts processes in it."""
+    port = field.team.robot("io").base_port
+    environment = {
+        **os.environ,
+        "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
+        "ROS_IP": "127.0.0.1",
+        "ROS_HOME": str(tmp_path / "ros"),
+    }
+    with contextlib.ExitStack() as stack:
+
+        def start(*command, until=None):
+            """Start a process; with `until`, wait for a line with it on stderr."""
+            process = subprocess.Popen(
+                command,
+                env=environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE if until else subprocess.DEVNULL,
+                text=True,
+            )
+            stack.enter_context(process)
+            stack.callback(process.kill)
+            if until:
+                seen = []
+                for line in process.stderr:
+                    seen.append(line)
+                    if until in line:
+                        threading.Thread(target=process.stderr.read, daemon=True).start()
+                        return process
+                raise AssertionError(seen)
+            return process
+
+        start(
+            PYTHON,
+            "-c",
+            f"import rosmaster; rosmaster.rosmaster_main(['x', '--core', '-p', '{port}'])",
+        )
+        yield start
+
+
+def test_both_ways_and_a_restart(ros, server, one, pulled, tmp_path):
+    bridge = [sys.executable, "-m", "mocha_link.cli", "bridge", "ros1", "--node", server.endpoint]
+    bridge += ["--python", PYTHON, "--state", str(tmp_path / "state")]
+    stored = queue.SimpleQueue()
+    one.subscribe(lambda event: isinstance(event, MessageStored) and stored.put(event.topic))
+    pulled("/pose", RosCodec().encode(POSE, {"header": {"frame_id": "from two"}}, 2))
+    pulled("/own", b"\0\1\0\0\7\0")  # a type that ROS has no package of
+    running = ros(*bridge, until="ready: the bridge of one")
+    other = ros(PYTHON, "-c", NODE)
+    assert next(other.stdout) == "pose from two\n"
+    topics = set()
+    while topics < {"/pose", "/goal"}:
+        topics.add(stored.get(timeout=20))
+    while one.latest("one", "/goal") is None or one.latest("one", "/pose") is None:
+        stored.get(timeout=20)
+    pose = RosCodec().decode(POSE, one.latest("one", "/pose").data, 1)
+    assert pose.header.frame_id == "from ROS"
+    assert one.latest("one", "/goal").data == b"[1, 2]"
+    pulled("/goal", b"{}")
+    assert next(other.stdout) == "goal {}\n"
+    # It dies, comes back, and hands on what came meanwhile, but nothing twice.
+    running.kill()
+    running.wait(20)
+    pulled("/goal", b"{ }")
+    running = ros(*bridge, until="ready: the bridge of one")
+    assert next(other.stdout) == "goal { }\n"
+    running.terminate()
+    assert running.wait(20) == 0
+    assert one.latest("one", "/own") is None  # that was no field/Own
+
+
+def test_without_ros(server):
+    command = [sys.executable, "-m", "mocha_link.cli", "bridge", "ros1", "--node", server.endpoint]
+    for python, complaint in (
+        (sys.executable, "has no rospy; name one"),
+        ("/no/python", "no program"),
+    ):
+        done = subprocess.run(
+            [*command, "--python", python], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 1
+        assert complaint in done.stderr

@@ -1,0 +1,241 @@
+"""Programs in any language: requests with JSON or bytes, and a stream, through a bridge."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import json
+import subprocess
+import sys
+
+import pytest
+import zmq
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
+
+from mocha_link.bridges.values import ValueRequestError, Values
+from mocha_link.bridges.zeromq import ZeroMqBridge
+from mocha_link.port import ListenError, PortInUseError
+from mocha_link.ros import RosCodec
+from mocha_link.service_client import ServiceClient, ServiceUnreachableError
+from mocha_link.service_server import ServiceServer
+
+TEAM = {
+    "robot": "one",
+    "robots": {
+        "one": {
+            "ros": 2,
+            "topics": [
+                {"name": "/pose", "type": "geometry_msgs/Point"},
+                {"name": "/goal", "type": "json/Goal"},
+                {"name": "/raw", "type": "grid/Map"},
+            ],
+        },
+        "two": {"ros": 1, "topics": []},
+    },
+    "definitions": {},
+}
+POINT = {"x": 1.0, "y": 2.0, "z": 3.0}
+
+
+class Program:
+    """What another program would do: one socket, JSON and bytes."""
+
+    def __init__(self, context, endpoint, kind):
+        self.socket = context.socket(kind)
+        self.socket.setsockopt(zmq.LINGER, 0)
+        self.socket.connect(endpoint)
+
+    def ask(self, *data, **fields):
+        self.socket.send_multipart([json.dumps(fields).encode(), *data])
+        assert self.socket.poll(20_000), "no answer"
+        answer, *parts = self.socket.recv_multipart()
+        return json.loads(answer), parts
+
+
+@pytest.fixture
+def dial():
+    """Makes programs."""
+    with contextlib.ExitStack() as stack:
+        context = stack.enter_context(zmq.Context())
+
+        def made(endpoint, kind=zmq.REQ):
+            program = Program(context, endpoint, kind)
+            stack.callback(program.socket.close)
+            return program
+
+        yield made
+
+
+@pytest.fixture
+def bridge(server, monkeypatch):
+    monkeypatch.setattr("mocha_link.bridges.zeromq.STREAM_WAIT_S", 0.1)  # ends sooner
+    with ZeroMqBridge(
+        server.endpoint, "tcp://127.0.0.1:*", stream="tcp://127.0.0.1:*", as_json=True
+    ) as bridge:
+        yield bridge
+
+
+def test_values_in_place_of_bytes(bridge, dial, one, pulled):
+    program = dial(bridge.endpoint)
+    answer, _ = program.ask(request="publish", topic="/pose", id="a", value={"header": {"seq": 3}})
+    assert answer["ok"], answer
+    assert answer["id"] == "a"
+    assert one.latest("one", "/pose").data.startswith(b"\3\0\0\0")
+    answer, data = program.ask(request="latest", robot="one", topic="/pose", json=True)
+    assert data == []
+    assert answer["message"]["value"]["header"]["seq"] == 3
+    answer, data = program.ask(request="latest", robot="one", topic="/pose")
+    assert len(data) == 1
+    assert "value" not in answer["message"]
+    grid = {"base64": base64.b64encode(b"grid").decode()}
+    program.ask(request="publish", topic="/raw", value=grid)
+    assert one.latest("one", "/raw").data == b"grid"
+    pulled("/goal", b"nonsense")
+    answer, _ = program.ask(request="since", own=True, json=True)
+    values = {(m["robot"], m["topic"]): m.get("value", "error") for m in answer["messages"]}
+    assert values["one", "/raw"] == grid
+    assert values["two", "/goal"] == "error"
+    answer, _ = program.ask(b"[1]", request="publish", topic="/goal")
+    assert one.latest("one", "/goal").data == b"[1]"
+
+
+def test_one_who_waits_does_not_stop_the_others(bridge, dial, pulled):
+    patient, quick = (dial(bridge.endpoint, kind) for kind in (zmq.DEALER, zmq.REQ))
+    patient.socket.send(b'{"request": "since", "wait_s": 30, "id": 1}')
+    assert quick.ask(request="team")[0]["robot"] == "one"
+    pulled("/goal", b"5")
+    assert patient.socket.poll(20_000)
+    assert patient.socket.recv_multipart()[1] == b"5"
+
+
+def test_what_is_refused(bridge, dial):
+    program = dial(bridge.endpoint)
+    for fields, complaint in (
+        ({}, "no request 'None'"),
+        ({"request": "publish", "topic": "/goal", "value": {"base64": "?"}}, "not Base64"),
+        ({"request": "publish", "topic": "/pose", "value": {"x": 1}}, "has no field 'x'"),
+        ({"request": "publish", "topic": "/none", "value": 1}, "one has no topic '/none'"),
+        ({"request": "publish", "topic": [], "value": 1}, "has no topic"),
+        ({"request": "latest", "robot": "one", "topic": "/none", "json": True}, "no topic"),
+    ):
+        answer, _ = program.ask(**fields)
+        assert answer["ok"] is False
+        assert complaint in answer["error"]
+    answer, _ = program.ask(b"x", request="publish", topic="/goal", value=1)
+    assert "not both" in answer["error"]
+
+
+def test_the_stream(bridge, dial, pulled):
+    subscriber = dial(bridge.stream, zmq.SUB).socket
+    subscriber.setsockopt(zmq.SUBSCRIBE, b"/two/")
+    number = 0
+    while not subscriber.poll(100):  # until the subscription has arrived there
+        number += 1
+        pulled("/goal", str(number).encode())
+    topic, about = subscriber.recv_multipart()
+    assert topic == b"/two/goal"
+    fields = json.loads(about)
+    assert fields["robot"] == "two"
+    assert fields["value"] in range(1, number + 1)
+
+
+def test_a_node_that_is_away(one, server, dial, monkeypatch):
+    monkeypatch.setattr("mocha_link.bridges.zeromq.PATIENCE_S", 0.1)
+    with ZeroMqBridge(server.endpoint, "tcp://127.0.0.1:*") as bridge:
+        program = dial(bridge.endpoint)
+        server.close()
+        answer, _ = program.ask(request="team", id=4)
+        assert answer == {"ok": False, "id": 4, "error": "the node does not answer", "again": True}
+        with ServiceServer(one, server.endpoint):
+            while not answer["ok"]:
+                answer, _ = program.ask(request="team")
+
+
+def test_endpoints_that_are_none(server):
+    with pytest.raises(ListenError, match="cannot serve on nonsense"):
+        ZeroMqBridge(server.endpoint, "nonsense")
+    with pytest.raises(PortInUseError, match="it is in use"):
+        ZeroMqBridge(server.endpoint, "tcp://127.0.0.1:*", stream=server.endpoint)
+    with pytest.raises(ServiceUnreachableError, match="'nonsense' is no endpoint"):
+        ZeroMqBridge("nonsense", "tcp://127.0.0.1:*")
+
+
+@pytest.fixture(scope="module")
+def values():
+    return Values(TEAM)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner),
+    max_leaves=4,
+)
+
+
+@settings(max_examples=150)
+@given(topic=st.sampled_from(["/pose", "/goal", "/raw", "/x"]), value=JSON, data=st.binary())
+def test_any_value_is_sent_or_refused(values, topic, value, data):
+    request = {"request": "publish", "topic": topic, "value": value}
+    with contextlib.suppress(ValueRequestError):
+        fields, [sent], _ = values.request([json.dumps(request).encode()])
+        assert "value" not in fields
+        about = {"robot": "one", "type": values._kinds[topic]}
+        assert "error" not in values.value(about, sent)
+    for robot in ("one", "two"):
+        for kind in ("geometry_msgs/Point", "json/Goal", "grid/Map"):
+            shown = values.value({"robot": robot, "type": kind}, data)
+            assert len(shown) == 1
+            json.dumps(shown, allow_nan=False)
+
+
+def test_several_messages_in_one(values):
+    data = [RosCodec().encode("geometry_msgs/Point", {"x": x}, 1) for x in (1, 2)]
+    about = {"robot": "two", "type": "geometry_msgs/Point", "parts": [24, 24]}
+    shown = values.value(about, b"".join(data))
+    assert [value["x"] for value in shown["values"]] == [1, 2]
+    assert values.value({**about, "type": "json/X", "parts": []}, b"") == {"values": []}
+    for bad in ([], [b"x"], [b"[]"], [b"[" * 10_000]):
+        with pytest.raises(ValueRequestError, match="a request begins with"):
+            values.request(bad)
+
+
+def test_real_processes(team, tmp_path, dial):
+    """Node and bridge as a user starts them; the bridge dies and comes back."""
+    path = tmp_path / "team.yaml"
+    path.write_text(team.dump())
+    node, door = f"ipc://{tmp_path}/node", f"ipc://{tmp_path}/door"
+    with contextlib.ExitStack() as stack:
+
+        def started(*command):
+            process = subprocess.Popen(
+                [sys.executable, "-m", "mocha_link.cli", *command],
+                stderr=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                text=True,
+            )
+            stack.enter_context(process)
+            stack.callback(process.kill)
+            for line in process.stderr:
+                if line.startswith("ready"):
+                    return process
+            raise AssertionError(process.wait(20))
+
+        started("node", str(path), "--robot", "one", "--serve", node)
+        bridge = started("bridge", "zmq", "--node", node, "--serve", door)
+        program = dial(door)
+        assert program.ask(request="publish", topic="/goal", value=[1])[0]["ok"]
+        answer, _ = program.ask(request="since", own=True, json=True)
+        assert answer["messages"][0]["value"] == [1]
+        bridge.kill()
+        bridge.wait(20)
+        with ServiceClient(node, timeout_s=20) as client:
+            client.publish("/goal", b"[2]")
+        bridge = started("bridge", "zmq", "--node", node, "--serve", door, "--stream", f"{door}2")
+        place = {"epoch": answer["epoch"], "sequence": answer["sequence"]}
+        answer, _ = program.ask(request="since", own=True, json=True, **place)
+        assert [message["value"] for message in answer["messages"]] == [[2]]
+        bridge.terminate()
+        assert bridge.wait(20) == 0
