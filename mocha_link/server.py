@@ -47,7 +47,6 @@ class _Sync:
         self.began_s = now.steady_s
         self.heard_s = now.steady_s
         self.by_datagram = False
-        self.told = False
         self.route: Route | None = None
         self.sent = 0
         self.allowed = 0
@@ -71,6 +70,7 @@ class Server:
         self._session = ServerSession(peer, database)
         self._sync: _Sync | None = None
         self._flow: Flow | None = None
+        self._ended = b""  # the id of the last sync that came to its end
         self._rate_bytes_s: float | None = None
         self._rtt_s: float | None = None
         self._events: list[LinkEvent] = []
@@ -148,7 +148,7 @@ class Server:
         self._events += self._session.tick(now)
         sync = self._sync
         if sync and now.steady_s - sync.heard_s > PATIENCE_S:
-            self._break_off(f"the peer said nothing for {PATIENCE_S:g} s", now)
+            self._break_off(sync, f"the peer said nothing for {PATIENCE_S:g} s", now)
 
     def take(self) -> list[LinkEvent]:
         """What is to be told since the last call."""
@@ -160,6 +160,8 @@ class Server:
         argument = frame[ID_BYTES + CODE_BYTES :]
         sync = self._sync
         if sync is None or sync.id != request_id:
+            if request_id == self._ended:
+                return None  # a connection that came too late
             if code != SYNC1:
                 return request_id + SERRM
             sync = _Sync(request_id, Feed(self._database, self._acquaintance), now)
@@ -185,6 +187,8 @@ class Server:
 
     def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
         sync = self._sync
+        if token == self._ended:
+            return True
         if sync and sync.id == token and not sync.by_datagram:
             return True  # the connection was first, so it serves
         sync = _Sync(token, Feed(self._database, self._acquaintance), now)
@@ -222,17 +226,19 @@ class Server:
 
     def _begin(self, sync: _Sync, now: Instant) -> None:
         if self._sync:
-            self._break_off("the peer began anew", now)
+            self._break_off(self._sync, "the peer began anew", now)
         self._sync = sync
         self._events.append(SyncStarted(self._peer, now.unix_s, Direction.OUT))
         self._look(now)
 
     def _look(self, now: Instant) -> None:
         """End the pull when the peer says that it is over."""
-        sync = self._sync
-        if sync is None or not sync.feed.over:
-            return
+        if self._sync and self._sync.feed.over:
+            self._end(self._sync, now)
+
+    def _end(self, sync: _Sync, now: Instant) -> None:
         self._sync = None
+        self._ended = sync.id
         self._events.append(
             SyncEnded(
                 self._peer,
@@ -245,7 +251,10 @@ class Server:
             )
         )
 
-    def _break_off(self, reason: str, now: Instant) -> None:
+    def _break_off(self, sync: _Sync, reason: str, now: Instant) -> None:
+        if sync.feed.done and sync.by_datagram and self._flow and self._flow.settled:
+            self._end(sync, now)  # all has arrived, only the peer's END has not
+            return
         self._sync = None
         self._close_flow()
         self._events.append(SyncTimedOut(self._peer, now.unix_s, Direction.OUT, reason))
