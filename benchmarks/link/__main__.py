@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from benchmarks.link import links as known
-from benchmarks.link import table
+from benchmarks.link import small, table
 from benchmarks.link.cell import Task
 from benchmarks.link.load import Load
 from benchmarks.link.namespaces import EmulationError, congestion_control
@@ -36,43 +36,46 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in ways:
         print(f"{name:<12}{WAYS[name].what}")
     load = Load()
-    try:
-        scores, complete = _measure(options, ways, chosen)
-    except EmulationError as error:
-        print(f"links cannot be emulated here: {error}", file=sys.stderr)
-        return 1
-    print()
-    for line in table.shares(scores, ways, chosen):
-        print(line)
-    print()
-    for line in table.conditions(scores, load):
-        print(line)
-    if options.json:
-        rows = [table.as_row(score) for score in scores.values()]
-        options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
-    return 0 if complete else 1
-
-
-def _measure(
-    options: argparse.Namespace, ways: Sequence[str], chosen: Sequence[known.Link]
-) -> tuple[dict[tuple[str, known.Link], Score], bool]:
     tasks = [
         Task(way, link, zlib.crc32(f"{options.seed} {link.name}".encode()))
         for way in ways
         for link in chosen
     ]
-    failures: list[Task] = []
+    if not options.loss:
+        tasks += small.tasks(ways)
+    try:
+        scores = _measure(tasks, options.weight)
+    except EmulationError as error:
+        print(f"links cannot be emulated here: {error}", file=sys.stderr)
+        return 1
+    by_link = {(task.way, task.link): score for task, score in scores if not task.small}
+    print()
+    for line in table.shares(by_link, ways, chosen):
+        print(line)
+    print()
+    if not options.loss:
+        for line in small.lines([score for task, score in scores if task.small]):
+            print(line)
+        print()
+    for line in table.conditions(list(by_link.values()), load):
+        print(line)
+    if options.json:
+        rows = [{"small": task.small, **table.as_row(score)} for task, score in scores]
+        options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    return 0 if len(scores) == len(tasks) else 1
 
-    def failed(task: Task, why: str) -> None:
-        failures.append(task)
-        print(f"{task.way} on {task.link.name}: {why}", file=sys.stderr)
 
-    scores = {}
-    for task, score in run(tasks, weight=options.weight, failed=failed):
-        scores[task.way, task.link] = score
+def _measure(tasks: Sequence[Task], weight: float | None) -> list[tuple[Task, Score]]:
+    scores = []
+    for done in run(tasks, weight=weight, failed=_complain):
+        scores.append(done)
         if sys.stderr.isatty():
             print(f"\r{len(scores)} of {len(tasks)} ", end="", file=sys.stderr, flush=True)
-    return scores, not failures
+    return scores
+
+
+def _complain(task: Task, why: str) -> None:
+    print(f"{task.way} on {task.link.name}: {why}", file=sys.stderr)
 
 
 def _ways(options: argparse.Namespace) -> Iterator[str]:

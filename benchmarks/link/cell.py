@@ -3,7 +3,6 @@
 import contextlib
 import multiprocessing
 import os
-import signal
 import socket
 import time
 import traceback
@@ -15,7 +14,7 @@ from benchmarks.link.emulator import Emulator
 from benchmarks.link.links import Link
 from benchmarks.link.offer import Offer
 from benchmarks.link.score import Score
-from benchmarks.link.ways import ADDRESSES, WAYS, Side
+from benchmarks.link.ways import ADDRESSES, ENDED, WAYS, Side
 
 START_S = 60.0  # to get ready, on a busy machine
 SETTLE_S = 0.5  # to take in what had arrived when the last contact ended
@@ -39,6 +38,13 @@ class Task:
     way: str
     link: Link
     seed: int
+    small: bool = False  # not the usual offer but 100 messages of 1 KB
+
+    @property
+    def offer(self) -> Offer:
+        if self.small:
+            return Offer.of(100, self.seed, size=1000)
+        return Offer.for_link(self.link, self.seed)
 
 
 @dataclass(slots=True)
@@ -78,7 +84,7 @@ def measure(task: Task) -> Score:
         return Score.of(
             task.way,
             task.link,
-            offer=Offer.for_link(task.link, task.seed),
+            offer=task.offer,
             emulator=emulator,
             delivered=seen.delivered,
             damaged=seen.damaged,
@@ -131,8 +137,7 @@ def _end(agent: _Agent) -> None:
 
 def _agent(task: Task, number: int, control: Connection, passing: socket.socket) -> None:
     """The main of a node's process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    namespaces.end_with_parent()
     try:
         namespaces.enter()
         interface = namespaces.open_interface(ADDRESSES[number])
@@ -153,7 +158,7 @@ def _agent(task: Task, number: int, control: Connection, passing: socket.socket)
 
 def _live(task: Task, number: int, control: Connection) -> Report:
     way = WAYS[task.way]
-    offer = Offer.for_link(task.link, task.seed)
+    offer = task.offer
     delivered: list[tuple[float, int]] = []
 
     def deliver(key: int) -> None:
@@ -171,5 +176,7 @@ def _live(task: Task, number: int, control: Connection) -> Report:
             side.lost()
             in_contact = False
     side.close()
-    damaged = tuple(key for _, key in delivered if side.data(key) != offer.data(key))
+    damaged = tuple(
+        key for _, key in delivered if key != ENDED and side.data(key) != offer.data(key)
+    )
     return Report(tuple(delivered), damaged)

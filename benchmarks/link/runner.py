@@ -1,6 +1,7 @@
 """Runs many measurements at once; they mostly wait."""
 
 import os
+import signal
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -9,7 +10,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from benchmarks.link.cell import PROCESSES, Task, measure
-from benchmarks.link.namespaces import EmulationError
+from benchmarks.link.namespaces import EmulationError, end_with_parent
 from benchmarks.link.score import Score
 
 # What a link asks of the machine while it is up, in shares of what we let run at once: found by
@@ -63,6 +64,8 @@ def run(
 
 
 def _weight(task: Task) -> float:
+    if task.small:
+        return 1.0
     return _WEIGHTS.get(task.link.rate_bit_s, 4.0)
 
 
@@ -87,6 +90,8 @@ def _end(cell: _Cell) -> Score | str:
 
 
 def _cell(task: Task, result: Connection) -> None:
+    end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the command itself says so to all
     try:
         result.send(measure(task))
     except EmulationError as error:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from benchmarks.link.emulator import Emulator
 from benchmarks.link.links import Link
 from benchmarks.link.offer import Offer
+from benchmarks.link.ways import ENDED
 
 LONG_CONTACT_S = 3.0
 
@@ -26,6 +27,8 @@ class Score:
         sent_bytes: IP bytes that the link carried to the wanting node, and back.
         overflowed, cut_off: packets that the queues threw away, that a contact's end did.
         damaged: messages that arrived other than they were.
+        last_s, ended_s: from the first contact's begin to the last message, and until the two
+            had told each other that there is no more (the latter only of the nodes).
         late_ms: how late the emulator moved packets: median, 99th percentile, worst.
     """
 
@@ -43,6 +46,8 @@ class Score:
     overflowed: int
     cut_off: int
     damaged: int
+    last_s: float | None
+    ended_s: float | None
     late_ms: tuple[float, float, float]
 
     @classmethod
@@ -60,8 +65,11 @@ class Score:
         begins = [begin for begin, _ in contacts]
         by_contact = [0] * len(contacts)
         got: dict[int, float] = {}
+        ended_s = None
         for at_s, key in delivered:
-            if key not in got and key not in damaged:
+            if key == ENDED:
+                ended_s = ended_s or at_s - begins[0]
+            elif key not in got and key not in damaged:
                 got[key] = at_s
                 by_contact[max(0, bisect.bisect(begins, at_s) - 1)] += offer.sizes[key]
         total = sum(by_contact)
@@ -90,5 +98,7 @@ class Score:
             overflowed=there.overflowed + back.overflowed,
             cut_off=there.cut_off + back.cut_off,
             damaged=len(damaged),
+            last_s=max(got.values()) - begins[0] if got else None,
+            ended_s=ended_s,
             late_ms=(late[len(late) // 2], late[int(len(late) * 0.99)], late[-1]),
         )

@@ -34,10 +34,10 @@ def median(scores: Scores, way: str, links: Sequence[Link]) -> float | None:
     return statistics.median(found) if found else None
 
 
-def conditions(scores: Scores, load: Load) -> Iterator[str]:
+def conditions(scores: Sequence[Score], load: Load) -> Iterator[str]:
     """How honest the emulators were, and how much the nodes had to wait for a core."""
     if scores:
-        medians, highs, worsts = zip(*(score.late_ms for score in scores.values()), strict=True)
+        medians, highs, worsts = zip(*(score.late_ms for score in scores), strict=True)
         yield (
             f"packets moved late by {statistics.median(medians):.2f} ms in the median, 99 % by "
             f"less than {statistics.median(highs):.2f} ms (on the worst link {max(highs):.1f} ms), "

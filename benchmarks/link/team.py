@@ -11,18 +11,19 @@ PORT = 7100  # where each of the two serves the other
 _RELAY_PORT = 7300
 
 
-def team_of(offer: Offer) -> Team:
+def team_of(offer: Offer, addresses: tuple[str, str] = ADDRESSES) -> Team:
     """Node `a` serves `b` and knows further robots on its own machine, if the offer needs them."""
     others = [robot_name(robot) for robot in range(1, place(offer.count - 1)[0] + 1)]
     robots = {
-        SOURCE: (ADDRESSES[0], PORT, [SINK, *others]),
-        SINK: (ADDRESSES[1], PORT, [SOURCE]),
+        SOURCE: (addresses[0], PORT, [SINK, *others]),
+        SINK: (addresses[1], PORT, [SOURCE]),
     }
     for number, name in enumerate(others):
         robots[name] = ("127.0.0.1", _RELAY_PORT + number, [SOURCE])
     lines = ["robots:"]
     lines += [
-        f"  {name}: {{kind: k, address: {address}, base_port: {port}, clients: [{', '.join(c)}]}}"
+        f"  {name}: {{kind: k, address: {address}, listen: {address}, base_port: {port}, "
+        f"clients: [{', '.join(c)}]}}"
         for name, (address, port, c) in robots.items()
     ]
     lines += ["kinds:", "  k:", "    topics:"]

@@ -10,6 +10,7 @@ from benchmarks.link.offer import Offer
 
 ADDRESSES = ("10.213.0.1", "10.213.0.2")  # of the node that has messages, of the one that wants
 Deliver = Callable[[int], None]
+ENDED = -1  # delivered instead of a message: the two know that they have exchanged everything
 
 
 class Side(Protocol):

@@ -4,7 +4,7 @@ import threading
 
 from benchmarks.link.offer import Offer, place
 from benchmarks.link.team import SINK, SOURCE, robot_name, team_of, topic_name
-from benchmarks.link.ways import Deliver
+from benchmarks.link.ways import ADDRESSES, ENDED, Deliver
 from mocha_link import ManualRadio, MessageStored, Node, SyncEnded
 from mocha_link.metrics import Direction, LinkEvent
 
@@ -13,15 +13,15 @@ START_S = 50.0
 
 
 class _NodeSide:
-    def __init__(self, offer: Offer, name: str, peer: str) -> None:
+    def __init__(self, offer: Offer, name: str, peer: str, addresses: tuple[str, str]) -> None:
         self._offer = offer
         self._peer = peer
         self._radio = ManualRadio()
-        self._team = team_of(offer)
-        self._node = Node(self._team, name, radio=self._radio)
+        self._team = team_of(offer, addresses)
+        self.node = Node(self._team, name, radio=self._radio)
 
     def start(self) -> None:
-        self._node.start()
+        self.node.start()
 
     def heard(self, *, again: bool) -> None:
         self._radio.report(self._peer, HEARD_DBM)
@@ -30,19 +30,19 @@ class _NodeSide:
         self._radio.report(self._peer, None)
 
     def close(self) -> None:
-        self._node.close()
+        self.node.close()
 
     def data(self, key: int) -> bytes | None:
         robot, topic = place(key)
-        message = self._node.latest(robot_name(robot), topic_name(topic))
+        message = self.node.latest(robot_name(robot), topic_name(topic))
         return message.data if message else None
 
 
 class NodeSource(_NodeSide):
     """Holds the messages: its own, and those of others that it has pulled from them."""
 
-    def __init__(self, offer: Offer) -> None:
-        super().__init__(offer, SOURCE, SINK)
+    def __init__(self, offer: Offer, addresses: tuple[str, str] = ADDRESSES) -> None:
+        super().__init__(offer, SOURCE, SINK, addresses)
 
     def start(self) -> None:
         super().start()
@@ -53,7 +53,7 @@ class NodeSource(_NodeSide):
             if robot:
                 self._relay(robot_name(robot), keys)
             else:
-                self._publish(self._node, keys)
+                self._publish(self.node, keys)
 
     def _publish(self, node: Node, keys: list[int]) -> None:
         for key in keys:
@@ -68,8 +68,8 @@ class NodeSource(_NodeSide):
 
         with Node(self._team, name, radio=ManualRadio()) as other:
             self._publish(other, keys)
-            end = self._node.subscribe(notice)
-            self._node.sync(name)
+            end = self.node.subscribe(notice)
+            self.node.sync(name)
             if not pulled.wait(START_S):
                 raise TimeoutError(f"the messages of {name} could not be pulled on one machine")
             end()
@@ -78,18 +78,22 @@ class NodeSource(_NodeSide):
 class NodeSink(_NodeSide):
     """Wants the messages."""
 
-    def __init__(self, offer: Offer, deliver: Deliver) -> None:
-        super().__init__(offer, SINK, SOURCE)
+    def __init__(
+        self, offer: Offer, deliver: Deliver, addresses: tuple[str, str] = ADDRESSES
+    ) -> None:
+        super().__init__(offer, SINK, SOURCE, addresses)
         self._keys = {
             (robot_name(robot), topic_name(topic)): key
             for key in range(offer.count)
             for robot, topic in (place(key),)
         }
         self._deliver = deliver
-        self._node.subscribe(self._notice)
+        self.node.subscribe(self._notice)
 
     def _notice(self, event: LinkEvent) -> None:
         if isinstance(event, MessageStored):
             key = self._keys.get((event.robot, event.topic))
             if key is not None:
                 self._deliver(key)
+        elif isinstance(event, SyncEnded) and event.direction is Direction.IN:
+            self._deliver(ENDED)

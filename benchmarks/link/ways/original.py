@@ -16,7 +16,7 @@ import lz4.frame
 import zmq
 
 from benchmarks.link.offer import Offer, place
-from benchmarks.link.ways import ADDRESSES, Deliver
+from benchmarks.link.ways import ADDRESSES, ENDED, Deliver
 
 NAMES = ("a", "b")  # robot ids 0 and 1; the robots whose messages are relayed come behind
 PORT = 7100
@@ -41,12 +41,14 @@ def pack(data: bytes) -> bytes:
 class OriginalNode:
     """Serves what it holds to the other robot, and pulls from it when triggered."""
 
-    def __init__(self, number: int) -> None:
+    def __init__(self, number: int, addresses: tuple[str, str] = ADDRESSES) -> None:
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self.bodies: dict[bytes, bytes] = {}
         self.newest: dict[bytes, int] = {}
         self.stored: Callable[[bytes], None] = lambda _: None
+        self.ended: Callable[[], None] = lambda: None
         self._number = number
+        self._addresses = addresses
         self._busy = False
         self._closing = threading.Event()
         self._threads: list[threading.Thread] = []
@@ -81,7 +83,7 @@ class OriginalNode:
     def serve(self) -> None:
         server = self.context.socket(zmq.REP)
         server.linger = 0
-        server.bind(f"tcp://*:{PORT}")
+        server.bind(f"tcp://{self._addresses[self._number]}:{PORT}")
         thread = threading.Thread(target=self._serve, args=(server,), daemon=True)
         self._threads.append(thread)
         thread.start()
@@ -121,7 +123,8 @@ class OriginalNode:
                     return
                 self.add(header, body)
                 self.stored(header)
-            self._ask(b"DENDT", NAMES[self._number].encode())
+            if self._ask(b"DENDT", NAMES[self._number].encode()):
+                self.ended()
         finally:
             self._busy = False
 
@@ -129,7 +132,7 @@ class OriginalNode:
         request_id = secrets.token_bytes(_ID_BYTES)
         client = self.context.socket(zmq.REQ)
         client.linger = 0
-        client.connect(f"tcp://{ADDRESSES[1 - self._number]}:{PORT}")
+        client.connect(f"tcp://{self._addresses[1 - self._number]}:{PORT}")
         client.send(request_id + code + argument)
         try:
             ends_s = time.monotonic() + REQUEST_TIMEOUT_MS / 1e3
@@ -146,9 +149,9 @@ class OriginalNode:
 
 
 class OriginalSource:
-    def __init__(self, offer: Offer) -> None:
+    def __init__(self, offer: Offer, addresses: tuple[str, str] = ADDRESSES) -> None:
         self._offer = offer
-        self._node = OriginalNode(0)
+        self._node = OriginalNode(0, addresses)
 
     def start(self) -> None:
         base_s = time.time() - 60
@@ -179,6 +182,7 @@ class OriginalSink:
 
     def start(self) -> None:
         self._node.stored = self._stored
+        self._node.ended = lambda: self._deliver(ENDED)
         self._node.serve()
 
     def heard(self, *, again: bool) -> None:
