@@ -162,7 +162,8 @@ class Flow:
 
     def _patience_s(self) -> float:
         """So long after its sending a packet that was overtaken is lost."""
-        return 1.125 * (self._link.srtt_s or UNKNOWN_RTT_S) + GRANULARITY_S
+        link = self._link
+        return 1.125 * (link.srtt_s or UNKNOWN_RTT_S) + max(4 * link.rttvar_s, GRANULARITY_S)
 
     def _revive(self, now_s: float) -> None:
         """The link is back after a gap: what was under way is lost."""

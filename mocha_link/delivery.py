@@ -80,6 +80,7 @@ class Delivery:
         self.base_known = False
         self.round = Round(0.0)
         self._packet = packet_bytes
+        self._floor_rtt_s: float | None = None  # the lowest of all
         self._min_rtt_at_s: float | None = None  # none for what is only remembered
         self._total_s = self._first_s = 0.0
         self._limited_until = -1
@@ -96,12 +97,13 @@ class Delivery:
         if idle:
             self._first_s = self._total_s = now_s
             self._marks.clear()
-        limited = self.total < self._limited_until
+        limited = self.total <= self._limited_until
         return Stamp(size, now_s, self.total, self._total_s, self._first_s, limited, low)
 
     def limited(self, in_flight: int) -> None:
         """There is nothing to send: what arrives next says little about the link."""
-        self._limited_until = self.total + in_flight
+        if self.total or in_flight:
+            self._limited_until = self.total + in_flight
 
     def lost(self, stamp: Stamp) -> None:
         """A packet did not arrive."""
@@ -148,6 +150,8 @@ class Delivery:
         if low_s is None or at_s is None or rtt_s <= low_s or now_s > at_s + RTT_WINDOW_S:
             self.min_rtt_s = rtt_s
             self._min_rtt_at_s = now_s
+        if self._floor_rtt_s is None or rtt_s < self._floor_rtt_s:
+            self._floor_rtt_s = rtt_s
 
     def _measure(self, newest: Stamp, now_s: float) -> None:
         taken_s = max(newest.sent_s - newest.first_s, now_s - newest.delivered_s)
@@ -199,9 +203,9 @@ class Delivery:
 
     def risen(self, rtt_s: float | None) -> bool:
         """Whether packets with this round trip waited somewhere, be it for a moment only."""
-        if rtt_s is None or self.min_rtt_s is None or not self.rate:
+        if rtt_s is None or self._floor_rtt_s is None or not self.rate:
             return False
-        return rtt_s > self.min_rtt_s + max(RISEN_S, RISEN_PACKETS * self._packet / self.rate)
+        return rtt_s > self._floor_rtt_s + max(RISEN_S, RISEN_PACKETS * self._packet / self.rate)
 
     def queue_stands(self) -> bool:
         """Whether all packets of this round waited for long."""
@@ -223,7 +227,9 @@ class Delivery:
     def close_round(self) -> None:
         """The rates and losses of the round count from now on."""
         low = self._low_lost + self._low_arrived
-        if low >= LOW_PACKETS:
+        if self.risen(self.round.rtt_s):
+            self._low_lost = self._low_arrived = 0
+        elif low >= LOW_PACKETS:
             share = self._low_lost / low
             self.base_loss += (share - self.base_loss) / (3 if self.base_known else 1)
             self.base_known = True

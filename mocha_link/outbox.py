@@ -18,10 +18,11 @@ MAX_REORDERED = 128
 class Content:
     """Frames as they stand in a packet; `number` is that of the first packet that carried them."""
 
-    __slots__ = ("arrived", "body", "number", "waiting")
+    __slots__ = ("arrived", "body", "last", "number", "waiting")
 
     def __init__(self, number: int, body: bytes) -> None:
         self.number = number
+        self.last = number  # the number of the last packet that carried them
         self.body = body
         self.arrived = False
         self.waiting = False  # to be sent again
@@ -108,6 +109,8 @@ class Outbox:
         """The packet with the number `next` leaves."""
         number = self.next
         self.next += 1
+        if content is not None:
+            content.last = number
         sent = self._sent[number] = _Sent(number, content, stamp)
         self._flying.append(sent)
         self._open |= 1 << (number - self.base)
@@ -125,6 +128,7 @@ class Outbox:
         ahead = ack.start - base
         fresh = (1 << (ack.below - base)) - 1 if ack.below > base else 0
         fresh |= ack.bits << ahead if ahead >= 0 else ack.bits >> -ahead
+        bits = fresh
         fresh &= self._open
         stamps: list[Stamp] = []
         newest = -1
@@ -135,7 +139,11 @@ class Outbox:
             self._open &= ~low
             sent = self._sent.pop(number, None)
             if sent is None:
-                self._late(number)
+                content = self._contents.get(number)
+                if content is not None:
+                    if not bits >> (content.last - base) & 1:
+                        self._premature(number)
+                    self._arrived(content)
                 continue
             sent.settled = True
             newest = number
@@ -149,15 +157,10 @@ class Outbox:
         self._newest = newest
         return Heard(stamps, stamps[-1])
 
-    def _late(self, number: int) -> None:
-        """The first packet of a content came after all, or one that carried it again."""
-        content = self._contents.get(number)
-        if content is None:
-            return
-        if content.waiting:  # it had only been overtaken, by more packets than usual
-            overtaken = self._newest - number + 1
-            self._reordered = min(max(self._reordered, overtaken), MAX_REORDERED)
-        self._arrived(content)
+    def _premature(self, number: int) -> None:
+        """A packet came that had been taken for lost: it was only overtaken, more than usual."""
+        overtaken = self._newest - number + 1
+        self._reordered = min(max(self._reordered, overtaken), MAX_REORDERED)
 
     def _arrived(self, content: Content) -> None:
         if content.arrived:

@@ -27,7 +27,7 @@ GROWTH = 1.25  # a round with less growth is none, in a fast start
 STILL_ROUNDS = 2
 CRUISE_ROUNDS = 6
 UP_ROUNDS = 2
-DOWN_ROUNDS = 4  # by then a queue of ours would have gone
+DOWN_ROUNDS = 2  # with no more under way than the link holds; then a queue is not ours
 START_LOSS = 0.1
 EXCESS_LOSS = 0.05
 LOSSY = 0.02  # with more losses it is worth looking where they come from
@@ -46,10 +46,10 @@ class Phase(Enum):
 
 _GAINS = {  # of the rate, and how many times what the link holds may be under way
     Phase.START: (2.5, 3.0),
-    Phase.CRUISE: (1.0, 2.0),
-    Phase.UP: (1.2, 2.0),
+    Phase.CRUISE: (1.0, 1.5),
+    Phase.UP: (1.2, 1.5),
     Phase.DOWN: (0.8, 1.0),
-    Phase.LOW: (0.8, 2.0),
+    Phase.LOW: (0.8, 1.5),
 }
 
 
@@ -77,7 +77,8 @@ class Pacing:
         self._before = rate
         self._loss = 0.0  # of the last rounds
         self._full = False
-        self._set()
+        self._more = 1.0  # the gain of the last probing
+        self._set(0.0)
 
     # --- what the sender asks
 
@@ -107,7 +108,7 @@ class Pacing:
         self._full = False
         if self.phase is not Phase.START:
             self._enter(Phase.CRUISE)
-        self._set()
+        self._set(now_s)
 
     # --- what acknowledgements say
 
@@ -132,9 +133,9 @@ class Pacing:
                     self._trusted = None
                 self._judge_round(in_flight)
             link.next_round(now_s)
-        elif self.phase is Phase.DOWN and in_flight <= self._held():
+        elif self.phase is Phase.DOWN and not self._full and in_flight <= self._held():
             self._drained()
-        self._set()
+        self._set(now_s)
 
     def _judge_train(self, train: Train) -> None:
         link, phase = self.link, self.phase
@@ -158,7 +159,7 @@ class Pacing:
         short = excess > EXCESS_LOSS and phase is not Phase.LOW and link.risen(link.round.rtt_s)
         self._full = bool(link.round.rate) and (short or link.queue_stands())
         if self._full:
-            self._give_way()
+            self._give_way(in_flight)
         elif phase is Phase.START:
             self._still = self._still + 1 if link.rate < self._before * GROWTH else 0
             self._before = link.rate
@@ -176,18 +177,21 @@ class Pacing:
         elif self._since >= CRUISE_ROUNDS:
             self._enter(Phase.UP)
 
-    def _give_way(self) -> None:
-        if self.phase is Phase.DOWN and self._since >= DOWN_ROUNDS:
+    def _give_way(self, in_flight: int) -> None:
+        """The link is full: what it delivers now is our share of it."""
+        if self.phase is not Phase.DOWN:
+            if self.phase is not Phase.LOW:
+                self.link.replace(self.link.round.rate)
+            self._enter(Phase.DOWN)
+            return
+        self._still += in_flight <= self._held()
+        if self._still > DOWN_ROUNDS:  # it is not our queue
             self.link.accept_rtt()
             self._full = False
             self._enter(Phase.CRUISE)
-            return
-        self.link.replace(self.link.round.rate)
-        if self.phase is not Phase.DOWN:
-            self._enter(Phase.DOWN)
 
     def _judge_probe(self, excess: float) -> None:
-        if self.link.rate > self._before * 1.1 and excess < EXCESS_LOSS:
+        if self.link.rate > self._before * (1 + self._more) / 2 and excess < EXCESS_LOSS:
             self._before = self.link.rate
             self._still += 1
             if self._still >= STILL_ROUNDS:  # it has become much faster
@@ -212,7 +216,7 @@ class Pacing:
         """With so many bytes under way nothing waits."""
         return self._holds() + 2 * self._packet
 
-    def _set(self) -> None:
+    def _set(self, now_s: float) -> None:
         """Pace and limit for the present phase."""
         link, phase = self.link, self.phase
         if not link.rate:
@@ -221,7 +225,7 @@ class Pacing:
         holds = self._holds()
         if phase is Phase.UP:  # the smaller its share, the more a flow adds: shares become equal
             packets = max(holds / self._packet, 1.0)
-            gain = 1 + min(max(8.0, 2 * packets**0.5) / packets, 0.5)
+            gain = self._more = 1 + min(max(4.0, 2 * packets**0.5) / packets, 1.0)
         elif phase is Phase.START:
             gain = max(gain, min(link.spread / link.rate, MAX_LEAP))
             cap = 1.2 * gain
@@ -233,7 +237,9 @@ class Pacing:
             slack = max(slack, link.rate * SLACK_S)
         if self._full:
             cap = 1.0
-        self.pace = max(pace, self._packet / 2)
+        pace = max(pace, self._packet / 2)
+        self._next_s = now_s + (self._next_s - now_s) * self.pace / pace
+        self.pace = pace
         self.cap_bytes = int(cap * holds + slack)
         if self._trusted is not None:  # until a round has shown that what is remembered holds
             self._trusted = self._trusted or self.cap_bytes
