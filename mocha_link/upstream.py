@@ -185,18 +185,19 @@ class _Converter:
         if document is None:
             return
         for name, radio in self._items(document, (), "radios"):
-            addresses = radio.get("MAC-address") if isinstance(radio, dict) else None
+            fields = radio if isinstance(radio, dict) else {}
+            addresses = fields.get("MAC-address")
             if not isinstance(addresses, list) or not all(
                 isinstance(address, str) and address for address in addresses
             ):
                 message = f"'{name}' must have a MAC-address: a list of addresses in quotes"
                 self._refuse(document, (name, "MAC-address"), message)
                 addresses = []
-            text = ",".join(addresses)
+            ids = [*addresses, fields.get("computed-IP-address")]
+            text = ",".join(one for one in ids if isinstance(one, str) and one)
             while len(text) > MAX_RADIO_ID:
-                self._note(
-                    document, (name, "MAC-address"), "too many addresses; the last is left out"
-                )
+                message = "too many addresses; the last is left out"
+                self._note(document, (name, "MAC-address"), message)
                 text = text.rpartition(",")[0]
             yield name, text or None
 
@@ -204,6 +205,7 @@ class _Converter:
         self, kinds: dict[str, Any], radios: dict[str, str | None]
     ) -> Iterator[tuple[str, _Robot]]:
         document = self._robot_file
+        users: dict[str, str] = {}
         robots = list(self._items(document, (), "robots"))
         if len(robots) > IDS:
             self._refuse(document, (), f"{len(robots)} robots, at most {IDS} have ids; remove some")
@@ -222,10 +224,14 @@ class _Converter:
                     f"no '{kind}' in {self._topic_file.path}; use one of {', '.join(kinds) or '-'}"
                 )
                 self._refuse(document, (name, "node-type"), message)
-            radio = fields.get("using-radio")
+            radio = str(fields.get("using-radio"))
             if radios and radio not in radios:
-                message = f"no radio {_shown(radio)} in the radio file; correct it, or add it there"
+                message = f"no radio '{radio}' in the radio file; correct it, or add it there"
                 self._refuse(document, (name, "using-radio"), message)
+            elif radios and radio in users:
+                message = f"{users[radio]} has this radio as well; others cannot tell them apart"
+                self._note(document, (name, "using-radio"), message)
+            users[radio] = name
             clients = fields["clients"]
             if not isinstance(clients, list):
                 self._refuse(
@@ -234,7 +240,7 @@ class _Converter:
                 clients = []
             address = self._text(document, (name, "IP-address"), fields["IP-address"], _HOST)
             port = self._port((name, "base-port"), fields["base-port"])
-            yield name, _Robot(kind, address, port, clients, radios.get(str(radio)))
+            yield name, _Robot(kind, address, port, clients, radios.get(radio))
 
     def _port(self, keys: tuple[Key, ...], value: object) -> int:
         try:  # the original nodes say int(...) to it, so text does, too

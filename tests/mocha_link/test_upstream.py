@@ -33,7 +33,7 @@ nobody:
 """
 RADIOS = """\
 b-1: {SN: "X", MAC-address: ["00:00:00:00:00:01", "00:00:00:00:00:02"], other: 1}
-b-2: {MAC-address: ["00:00:00:00:00:03"]}
+b-2: {computed-IP-address: 10.1.1.2, MAC-address: ["00:00:00:00:00:03"]}
 """
 
 
@@ -82,7 +82,7 @@ def test_every_oddity(files):
     assert drone.port_for("base") == 4236
     assert rover.base_port == 5234
     assert base.radio_id == "00:00:00:00:00:01,00:00:00:00:00:02"
-    assert drone.radio_id == "00:00:00:00:00:03"
+    assert drone.radio_id == "00:00:00:00:00:03,10.1.1.2"
     assert (base.original, drone.original, rover.original) == (False, True, True)
     assert base.ros == drone.ros == 2
     # A, Z, B, B, C with the repetition
@@ -95,6 +95,7 @@ def test_every_oddity(files):
         "4:17: 'rover' does not list 'drone', so the two never sync; its port stays unused",
         "4:30: 'rover' is listed before; its port stays unused",
         "4:37: 'ghost' is no robot here; its port stays unused",
+        "5:69: base has this radio as well; others cannot tell them apart",
         "6:22: 'spare-key' is not read by the original nodes",
     ]
     assert Team.from_document(
@@ -143,7 +144,7 @@ def test_without_radios(files):
         (("topics", "msg_type: a_msgs/A, ", ""), "4:5: missing key 'msg_type'"),
         (("topics", "[]", ""), "'base_station' must be a list of topics"),
         (("topics", "/map", '""'), "4:17: 'msg_topic' must be text"),
-        (("radios", '["00:00:00:00:00:03"]', "5"), "2:20: 'b-2' must have a MAC-address: a list"),
+        (("radios", '["00:00:00:00:00:03"]', "5"), "2:51: 'b-2' must have a MAC-address: a list"),
         (("radios", RADIOS, "[]"), "1:1: the file must be a mapping of radios"),
         (("radios", RADIOS, "{"), "not valid YAML"),
     ],
