@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 MAX_HEADER_BYTES = 64 * 1024
 MAX_WAITING = 256  # requests that wait for a message
 BATCH_BYTES = 8 * 1024 * 1024  # of data, after which an answer is full
+TEXT = "std_msgs/String"  # what bridges carry JSON in
 STEP = 32  # messages that are unpacked at once; they may be large
 KEPT_KEYS = 4096  # of publish requests, so that one that is repeated is done once
 
@@ -266,7 +267,7 @@ class Service:
             }
             for robot in team.robots.values()
         }
-        kinds = {topic.type for topics in team.kinds.values() for topic in topics}
+        kinds = {topic.type for topics in team.kinds.values() for topic in topics} | {TEXT}
         return {
             "robot": self._node.name,
             "robots": robots,

@@ -15,7 +15,12 @@ def main() -> int:
     package = types.ModuleType("mocha_link")
     package.__path__ = [str(Path(__file__).resolve().parents[1])]
     sys.modules["mocha_link"] = package
-    code: int = importlib.import_module("mocha_link.bridges.run").main(sys.argv[1:])
+    try:
+        run = importlib.import_module("mocha_link.bridges.run")
+    except ModuleNotFoundError as error:
+        sys.stderr.write(f"mocha-link: {sys.executable} has no {error.name}; install it there\n")
+        return 1
+    code: int = run.main(sys.argv[1:])
     return code
 
 

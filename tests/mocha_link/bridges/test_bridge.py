@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, Bridge, Outbox, channel
+from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, Bridge, Outbox
 from mocha_link.bridges.progress import Progress
 from mocha_link.metrics import MessageStored
 from mocha_link.ros import RosCodec
@@ -168,17 +168,3 @@ def test_the_outbox_is_bounded():
     assert outbox.first(0)[0] == "/b"
     outbox.done(first)
     assert outbox.first(0)[0] == "/b"
-
-
-@pytest.mark.parametrize(
-    ("name", "channel_name"),
-    [
-        ("/io//pose", "/io/pose"),
-        ("pose", "/pose"),
-        ("/rover-1//a b/c", "/rover_1/a_b/c"),
-        ("/3d/1", "/_3d/_1"),
-        ("", "/"),
-    ],
-)
-def test_names_that_ros_allows(name, channel_name):
-    assert channel(name) == channel_name

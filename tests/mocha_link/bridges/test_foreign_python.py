@@ -1,0 +1,149 @@
+"""The bridges to ROS run in the Python of a ROS installation: an old one, with little in it."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+import mocha_link
+from mocha_link.bridges.bridge import channel
+from mocha_link.bridges.rcl import Rcl
+
+PACKAGE = Path(mocha_link.__file__).parent
+FOREIGN = {
+    "mocha_link.bridges.__main__",
+    "mocha_link.bridges.bridge",
+    "mocha_link.bridges.cdr",
+    "mocha_link.bridges.progress",
+    "mocha_link.bridges.rcl",
+    "mocha_link.bridges.ros1",
+    "mocha_link.bridges.run",
+    "mocha_link.errors",
+    "mocha_link.service_client",
+}
+
+
+def imported(tree):
+    """Modules that are imported when a file is, not those of its functions or for types."""
+    for node in tree.body:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module
+
+
+@pytest.mark.parametrize("module", sorted(FOREIGN))
+def test_it_is_python_3_8_and_needs_little(module):
+    path = PACKAGE.parent / Path(*module.split(".")).with_suffix(".py")
+    tree = ast.parse(path.read_text(), feature_version=(3, 8))
+    for name in imported(tree):
+        package = name.split(".")[0]
+        assert name in FOREIGN or package in sys.stdlib_module_names or package == "zmq", name
+
+
+def test_a_python_that_has_not_even_pyzmq():
+    command = [sys.executable, "-S", str(PACKAGE / "bridges"), "ros1", "--node", "tcp://x:1"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "has no zmq; install it there" in done.stderr
+
+
+class Rclpy(types.ModuleType):
+    """As much of rclpy as the bridge uses, to see that it is asked for the right things."""
+
+    def __init__(self):
+        super().__init__("rclpy")
+        self.__path__ = []
+        self.asked = []
+
+    def init(self, **options):
+        self.asked.append(("init", options))
+
+    def create_node(self, name):
+        self.asked.append(("node", name))
+        return self
+
+    def create_subscription(self, kind, topic, hand, profile, *, raw):
+        self.asked.append(("subscription", kind, topic, profile, raw))
+        hand(b"bytes")
+
+    def create_publisher(self, kind, topic, profile):
+        self.asked.append(("publisher", kind, topic, profile))
+        return self
+
+    def publish(self, data):
+        self.asked.append(("publish", data))
+
+    def spin(self, node):
+        raise KeyError
+
+    def shutdown(self):
+        self.asked.append(("shutdown",))
+
+
+@pytest.fixture
+def rclpy(monkeypatch):
+    fake = Rclpy()
+    policy = types.SimpleNamespace
+    modules = {
+        "rclpy": fake,
+        "rclpy.executors": policy(ExternalShutdownException=KeyError),
+        "rclpy.signals": policy(SignalHandlerOptions=policy(NO="no")),
+        "rclpy.qos": policy(
+            QoSProfile=lambda **fields: tuple(fields.values()),
+            ReliabilityPolicy=policy(RELIABLE="reliable", BEST_EFFORT="best effort"),
+            DurabilityPolicy=policy(TRANSIENT_LOCAL="lasting", VOLATILE="volatile"),
+        ),
+        "rosidl_runtime_py": policy(__path__=[]),
+        "rosidl_runtime_py.utilities": policy(get_message=lambda name: name),
+    }
+    for name, module in modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    fake.qos = modules["rclpy.qos"]
+    return fake
+
+
+def test_rclpy_is_asked_for_bytes(rclpy):
+    heard = []
+    rcl = Rcl("bridge", best_effort=["/scan"])
+    rcl.subscribe("/pose", "geometry_msgs/Pose", 1, heard.append)
+    rcl.subscribe("/scan", "sensor_msgs/LaserScan", 50, heard.append)
+    rcl.publish("/io/pose", "geometry_msgs/Pose", 3, b"cdr")
+    rcl.publish("/io/pose", "geometry_msgs/Pose", 3, b"cdr2")
+    rcl.close()
+    assert heard == [b"bytes", b"bytes"]
+    assert rclpy.asked == [
+        ("init", {"signal_handler_options": "no"}),
+        ("node", "bridge"),
+        ("subscription", "geometry_msgs/msg/Pose", "/pose", (10, "reliable", "volatile"), True),
+        (
+            "subscription",
+            "sensor_msgs/msg/LaserScan",
+            "/scan",
+            (50, "best effort", "volatile"),
+            True,
+        ),
+        ("publisher", "geometry_msgs/msg/Pose", "/io/pose", (3, "reliable", "lasting")),
+        ("publish", b"cdr"),
+        ("publish", b"cdr2"),
+        ("shutdown",),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "channel_name"),
+    [
+        ("/io//pose", "/io/pose"),
+        ("pose", "/pose"),
+        ("/rover-1//a b/c", "/rover_1/a_b/c"),
+        ("/3d/1", "/_3d/_1"),
+        ("", "/"),
+    ],
+)
+def test_names_that_ros_allows(name, channel_name):
+    assert channel(name) == channel_name
