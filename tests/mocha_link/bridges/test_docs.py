@@ -1,0 +1,59 @@
+"""What docs/bridges.md and docs/ros.md show can be done as it stands there."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
+
+from mocha_link.bridges.zeromq import ZeroMqBridge
+from mocha_link.service import _MODELS, Service
+from mocha_link.typed import Typed
+
+DOCS = Path(__file__).parents[3] / "docs"
+
+
+def example(name):
+    return re.search(r"```python\n(.*?)```", (DOCS / name).read_text(), re.DOTALL)[1]
+
+
+def test_the_program(server):
+    with ZeroMqBridge(server.endpoint, "tcp://127.0.0.1:*") as bridge:
+        program = example("bridges.md").replace("tcp://127.0.0.1:24600", bridge.endpoint)
+        command = [sys.executable, "-u", "-c", program]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            assert "'ok': True" in next(process.stdout)
+            assert next(process.stdout) == "one /goal {'go': 'home'}\n"
+            server.node.publish("/goal", b"2")
+            assert next(process.stdout) == "one /goal 2\n"
+            process.kill()
+
+
+def test_every_field_of_a_request_is_documented():
+    text = (DOCS / "bridges.md").read_text()
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*)\|$", text, re.MULTILINE))
+    for name, model in _MODELS.items():
+        for field in set(model.model_fields) - {"request", "id"}:
+            assert f"`{field}`" in rows[name], (name, field)
+
+
+def test_every_field_of_a_message_is_documented(one):
+    text = (DOCS / "bridges.md").read_text()
+    one.publish("/goal", b"1")
+    for field in Service(one)._fields(one.latest("one", "/goal")):
+        assert f"`{field}`" in text
+
+
+def test_values(one, pulled, team):
+    types = Typed(team)
+    program = example("ros.md").replace('"/goal"', '"/pose"')
+    pulled("/pose", types.encode("two", "/pose", {"pose": {"position": {"x": 1.5}}}))
+    places = {"team": team, "node": one}
+    exec(program.replace('"io"', '"two"'), places)  # noqa: S102 - our own documentation
+    assert places["pose"].pose.position.x == 1.5
+    assert types.decode(one.latest("one", "/pose")).pose.position.x == 4.5
