@@ -1,95 +1,170 @@
-"""How long two gossip nodes take to sync, against a bare REQ/REP loop of the same sizes."""
+"""How long a sync takes on one machine, against a bare REQ/REP loop of the same sizes.
 
-import random
-import socket
+The side that is asked is a process of its own in every case, so that both sides have a core. The
+cases take turns; what is told are medians, as ratios to the bare loop on a kept socket.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import secrets
 import statistics
 import threading
 import time
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from functools import partial
+from multiprocessing.connection import Connection
 from typing import Any
 
 import zmq
 
+from benchmarks.link.offer import Offer
+from benchmarks.link.team import PORT, SINK, SOURCE
+from benchmarks.link.ways import ENDED
+from benchmarks.link.ways.node import NodeSink, NodeSource
+from benchmarks.link.ways.original import OriginalSource
 from benchmarks.routing import row
-from mocha_link import Document, ManualRadio, Node, SyncEnded, Team
-from mocha_link.metrics import Direction
 
-SIZES = ((100, 100), (100, 10_000), (10, 1_000_000))
+SIZES = ((1000, 100), (100, 10_000), (100, 1_000_000))
+SEED = 1
+LIMIT_S = 60
+# Whom we ask: a bare loop, an original node, our node; and we.
+BARE = "tcp://127.77.0.1:7099"
+ORIGINAL = ("127.77.1.1", "127.77.1.2")
+OURS = ("127.77.2.1", "127.77.2.2")
 
 
 def measure(*, quick: bool) -> Iterator[dict[str, Any]]:
     for count, size in SIZES:
-        repeats = 3 if quick else 9
-        node_ms = statistics.median(sync_ms(count, size) for _ in range(repeats))
-        bare_ms = statistics.median(bare_req_rep_ms(count, size) for _ in range(repeats))
-        note = f"{node_ms / bare_ms:.2f} x bare REQ/REP on a kept socket ({bare_ms:.1f} ms)"
-        yield row(f"gossip: sync {count} messages of {size} bytes", node_ms, "ms", note)
+        offer = Offer.of(count, SEED, size=size)
+        cases: dict[str, Callable[[], float]] = {
+            "bare": partial(bare_ms, offer),
+            "our node pulls from an original one": partial(pull_ms, offer, ORIGINAL),
+            "our node answers a REQ socket": partial(ask_ms, offer, OURS),
+            "our node pulls from our node": partial(pull_ms, offer, OURS),
+        }
+        took: dict[str, list[float]] = {name: [] for name in cases}
+        with peer(serve_bare, offer), peer(serve_original, offer), peer(serve_ours, offer):
+            for _ in range(3 if quick else 11):
+                for name, case in cases.items():
+                    took[name].append(case())
+        medians = {name: statistics.median(values) for name, values in took.items()}
+        bare = medians.pop("bare")
+        for name, value in medians.items():
+            note = f"{value / bare:.2f} x a bare REQ/REP loop ({bare:.1f} ms)"
+            yield row(f"{count} x {_size(size)}: {name}", value, "ms", note)
 
 
-def sync_ms(count: int, size: int) -> float:
-    """One pull of `count` messages by a node that has none of them."""
-    team = team_of(count)
-    done = threading.Event()
-    took: list[float] = []
-
-    def on_event(event: object) -> None:
-        if isinstance(event, SyncEnded) and event.direction is Direction.IN and event.messages:
-            took.append(event.duration_s * 1e3)
-            done.set()
-
-    with (
-        Node(team, "a", radio=ManualRadio()) as source,
-        Node(team, "b", radio=ManualRadio()) as sink,
-    ):
-        for number in range(count):
-            source.publish(f"/t{number}", noise(size, number))
-        sink.subscribe(on_event)
-        sink.sync("a")
-        if not done.wait(60):
-            raise TimeoutError("the sync did not end")
-    return took[0]
-
-
-def bare_req_rep_ms(count: int, size: int) -> float:
-    """The same number of round trips with the same bytes, and nothing else."""
-    context = zmq.Context()
-    server, client = context.socket(zmq.REP), context.socket(zmq.REQ)
-    port = server.bind_to_random_port("tcp://127.0.0.1")
-    client.connect(f"tcp://127.0.0.1:{port}")
-    answers = [noise(size, number) for number in range(count)]
-
-    def serve() -> None:
-        for answer in answers:
-            server.recv()
-            server.send(answer)
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    began_s = time.perf_counter()
-    for _ in range(count):
-        client.send(b"123456GDATA123456")
+def bare_ms(offer: Offer) -> float:
+    """As many round trips with the same bytes, and nothing else."""
+    with zmq.Context() as context, context.socket(zmq.REQ) as client:
+        client.linger = 0
+        client.connect(BARE)
+        client.send(b"warm")
         client.recv()
-    took_ms = (time.perf_counter() - began_s) * 1e3
-    thread.join()
-    context.destroy(linger=0)
-    return took_ms
+        began_s = time.perf_counter()
+        for _ in range(offer.count):
+            client.send(b"123456GDATA123456")
+            client.recv()
+        return (time.perf_counter() - began_s) * 1e3
 
 
-def noise(size: int, seed: int) -> bytes:
-    """Bytes that do not compress, so that both sides carry the same."""
-    return random.Random(seed).randbytes(size)
+def ask_ms(offer: Offer, addresses: tuple[str, str]) -> float:
+    """A pull as an original node does it, but on one socket."""
+    with zmq.Context() as context, context.socket(zmq.REQ) as client:
+        client.linger = 0
+        client.connect(f"tcp://{addresses[0]}:{PORT}")
+
+        def ask(frame: bytes) -> bytes:
+            client.send(secrets.token_bytes(6) + frame)
+            return client.recv()[6:]
+
+        ask(b"GHEAD")
+        began_s = time.perf_counter()
+        headers = ask(b"GHEAD")
+        got = [ask(b"GDATA" + headers[n : n + 6]) for n in range(0, len(headers), 6)]
+        ask(b"DENDT" + SINK.encode())
+        took_ms = (time.perf_counter() - began_s) * 1e3
+        if len(got) != offer.count:
+            raise RuntimeError(f"{len(got)} of {offer.count} messages")
+        return took_ms
 
 
-def team_of(topics: int) -> Team:
-    with socket.socket() as first, socket.socket() as second:
-        for probe in (first, second):
-            probe.bind(("127.0.0.1", 0))
-        ports = [probe.getsockname()[1] for probe in (first, second)]
-    robots = "".join(
-        f"  {name}: {{kind: k, address: 127.0.0.1, base_port: {port}, clients: [{peer}]}}\n"
-        for name, peer, port in zip("ab", "ba", ports, strict=True)
-    )
-    names = "".join(f"      - {{name: /t{n}, type: raw/Bytes}}\n" for n in range(topics))
-    text = f"robots:\n{robots}kinds:\n  k:\n    topics:\n{names}"
-    return Team.from_document(Document.from_text(text, Path("benchmark")))
+def pull_ms(offer: Offer, addresses: tuple[str, str]) -> float:
+    """One pull of everything by a new node that holds nothing."""
+    ended = threading.Event()
+    got: list[int] = []
+
+    def deliver(key: int) -> None:
+        if key != ENDED:
+            got.append(key)
+        elif len(got) == offer.count:
+            ended.set()
+
+    sink = NodeSink(offer, deliver, addresses)
+    sink.start()
+    try:
+        began_s = time.perf_counter()
+        sink.node.sync(SOURCE)
+        if not ended.wait(LIMIT_S):
+            raise TimeoutError(f"{len(got)} of {offer.count} messages in {LIMIT_S} s")
+        return (time.perf_counter() - began_s) * 1e3
+    finally:
+        sink.close()
+
+
+@contextlib.contextmanager
+def peer(serve: Callable[[Offer, Connection], None], offer: Offer) -> Iterator[None]:
+    processes = multiprocessing.get_context("spawn")
+    control, theirs = processes.Pipe()
+    process = processes.Process(target=serve, args=(offer, theirs), daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        control.recv()
+        yield
+    finally:
+        control.close()
+        process.join(5)
+        if process.is_alive():
+            process.kill()
+
+
+def serve_bare(offer: Offer, control: Connection) -> None:
+    answers = [b"123456" + offer.data(key) for key in range(offer.count)]
+    with zmq.Context() as context, context.socket(zmq.REP) as server:
+        server.linger = 0
+        server.bind(BARE)
+        control.send("ready")
+        threading.Thread(target=_exit_at_end, args=(control,), daemon=True).start()
+        while server.recv() == b"warm":
+            server.send(b"")
+            for answer in answers:
+                server.recv()
+                server.send(answer)
+
+
+def serve_original(offer: Offer, control: Connection) -> None:
+    _serve(OriginalSource(offer, ORIGINAL), control)
+
+
+def serve_ours(offer: Offer, control: Connection) -> None:
+    _serve(NodeSource(offer, OURS), control)
+
+
+def _serve(side: OriginalSource | NodeSource, control: Connection) -> None:
+    side.start()
+    control.send("ready")
+    with contextlib.suppress(EOFError):
+        control.recv()
+    side.close()
+
+
+def _exit_at_end(control: Connection) -> None:
+    with contextlib.suppress(EOFError):
+        control.recv()
+    os._exit(0)  # the socket belongs to the other thread, which waits in it
+
+
+def _size(size: int) -> str:
+    return f"{size} B" if size < 1000 else f"{size // 1000} KB" if size < 10**6 else "1 MB"
