@@ -21,6 +21,8 @@ _GREETING = _SIGNATURE + b"\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
 _MORE, _LONG, _COMMAND = 1, 2, 4
 _READY = b"\x05READY"
 _SHORT = 256
+_MAX_PARTS = 8
+_MAX_WAITING = 16_384  # replies that nobody has fetched: far more than are ever under way
 
 
 def _property(name: bytes, value: bytes) -> bytes:
@@ -155,6 +157,8 @@ class Connection:
         self._parts.append(body)
         if not flags & _MORE:
             parts, self._parts = self._parts, []
+            if len(self._messages) == _MAX_WAITING:
+                raise ZmtpError("more replies at once than anybody asks for")
             self._messages.append(parts[1:] if parts[0] == b"" else parts)
-        elif len(self._parts) > 8:
+        elif len(self._parts) > _MAX_PARTS or sum(map(len, self._parts)) > self._max_bytes:
             raise ZmtpError("a reply of too many parts")

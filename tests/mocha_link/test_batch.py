@@ -1,0 +1,49 @@
+"""Several messages in one: they come out as they went in, and nothing else is taken for a batch."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mocha_link import batch
+from mocha_link.batch import BatchError
+
+
+@given(st.lists(st.binary(max_size=300), max_size=20))
+def test_what_goes_in_comes_out(parts):
+    assert batch.unpack(batch.pack(parts)) == tuple(parts)
+
+
+def test_the_bytes():
+    assert batch.pack([]) == b""
+    assert batch.pack([b"ab", b""]) == b"\0\0\0\2ab\0\0\0\0"
+    assert batch.unpack(b"") == ()
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"\0\0\0", "ends within a length"),
+        (b"\0\0\0\1", "ends within a message"),
+        (b"\0\0\0\1a\0", "ends within a length"),
+        (b"\xff\xff\xff\xff" + bytes(100), "ends within a message"),
+    ],
+)
+def test_what_is_none(data, why):
+    with pytest.raises(BatchError, match=why):
+        batch.unpack(data)
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_a_batch_or_an_error(data):
+    try:
+        parts = batch.unpack(data)
+    except BatchError:
+        return
+    assert batch.pack(parts) == data
+
+
+def test_many_empty_messages_are_read_in_no_time():
+    """The worst that a message of a given size can hold: four bytes each."""
+    assert batch.unpack(bytes(4 * 100_000)) == (b"",) * 100_000

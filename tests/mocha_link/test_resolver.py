@@ -1,0 +1,171 @@
+"""Names become addresses in a thread of their own: a name server that hangs holds up nobody."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections import Counter
+from collections.abc import Iterator
+
+import pytest
+
+from mocha_link import resolver as module
+from mocha_link.metrics import Direction, SyncEnded, SyncTimedOut
+from mocha_link.resolver import FRESH_S, RETRY_S, Resolver
+
+WAIT_S = 20
+
+
+class Names:
+    """A name server: what it knows, what it hangs on, and how often it was asked."""
+
+    def __init__(self) -> None:
+        self.known: dict[str, str] = {}
+        self.asked: Counter[str] = Counter()
+        self.released = threading.Event()
+        self.hangs: set[str] = set()
+        self.threads: set[threading.Thread] = set()
+
+    def getaddrinfo(self, host: str, *_: object) -> list[tuple]:
+        self.threads.add(threading.current_thread())
+        self.asked[host] += 1
+        if host in self.hangs:
+            assert self.released.wait(WAIT_S)
+        if host not in self.known:
+            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+        return [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (self.known[host], 0))]
+
+
+@pytest.fixture
+def names(monkeypatch) -> Iterator[Names]:
+    names = Names()
+    monkeypatch.setattr(socket, "getaddrinfo", names.getaddrinfo)
+    yield names
+    names.released.set()
+    for thread in names.threads:
+        thread.join(WAIT_S)
+
+
+@pytest.fixture
+def time_s(monkeypatch) -> list[float]:
+    """The steady time, in its only place."""
+    now = [1000.0]
+    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    return now
+
+
+class Woken(Resolver):
+    """A resolver of which a test waits for the answers."""
+
+    def __init__(self) -> None:
+        self.answers = threading.Semaphore(0)
+        super().__init__(self.answers.release)
+
+    def wait(self) -> None:
+        assert self.answers.acquire(timeout=WAIT_S)
+
+
+def test_numbers_need_nobody(names):
+    resolver = Resolver(lambda: None)
+    assert resolver.address("127.0.0.1") == "127.0.0.1"
+    assert resolver.failure("127.0.0.1") is None
+    assert not names.asked
+
+
+def test_a_name_is_looked_up_once_and_wakes_when_it_is_known(names, time_s):
+    names.known["titan.local"] = "10.0.0.4"
+    resolver = Woken()
+    assert resolver.address("titan.local") is None
+    resolver.wait()
+    for _ in range(3):
+        assert resolver.address("titan.local") == "10.0.0.4"
+    assert resolver.failure("titan.local") is None
+    assert names.asked == {"titan.local": 1}
+
+
+def test_an_address_that_changes_is_seen(names, time_s):
+    names.known["titan.local"] = "10.0.0.4"
+    resolver = Woken()
+    resolver.address("titan.local")
+    resolver.wait()
+    names.known["titan.local"] = "10.0.0.5"
+    time_s[0] += FRESH_S + 1
+    assert resolver.address("titan.local") == "10.0.0.4"  # until the new one is known
+    resolver.wait()
+    assert resolver.address("titan.local") == "10.0.0.5"
+
+
+def test_what_is_not_known_says_why_and_is_asked_for_again(names, time_s):
+    resolver = Woken()
+    assert resolver.address("titan.local") is None
+    resolver.wait()
+    assert resolver.address("titan.local") is None
+    assert "no address for 'titan.local': " in resolver.failure("titan.local")
+    assert "Name or service not known" in resolver.failure("titan.local")
+    time_s[0] += RETRY_S + 0.1
+    names.known["titan.local"] = "10.0.0.4"
+    assert resolver.address("titan.local") is None
+    resolver.wait()
+    assert resolver.address("titan.local") == "10.0.0.4"
+    assert names.asked["titan.local"] == 2
+
+
+@pytest.mark.parametrize("host", ["", "a..b", "x" * 300, "\udcff", "ü" * 70, "1.2.3", "a\0b"])
+def test_names_that_cannot_be(host):
+    """Whatever the name is, there is an answer, and the thread ends."""
+    resolver = Woken()
+    if resolver.address(host) is None:
+        resolver.wait()
+        assert resolver.address(host) or resolver.failure(host)
+
+
+def test_a_name_server_that_hangs_holds_up_nobody(names):
+    names.known = {"slow": "10.0.0.1", "quick": "10.0.0.2"}
+    names.hangs = {"slow"}
+    resolver = Woken()
+    for _ in range(10):  # asked again and again, it still hangs in one thread only
+        assert resolver.address("slow") is None
+        assert resolver.failure("slow") is None
+    assert resolver.address("quick") is None
+    resolver.wait()
+    assert resolver.address("quick") == "10.0.0.2"
+    assert resolver.address("slow") is None
+    assert names.asked["slow"] == 1
+    names.released.set()
+    resolver.wait()
+    assert resolver.address("slow") == "10.0.0.1"
+
+
+def test_a_node_whose_name_server_hangs_talks_to_the_others(field, names):
+    """callisto's name hangs; io is reached meanwhile, and the pull from callisto times out."""
+    names.hangs = {"callisto.local"}
+    io, _, _ = field.node("io")
+    io.publish("/pose", b"here")
+    field.team = field.team.with_robots({"callisto": {"address": "callisto.local"}})
+    titan, _, saw = field.node("titan", timeout_s=0.4)
+    titan.sync("callisto")
+    titan.sync("io")
+    assert saw.wait(SyncEnded, peer="io", direction=Direction.IN).messages == 1
+    broken = saw.wait(SyncTimedOut, peer="callisto", direction=Direction.IN)
+    assert "no connection within 0.4 s" in broken.reason
+    titan.close()  # quick, also while the look-up hangs
+    names.released.set()
+
+
+def test_a_node_is_told_of_a_name_that_is_not_known(field, names):
+    field.team = field.team.with_robots({"callisto": {"address": "callisto.local"}})
+    titan, _, saw = field.node("titan")
+    titan.sync("callisto")
+    broken = saw.wait(SyncTimedOut, peer="callisto", direction=Direction.IN)
+    assert "no address for 'callisto.local'" in broken.reason
+
+
+def test_a_node_reaches_a_peer_by_its_name(field, names):
+    names.known["titan.local"] = field.host
+    titan, _, _ = field.node("titan")
+    titan.publish("/map", b"grid")
+    field.team = field.team.with_robots({"titan": {"address": "titan.local"}})
+    io, _, saw = field.node("io")
+    io.sync("titan")
+    assert saw.wait(SyncEnded, peer="titan", direction=Direction.IN).messages == 1
+    assert io.latest("titan", "/map").data == b"grid"
