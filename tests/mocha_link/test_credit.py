@@ -1,0 +1,134 @@
+"""How much may be sent ahead: enough to keep the link busy, no more, and never a standstill."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mocha_link.credit import (
+    FIRST_WINDOW,
+    GRANT,
+    MAX_CHUNK,
+    MAX_WINDOW,
+    MIN_CHUNK,
+    MIN_WINDOW,
+    Credit,
+)
+
+
+def allowed(credit: Credit) -> int:
+    return GRANT.unpack(credit.grant)[0]
+
+
+def chunk(credit: Credit) -> int:
+    return GRANT.unpack(credit.grant)[1]
+
+
+def link(credit: Credit, *, rate: float, rtt_s: float, seconds: float) -> tuple[float, float]:
+    """Drive it over a link; the share of it that was used, and the longest queue in seconds.
+
+    The peer sends whatever it may at once; grants need half a round trip back, frames the queue
+    and half a round trip.
+    """
+    now_s = sent_s = idle_s = queue_s = 0.0
+    sent = 0
+    grants = [(0.0, credit.grant)]
+    under_way: list[tuple[float, int]] = []
+    limit, size = 0, MIN_CHUNK
+    while now_s < seconds:
+        while grants and grants[0][0] <= now_s:
+            limit, size = GRANT.unpack(grants.pop(0)[1])
+            assert MIN_CHUNK <= size <= MAX_CHUNK
+        while sent < limit:
+            frame = min(size, limit - sent)
+            if sent_s < now_s:
+                idle_s += now_s - sent_s
+            sent_s = max(sent_s, now_s) + frame / rate
+            queue_s = max(queue_s, sent_s - now_s)
+            sent += frame
+            under_way.append((sent_s + rtt_s / 2, frame))
+        events = [each[0][0] for each in (grants, under_way) if each]
+        assert events, "nobody may send and nothing is under way: it stands still"
+        now_s = min(events)
+        while under_way and under_way[0][0] <= now_s:
+            if credit.take(under_way.pop(0)[1], now_s, rtt_s):
+                grants.append((now_s + rtt_s / 2, credit.grant))
+    return 1 - idle_s / seconds, queue_s
+
+
+def test_the_first_grant_is_the_same_for_all():
+    assert allowed(Credit(None, None)) == FIRST_WINDOW
+    assert allowed(Credit(1e6, None)) == allowed(Credit(None, 0.1)) == FIRST_WINDOW
+    assert Credit(None, None).grant == GRANT.pack(FIRST_WINDOW, FIRST_WINDOW // 8)
+
+
+@pytest.mark.parametrize(
+    ("rate", "rtt_s", "window"),
+    [(1e6, 0.05, 300_000), (1e6, 0.35, 750_000), (1e3, 0.3, MIN_WINDOW), (1e12, 1, MAX_WINDOW)],
+)
+def test_what_the_last_contact_showed_counts_from_the_start(rate, rtt_s, window):
+    assert allowed(Credit(rate, rtt_s)) == pytest.approx(window, abs=1)
+
+
+LINKS = list(itertools.product((31_250, 125_000, 1_250_000, 12_500_000), (0.005, 0.05, 0.3)))
+
+
+@pytest.mark.parametrize(("rate", "rtt_s"), LINKS)
+def test_a_link_is_kept_busy_and_its_queue_short(rate, rtt_s):
+    """Also one of which nothing is known yet, and after that one of which it is."""
+    credit = Credit(None, None)
+    used, queue_s = link(credit, rate=rate, rtt_s=rtt_s, seconds=20)
+    assert used > 0.9
+    assert queue_s < max(1.5 * (rtt_s + 0.15), FIRST_WINDOW / rate) + 0.3
+    known = Credit(rate, rtt_s)
+    used, queue_s = link(known, rate=rate, rtt_s=rtt_s, seconds=20)
+    assert used > 0.95
+    assert queue_s < max(1.5 * (rtt_s + 0.15), MIN_WINDOW / rate) + 0.3
+
+
+def test_a_link_that_becomes_slow_gets_a_small_window():
+    credit = Credit(12_500_000, 0.05)
+    begun = allowed(credit)
+    now_s = 0.0
+    for _ in range(4_000):
+        now_s += 0.05
+        credit.take(1_500, now_s, 0.05)
+    assert begun > 3_000_000
+    assert allowed(credit) - credit.received <= begun
+    assert credit._window == MIN_WINDOW
+
+
+@settings(max_examples=200)
+@given(
+    st.one_of(st.none(), st.floats(0, 1e12)),
+    st.one_of(st.none(), st.floats(0, 100)),
+    st.lists(
+        st.tuples(
+            st.integers(0, MAX_CHUNK),
+            st.floats(0, 10),
+            st.one_of(st.none(), st.floats(0, 100)),
+        ),
+        max_size=60,
+    ),
+)
+def test_whatever_comes_a_grant_is_within_bounds(rate, rtt_s, frames):
+    """It never goes back, never promises more than the largest window, never stands still."""
+    credit = Credit(rate, rtt_s)
+    now_s, before = 0.0, allowed(credit)
+    for size, passed_s, seen_s in frames:
+        now_s += passed_s
+        granted = credit.take(size, now_s, seen_s)
+        after = allowed(credit)
+        assert after >= before
+        assert after - before <= MAX_WINDOW + size
+        assert MIN_CHUNK <= chunk(credit) <= MAX_CHUNK
+        if granted:
+            assert after - credit.received >= MIN_WINDOW
+        assert granted or after == before
+        before = after
+    assert credit.received == sum(size for size, _, _ in frames)
+    room = before - credit.received
+    assert room > 0 or credit.take(-room + 1, now_s, None)  # what was allowed earns more
