@@ -19,7 +19,7 @@ from operator import xor
 from typing import TYPE_CHECKING
 
 from mocha_link.header import WRAP_MS, Header, latest_ms
-from mocha_link.index import Floors, Kept, WireOrder, rank, today
+from mocha_link.index import Floors, Kept, WireOrder, follows, rank
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -159,7 +159,7 @@ class Database:
         with self._lock:
             if header.pack() in self._by_raw:
                 return False
-            return header.stamp_ms(now_s) > today(self._floors[key], latest_ms(now_s))
+            return follows(header.stamp_ms(now_s), self._floors[key], latest_ms(now_s))
 
     def wanted(self, header_list: bytes, now_s: float) -> list[bytes]:
         """Those of a list of headers that are not here and would be stored, in their order.
@@ -188,8 +188,7 @@ class Database:
             floor_ms = self._floors[key]
             if now_s is None or floor_ms < 0 or not self._versions[key][-1].record.inferred:
                 return stamp_ms > floor_ms
-            latest = latest_ms(now_s)
-            return today(stamp_ms, latest) > today(floor_ms, latest)
+            return follows(stamp_ms, floor_ms, latest_ms(now_s))
 
     def insert(self, record: Record, now_s: float) -> bool:
         """Store a message if it is among the newest of its topic; says whether it was.
@@ -351,4 +350,4 @@ def digest(header: bytes) -> int:
 def _newer(record: Record, stored: Record, latest: int) -> bool:
     if not record.inferred and not stored.inferred:
         return record.stamp_ms > stored.stamp_ms
-    return today(record.stamp_ms, latest) > today(stored.stamp_ms, latest)
+    return follows(record.stamp_ms, stored.stamp_ms, latest)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mocha_link.header import WRAP_MS, Header
+from mocha_link.header import AHEAD_MS, WRAP_MS, Header
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 KEYS = 65_536
 _STAMP_BITS = 47
+_UNSET_MS = 50 * 365 * 86_400_000  # a clock that says 1970 or soon after was never set
+_FUTURE_MS = AHEAD_MS // 3
+_TURNED_MS = WRAP_MS - 2 * AHEAD_MS
 
 
 @dataclass(slots=True)
@@ -43,6 +46,29 @@ def rank(record: Record, key: int) -> int:
 def today(stamp_ms: int, latest_ms: int) -> int:
     """A stamp from beyond `latest_ms` as its header is seen now: our clock was set back since."""
     return min(stamp_ms, latest_ms - (latest_ms - stamp_ms) % WRAP_MS)
+
+
+def follows(stamp_ms: int, stored_ms: int, latest_ms: int) -> bool:
+    """Whether a stamp is newer than the stored one, where a header is all that is known of it.
+
+    Both are seen as of now. If one of them is more than an hour in the future, a clock is wrong,
+    and the border between past and future may run between the two: what seems more than 12 h older
+    is newer then, and the other way round. If our clock is not set at all, the shorter way round
+    the 18 h counts.
+    """
+    if stored_ms < 0:
+        return True
+    seen, stored = today(stamp_ms, latest_ms), today(stored_ms, latest_ms)
+    border_ms, far_ms = _turn(latest_ms)
+    turned = max(seen, stored) > border_ms and far_ms <= abs(seen - stored) < WRAP_MS
+    return (seen > stored) != turned
+
+
+def _turn(latest_ms: int) -> tuple[int, int]:
+    """Beyond which time, and how far apart, two stamps are the other way round."""
+    if latest_ms < _UNSET_MS:
+        return -1, WRAP_MS // 2
+    return latest_ms - AHEAD_MS + _FUTURE_MS, _TURNED_MS
 
 
 class Floors:
@@ -67,8 +93,13 @@ class Floors:
         milliseconds = fields[:, 2]
         seen = latest_ms - (latest_ms - fields[:, 1] * 1000 - milliseconds) % WRAP_MS
         floors = self._view[fields[:, 0]]
-        floors = np.minimum(floors, latest_ms - (latest_ms - floors) % WRAP_MS)  # as `today` does
-        chosen = (seen > floors) | (milliseconds > 999)
+        # As `follows` does.
+        stored = np.minimum(floors, latest_ms - (latest_ms - floors) % WRAP_MS)
+        apart = np.abs(seen - stored)
+        border_ms, far_ms = _turn(latest_ms)
+        turned = (np.maximum(seen, stored) > border_ms) & (floors >= 0)
+        turned &= (apart >= far_ms) & (apart < WRAP_MS)
+        chosen = ((seen > stored) ^ turned) | (milliseconds > 999)
         raws: list[bytes] = np.frombuffer(headers, f"V{Header.SIZE}")[chosen].tolist()
         return raws
 

@@ -12,7 +12,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mocha_link.database import GROUPS, Database, Knowledge, Record, digest
-from mocha_link.header import WRAP_MS, WRAP_S, Header, HeaderError, as_ms
+from mocha_link.header import WRAP_MS, WRAP_S, Header, HeaderError, as_ms, latest_ms
+from mocha_link.index import follows, today
 
 WRAP = 27392 * WRAP_S  # a wrap in the year 2026
 HOUR = 3600
@@ -68,6 +69,21 @@ def test_a_clock_that_was_set_back_does_not_block_messages_of_original_nodes():
     assert not database.insert(guessed(WRAP - 1, WRAP), WRAP)
     assert database.insert(guessed(WRAP + 1, WRAP + 2), WRAP + 2)
     assert database.newest(0, 0).stamp_s == WRAP + 1
+
+
+@pytest.mark.parametrize("gap_s", [60, 1200, 2 * HOUR])
+@pytest.mark.parametrize("ahead_s", [0, -HOUR, -3 * HOUR, -3 * HOUR - 60, 5 * HOUR, -WRAP, -YEAR])
+def test_whatever_our_clock_says_the_next_message_of_an_original_node_is_newer(ahead_s, gap_s):
+    """Also where the border between past and future runs between the two, and over the wrap."""
+    database = Database()
+    for number, time_s in enumerate(range(WRAP - 20 * HOUR + 7, WRAP + 20 * HOUR, gap_s)):
+        now = time_s + ahead_s + (5, 90)[number % 2]  # it comes sooner or later
+        each = guessed(time_s, now)
+        assert database.wants(each.header, now)
+        assert database.wanted(each.header.pack(), now)
+        assert database.insert(each, now)
+        before = guessed(time_s - gap_s, now)
+        assert not database.wants(before.header, now)
 
 
 def test_full_stamps_need_no_clock():
@@ -346,6 +362,16 @@ def test_what_is_wanted_would_be_stored_whatever_the_clock_does(depth, inserts, 
             expected[raw[:2]] = header
     possible = b"".join(raw for raw in headers if int.from_bytes(raw[4:]) < 1000)
     assert database.wanted(possible, now_s) == [h.pack() for h in expected.values()]
+
+
+@settings(max_examples=300, deadline=None)
+@given(STAMPS_MS, STAMPS_MS, CLOCK_S | st.integers(0, 3 * WRAP))
+def test_two_nodes_with_the_same_clock_agree_which_one_is_newer(one, other, now_s):
+    latest = latest_ms(now_s)
+    if (one - other) % WRAP_MS:
+        assert follows(one, other, latest) != follows(other, one, latest)
+    else:
+        assert follows(one, other, latest) == (today(one, latest) > today(other, latest))
 
 
 def test_long_lists_agree_with_single_questions():
