@@ -71,6 +71,7 @@ class Server:
         self._sync: _Sync | None = None
         self._flow: Flow | None = None
         self._ended = b""  # the id of the last sync that came to its end
+        self._opened: tuple[bytes, Route] | None = None  # the last opening: its id and connection
         self._rate_bytes_s: float | None = None
         self._rtt_s: float | None = None
         self._events: list[LinkEvent] = []
@@ -81,8 +82,7 @@ class Server:
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
         if code in (SYNC1, SYNCF, SYNCC):
             return self._answer_sync(route, frame, now)
-        sync = self._sync
-        if code == GHEAD and sync and sync.id == request_id and sync.route == route:
+        if code == GHEAD and self._opened == (request_id, route):
             return None  # the fallback for original nodes
         reply, events = self._session.answer(parts, now)
         self._events += events
@@ -161,6 +161,7 @@ class Server:
         sync = self._sync
         if sync is None or sync.id != request_id:
             if request_id == self._ended:
+                self._opened = (request_id, route)
                 return None  # a connection that came too late
             if code != SYNC1:
                 return request_id + SERRM
@@ -169,12 +170,14 @@ class Server:
             if not self._takes(sync, argument):
                 return request_id + SERRM
             sync.route = route
+            self._opened = (request_id, route)
             sync.grant(grant)
             self._begin(sync, now)
             return None
         sync.heard_s = now.steady_s
         if sync.route is None or code == SYNC1:
             sync.route, sync.sent = route, 0
+            self._opened = (request_id, route)
         if code == SYNC1:
             sync.grant(argument[: GRANT.size])
             argument = argument[GRANT.size :]

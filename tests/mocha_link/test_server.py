@@ -1,0 +1,609 @@
+"""The answering side: two paths, credit, original clients, and peers that say what they like."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mocha_link import payload
+from mocha_link.acquaintance import Acquaintance
+from mocha_link.clock import Instant
+from mocha_link.credit import GRANT, MAX_CHUNK, MIN_CHUNK
+from mocha_link.database import Database, Record
+from mocha_link.datagram import Flow
+from mocha_link.document import Document
+from mocha_link.feed import MIN_ROOM
+from mocha_link.header import Header
+from mocha_link.intake import Intake
+from mocha_link.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.protocol import ID_BYTES, PATIENCE_S
+from mocha_link.server import Server
+from mocha_link.shelf import Shelf
+from mocha_link.team import Team
+
+NOW_S = 1_795_175_900.0
+TOPICS = 100
+TEAM = Team.from_document(
+    Document.from_text(
+        "robots:\n"
+        "  io: {kind: rover, address: a, base_port: 10, clients: [titan]}\n"
+        "  titan: {kind: rover, address: b, base_port: 10, clients: [io]}\n"
+        "kinds:\n"
+        "  rover:\n"
+        "    topics:\n"
+        + "".join(f"      - {{name: /t{topic}, type: a/B}}\n" for topic in range(TOPICS)),
+        Path("team.yaml"),
+    )
+)
+ROUTE, OTHER = (b"\0\0\0\1", b""), (b"\0\0\0\2", b"")
+PLENTY = GRANT.pack(1 << 40, 65_536)
+OUT = Direction.OUT
+
+
+def at(steady_s: float) -> Instant:
+    return Instant(NOW_S + steady_s, 1000.0 + steady_s)
+
+
+def record(topic_id: int, size: int = 100) -> Record:
+    stamp_ms = int(NOW_S * 1000) - 60_000 + topic_id
+    data = random.Random(topic_id).randbytes(size)
+    body = payload.pack(0, 0, data, stamp_ms=stamp_ms)
+    return Record(Header.at(1, topic_id, stamp_ms), 0, body, stamp_ms, NOW_S)
+
+
+class Asker:
+    """io: asks over a connection, over datagrams, or both, and says what a test wants."""
+
+    def __init__(self, server: Server, request_id: bytes = b"ididid") -> None:
+        self.server = server
+        self.id = request_id
+        self.database = Database()
+        self.intake = Intake(
+            "titan",
+            team=TEAM,
+            database=self.database,
+            shelf=Shelf(),
+            acquaintance=Acquaintance(7),
+            room=1100,
+        )
+        (self.opening,) = self.intake.open(at(0)).frames
+        self.outbox: list[bytes] = []  # for datagrams
+        self.flow: Flow | None = None
+        self.frames: list[bytes] = []  # that came on the connection
+        self.refusals: list[str] = []
+
+    # --- on the connection
+
+    def open(
+        self, grant: bytes = PLENTY, route: tuple[bytes, ...] = ROUTE, now: Instant | None = None
+    ) -> bytes | None:
+        return self.ask(b"SYNC1" + grant + self.opening, route, now)
+
+    def ask(
+        self, content: bytes, route: tuple[bytes, ...] = ROUTE, now: Instant | None = None
+    ) -> bytes | None:
+        return self.server.answer(route, [self.id + content], now or at(0))
+
+    def drain(self, now: Instant | None = None) -> list[tuple[tuple[bytes, ...], bytes]]:
+        """All that the server gives for connections now, without reading it."""
+        given = []
+        while supplied := self.server.supply(now or at(0)):
+            given.append(supplied)
+        return given
+
+    def read(self, now: Instant | None = None) -> None:
+        """All that the server gives for connections, and what is said to it."""
+        now = now or at(0)
+        while supplied := self.server.supply(now):
+            _, frame = supplied
+            assert frame[:ID_BYTES] == self.id
+            self.frames.append(frame)
+            step = self.intake.receive(frame[ID_BYTES:], now)
+            self.refusals += step.refusals
+            for each in step.frames:
+                self.ask(b"SYNCF" + each, now=now)
+
+    # --- by datagrams
+
+    def cast(self, now: Instant, *, rate: float | None = None) -> None:
+        """Begin by datagrams."""
+        self.outbox.append(self.opening)
+        self.flow = Flow(
+            self.id, lambda _: self.outbox.pop(0) if self.outbox else None, rate_bytes_s=rate
+        )
+        self.flow.poke(now.steady_s)
+        self.pass_on(now)
+
+    def pass_on(self, now: Instant) -> None:
+        for packet in self.flow.transmit(now.steady_s):
+            assert self.server.packet(packet, now)
+
+    def run(
+        self, begin_s: float, delay_s: float, *, reading: bool = False, limit_s: float = 20
+    ) -> float:
+        """Let datagrams pass, each `delay_s` after it left; the time at the end."""
+        time_s = begin_s
+        way: list[tuple[float, bool, bytes]] = []
+        while not self.intake.over:
+            assert time_s < begin_s + limit_s, "does not end"
+            now = at(time_s)
+            way += [(time_s + delay_s, False, packet) for packet in self.server.transmit(now)]
+            sent = self.flow.transmit(now.steady_s)
+            way += [(time_s + delay_s, True, packet) for packet in sent]
+            if reading:
+                self.read(now)
+            wakes = [w - 1000 for w in (self.server.wake_s, self.flow.wake_s) if w is not None]
+            wakes += [each[0] for each in way[:1]]
+            time_s = max(min(wakes), time_s + 0.0005)
+            while way and way[0][0] <= time_s:
+                _, up, packet = way.pop(0)
+                if up:
+                    assert self.server.packet(packet, at(time_s))
+                else:
+                    for frame in self.flow.receive(packet, at(time_s).steady_s):
+                        step = self.intake.receive(frame, at(time_s))
+                        self.refusals += step.refusals
+                        self.outbox += step.frames
+        self.pass_on(at(time_s))
+        return time_s
+
+    @property
+    def got(self) -> dict[Header, bytes]:
+        return {each.header: each.body for each in self.database.records()}
+
+
+@pytest.fixture
+def database() -> Database:
+    result = Database()
+    for topic_id in range(TOPICS):
+        result.insert(record(topic_id), NOW_S)
+    return result
+
+
+@pytest.fixture
+def server(database) -> Server:
+    return Server("io", database, Acquaintance(9))
+
+
+@pytest.fixture
+def io(server) -> Asker:
+    return Asker(server)
+
+
+def all_of(database: Database) -> dict[Header, bytes]:
+    return {each.header: each.body for each in database.records()}
+
+
+def fill(database: Database, topics: int = 4, size: int = 200_000) -> None:
+    """Messages that take a while."""
+    for topic_id in range(topics):
+        stamp_ms = int(NOW_S * 1000) - 1_000 + topic_id
+        data = random.Random(topic_id).randbytes(size)
+        body = payload.pack(0, 0, data, stamp_ms=stamp_ms)
+        database.insert(Record(Header.at(1, topic_id, stamp_ms), 0, body, stamp_ms, NOW_S), NOW_S)
+
+
+# --- the connection
+
+
+def test_a_sync_over_the_connection(server, io, database):
+    assert io.open() is None
+    assert server.take() == [SyncStarted("io", NOW_S, OUT)]
+    io.read(at(2))
+    assert io.got == all_of(database)
+    assert io.intake.complete
+    (ended,) = server.take()
+    assert ended == SyncEnded(
+        "io", NOW_S + 2, OUT, TOPICS, ended.bytes, pytest.approx(2), complete=True
+    )
+    assert ended.bytes == io.intake.bytes
+    assert server.supply(at(3)) is None
+    assert server.wake_s is None
+
+
+def test_frames_wait_for_credit_and_hardly_exceed_it(server, io, database):
+    fill(database)
+    limit = 5_000
+    io.open(GRANT.pack(limit, 1_400))
+    sent = 0
+    for _ in range(40):
+        given = io.drain()
+        assert given
+        for route, frame in given:
+            assert route == ROUTE
+            assert len(frame) <= 1_400
+            assert sent < limit  # there was credit left
+            sent += len(frame)
+        assert sent < limit + MIN_ROOM + ID_BYTES
+        assert io.drain() == []
+        limit += 3_000
+        assert io.ask(b"SYNCC" + GRANT.pack(limit, 1_400)) is None
+
+
+def test_credit_is_never_taken_back(server, io, database):
+    fill(database)
+    io.open(GRANT.pack(100_000, 50_000))
+    io.ask(b"SYNCC" + GRANT.pack(10, 50_000))
+    assert 100_000 <= sum(len(frame) for _, frame in io.drain()) < 150_000
+
+
+def test_without_credit_nothing_is_sent(server, io):
+    io.open(GRANT.pack(0, 65_536))
+    assert io.drain() == []
+    io.ask(b"SYNCC" + GRANT.pack(1, 65_536))
+    assert len(io.drain()) == 1
+
+
+@pytest.mark.parametrize(
+    "grant",
+    [
+        GRANT.pack((1 << 64) - 1, (1 << 32) - 1),
+        GRANT.pack((1 << 64) - 1, 0),
+        GRANT.pack(0, (1 << 32) - 1),
+        GRANT.pack(1, 1),
+    ],
+)
+def test_hostile_grants(server, io, database, grant):
+    """However much they promise, a frame has a size that a connection takes."""
+    fill(database, topics=40)
+    assert io.open(grant) is None
+    io.ask(b"SYNCC" + grant)
+    io.ask(b"SYNCC" + grant[:-1])  # one that is none changes nothing
+    io.ask(b"SYNCC" + grant + b"\0")
+    io.ask(b"SYNCC")
+    for _ in range(10):
+        supplied = server.supply(at(0))
+        if supplied:
+            assert len(supplied[1]) <= max(MAX_CHUNK, MIN_CHUNK)
+    assert [type(event) for event in server.take()] == [SyncStarted]
+
+
+@pytest.mark.parametrize("length", range(GRANT.size))
+def test_an_opening_that_ends_early(server, io, length):
+    assert io.ask(b"SYNC1" + PLENTY[:length]) == b"idididSERRM"
+    assert server.take() == []
+    assert server.supply(at(0)) is None
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"SYNC1" + PLENTY,
+        b"SYNC1" + PLENTY + b"garbage",
+        b"SYNC1" + PLENTY + bytes(40),
+        b"SYNCF",
+        b"SYNCF" + bytes(40),
+        b"SYNCC" + PLENTY,
+    ],
+)
+def test_what_opens_nothing_is_refused(server, io, content):
+    """Like an original node does it: who asks goes on with what it understands."""
+    assert io.ask(content) == b"idididSERRM"
+    assert server.take() == []
+    assert io.ask(b"GHEAD").startswith(b"ididid\1")
+
+
+def test_a_bad_frame_costs_an_error_reply_not_the_sync(server, io, database):
+    io.open(GRANT.pack(0, 65_536))
+    assert io.ask(b"SYNCF" + bytes(40)) == b"idididSERRM"
+    assert io.ask(b"SYNC1" + PLENTY + b"garbage") == b"idididSERRM"
+    io.ask(b"SYNCC" + PLENTY)
+    io.read()
+    assert io.got == all_of(database)
+
+
+def test_what_is_stored_meanwhile_joins_in(server, io, database):
+    io.open(GRANT.pack(500, 1_400))
+    io.drain()
+    fill(database, topics=1, size=50)
+    fresh = database.newest(1, 0)
+    io.ask(b"SYNCC" + PLENTY)
+    frames = b"".join(frame for _, frame in io.drain())
+    assert fresh.body in frames
+
+
+# --- the fallback for original nodes
+
+
+def test_the_fallback_is_ignored_where_the_sync_is(server, io):
+    io.open(GRANT.pack(0, 65_536))
+    assert io.ask(b"GHEAD") is None
+    assert [type(event) for event in server.take()] == [SyncStarted]
+
+
+def test_the_fallback_is_answered_elsewhere(server, io, database):
+    """The same id on another connection, or another id on this one: somebody asks the old way."""
+    io.open(GRANT.pack(0, 65_536))
+    server.take()
+    assert io.ask(b"GHEAD", OTHER) == b"ididid" + database.header_list()
+    assert server.answer(ROUTE, [b"others" + b"GHEAD"], at(0)) == (
+        b"others" + database.header_list()
+    )
+    assert io.ask(b"DENDTio") == b"idididAck"
+    assert io.ask(b"GDATA" + record(3).header.pack()) == b"ididid" + record(3).body
+
+
+def test_an_original_client_and_a_new_one_in_turns(server, database):
+    for turn in range(3):
+        assert server.answer(OTHER, [b"origin" + b"GHEAD"], at(turn)) == (
+            b"origin" + database.header_list()
+        )
+        new = Asker(server, b"new%03d" % turn)
+        new.open(now=at(turn))
+        asked = b"origin" + b"GDATA" + record(turn).header.pack()
+        assert server.answer(OTHER, [asked], at(turn)) == b"origin" + record(turn).body
+        new.read(at(turn))
+        assert new.got == all_of(database)
+        assert server.answer(OTHER, [b"origin" + b"DENDTio"], at(turn)) == b"originAck"
+        told = [(type(event), event.peer) for event in server.take()]
+        assert told == [(SyncStarted, "io")] * 2 + [(SyncEnded, "io")] * 2
+
+
+@pytest.mark.parametrize("parts", [[], [b""], [b"abc"], [b"idididSYNC1", b"two"], [b"\xff" * 11]])
+def test_what_is_no_request(server, parts):
+    reply = server.answer(ROUTE, parts, at(0))
+    assert reply == (parts[0][:6] if parts else b"") + b"SERRM"
+
+
+# --- beginnings and ends
+
+
+def test_a_new_pull_replaces_the_one_before(server, io, database):
+    """After a cut the peer comes again, with another id, while the old pull is still open."""
+    io.open(GRANT.pack(500, 1_400))
+    io.drain()
+    again = Asker(server, b"again!")
+    again.open(route=OTHER)
+    events = server.take()
+    assert [type(event) for event in events] == [SyncStarted, SyncTimedOut, SyncStarted]
+    assert events[1].reason == "the peer began anew"
+    assert io.ask(b"SYNCC" + PLENTY) == b"idididSERRM"
+    again.read()
+    assert again.got == all_of(database)
+
+
+def test_the_same_pull_over_another_connection(server, io, database):
+    """The first connection broke in its handshake: all is said again on the second one."""
+    io.open(GRANT.pack(0, 65_536))
+    io.open(PLENTY, OTHER)
+    io.read()
+    assert io.got == all_of(database)
+    assert [type(event) for event in server.take()] == [SyncStarted, SyncEnded]
+
+
+def test_silence_ends_a_sync(server, io):
+    io.open()
+    io.drain(at(0))
+    server.tick(at(PATIENCE_S))
+    assert [type(event) for event in server.take()] == [SyncStarted]
+    server.tick(at(PATIENCE_S + 0.1))
+    (broken,) = server.take()
+    assert broken == SyncTimedOut(
+        "io", NOW_S + PATIENCE_S + 0.1, OUT, "the peer said nothing for 13 s"
+    )
+    server.tick(at(60))
+    assert server.take() == []
+    assert server.supply(at(60)) is None
+
+
+def test_a_sync_that_is_under_way_is_not_silent(server, io, database):
+    """One large message on a slow link: the peer says nothing but credit."""
+    fill(database, topics=1)
+    io.open(GRANT.pack(2_000, 1_400))
+    for second in range(60):
+        assert io.drain(at(second))
+        io.ask(b"SYNCC" + GRANT.pack(2_000 * (second + 2), 1_400), now=at(second))
+        server.tick(at(second))
+    assert [type(event) for event in server.take()] == [SyncStarted]
+
+
+# --- datagrams
+
+
+def test_a_sync_over_datagrams(server, io, database):
+    io.cast(at(0))
+    assert server.take() == [SyncStarted("io", NOW_S, OUT)]
+    assert server.supply(at(0)) is None
+    end_s = io.run(0, 0.05)
+    assert io.got == all_of(database)
+    (ended,) = server.take()
+    assert (ended.messages, ended.complete) == (TOPICS, True)
+    assert end_s < 1
+    assert not io.frames
+
+
+@pytest.mark.parametrize(
+    "packet", [b"", b"\x51", b"\x51idi", b"\x51ididid", b"\x50ididid", b"\x57ididid" + bytes(40)]
+)
+def test_what_is_no_packet(server, packet):
+    assert not server.packet(packet, at(0))
+    assert server.take() == []
+    assert server.transmit(at(0)) == []
+
+
+def test_a_packet_with_frames_that_open_nothing(server):
+    frames = [b"garbage" * 10]
+    flow = Flow(b"ididid", lambda _: frames.pop() if frames else None)
+    flow.poke(1000.0)
+    (packet,) = flow.transmit(1000.0)
+    assert not server.packet(packet, at(0))
+    assert server.take() == []
+    assert server.wake_s is None
+
+
+def test_datagrams_first_then_the_connection_of_a_far_peer(server, io, database):
+    """The link is slow and long: datagrams go on, the connection is not used."""
+    fill(database)
+    io.cast(at(0), rate=100_000.0)
+    io.open()
+    assert io.drain() == []
+    assert io.ask(b"GHEAD") is None
+    io.run(0, 0.1, reading=True, limit_s=60)
+    assert io.got == all_of(database)
+    assert not io.frames
+
+
+def test_a_near_peer_is_moved_to_the_connection(server, io, database):
+    fill(database)
+    io.cast(at(0))
+    io.open()
+    io.run(0, 0.001, reading=True)
+    assert io.got == all_of(database)
+    assert len(io.frames) > 10
+    assert not io.refusals
+    assert [type(event) for event in server.take()] == [SyncStarted, SyncEnded]
+
+
+def test_a_near_peer_without_a_connection_stays_with_datagrams(server, io, database):
+    io.cast(at(0))
+    io.run(0, 0.001)
+    assert io.got == all_of(database)
+
+
+def test_the_connection_first_then_late_datagrams(server, io, database):
+    io.open(GRANT.pack(3_000, 1_400))
+    io.drain()
+    io.cast(at(0))
+    assert server.transmit(at(0)) == []
+    io.ask(b"SYNCC" + PLENTY)
+    assert [type(event) for event in server.take()] == [SyncStarted]
+
+
+def test_silence_ends_datagrams_too(server, io):
+    io.cast(at(0))
+    assert server.transmit(at(0))
+    server.tick(at(PATIENCE_S + 0.1))
+    assert [type(event) for event in server.take()] == [SyncStarted, SyncTimedOut]
+    assert server.wake_s is None
+    assert server.transmit(at(20)) == []
+
+
+def test_a_new_contact_sends_at_once(server, io):
+    io.cast(at(0))
+    server.transmit(at(0))
+    for tenth in range(1, 50):
+        server.transmit(at(tenth / 10))
+    quiet_s = server.wake_s - 1000
+    assert quiet_s > 4.95
+    server.poke(at(4.9))
+    assert server.transmit(at(4.9))
+
+
+def test_an_end_that_comes_again_is_no_new_sync(server, io):
+    """Our acknowledgement of it was lost, so the peer sends its END again."""
+    io.cast(at(0))
+    end_s = io.run(0, 0.05)
+    server.take()
+    for _ in range(3):
+        server.transmit(at(end_s))  # the acknowledgements are lost
+    io.flow.poke(at(end_s + 2).steady_s)
+    repeated = []
+    for tenth in range(1, 20):
+        repeated += io.flow.transmit(at(end_s + 2 + tenth / 10).steady_s)
+    assert repeated
+    for packet in repeated:
+        server.packet(packet, at(end_s + 4))
+    assert server.take() == []
+
+
+def test_an_opening_that_comes_late_is_no_new_sync(server, io, database):
+    """Each path carries the opening; the slower one brings it when all is over."""
+    io.open()
+    io.read()
+    assert io.got == all_of(database)
+    server.take()
+    late = Asker(server)
+    late.outbox.append(late.opening)
+    late.flow = Flow(b"ididid", lambda _: late.outbox.pop(0) if late.outbox else None)
+    late.flow.poke(1000.0)
+    for packet in late.flow.transmit(at(1).steady_s):
+        server.packet(packet, at(1))
+    assert server.take() == []
+    assert server.transmit(at(1)) == []
+
+
+def test_a_request_that_comes_late_is_no_new_sync(server, io, database):
+    io.cast(at(0))
+    end_s = io.run(0, 0.05)
+    server.take()
+    assert io.open(now=at(end_s)) is None
+    assert io.ask(b"GHEAD", now=at(end_s)) is None
+    assert server.take() == []
+    assert server.supply(at(end_s)) is None
+
+
+def test_a_fallback_that_comes_after_the_end(server, io):
+    """SYNC1 was in time, its sync went over datagrams, and the GHEAD behind it is late."""
+    io.cast(at(0))
+    io.open()
+    end_s = io.run(0, 0.05)
+    server.take()
+    assert io.ask(b"GHEAD", now=at(end_s)) is None
+    assert server.take() == []
+
+
+CODES = [b"SYNC1", b"SYNCF", b"SYNCC", b"GHEAD", b"GDATA", b"DENDT", b"SERRM"]
+
+
+@settings(max_examples=150)
+@given(
+    st.lists(
+        st.one_of(
+            st.tuples(st.just("ask"), st.sampled_from(CODES), st.binary(max_size=60)),
+            st.tuples(st.just("good"), st.sampled_from(CODES), st.just(b"")),
+            st.tuples(st.just("packet"), st.just(b""), st.binary(max_size=80)),
+            st.tuples(st.just("open"), st.just(b""), st.just(b"")),
+            st.tuples(st.just("supply"), st.just(b""), st.just(b"")),
+            st.tuples(st.just("wait"), st.just(b""), st.just(b"")),
+        ),
+        max_size=30,
+    ),
+    st.randoms(use_true_random=False),
+)
+def test_whatever_a_peer_says_the_next_pull_succeeds(steps, rng):
+    held = Database()
+    for topic_id in range(3):
+        held.insert(record(topic_id), NOW_S)
+    server = Server("io", held, Acquaintance(9))
+    asker = Asker(server)
+    time_s = 0.0
+    for what, code, rest in steps:
+        now = at(time_s)
+        route = rng.choice((ROUTE, OTHER))
+        if what == "ask":
+            server.answer(route, [rng.choice((b"ididid", b"others")) + code + rest], now)
+        elif what == "good":
+            asker.ask(code + PLENTY + asker.opening, route, now)
+            asker.ask(code + asker.opening, route, now)
+        elif what == "packet":
+            server.packet(b"\x51ididid" + rest, now)
+        elif what == "open":
+            server.packet(opened(asker.opening, rng), now)
+        elif what == "supply":
+            server.supply(now)
+            server.transmit(now)
+        else:
+            time_s += 5
+            server.tick(at(time_s))
+    last = Asker(server, b"last!!")
+    assert last.open(now=at(time_s)) is None
+    last.read(at(time_s))
+    assert last.got == all_of(held)
+    started = ended = 0
+    for event in server.take():
+        assert event.direction is OUT
+        started += isinstance(event, SyncStarted)
+        ended += isinstance(event, SyncEnded | SyncTimedOut)
+    assert ended <= started + 1  # one that was given up may still end
+
+
+def opened(opening: bytes, rng: random.Random) -> bytes:
+    """A datagram that opens a sync."""
+    outbox = [opening]
+    flow = Flow(rng.choice((b"ididid", b"casted")), lambda _: outbox.pop() if outbox else None)
+    flow.poke(1000.0)
+    return flow.transmit(1000.0)[0]
