@@ -184,7 +184,7 @@ class Pacing:
                 self.link.replace(self.link.round.rate)
             self._enter(Phase.DOWN)
             return
-        self._still += in_flight <= self._held()
+        self._still += in_flight <= self.cap_bytes
         if self._still > DOWN_ROUNDS:  # it is not our queue
             self.link.accept_rtt()
             self._full = False

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 import random
+import struct
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mocha_link import packet as wire
 from mocha_link.datagram import PACKET_BYTES, Flow
@@ -81,10 +85,10 @@ class Way:
 class End:
     """Runs a flow as a shell does, waking up at whole milliseconds."""
 
-    def __init__(self, world, way, source=lambda _: None, **known):
+    def __init__(self, world, way, source=lambda _: None, got=None, **known):
         self.world, self.way = world, way
         self.flow = Flow(TOKEN, source, **known)
-        self.got = []
+        self.got = [] if got is None else got
         self.got_s = []
         self.closed = False
         self.other = None
@@ -142,6 +146,82 @@ def link(rate=MBIT, rtt_s=0.05, **faults):
     return world, Way(world, rate, rtt_s / 2, **faults), Way(world, rate, rtt_s / 2, **faults)
 
 
+def contacts(mbit, rtt_s, contact_s, *, count=4, **faults):
+    """What arrives in each of several contacts, as a share of rate x (contact - round trip).
+
+    One end asks when the contact begins; the other one knows the link from the contact before.
+    """
+    up = [(k * (contact_s + 3), k * (contact_s + 3) + contact_s) for k in range(count)]
+    world, there, back = link(mbit * MBIT, rtt_s, up=up, **faults)
+    known = {}
+    shares = []
+    for begin_s, end_s in up:
+        world.run(begin_s)
+        asked = []
+
+        def answer(room, asked=asked):
+            return bytes(room) if asked else None
+
+        question = numbered(1, 64)
+        server = End(world, there, answer, **known, got=asked)
+        client = End(world, back, question).join(server)
+        client.flow.poke(world.now_s)
+        client.go()
+        world.run(end_s)
+        shares.append(client.bytes / (mbit * MBIT * (contact_s - rtt_s)))
+        flow = server.flow
+        known = {"rate_bytes_s": flow.rate_bytes_s, "rtt_s": flow.rtt_s}
+        world.run(end_s + 1)
+        client.closed = server.closed = True
+    return shares
+
+
+@pytest.mark.parametrize(
+    ("mbit", "rtt_s", "contact_s", "first", "others"),
+    [
+        (0.25, 0.005, 1, 0.93, 0.93),
+        (0.25, 0.05, 3, 0.94, 0.94),
+        (0.25, 0.3, 1, 0.6, 0.9),
+        (1, 0.005, 3, 0.94, 0.95),
+        (1, 0.05, 1, 0.93, 0.94),
+        (1, 0.05, 10, 0.95, 0.95),
+        (1, 0.3, 1, 0.5, 0.93),
+        (1, 0.3, 3, 0.8, 0.93),
+        (10, 0.005, 1, 0.9, 0.92),
+        (10, 0.05, 1, 0.85, 0.9),
+        (10, 0.05, 3, 0.9, 0.92),
+        (10, 0.3, 3, 0.6, 0.9),
+    ],
+)
+@pytest.mark.parametrize("queue_packets", [20, 160])
+def test_a_contact_is_used(  # noqa: PLR0913, PLR0917 - the columns of the table above
+    mbit, rtt_s, contact_s, first, others, queue_packets
+):
+    shares = contacts(mbit, rtt_s, contact_s, count=3, queue_bytes=queue_packets * 1220)
+    assert shares[0] >= first
+    assert min(shares[1:]) >= others
+
+
+def test_short_contacts_over_a_long_way_become_better():
+    shares = contacts(10, 0.3, 1, count=6)
+    assert shares == sorted(shares)
+    assert shares[0] > 0.2
+    assert shares[-1] > 0.6
+
+
+@pytest.mark.parametrize(
+    ("loss", "share"), [(0.01, 0.93), (0.05, 0.86), (0.1, 0.79), (0.2, 0.65), (0.3, 0.5)]
+)
+def test_losses_cost_little_more_than_what_is_lost(loss, share):
+    shares = [s for seed in range(3) for s in contacts(1, 0.05, 10, count=2, loss=loss, seed=seed)]
+    assert sum(shares) / len(shares) >= share
+
+
+@pytest.mark.parametrize(("loss", "share"), [(0.05, 0.86), (0.2, 0.62)])
+def test_losses_on_a_fast_link(loss, share):
+    assert contacts(10, 0.05, 4, count=2, loss=loss)[1] >= share
+
+
 @pytest.mark.parametrize("loss", [0.0, 0.05, 0.2, 0.5])
 def test_every_frame_arrives_once(loss):
     world, there, back = link(loss=loss, jitter_s=0.03, twice=0.1)
@@ -154,19 +234,319 @@ def test_every_frame_arrives_once(loss):
     assert (a.flow.refused, b.flow.refused) == (0, 0)
 
 
+def test_what_is_only_overtaken_is_hardly_sent_again():
+    world, there, back = link(jitter_s=0.05)
+    a = End(world, there, endless).join(b := End(world, back))
+    a.go()
+    world.run(10)
+    assert b.flow.repeated < 0.05 * len(b.got)
+    assert b.bytes > 0.85 * MBIT * 10
+
+
+def test_both_directions_at_once():
+    world, there, back = link()
+    a = End(world, there, endless).join(b := End(world, back, endless))
+    a.go()
+    b.go()
+    world.run(10)
+    assert min(a.bytes, b.bytes) > 0.88 * MBIT * 10
+
+
+@pytest.mark.parametrize("poked", [True, False])
+def test_a_cut_and_what_comes_after(poked):
+    rtt_s = 0.1
+    world, there, back = link(rtt_s=rtt_s, up=[(0, 2.05), (8, 10)])
+    a = End(world, there, numbered(10_000)).join(b := End(world, back))
+    a.go()
+    world.run(3)
+    assert a.flow.down
+    asked = there.asked
+    world.run(7.999)
+    assert there.asked - asked < 12  # it does not flood a link that is down
+    before = b.bytes
+    world.run(8)
+    (a if poked else b).flow.poke(world.now_s)  # whoever hears of the contact
+    (a if poked else b).go()
+    world.run(8 + rtt_s + 0.05)
+    assert not a.flow.down
+    assert b.bytes > before
+    world.run(10)
+    assert b.bytes - before > 0.9 * MBIT * (2 - rtt_s)
+    assert b.flow.repeated <= (6 if poked else 0)  # nobody could know what had arrived
+    numbers = [int.from_bytes(frame[:4], "big") for frame in b.got]
+    assert len(set(numbers)) == len(numbers)
+
+
+def test_nobody_pokes():
+    world, there, back = link(rtt_s=0.1, up=[(0, 2), (8, 12)])
+    a = End(world, there, endless).join(b := End(world, back))
+    a.go()
+    world.run(8)
+    before = b.bytes
+    world.run(12)
+    assert b.bytes - before > 0.9 * MBIT * (4 - 1.2)  # the next probe is at most a second away
+
+
+def test_pokes_do_not_flood_a_link_that_is_down():
+    world, there, back = link(up=[(100, 101)])
+    a = End(world, there, endless, rate_bytes_s=MBIT, rtt_s=0.05).join(End(world, back))
+    for tenth in range(200):
+        world.run(tenth / 10)
+        a.flow.poke(world.now_s)
+        a.go()
+    assert there.asked < 20 * 40
+    assert len(a.flow._outbox._contents) < 64
+
+
+def test_a_poke_of_a_link_that_works_is_one_small_packet():
+    world, there, back = link()
+    a = End(world, there, numbered(10)).join(End(world, back))
+    a.go()
+    world.run(1)
+    a.flow.poke(1.0)
+    (packet,) = a.flow.transmit(1.0)
+    assert len(packet) < 40
+    assert a.flow.wake_s is not None
+
+
+@pytest.mark.parametrize(
+    ("mbit", "rtt_s", "queue_bytes"),
+    [(1, 0.05, 24_400), (1, 0.05, 125_000), (10, 0.05, 24_400), (10, 0.005, 24_400)],
+)
+@pytest.mark.parametrize("known", [False, True])
+def test_two_flows_share_a_link(mbit, rtt_s, queue_bytes, known):
+    world, there, back = link(mbit * MBIT, rtt_s, queue_bytes=queue_bytes)
+    memory = {"rate_bytes_s": mbit * MBIT, "rtt_s": rtt_s} if known else {}
+    flows = [(End(world, there, endless, **memory), End(world, back)) for _ in range(2)]
+    for number, (sender, receiver) in enumerate(flows):
+        sender.join(receiver)
+        world.at(2.0 * number, sender.go)
+    world.run(3)
+    before = [receiver.bytes for _, receiver in flows]
+    dropped = there.dropped
+    world.run(11)
+    shares = [
+        (receiver.bytes - size) / (mbit * MBIT * 8)
+        for (_, receiver), size in zip(flows, before, strict=True)
+    ]
+    assert sum(shares) > 0.9
+    assert min(shares) > 0.25
+    assert there.dropped - dropped < 0.2 * mbit * MBIT * 8 / 1220
+
+
+@pytest.mark.parametrize("queue_bytes", [24_400, 1_000_000])
+def test_a_link_that_becomes_ten_times_slower(queue_bytes):
+    rtt_s = 0.05
+    world, there, back = link(
+        lambda now_s: 10 * MBIT if now_s < 3 else MBIT, rtt_s, queue_bytes=queue_bytes
+    )
+    urgent = []
+    a = End(world, there, lambda room: urgent.pop() if urgent else bytes(room))
+    a.join(b := End(world, back)).go()
+    world.run(3.2)
+    urgent.append(b"urgent")
+    world.run(6)
+    index = b.got.index(b"urgent")
+    assert b.got_s[index] - 3.2 < 1 + rtt_s
+    assert sum(map(len, b.got[index:])) > 0.8 * MBIT * (6 - b.got_s[index])
+    assert there.free_s - world.now_s < 0.3  # and the queue is short again
+
+
+@pytest.mark.parametrize(
+    ("mbit", "rtt_s", "memory", "share"),
+    [
+        (10, 0.05, {"rate_bytes_s": MBIT / 4, "rtt_s": 0.05}, 0.8),
+        (1, 0.05, {"rate_bytes_s": 10 * MBIT, "rtt_s": 0.05}, 0.85),
+        (1, 0.3, {"rate_bytes_s": MBIT, "rtt_s": 0.005}, 0.7),
+        (1, 0.005, {"rate_bytes_s": MBIT, "rtt_s": 0.3}, 0.9),
+        (1, 0.05, {"rate_bytes_s": 1e300}, 0.7),
+        (1, 0.05, {"rate_bytes_s": 1e-300, "rtt_s": 1e-9}, 0.7),
+    ],
+)
+def test_a_memory_that_is_wrong(mbit, rtt_s, memory, share):
+    world, there, back = link(mbit * MBIT, rtt_s)
+    a = End(world, there, endless, **memory).join(b := End(world, back))
+    a.go()
+    world.run(5)
+    assert b.bytes > share * mbit * MBIT * 5
+
+
+def test_a_sender_with_little_to_say_does_not_forget_the_rate():
+    world, there, back = link()
+    queue = []
+    a = End(world, there, lambda _: queue.pop() if queue else None, rate_bytes_s=MBIT, rtt_s=0.05)
+    a.join(b := End(world, back))
+    for tenth in range(100):
+        world.run(tenth / 10)
+        queue.append(bytes(100))
+        a.go()
+    world.run(11)
+    assert len(b.got) == 100
+    assert a.flow.rate_bytes_s == pytest.approx(MBIT, rel=0.05)
+    assert a.flow.rtt_s == pytest.approx(0.05, rel=0.1)
+    assert a.flow.wake_s is None
+
+
+# --- step by step
+
+
 def test_the_first_packet_leaves_at_once_with_data():
     flow = Flow(TOKEN, numbered(1, 100))
     (packet,) = flow.transmit(10.0)
     assert Flow(TOKEN, lambda _: None).receive(packet, 10.0) == [bytes(100)]
 
 
+def test_small_frames_share_a_packet():
+    flow = Flow(TOKEN, numbered(3, 500))
+    first, second = flow.transmit(0.0)
+    assert len(Flow(TOKEN, lambda _: None).receive(first, 0.0)) == 2
+    assert len(Flow(TOKEN, lambda _: None).receive(second, 0.0)) == 1
+
+
+def test_room_is_kept():
+    rooms = []
+
+    def source(room):
+        rooms.append(room)
+        return bytes(room) if len(rooms) < 5 else None
+
+    for packet in Flow(TOKEN, source).transmit(0.0):
+        assert len(packet) <= PACKET_BYTES
+    assert rooms[0] >= 1_170
+    with pytest.raises(ValueError, match="a frame of 1500 bytes where"):
+        Flow(TOKEN, lambda _: bytes(1500)).transmit(0.0)
+    with pytest.raises(ValueError, match="a token has 6 bytes, not 3"):
+        Flow(b"abc", source)
+
+
+def test_acknowledgements_wait_for_a_second_packet_or_25_ms():
+    packets = Flow(TOKEN, numbered(3)).transmit(0.0)
+    flow = Flow(TOKEN, lambda _: None)
+    flow.transmit(0.0)
+    flow.receive(packets[0], 0.0)
+    assert flow.wake_s == pytest.approx(0.025)
+    assert flow.transmit(0.0) == []
+    flow.receive(packets[1], 0.01)
+    assert flow.wake_s == pytest.approx(0.01)
+    (ack,) = flow.transmit(0.01)
+    assert len(ack) == 16
+    assert flow.wake_s is None
+    assert flow.transmit(0.02) == []
+
+
+def test_a_gap_is_told_at_once():
+    sender = Flow(TOKEN, numbered(3))
+    packets = [packet for t in range(10) for packet in sender.transmit(t / 1000)]
+    flow = Flow(TOKEN, lambda _: None)
+    flow.receive(packets[2], 0.0)
+    (ack,) = flow.transmit(0.0)
+    assert len(ack) == 17
+
+
+def test_a_lost_tail_is_sent_again_within_two_round_trips():
+    sender = Flow(TOKEN, numbered(1, 500), rate_bytes_s=MBIT, rtt_s=0.1)
+    (lost,) = sender.transmit(0.0)
+    assert 0.1 < sender.wake_s < 0.2
+    assert sender.transmit(0.09) == []
+    (again,) = sender.transmit(sender.wake_s)
+    assert len(again) == len(lost) + 2
+    receiver = Flow(TOKEN, lambda _: None)
+    assert receiver.receive(again, 0.2) == [bytes(500)]
+    assert receiver.receive(lost, 0.3) == []
+    assert receiver.repeated == 1
+    for packet in receiver.transmit(0.3):
+        sender.receive(packet, 0.4)
+    assert sender.settled
+
+
+def test_acknowledgements_ride_on_data():
+    a, b = Flow(TOKEN, numbered(1, 500)), Flow(TOKEN, numbered(1, 600))
+    (packet,) = a.transmit(0.0)
+    b.receive(packet, 0.05)
+    (answer,) = b.transmit(0.05)
+    assert a.receive(answer, 0.1)
+    assert a.settled
+    assert a.rtt_s == pytest.approx(0.1)
+
+
+def test_the_window_is_bounded():
+    sender = Flow(TOKEN, endless, rate_bytes_s=125e6, rtt_s=1.0)
+    sent = sum(len(sender.transmit(k / 1000)) for k in range(500))
+    assert sent == wire.WINDOW
+    assert sender._outbox.full
+
+
+# --- what comes from elsewhere
+
+
 def test_what_is_no_packet_is_counted():
     flow = Flow(TOKEN, lambda _: None)
-    for bad in (
-        b"",
-        b"\0" * 50,
-        bytes([wire.VERSION]) + TOKEN,
-        b"\x51other1" + bytes(6),
-    ):
+    for bad in (b"", b"\0" * 50, bytes([wire.VERSION]) + TOKEN, b"\x51other1" + bytes(6)):
         assert flow.receive(bad, 0.0) == []
     assert flow.refused == 4
+    assert flow.alive_s is None
+
+
+def test_acknowledgements_of_what_was_never_sent_are_refused():
+    flow = Flow(TOKEN, numbered(2))
+    flow.transmit(0.0)
+    for below, skip, bits in ((3, 0, b""), (0, 8000, b"\1"), (0, 0, b"\4"), (2**32 - 1, 0, b"")):
+        ack = struct.pack(">IHHB", below, skip, 0, len(bits)) + bits
+        assert flow.receive(wire.only_ack(TOKEN, ack), 0.1) == []
+    assert flow.refused == 4
+    assert not flow.settled
+    assert flow.in_flight_bytes > 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.booleans(), max_size=60),
+    st.lists(st.booleans(), max_size=60),
+    st.integers(1, 40),
+    st.sampled_from([None, 900, 200]),
+)
+def test_any_losses(there_lost, back_lost, count, size):
+    world, there, back = link(2 * MBIT, 0.02)
+    drop(there, there_lost)
+    drop(back, back_lost)
+    a = End(world, there, numbered(count, size)).join(
+        b := End(world, back, numbered(count // 2, size))
+    )
+    a.go()
+    b.go()
+    world.run(90)
+    for end, sent in ((a, count // 2), (b, count)):
+        assert sorted(int.from_bytes(frame[:4], "big") for frame in end.got) == list(range(sent))
+        assert end.flow.settled
+
+
+def drop(way, lost):
+    """The first packets of a way get lost as told, the others arrive."""
+    pattern = iter(lost)
+    send = way.send
+    way.send = lambda packet, to: None if next(pattern, False) else send(packet, to)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.binary(max_size=60), max_size=20), st.randoms(use_true_random=False))
+def test_whatever_is_received(junk, generator):
+    """Random bytes, and real packets, changed, cut off or repeated: no harm, no growth."""
+    a, b = Flow(TOKEN, numbered(30)), Flow(TOKEN, numbered(30))
+    now_s = 0.0
+    for rest in [*junk, b"", b""]:
+        now_s += 0.05
+        packets = a.transmit(now_s) + b.transmit(now_s)
+        packets += [rest, bytes([wire.VERSION | generator.randrange(8)]) + TOKEN + rest]
+        for packet in packets:
+            bad = bytearray(packet)
+            for _ in range(generator.randrange(4)):
+                if bad:
+                    bad[generator.randrange(len(bad))] = generator.randrange(256)
+            cut = bytes(bad[: generator.randrange(len(bad) + 1)])
+            for flow in (a, b):
+                for raw in (bytes(bad), cut, packet):
+                    assert all(len(frame) < 1500 for frame in flow.receive(raw, now_s))
+                wake_s = flow.wake_s
+                assert wake_s is None or math.isfinite(wake_s)
+        assert max(len(flow._outbox._sent) for flow in (a, b)) < 100
+        assert max(flow._arrivals._seen.bit_length() for flow in (a, b)) <= wire.WINDOW

@@ -1,0 +1,168 @@
+"""The model of a link, fed by a link that does exactly what its numbers say."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import pytest
+
+from mocha_link.pacing import BURST_S, START_PACKETS, Pacing, Phase
+
+PACKET = 1_000
+MBIT = 125_000
+
+
+class Bench:
+    """A sender that always has something, over a link with one acknowledgement per packet."""
+
+    def __init__(self, rate=MBIT, rtt_s=0.05, queue_s=10.0, lost=lambda _: False, **known):
+        self.rate, self.rtt_s, self.queue_s, self.lost = rate, rtt_s, queue_s, lost
+        self.pacing = Pacing(PACKET, **known)
+        self.link = self.pacing.link
+        self.now_s = 0.0
+        self.count = self.delivered = self.in_flight = 0
+        self.limit = None  # packets under way, at most
+        self.phases = {self.pacing.phase}
+        self._free_s = 0.0
+        self._back = deque()
+
+    def run(self, seconds):
+        end_s = self.now_s + seconds
+        while self.now_s < end_s:
+            while self._back and self._back[0][0] <= self.now_s:
+                self._heard(*self._back.popleft()[1:])
+            while self._may_send():
+                self._send()
+            self.now_s += 0.0005
+        return self
+
+    def _may_send(self):
+        if self.limit is not None and self.in_flight >= self.limit * PACKET:
+            self.link.limited(self.in_flight)
+            return False
+        return self.pacing.room(self.in_flight) and self.pacing.due_s <= self.now_s
+
+    def _send(self):
+        stamp = self.pacing.sent(PACKET, self.now_s, self.in_flight)
+        self.in_flight += PACKET
+        self.count += 1
+        self._free_s = max(self._free_s, self.now_s)
+        lost = self.lost(self.count) or self._free_s - self.now_s > self.queue_s
+        if not lost:
+            self._free_s += PACKET / self.rate
+        self._back.append((max(self._free_s, self.now_s) + self.rtt_s, stamp, lost))
+
+    def _heard(self, stamp, lost):
+        self.in_flight -= PACKET
+        if lost:
+            self.link.lost(stamp)
+            return
+        self.delivered += PACKET
+        self.pacing.arrived([stamp], self.now_s - stamp.sent_s, self.now_s, self.in_flight)
+        self.phases.add(self.pacing.phase)
+
+    def used(self, seconds):
+        """The share of the link that is used in the next seconds."""
+        before = self.delivered
+        return (self.run(seconds).delivered - before) / self.rate / seconds
+
+    @property
+    def waiting_s(self):
+        return max(self._free_s - self.now_s, 0.0)
+
+
+@pytest.mark.parametrize("rate", [MBIT / 4, MBIT, 8 * MBIT])
+@pytest.mark.parametrize("rtt_s", [0.005, 0.05, 0.3])
+def test_an_unknown_link_is_soon_known(rate, rtt_s):
+    bench = Bench(rate, rtt_s)
+    assert bench.pacing.phase is Phase.START
+    bench.run(0.004)
+    assert 1 <= bench.count <= START_PACKETS
+    bench.run(8 * rtt_s + 20 * PACKET / rate)
+    assert bench.link.rate == pytest.approx(rate, rel=0.1)
+    assert bench.pacing.phase is not Phase.START
+    assert bench.used(3) > 0.95
+
+
+def test_a_known_link_is_used_at_once():
+    bench = Bench(rate_bytes_s=MBIT, rtt_s=0.05)
+    assert bench.pacing.phase is Phase.CRUISE
+    assert bench.pacing.pace == MBIT
+    assert bench.used(0.5) > (0.5 - 0.05 - 2 * PACKET / MBIT) / 0.5 - 0.02
+    assert bench.waiting_s < 0.06
+
+
+def test_the_rate_lives_on_in_a_short_queue():
+    bench = Bench(8 * MBIT, 0.05, queue_s=0.02).run(2)
+    before = bench.link._missing
+    assert bench.used(6) > 0.93
+    assert bench.link._missing - before < 0.06 * 6 * 8 * MBIT
+
+
+@pytest.mark.parametrize(("every", "loss"), [(20, 0.05), (5, 0.2)])
+def test_losses_that_have_nothing_to_do_with_us(every, loss):
+    bench = Bench(4 * MBIT, lost=lambda count: count % every == 0).run(3)
+    assert bench.link.base_loss == pytest.approx(loss, abs=0.06)
+    assert Phase.LOW in bench.phases
+    assert bench.used(5) > 0.95 * (1 - loss)
+
+
+def test_a_link_that_becomes_slower_is_soon_noticed():
+    bench = Bench(8 * MBIT).run(3)
+    bench.rate = MBIT
+    bench.run(0.25)
+    assert bench.link.rate < 3 * MBIT
+    bench.run(1.5)
+    assert bench.waiting_s < 0.2
+    assert bench.link.rate == pytest.approx(MBIT, rel=0.05)
+    assert bench.used(3) > 0.95
+
+
+def test_a_link_that_becomes_faster_is_noticed():
+    bench = Bench(MBIT).run(3)
+    bench.rate = 8 * MBIT
+    bench.run(2)
+    assert bench.link.rate == pytest.approx(8 * MBIT, rel=0.1)
+    assert bench.used(2) > 0.9
+
+
+def test_a_longer_way_is_taken_for_a_queue_only_for_a_while():
+    bench = Bench(rtt_s=0.05).run(2)
+    bench.rtt_s = 0.2
+    bench.run(3)
+    assert bench.link.min_rtt_s == pytest.approx(0.2, rel=0.2)
+    assert bench.used(3) > 0.9
+
+
+def test_who_has_little_to_say_does_not_forget_the_rate():
+    bench = Bench(rate_bytes_s=MBIT, rtt_s=0.05)
+    bench.limit = 1
+    bench.run(5)
+    assert bench.link.rate == MBIT
+    assert bench.count > 50
+
+
+def test_a_gap_is_not_measured():
+    bench = Bench().run(2)
+    bench._back.clear()
+    bench.in_flight = 0
+    bench.now_s += 30
+    bench.pacing.resume(bench.now_s)
+    assert bench.link.rate == pytest.approx(MBIT, rel=0.05)
+    assert bench.used(1) > 0.9
+
+
+def test_a_late_call_does_not_make_a_flood():
+    bench = Bench(8 * MBIT, rate_bytes_s=8 * MBIT, rtt_s=0.3).run(1)
+    bench.now_s += 0.2
+    before = bench.count
+    while bench._may_send():
+        bench._send()
+    assert bench.count - before <= BURST_S * 8 * MBIT / PACKET + 1
+
+
+@pytest.mark.parametrize("rate", [0.0, 1e-9, 1e300, None])
+def test_any_memory_leads_to_a_pace(rate):
+    pacing = Pacing(PACKET, rate_bytes_s=rate, rtt_s=0.1)
+    assert 0 < pacing.pace < 1e9
+    assert pacing.room(0)

@@ -1,0 +1,165 @@
+"""Packets byte by byte, and what the receiving end knows of them."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mocha_link import packet as wire
+from mocha_link.packet import ACK_DELAY_S, WINDOW, Arrivals, Packet
+
+TOKEN = b"abcdef"
+FAST = settings(deadline=None, max_examples=100)
+FRAMES = st.lists(st.binary(max_size=50), max_size=5)
+
+
+def numbered(number, *, floor=0, content=None, frames=(b"x",)):
+    return Packet(None, number, floor, number if content is None else content, list(frames))
+
+
+def test_a_first_packet_byte_by_byte():
+    body = wire.join([b"one", b""])
+    assert wire.data(TOKEN, 5, floor=3, content=5, body=body, ack=b"") == bytes.fromhex(
+        "51 616263646566 00000005 0002 0003 6f6e65 0000"
+    )
+
+
+def test_a_repeated_packet_with_an_acknowledgement_byte_by_byte():
+    arrivals = Arrivals()
+    for number in (0, 1, 3):
+        arrivals.take(numbered(number), 10.0)
+    ack = arrivals.acknowledge(10.025)
+    raw = wire.data(TOKEN, 260, floor=256, content=257, body=wire.join([b"z"]), ack=ack)
+    assert raw == bytes.fromhex(
+        "57 616263646566 00000002 0000 00fa 01 02 00000104 0004 0003 0001 7a"
+    )
+    parsed = wire.parse(raw)
+    assert parsed == Packet((2, 2, 2, pytest.approx(0.025)), 260, 256, 257, [b"z"])
+
+
+def test_an_acknowledgement_alone_byte_by_byte():
+    arrivals = Arrivals()
+    arrivals.take(numbered(0), 0.0)
+    assert wire.only_ack(TOKEN, arrivals.acknowledge(0.001)) == bytes.fromhex(
+        "54 616263646566 00000001 0000 000a 00"
+    )
+
+
+@FAST
+@given(st.integers(0, 2**32 - 1), st.data(), FRAMES)
+def test_what_is_packed_is_parsed(number, data, frames):
+    floor = data.draw(st.integers(max(0, number - WINDOW + 1), number))
+    content = data.draw(st.integers(floor, number))
+    raw = wire.data(TOKEN, number, floor=floor, content=content, body=wire.join(frames), ack=b"")
+    assert wire.token_of(raw) == TOKEN
+    assert wire.parse(raw) == Packet(None, number, floor, content, frames)
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        "",
+        "50616263646566",  # neither data nor an acknowledgement
+        "61616263646566 00000000 0000",  # another version
+        "51616263646566",  # no number
+        "51616263646566 00000000 00",
+        "51616263646566 00000001 0002",  # a floor below zero
+        "51616263646566 0000ffff 2000",  # a floor further back than the window
+        "51616263646566 00000001 0000 0002 61",  # a frame that is cut off
+        "51616263646566 00000001 0000 00",
+        "53616263646566 00000001 0000",  # sent again, but not what
+        "53616263646566 00000001 0001 0000",  # sent again, and yet for the first time
+        "53616263646566 00000005 0001 0002",  # what is below the floor
+        "54616263646566 00000001 0000 000a",  # an acknowledgement that is cut off
+        "54616263646566 00000001 0000 000a 01",
+        "54616263646566 00000001 0000 000a 81" + "00" * 0x81,  # too many bits
+        "54616263646566 00000001 2001 000a 00",  # too far ahead
+        "54616263646566 00000001 0000 000a 00 00",  # something behind it
+        "56616263646566 00000001 0000 000a 00",  # sent again, but no data
+    ],
+)
+def test_what_is_not_as_it_has_to_be(raw):
+    assert wire.parse(bytes.fromhex(raw)) is None
+
+
+@FAST
+@given(st.binary(max_size=80), st.integers(0, 15))
+def test_parsing_never_fails(rest, flags):
+    wire.parse(rest)
+    parsed = wire.parse(bytes([wire.VERSION | flags]) + TOKEN + rest)
+    if parsed and parsed.number is not None:
+        assert 0 <= parsed.floor <= parsed.content <= parsed.number < parsed.floor + WINDOW
+
+
+@FAST
+@given(st.lists(st.integers(0, 300), max_size=200))
+def test_arrivals_are_told_as_they_are(numbers):
+    arrivals = Arrivals()
+    known = set()
+    for number in numbers:
+        assert arrivals.take(numbered(number), 0.0) == (number not in known)
+        known.add(number)
+    if not known:
+        return
+    ack = wire.parse(wire.only_ack(TOKEN, arrivals.acknowledge(0.0))).ack
+    assert known == {
+        number
+        for number in range(400)
+        if number < ack.below or (number >= ack.start and ack.bits >> (number - ack.start) & 1)
+    }
+
+
+def test_frames_that_come_in_two_packets_count_once():
+    arrivals = Arrivals()
+    assert arrivals.take(numbered(7, content=2), 0.0)
+    assert not arrivals.take(numbered(2), 0.0)
+    assert not arrivals.take(numbered(9, content=2), 0.0)
+    assert arrivals.take(numbered(4), 0.0)
+    assert not arrivals.take(numbered(12, content=4), 0.0)
+
+
+def test_what_is_below_the_floor_has_arrived():
+    arrivals = Arrivals()
+    assert arrivals.take(numbered(100, floor=90), 0.0)
+    assert not arrivals.take(numbered(89, floor=80), 0.0)
+    assert arrivals.take(numbered(90, floor=85), 0.0)
+    assert wire.parse(wire.only_ack(TOKEN, arrivals.acknowledge(0.0))).ack.below == 91
+
+
+def test_numbers_beyond_the_window_are_not_kept():
+    arrivals = Arrivals()
+    assert not arrivals.take(numbered(WINDOW), 0.0)
+    assert arrivals.take(numbered(WINDOW - 1), 0.0)
+    assert arrivals.take(numbered(2**32 - 1, floor=2**32 - 10), 0.0)
+    assert arrivals._seen.bit_length() <= WINDOW
+    assert not arrivals.take(Packet(None, None, 0, 0, []), 0.0)
+
+
+def test_many_gaps_are_told_from_the_newest_end():
+    arrivals = Arrivals()
+    for number in range(0, 4000, 2):
+        arrivals.take(numbered(number), 0.0)
+    assert arrivals.acknowledge(0.0, room=8) == b""  # it does not fit: later, alone
+    ack = wire.parse(wire.only_ack(TOKEN, arrivals.acknowledge(0.0))).ack
+    assert ack.below == 1
+    assert ack.start + ack.bits.bit_length() == 3999
+    assert ack.bits.bit_count() > wire.MAX_MASK * 4 - 8
+
+
+def test_when_an_acknowledgement_is_due():
+    arrivals = Arrivals()
+    arrivals.take(numbered(0), 1.0)
+    assert arrivals.due_s == 1.0 + ACK_DELAY_S
+    arrivals.take(numbered(1), 1.01)
+    assert arrivals.due_s == 1.01  # two of them
+    arrivals.acknowledge(1.01)
+    assert arrivals.due_s is None
+    arrivals.take(numbered(3), 1.02)
+    assert arrivals.due_s == 1.02  # one is missing
+    arrivals.acknowledge(1.02)
+    arrivals.take(numbered(3), 1.03)
+    assert arrivals.due_s == 1.03  # the other end does not know that it came
+    arrivals.acknowledge(1.03)
+    arrivals.take(numbered(4, frames=()), 1.04)
+    assert arrivals.due_s == 1.04  # a probe
