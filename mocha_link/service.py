@@ -8,6 +8,7 @@ knows sockets; `service_server` does.
 from __future__ import annotations
 
 import json
+import logging
 import secrets
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -30,6 +31,8 @@ BATCH_BYTES = 8 * 1024 * 1024  # of data, after which an answer is full
 TEXT = "std_msgs/String"  # what bridges carry JSON in
 STEP = 32  # messages that are unpacked at once; they may be large
 KEPT_KEYS = 4096  # of publish requests, so that one that is repeated is done once
+
+LOG = logging.getLogger("mocha_link")
 
 Ros = Literal[1, 2] | None
 
@@ -111,13 +114,24 @@ class Service:
         except MochaLinkError as error:
             again = isinstance(error, BusyError | NodeClosedError)
             answer([_json({"ok": False, "id": number, "error": str(error), "again": again})])
+        except Exception:  # a mistake of ours costs one request, not the service
+            LOG.exception("a request failed: %.200r", frames[0] if frames else b"")
+            error_text = "the node failed at this; its log says more"
+            answer([_json({"ok": False, "id": number, "error": error_text, "again": False})])
 
     def tick(self, now_s: float, *, ending: bool = False) -> None:
         """Answer those that waited, if there is something for them or their time is over."""
         waiting, self._waiting = self._waiting, []
         for one in waiting:
             late = ending or now_s >= one.until_s
-            if not self._since(one.request, one.answer, even_if_empty=late):
+            try:
+                done = self._since(one.request, one.answer, even_if_empty=late)
+            except MochaLinkError as error:
+                one.answer(
+                    [_json({"ok": False, "id": one.request.id, "error": str(error), "again": True})]
+                )
+                done = True
+            if not done:
                 self._waiting.append(one)
 
     @property

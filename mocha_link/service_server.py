@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Self
 
 import zmq
 
-from mocha_link.errors import MochaLinkError
 from mocha_link.metrics import MessageStored
 from mocha_link.payload import MAX_BYTES
 from mocha_link.port import ListenError, PortInUseError
@@ -132,8 +131,7 @@ class ServiceServer:
                 if router in ready:
                     self._take(router, router.recv_multipart())
                 self._service.tick(time.monotonic())
-            with contextlib.suppress(MochaLinkError):  # a node that is closed has nothing to say
-                self._service.tick(time.monotonic(), ending=True)
+            self._service.tick(time.monotonic(), ending=True)
 
     def _take(self, router: zmq.Socket[bytes], frames: list[bytes]) -> None:
         delimiter = 2 if len(frames) > 1 and not frames[1] else 1

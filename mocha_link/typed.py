@@ -143,10 +143,10 @@ class Typed:
 
     def _all(self, message: Message, work: Callable[[str, bytes, Ros], Any]) -> Any:
         robot, topic = self._known(message.robot, message.topic)
+        if topic.aggregate and message.data and not message.parts:
+            raise TypedError(f"{message.robot} {message.topic}: not a batch of messages")
         try:
             if topic.aggregate:
-                if message.data and not message.parts:
-                    raise TypedError("not a batch of messages")
                 return [work(topic.type, part, robot.ros) for part in message.parts]
             return work(topic.type, message.data, robot.ros)
         except TypedError as error:

@@ -171,7 +171,11 @@ class ZeroMqBridge:
             self._refuse(envelope, number, "the node does not answer")
 
     def _answered(self, frames: list[bytes]) -> None:
-        values: dict[str, Any] = json.loads(frames[0])  # of the node, which is ours
+        try:
+            values: dict[str, Any] = json.loads(frames[0])
+        except ValueError:
+            LOG.warning("what answers at %s is no node", self._node)
+            return
         pending = self._pending.pop(values.get("id"), None)  # type: ignore[arg-type]
         if pending is None:
             return  # nobody waits for it any more

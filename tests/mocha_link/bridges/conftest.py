@@ -26,6 +26,7 @@ kinds:
       - {name: /goal, type: json/Goal}
       - {name: /raw, type: grid/Map, history: 3}
       - {name: /own, type: field/Own}
+      - {name: /log, type: std_msgs/String, aggregate: true, min_interval_s: 60}
 definitions:
   field/Own: "uint16 count"
 """
@@ -62,7 +63,7 @@ def server(one):
 
 @pytest.fixture
 def client(server):
-    with ServiceClient(server.endpoint, timeout_s=20) as client:
+    with ServiceClient(server.endpoint, timeout_s=60) as client:
         yield client
 
 
@@ -82,8 +83,8 @@ def pulled(one, two):
 
         unsubscribe = one.subscribe(seen)
         assert one.sync("two")
-        assert stored.wait(20)
-        assert ended.wait(20)
+        assert stored.wait(60)
+        assert ended.wait(60)
         unsubscribe()
 
     return pull

@@ -64,16 +64,18 @@ def running(endpoint, progress):
     thread = threading.Thread(target=bridge.run)
     thread.start()
     try:
-        assert desk.ready.wait(20)
+        assert desk.ready.wait(60)
         yield desk
     finally:
         bridge.stop()
-        thread.join(20)
+        thread.join(60)
         assert not thread.is_alive()
 
 
 @pytest.fixture
-def progress(tmp_path):
+def progress(tmp_path, monkeypatch):
+    monkeypatch.setattr("mocha_link.bridges.bridge.WAIT_S", 0.1)  # ends sooner
+    monkeypatch.setattr("mocha_link.bridges.bridge.PAUSE_S", 0.05)
     return Progress(tmp_path / "state")
 
 
@@ -91,16 +93,16 @@ def test_what_the_robot_says(server, one, stored, progress, caplog):
         assert kind == POSE
         hand(b"nonsense")
         hand(pose("there", 1))
-        assert stored.get(timeout=20) == "/pose"
+        assert stored.get(timeout=60) == "/pose"
         assert one.latest("one", "/pose").data == pose("there", 1)
         kind, hand = desk.hands["/goal"]
         assert kind == "std_msgs/String"
         hand(b"")
         hand(desk.text(b"not JSON"))
         hand(desk.text(b"[5]"))
-        assert stored.get(timeout=20) == "/goal"
+        assert stored.get(timeout=60) == "/goal"
         assert one.latest("one", "/goal").data == b"[5]"
-        assert set(desk.hands) == {"/pose", "/goal"}
+        assert set(desk.hands) == {"/pose", "/goal", "/log"}
     assert "/pose the node refused: not a geometry_msgs/msg/PoseStamped" in caplog.text
     assert "/goal not handed on: too short" in caplog.text
     assert "grid/Map is no type of ROS 1" in caplog.text
@@ -115,7 +117,7 @@ def test_what_others_say(server, two, pulled, progress, caplog):
         two.publish("/raw", b"grid")
         two.publish("/own", b"\0\1\0\0\7\0")
         pulled("/goal", b"{}")
-        said = [desk.said.get(timeout=20) for _ in range(3)]
+        said = [desk.said.get(timeout=60) for _ in range(3)]
         assert said[0] == ("/two/pose", POSE, pose("here", 1))
         assert sorted(said[1:]) == [
             ("/two/goal", "std_msgs/String", b"\2\0\0\0{}"),
@@ -125,32 +127,43 @@ def test_what_others_say(server, two, pulled, progress, caplog):
     assert "/two/pose passed over: broken" in caplog.text
 
 
+def test_several_messages_in_one(server, two, pulled, progress):
+    words = [CODEC.encode("std_msgs/String", {"data": word}, 2) for word in ("first", "a", "b")]
+    for word in words:
+        two.publish("/log", word)
+    two.flush("/log")
+    with running(server.endpoint, progress) as desk:
+        pulled("/goal", b"1")
+        said = [desk.said.get(timeout=60)[2] for _ in range(3)]
+        assert [desk.from_text(data) for data in said] == [b"a", b"b", b"1"]
+
+
 def test_a_bridge_that_restarts(server, pulled, progress):
     pulled("/pose", pose("1", 2))
     with running(server.endpoint, progress) as desk:
-        assert desk.said.get(timeout=20)[2] == pose("1", 1)
+        assert desk.said.get(timeout=60)[2] == pose("1", 1)
     pulled("/pose", pose("2", 2))
     with running(server.endpoint, progress) as desk:
         pulled("/goal", b"3")
-        assert desk.said.get(timeout=20)[2] == pose("2", 1)
-        assert desk.said.get(timeout=20)[2] == desk.text(b"3")
+        assert desk.said.get(timeout=60)[2] == pose("2", 1)
+        assert desk.said.get(timeout=60)[2] == desk.text(b"3")
 
 
 def test_a_node_that_restarts(server, pulled, stored, progress, caplog):
     pulled("/pose", pose("1", 2))
-    stored.get(timeout=20)
+    stored.get(timeout=60)
     with running(server.endpoint, progress) as desk:
-        assert desk.said.get(timeout=20)[2] == pose("1", 1)
+        assert desk.said.get(timeout=60)[2] == pose("1", 1)
         server.close()
         desk.hands["/pose"][1](pose("a", 1))
         desk.hands["/pose"][1](pose("b", 1))
         pulled("/goal", b"2")
-        assert stored.get(timeout=20) == "/goal"
+        assert stored.get(timeout=60) == "/goal"
         with ServiceServer(server.node, server.endpoint):
-            assert [stored.get(timeout=20) for _ in range(2)] == ["/pose", "/pose"]
+            assert [stored.get(timeout=60) for _ in range(2)] == ["/pose", "/pose"]
             assert server.node.latest("one", "/pose").data == pose("b", 1)
             # Numbers begin anew with the service, but nothing is handed on twice.
-            assert desk.said.get(timeout=20)[2] == desk.text(b"2")
+            assert desk.said.get(timeout=60)[2] == desk.text(b"2")
             assert desk.said.empty()
     assert "waiting for the node" in caplog.text
 

@@ -105,9 +105,9 @@ def test_both_ways_and_a_restart(ros, server, one, pulled, tmp_path):
     assert next(other.stdout) == "pose from two\n"
     topics = set()
     while topics < {"/pose", "/goal"}:
-        topics.add(stored.get(timeout=20))
+        topics.add(stored.get(timeout=60))
     while one.latest("one", "/goal") is None or one.latest("one", "/pose") is None:
-        stored.get(timeout=20)
+        stored.get(timeout=60)
     pose = RosCodec().decode(POSE, one.latest("one", "/pose").data, 1)
     assert pose.header.frame_id == "from ROS"
     assert one.latest("one", "/goal").data == b"[1, 2]"
@@ -115,12 +115,12 @@ def test_both_ways_and_a_restart(ros, server, one, pulled, tmp_path):
     assert next(other.stdout) == "goal {}\n"
     # It dies, comes back, and hands on what came meanwhile, but nothing twice.
     running.kill()
-    running.wait(20)
+    running.wait(60)
     pulled("/goal", b"{ }")
     running = ros(*bridge, until="ready: the bridge of one")
     assert next(other.stdout) == "goal { }\n"
     running.terminate()
-    assert running.wait(20) == 0
+    assert running.wait(60) == 0
     assert one.latest("one", "/own") is None  # that was no field/Own
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import threading
+from dataclasses import replace
+from random import Random
 
 import pytest
 import zmq
@@ -16,8 +18,9 @@ from mocha_link.node import Node
 from mocha_link.port import ListenError, PortInUseError
 from mocha_link.ros import RosCodec
 from mocha_link.service import Service
-from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError
+from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError, split
 from mocha_link.service_server import ServiceServer
+from mocha_link.typed import Typed, TypedError
 
 POSE = {"header": {"frame_id": "map"}}
 
@@ -121,6 +124,62 @@ def test_in_the_form_of_either_ros(client, one, two, pulled):
     errors = {about["topic"]: about["error"] for about, _ in client.since(ros=1)[1]}
     assert "not a geometry_msgs" in errors["/pose"]
     assert "not JSON" in errors["/goal"]
+
+
+def said(*words, ros=1):
+    return [RosCodec().encode("std_msgs/String", {"data": word}, ros) for word in words]
+
+
+def test_several_messages_in_one(client, one, two, pulled):
+    for data in said("goes at once", "a", "bcd", ros=2):
+        two.publish("/log", data)
+    two.flush("/log")
+    pulled("/goal", b"1")
+    found = {about["topic"]: (about, data) for about, data in client.since(ros=1)[1]}
+    about, data = found["/log"]
+    assert about["parts"] == [5, 7]
+    assert split(about, data) == said("a", "bcd")
+    assert Typed(one.team).plain(one.latest("two", "/log")) == [{"data": "a"}, {"data": "bcd"}]
+    assert split(*found["/goal"]) == [b"1"]
+
+
+def test_a_damaged_batch(client, one, monkeypatch):
+    for data in said("a", "b"):
+        one.publish("/log", data)
+    one.flush("/log")
+    message = replace(one.latest("one", "/log"), parts=())  # as of a team file without aggregate
+    monkeypatch.setattr(one, "latest", lambda *_: message)
+    about, data = client.latest("one", "/log")
+    assert about["error"] == "not a batch of messages"
+    assert data == b""
+    with pytest.raises(TypedError, match="one /log: not a batch"):
+        Typed(one.team).decode(message)
+
+
+def test_a_mistake_costs_one_request(client, one, monkeypatch, caplog):
+    monkeypatch.setattr(one, "messages", lambda: 1 / 0)
+    with pytest.raises(ServiceError, match="the node failed at this"):
+        client.messages()
+    assert "ZeroDivisionError" in caplog.text
+    assert client.team()["robot"] == "one"
+
+
+def test_noise_on_the_socket(client, server):
+    random = Random(5)
+    with zmq.Context() as context, context.socket(zmq.DEALER) as noisy:
+        noisy.setsockopt(zmq.LINGER, 0)
+        noisy.setsockopt(zmq.SNDHWM, 0)
+        noisy.setsockopt(zmq.RCVHWM, 0)
+        noisy.connect(server.endpoint)
+        for _ in range(1000):
+            count = random.randint(1, 12)
+            noisy.send_multipart([random.randbytes(random.randint(0, 40)) for _ in range(count)])
+        answers = 0
+        while noisy.poll(100):
+            assert json.loads(noisy.recv_multipart()[-1])["ok"] is False
+            answers += 1
+        assert answers
+    assert client.team()["robot"] == "one"
 
 
 def test_what_the_team_is(client):
@@ -227,7 +286,7 @@ def test_any_socket_may_ask(server):
                 asking.setsockopt(zmq.LINGER, 0)
                 asking.connect(server.endpoint)
                 asking.send_multipart([*empty, b'{"request": "team", "id": "x"}'])
-                assert asking.poll(20_000)
+                assert asking.poll(60_000)
                 answer = asking.recv_multipart()
                 assert answer[:-1] == empty
                 assert json.loads(answer[-1])["id"] == "x"
@@ -241,7 +300,7 @@ def test_a_node_that_comes_back(one, server):
         with pytest.raises(ServiceUnreachableError, match="no answer from"):
             client.team()
         with ServiceServer(one, server.endpoint):
-            patient = ServiceClient(server.endpoint, timeout_s=20)
+            patient = ServiceClient(server.endpoint, timeout_s=60)
             with patient:
                 again, messages = patient.since(place, own=True)
         assert again != place
@@ -257,7 +316,7 @@ def test_endpoints_that_are_none(one, server, tmp_path):
     with pytest.raises(ServiceUnreachableError, match="'nonsense' is no endpoint"):
         ServiceClient("nonsense")
     path = f"ipc://{tmp_path}/node"
-    with ServiceServer(one, path), ServiceClient(path, timeout_s=20) as client:
+    with ServiceServer(one, path), ServiceClient(path, timeout_s=60) as client:
         assert client.team()["robot"] == "one"
     ServiceServer(one, path).close()  # never started
 
@@ -277,7 +336,7 @@ def test_something_else_there(answer):
         thread = threading.Thread(target=reply)
         thread.start()
         with (
-            ServiceClient(f"tcp://127.0.0.1:{port}", timeout_s=20) as client,
+            ServiceClient(f"tcp://127.0.0.1:{port}", timeout_s=60) as client,
             pytest.raises(ServiceUnreachableError, match="is no node"),
         ):
             client.since()
