@@ -30,9 +30,10 @@ if TYPE_CHECKING:
 MAX_HEADERS = 65_536
 # Requests under way at once; an original server answers them in order. As many as keep the link
 # busy, by the sizes seen so far.
-MIN_WINDOW, MAX_WINDOW = 8, 256
-_GUESS_BYTES = 8192  # of a message, while none has come
+MIN_WINDOW, MAX_WINDOW = 16, 256
+_GUESS_BYTES = 1024  # of a message, while none has come
 _AHEAD_BYTES = 64 * 1024
+FIRST_WINDOW = _AHEAD_BYTES // _GUESS_BYTES
 _AHEAD_S = 0.25
 _WEIGHT = 0.125  # of a new size in the average
 
@@ -223,6 +224,9 @@ class ClientSession:
         if rate:
             ahead = max(ahead, rate * ((self._memory.rtt_s or 0.0) + _AHEAD_S))
         self._window = int(min(max(ahead / self._size, MIN_WINDOW), MAX_WINDOW))
+        if self._budget:
+            left = self._budget - self.bytes_in
+            self._window = min(self._window, max(int(left / self._size), 1))
 
     def _go_on(self, step: Step, now: Instant) -> None:
         self._widen()

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mocha_link import payload
-from mocha_link.client import MAX_WINDOW, MIN_WINDOW, ClientSession
+from mocha_link.client import FIRST_WINDOW, MAX_WINDOW, MIN_WINDOW, ClientSession
 from mocha_link.clock import Instant
 from mocha_link.database import Database, Record
 from mocha_link.document import Document
@@ -113,12 +113,13 @@ def test_nothing_new(pull):
 def test_a_window_of_requests_is_under_way(pull):
     headers = [header(i) for i in range(TOPICS)]
     pull.offer(*headers)
-    assert pull.asked == [b"GDATA" + h.pack() for h in headers[:MIN_WINDOW]]
+    assert pull.asked == [b"GDATA" + h.pack() for h in headers[:FIRST_WINDOW]]
     large = body(random.Random(1).randbytes(20_000))
+    for _ in range(FIRST_WINDOW):
+        pull.answer(large, steady_s=2)
     for _ in range(20):
         pull.answer(large, steady_s=2)
-        assert len(pull.open) == MIN_WINDOW
-    assert pull.asked[-1] == b"GDATA" + headers[20 + MIN_WINDOW - 1].pack()
+        assert MIN_WINDOW <= len(pull.open) <= 2 * MIN_WINDOW
     while pull.asked != [b"DENDTtitan"]:
         pull.answer(large, steady_s=3)
     pull.answer(b"Ack")
@@ -136,11 +137,11 @@ def test_small_messages_widen_the_window(pull):
         pull.answer(body(), steady_s=1)
         assert len(pull.open) <= MAX_WINDOW
         widest = max(widest, len(pull.open))
-    assert widest > 10 * MIN_WINDOW
+    assert widest >= 10 * MIN_WINDOW
 
 
 @pytest.mark.parametrize(
-    ("rate", "rtt_s", "window"), [(1e6, 0.5, 91), (1e3, 0.5, 8), (1e9, 1, 256)]
+    ("rate", "rtt_s", "window"), [(1e5, 1, 122), (1e3, 0.5, FIRST_WINDOW), (1e9, 1, 256)]
 )
 def test_what_the_last_contact_showed_sets_the_window(rate, rtt_s, window):
     pull = Pull(memory=Memory(rtt_s=rtt_s, rate_bytes_s=rate))
@@ -273,7 +274,7 @@ def test_nothing_more_is_asked_for_beyond_the_budget():
     assert isinstance(ended, SyncEnded)
     assert not ended.complete
     # What was under way when the budget was reached still comes: an original peer sends it anyway.
-    assert MIN_WINDOW <= ended.messages < 50
+    assert 3 <= ended.messages <= 6
     assert pull.session.over
 
 
@@ -351,11 +352,11 @@ def test_own_messages_come_back_after_a_restart(pull):
 
 
 def test_what_another_peer_brought_meanwhile_is_not_fetched(pull):
-    headers = [header(i) for i in range(MIN_WINDOW + 1)]
+    headers = [header(i) for i in range(FIRST_WINDOW + 1)]
     pull.offer(*headers)
     last = headers[-1]
     pull.database.insert(Record(last, 0, body(), last.stamp_ms(NOW_S), NOW_S), NOW_S)
-    for _ in range(MIN_WINDOW):
+    for _ in range(FIRST_WINDOW):
         pull.answer(body())
     assert pull.asked == [b"DENDTtitan"]
 
