@@ -23,6 +23,7 @@ AHEAD_S = 0.001  # a packet may leave so much early: fewer wake-ups
 MIN_PACKETS = 4  # under way, however little the link holds
 SLACK_S = 0.03  # and what it takes in this time, as acknowledgements may be late
 MAX_LEAP = 16  # times as much in the next round, at most, because of distances alone
+LITTLE_FASTER, MUCH_FASTER = 1.2, 2.0  # than in the last contact, as the first packets show
 GROWTH = 1.25  # a round with less growth is none, in a fast start
 STILL_ROUNDS = 2
 CRUISE_ROUNDS = 6
@@ -146,10 +147,10 @@ class Pacing:
                 self._enter(Phase.DOWN)
         elif phase is Phase.UP and train.risen and train.loss > EXCESS_LOSS + link.base_loss:
             self._enter(Phase.DOWN)
-        elif phase is Phase.CRUISE and first and link.spread > 2 * link.rate:
-            self._enter(Phase.START)  # much faster than in the last contact
-        elif phase is Phase.CRUISE and first and link.spread > 1.2 * link.rate:
-            self._enter(Phase.UP)
+        elif phase is Phase.CRUISE and first and link.spread > LITTLE_FASTER * link.rate:
+            self._trusted = None
+            much = link.spread > MUCH_FASTER * link.rate
+            self._enter(Phase.START if much else Phase.UP)
 
     def _judge_round(self, in_flight: int) -> None:
         link, phase = self.link, self.phase
