@@ -77,6 +77,7 @@ class Pacing:
         self._still = 0  # rounds without growth at the start, rounds with growth when probing
         self._before = rate
         self._loss = 0.0  # of the last rounds
+        self._leap = 0.0  # the rate that the distances of the first packets showed
         self._full = False
         self._more = 1.0  # the gain of the last probing
         self._set(0.0)
@@ -106,6 +107,7 @@ class Pacing:
         self._next_s = self._burst_s = now_s
         self._burst = START_PACKETS
         self._began = self.link.total
+        self._leap = 0.0
         self._full = False
         if self.phase is not Phase.START:
             self._enter(Phase.CRUISE)
@@ -141,6 +143,8 @@ class Pacing:
     def _judge_train(self, train: Train) -> None:
         link, phase = self.link, self.phase
         first = link.total < self._began + FIRST * self._packet
+        if first:
+            self._leap = max(self._leap, link.spread)
         if train.stretched or (phase is Phase.START and train.risen and train.loss > START_LOSS):
             link.replace(train.rate)
             if phase is not Phase.DOWN:
@@ -228,7 +232,7 @@ class Pacing:
             packets = max(holds / self._packet, 1.0)
             gain = self._more = 1 + min(max(4.0, 2 * packets**0.5) / packets, 1.0)
         elif phase is Phase.START:
-            gain = max(gain, min(link.spread / link.rate, MAX_LEAP))
+            gain = max(gain, min(self._leap / link.rate, MAX_LEAP))
             cap = 1.2 * gain
         pace = gain * link.rate
         slack: float = MIN_PACKETS * self._packet
