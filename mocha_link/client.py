@@ -88,7 +88,7 @@ class ClientSession:
         self._window = MIN_WINDOW
         self._size = float(_GUESS_BYTES)
         self._messages = 0
-        self._reached = self._cut_short = False
+        self.reached = self._cut_short = False
         self._began_s = self._listed_s = self._fetched_s = self.alive_s = 0.0
         self._fetched_bytes = 0
 
@@ -133,12 +133,12 @@ class ClientSession:
 
     def progress(self, now: Instant) -> None:
         """The connection stands, or bytes have arrived, though no whole reply yet."""
-        self._reached = True
+        self.reached = True
         self.alive_s = now.steady_s
 
     def why_silent(self) -> str:
         """What to say when nothing has come for the time-out."""
-        if not self._reached:
+        if not self.reached:
             return f"no connection within {self._timeout_s:g} s"
         codes = ", ".join(sorted({code.decode() for code, _, _ in self._asked.values()}))
         return f"no byte for {self._timeout_s:g} s, waiting for the reply to {codes}"

@@ -36,6 +36,7 @@ LOOK_S = 0.01  # a connection that stands within this time tells that an unknown
 PATIENCE_S = 0.1  # without an answer on the connection to a near peer, datagrams may get through
 LETTER_ROOM = 1100  # our frames fit in a datagram, whichever path they take
 MAX_MISSES = 2  # pulls on which datagrams carried nothing although the peer took them
+IDLE = 2  # times the time-out: so long datagrams may come that carry nothing
 RETRY_EVERY = 8  # then they are tried again only so often
 
 
@@ -213,6 +214,9 @@ class Pull:
         """What the time alone brings: datagrams that are due, and the end of patience."""
         if not self.over and now.steady_s - self.alive_s > self._timeout_s:
             return self.fail(self._session.why_silent(), now)
+        since_s = max(self._last_s, self._began_s)
+        if self._relies_on_datagrams and now.steady_s - since_s > IDLE * self._timeout_s:
+            return self.fail("only small datagrams of the peer get here", now)
         return Step(packets=self._cast(now))
 
     def fail(self, reason: str, now: Instant) -> Step:
@@ -257,6 +261,11 @@ class Pull:
             return self._session.bandwidth_bytes_s
         taken_s = self._last_s - self._first_s
         return self._intake.bytes / taken_s if self._intake.messages and taken_s > 0 else None
+
+    @property
+    def _relies_on_datagrams(self) -> bool:
+        """Whether nothing has come on the connection that says what the peer is."""
+        return self.flow is not None and self.path in (None, "udp") and not self._refused
 
     def _reply_of_refusal(self, now: Instant) -> Step:
         if self.path is not None:
@@ -317,7 +326,7 @@ class Pull:
         memory = self._memory
         if self.path == "zmq":
             memory.rate_bytes_s = self.bandwidth_bytes_s or memory.rate_bytes_s
-        if self.path == "udp":
+        if self._relies_on_datagrams and (self.path == "udp" or self._session.reached):
             if self._intake.messages or self._intake.complete:
                 memory.udp_misses = 0
             else:

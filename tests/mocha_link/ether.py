@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from mocha_link import payload
 from mocha_link.clock import Instant
 from mocha_link.gossip import Cast, CastBack, Dial, Gossip, HangUp, Reply, Send
+from mocha_link.header import Header, as_ms
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     from mocha_link.gossip import Action
-    from mocha_link.header import Header
     from mocha_link.team import Team
 
 T = 1_795_175_900.0
@@ -56,7 +56,8 @@ class Ether:
     """Carries what nodes send, each piece `delay_s` after it left, in order.
 
     `blocked` has (path, source, target) of what vanishes without a word; of `left` more pieces all
-    are carried, then none (None: no limit). `silent` names who is not there at all.
+    are carried, then none (None: no limit). `silent` names who is not there at all; `lets_by` says
+    of each piece whether it gets there.
     """
 
     def __init__(
@@ -81,6 +82,7 @@ class Ether:
         self.refused: dict[str, list[str]] = {name: [] for name in names}
         self.blocked: set[tuple[Path, str, str]] = set()
         self.silent: set[str] = set()
+        self.lets_by: Callable[[Carried], bool] | None = None
         self.left: int | None = None
         self.carried: list[Carried] = []
         self.lines: dict[tuple[str, str], Line] = {}
@@ -238,6 +240,8 @@ class Ether:
         self.carried.append(piece)
         if piece[:3] in self.blocked or self.silent & {piece.source, piece.target}:
             return False
+        if self.lets_by and not self.lets_by(piece):
+            return False
         if self.left is None:
             return True
         self.left -= 1
@@ -280,3 +284,53 @@ class Ether:
     def _cast(self, client: str, server: str, packet: bytes) -> None:
         if self.nodes[server].packet_in(client, packet, self.at(server)):
             self._callers.add((server, client))
+
+
+class OldNode:
+    """Stands in for an original node in the ether: it is only asked, and knows nothing newer."""
+
+    wake_s = None
+    _pulls = ()
+
+    def __init__(self, ether: Ether, name: str) -> None:
+        self.me = ether.team.robot(name)
+        self._ether = ether
+        self._held: dict[bytes, bytes] = {}
+        self._actions: list[Action] = []
+        ether.nodes[name] = self
+
+    def publish(self, topic: str, data: bytes) -> bytes:
+        """As the original packs it: without anything behind the LZ4 frame."""
+        known = self._ether.team.topic(self.me.name, topic)
+        stamp_ms = as_ms(self._ether.now.unix_s)
+        header = Header.at(self.me.robot_id, known.topic_id, stamp_ms).pack()
+        body = payload.pack(known.dtype, known.priority, data, checksum=False)
+        self._held = {raw: held for raw, held in self._held.items() if raw[:2] != header[:2]}
+        self._held[header] = body
+        return header
+
+    def request(
+        self, peer: str, route: tuple[bytes, ...], parts: Sequence[bytes], _now: Instant
+    ) -> None:
+        (frame,) = parts
+        code, argument = frame[6:11], frame[11:]
+        if code == b"GHEAD":
+            answer = b"".join(self._held)
+        elif code == b"GDATA":
+            answer = self._held.get(argument, b"SERRM")
+        else:
+            answer = b"Ack" if code == b"DENDT" else b"SERRM"
+        self._actions.append(Reply(peer, route, frame[:6] + answer))
+
+    def take(self) -> tuple[list[Action], list[object]]:
+        actions, self._actions = self._actions, []
+        return actions, []
+
+    def supply(self, _peer: str, _now: Instant) -> None:
+        """Nothing comes that was not asked for."""
+
+    def tick(self, _now: Instant) -> None:
+        """Nothing happens by itself."""
+
+    def packet_in(self, _peer: str, _packet: bytes, _now: Instant) -> bool:
+        return False
