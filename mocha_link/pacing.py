@@ -14,7 +14,7 @@ from enum import Enum, auto
 
 from mocha_link.delivery import MAX_RATE, Delivery, Stamp, Train
 
-START_PACKETS = 10  # leave close together when a contact begins: their distances show the rate
+START_PACKETS = 12  # leave close together when a contact begins: their distances show the rate
 FIRST = START_PACKETS + 1
 START_RATE = 1_250_000.0  # bytes/s at which they leave
 UNKNOWN_RTT_S = 0.2
@@ -46,7 +46,7 @@ class Phase(Enum):
 
 
 _GAINS = {  # of the rate, and how many times what the link holds may be under way
-    Phase.START: (2.5, 3.0),
+    Phase.START: (2.9, 3.5),
     Phase.CRUISE: (1.0, 1.5),
     Phase.UP: (1.2, 1.5),
     Phase.DOWN: (0.8, 1.0),
@@ -232,6 +232,7 @@ class Pacing:
             packets = max(holds / self._packet, 1.0)
             gain = self._more = 1 + min(max(4.0, 2 * packets**0.5) / packets, 1.0)
         elif phase is Phase.START:
+            gain /= 1 - min(self._loss, MAX_LOSS)
             gain = max(gain, min(self._leap / link.rate, MAX_LEAP))
             cap = 1.2 * gain
         pace = gain * link.rate
