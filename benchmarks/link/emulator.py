@@ -40,7 +40,7 @@ class Lane:
         """A packet was sent."""
         link = self._link
         start_s = max(now_s, self._free_s)
-        if (start_s - now_s) * link.rate_bytes_s + len(packet) > link.queue_bytes:
+        if round((start_s - now_s) * link.rate_bytes_s) + len(packet) > link.queue_bytes:
             self.traffic.overflowed += 1
             return
         self._free_s = start_s + len(packet) / link.rate_bytes_s
