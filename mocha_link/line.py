@@ -34,8 +34,9 @@ _FAILURES: dict[int, str] = {
     zmq.Event.DISCONNECTED: "the peer closed the connection",
     zmq.Event.HANDSHAKE_FAILED_NO_DETAIL: "the connection broke in the ZeroMQ handshake, "
     "or the keys do not fit",
-    zmq.Event.HANDSHAKE_FAILED_PROTOCOL: "what answers there does not speak ZeroMQ",
+    zmq.Event.HANDSHAKE_FAILED_PROTOCOL: "what answers there has no key, or does not speak ZeroMQ",
     zmq.Event.HANDSHAKE_FAILED_AUTH: "the peer refused our key",
+    zmq.Event.CLOSED: "cannot connect",
 }
 
 
@@ -81,6 +82,7 @@ class TcpLine:
         self._eager = True
         self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready
         self._waiting: list[bytes] = []
+        self._watched: int | None = None
         self._connect()
 
     def _connect(self) -> None:
@@ -101,12 +103,18 @@ class TcpLine:
     def watch(self, poller: zmq.Poller) -> None:
         """Have the poller wait for what this waits for."""
         writing = self._connected_s is None or self._out
-        poller.register(self._socket.fileno(), zmq.POLLIN | (zmq.POLLOUT if writing else 0))
+        number = self._socket.fileno()
+        if number != self._watched:  # that of the first connection may be somebody else's by now
+            self.forget(poller)
+            self._watched = number
+        poller.register(number, zmq.POLLIN | (zmq.POLLOUT if writing else 0))
 
     def forget(self, poller: zmq.Poller) -> None:
         """Take it out of the poller."""
-        with contextlib.suppress(KeyError):
-            poller.unregister(self._socket.fileno())
+        if self._watched is not None:
+            with contextlib.suppress(KeyError):
+                poller.unregister(self._watched)
+            self._watched = None
 
     def is_ready(self, ready: set[object], now_s: float) -> bool:
         """Whether there is something to do."""
@@ -213,7 +221,7 @@ class TcpLine:
         elif isinstance(error, zmtp.ZmtpError):
             self.failure = str(error)
         elif handshaking:
-            self.failure = "the connection broke in the ZeroMQ handshake"
+            self.failure = "the connection broke in the ZeroMQ handshake, or the peer wants a key"
         elif self._connected_s is None:
             host, port = self._address
             self.failure = f"cannot connect to {host}:{port}: {error.args[-1]}"
@@ -270,8 +278,8 @@ class CurveLine:
             if event["event"] == zmq.Event.CONNECTED:
                 self._fd, self._received = int(event["value"]), -1
             else:
-                self._fd = None
-                self.failure = _FAILURES.get(event["event"], self.failure)
+                self._fd = None  # the first event says why, those after it only that
+                self.failure = self.failure or _FAILURES.get(event["event"])
         before = self._received
         with _borrowed(self._fd, self._port) as connection:
             self._received = _tcp_info(connection, "=Q", _RECEIVED_AT) or before

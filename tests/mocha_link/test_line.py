@@ -1,0 +1,528 @@
+"""Connections to real sockets: how they begin, what they say when they fail, what they leave."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+import zmq
+
+from mocha_link import curve
+from mocha_link import line as module
+from mocha_link.curve import Gatekeeper
+from mocha_link.keys import SecretKey
+from mocha_link.line import EAGER_S, CurveLine, Line, TcpLine
+from mocha_link.zmtp import Connection
+from tests.mocha_link.conftest import free_ports, own_host
+
+WAIT_S = 20  # a limit against hangs
+HOST = "127.0.0.1"
+GREETING = bytes.fromhex("ff00000000000000017f03014e554c4c") + bytes(48)
+READY = bytes.fromhex("04190552454144590b536f636b65742d5479706500000003524550")
+HELLO_BYTES = len(Connection.hello)
+BROKE = "the connection broke in the ZeroMQ handshake, or the peer wants a key"
+RESET = struct.pack("ii", 1, 0)
+
+
+class Peer:
+    """What listens there: the test says every byte of it."""
+
+    def __init__(self) -> None:
+        self._listener = socket.create_server((HOST, 0))
+        self._listener.settimeout(WAIT_S)
+        self.port = self._listener.getsockname()[1]
+        self._connections: list[socket.socket] = []
+
+    def accept(self) -> socket.socket:
+        connection, _ = self._listener.accept()
+        connection.settimeout(WAIT_S)
+        self._connections.append(connection)
+        return connection
+
+    def close(self) -> None:
+        for each in (*self._connections, self._listener):
+            each.close()
+
+
+@pytest.fixture
+def peer() -> Iterator[Peer]:
+    with contextlib.closing(Peer()) as peer:
+        yield peer
+
+
+@pytest.fixture
+def line(peer) -> Iterator[TcpLine]:
+    with contextlib.closing(TcpLine(HOST, peer.port)) as line:
+        yield line
+
+
+@pytest.fixture
+def context() -> Iterator[zmq.Context]:
+    context = zmq.Context()
+    yield context
+    context.destroy(0)
+
+
+def read(connection: socket.socket, size: int) -> bytes:
+    data = b""
+    while len(data) < size:
+        piece = connection.recv(size - len(data))
+        assert piece, "closed"
+        data += piece
+    return data
+
+
+def nothing_to_read(connection: socket.socket) -> bool:
+    connection.setblocking(False)
+    try:
+        connection.recv(1, socket.MSG_PEEK)
+    except BlockingIOError:
+        return True
+    finally:
+        connection.settimeout(WAIT_S)
+    return False
+
+
+def turn_until(line: Line, done: Callable[[], bool], now_s: float | None = None) -> None:
+    """What the transport does with it, by the real time or at a moment that stands still."""
+    poller = zmq.Poller()
+    limit_s = time.monotonic() + WAIT_S
+    while not done():
+        assert time.monotonic() < limit_s, "hangs"
+        line.watch(poller)
+        ready = {each for each, _ in poller.poll(10)}
+        now = time.monotonic() if now_s is None else now_s
+        if line.is_ready(ready, now):
+            line.turn(now)
+    line.forget(poller)
+
+
+def replies_of(line: Line, count: int) -> list[list[bytes]]:
+    replies: list[list[bytes]] = []
+
+    def done() -> bool:
+        replies.extend(line.replies())
+        return len(replies) >= count or line.failure is not None
+
+    turn_until(line, done)
+    return replies
+
+
+def request(body: bytes) -> bytes:
+    return b"\1\0\0" + bytes((len(body),)) + body
+
+
+# --- without keys
+
+
+def test_the_handshake_leaves_at_once_the_requests_a_moment_later(line, peer):
+    """They need no word of the other side, but must not come together with the handshake."""
+    line.send(b"one")
+    line.send(b"two")
+    assert line.turn(100.0)  # it stands
+    connection = peer.accept()
+    read(connection, HELLO_BYTES)
+    assert not line.is_ready(set(), 100.0 + EAGER_S / 2)
+    assert not line.turn(100.0 + EAGER_S / 2)
+    assert nothing_to_read(connection)
+    assert line.is_ready(set(), 100.0 + EAGER_S)
+    line.turn(100.0 + EAGER_S)
+    both = request(b"one") + request(b"two")
+    assert read(connection, len(both)) == both
+    line.send(b"three")  # nothing more before the peer has said anything
+    assert not line.is_ready(set(), 200.0)
+    line.turn(200.0)
+    assert nothing_to_read(connection)
+    connection.sendall(GREETING + READY)
+    turn_until(line, lambda: line._protocol.ready, 201.0)
+    assert read(connection, len(request(b"three"))) == request(b"three")
+    line.send(b"four")  # from now on at once
+    assert read(connection, len(request(b"four"))) == request(b"four")
+
+
+def test_a_peer_that_is_quick_gets_the_requests_at_once(line, peer):
+    line.send(b"one")
+    line.turn(100.0)
+    connection = peer.accept()
+    connection.sendall(GREETING + READY)
+    turn_until(line, lambda: line._protocol.ready, 100.001)
+    assert read(connection, HELLO_BYTES + 7)[-7:] == request(b"one")
+
+
+def test_requests_that_came_together_with_the_handshake_are_sent_again(line, peer):
+    """A libzmq that reads them together closes; then they wait for it."""
+    line.send(b"one")
+    line.turn(100.0)
+    first = peer.accept()
+    line.turn(101.0)
+    read(first, HELLO_BYTES + 7)
+    line.send(b"two")
+    first.close()
+    turn_until(line, lambda: line._protocol is not None and not line._opened, 102.0)
+    second = peer.accept()
+    assert line.failure is None
+    turn_until(line, lambda: not line._out, 103.0)
+    read(second, HELLO_BYTES)
+    assert not line.is_ready(set(), 500.0)
+    line.turn(500.0)
+    assert nothing_to_read(second)
+    second.sendall(GREETING + READY)
+    turn_until(line, lambda: line._protocol.ready, 501.0)
+    both = request(b"one") + request(b"two")
+    assert read(second, len(both)) == both
+    second.sendall(b"\1\0\0\5reply")
+    assert replies_of(line, 1) == [[b"reply"]]
+
+
+def test_it_does_not_try_a_third_time(line, peer):
+    line.send(b"one")
+    line.turn(100.0)
+    line.turn(101.0)
+    first = peer.accept()
+    read(first, HELLO_BYTES + 7)
+    first.close()
+    turn_until(line, lambda: not line._opened, 102.0)
+    peer.accept().close()
+    turn_until(line, lambda: line.failure is not None, 103.0)
+    assert line.failure == BROKE
+
+
+def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, peer, monkeypatch):
+    """Somebody else in the process may get the number of the closed one; it must not be watched."""
+    poller = zmq.Poller()
+    line.watch(poller)
+    line.send(b"one")
+    line.turn(100.0)
+    line.turn(101.0)
+    first = peer.accept()
+    read(first, HELLO_BYTES + 7)
+    before = line._socket.fileno()
+    real, taken = socket.socket, []
+
+    def make(*args: object) -> socket.socket:
+        taken.append(os.dup(0))  # the number of the closed one is in use again
+        return real(*args)
+
+    monkeypatch.setattr(module.socket, "socket", make)
+    first.close()
+    limit_s = time.monotonic() + WAIT_S
+    while not taken:
+        assert time.monotonic() < limit_s, "hangs"
+        line.turn(102.0)
+    monkeypatch.undo()
+    assert taken == [before]
+    line.watch(poller)
+    assert [each for each, _ in poller.sockets] == [line._socket.fileno()]
+    line.forget(poller)
+    assert not poller.sockets
+    os.close(taken[0])
+
+
+def test_replies_of_a_real_rep(context):
+    with context.socket(zmq.REP) as rep:
+        port = rep.bind_to_random_port(f"tcp://{HOST}")
+        with contextlib.closing(TcpLine(HOST, port)) as line:
+            for number in range(20):
+                line.send(b"%d" % number)
+
+            def serve() -> None:
+                for _ in range(20):
+                    assert rep.poll(WAIT_S * 1000)
+                    rep.send(b"to " + rep.recv())
+
+            thread = threading.Thread(target=serve)
+            thread.start()
+            assert replies_of(line, 20) == [[b"to %d" % number] for number in range(20)]
+            thread.join()
+            assert 0 < line.rtt_s() < 1
+
+
+@pytest.mark.parametrize("requests", [1, 100])
+def test_a_libzmq_that_reads_everything_together(context, requests):
+    """A relay holds the bytes back until the requests are there; they arrive all the same."""
+    with context.socket(zmq.ROUTER) as router, socket.create_server((HOST, 0)) as relay:
+        target = router.bind_to_random_port(f"tcp://{HOST}")
+        port = relay.getsockname()[1]
+        stop = threading.Event()
+        wanted = HELLO_BYTES + sum(len(request(b"%d" % n)) for n in range(requests))
+
+        def carry() -> None:
+            held = wanted
+            while not stop.is_set():
+                near, _ = relay.accept()
+                with near, socket.create_connection((HOST, target)) as far:
+                    if stop.is_set():
+                        return
+                    near.settimeout(WAIT_S)
+                    far.sendall(read(near, held))
+                    held = 0  # only the first time
+                    pump(near, far, stop)
+
+        thread = threading.Thread(target=carry)
+        thread.start()
+        with contextlib.closing(TcpLine(HOST, port)) as line:
+            for number in range(requests):
+                line.send(b"%d" % number)
+            seen = set()
+
+            def done() -> bool:
+                while router.poll(0):
+                    identity, _, body = router.recv_multipart()
+                    seen.add(body)
+                    router.send_multipart([identity, b"", body])
+                got.extend(line.replies())
+                return len(got) >= requests
+
+            got: list[list[bytes]] = []
+            turn_until(line, done)
+            assert line.failure is None
+            assert {parts[0] for parts in got} == seen == {b"%d" % n for n in range(requests)}
+            stop.set()
+        socket.create_connection((HOST, port)).close()
+        thread.join(WAIT_S)
+        assert not thread.is_alive()
+
+
+def pump(near: socket.socket, far: socket.socket, stop: threading.Event) -> None:
+    """Carry bytes both ways until one side closes."""
+    poller = zmq.Poller()
+    for each in (near, far):
+        poller.register(each, zmq.POLLIN)
+    while not stop.is_set():
+        for fd, _ in poller.poll(20):
+            source, sink = (near, far) if fd == near.fileno() else (far, near)
+            try:
+                data = source.recv(65536)
+                sink.sendall(data)
+            except OSError:
+                return
+            if not data:
+                return
+
+
+def test_a_refused_connection():
+    with contextlib.closing(TcpLine(HOST, free_ports(HOST, 1))) as line:
+        line.send(b"one")
+        turn_until(line, lambda: line.failure is not None)
+        assert "cannot connect to 127.0.0.1:" in line.failure
+        assert "Connection refused" in line.failure
+
+
+def test_no_way_there():
+    """The kernel says so before anything is sent."""
+    with contextlib.closing(TcpLine("255.255.255.255", 9)) as line:
+        turn_until(line, lambda: line.failure is not None)
+        assert line.failure.startswith("cannot connect to 255.255.255.255:9: ")
+
+
+@pytest.mark.parametrize("abruptly", [False, True])
+@pytest.mark.parametrize(
+    ("said", "reason"),
+    [
+        (b"", BROKE),
+        (GREETING, BROKE),
+        (GREETING + READY, "the peer closed the connection"),
+        (GREETING + READY + b"\1\0\0\5rep", "the peer closed the connection"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "what answers there does not speak ZeroMQ"),
+    ],
+)
+def test_a_closed_connection(line, peer, said, reason, abruptly):
+    line.turn(100.0)
+    connection = peer.accept()
+    read(connection, HELLO_BYTES)
+    connection.sendall(said)
+    if said:
+        turn_until(line, lambda: line._protocol._buffer or line.failure or not said[91:], 100.0)
+    if abruptly:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
+    connection.close()
+    turn_until(line, lambda: line.failure is not None, 100.0)
+    assert line.failure == reason
+    assert list(line.replies()) == []
+
+
+def test_whole_replies_before_the_end_are_there(line, peer):
+    line.turn(100.0)
+    connection = peer.accept()
+    read(connection, HELLO_BYTES)
+    connection.sendall(GREETING + READY + b"\1\0\0\5reply")
+    connection.close()
+    turn_until(line, lambda: line.failure is not None, 100.0)
+    assert list(line.replies()) == [[b"reply"]]
+
+
+def test_a_reply_that_is_too_large_ends_it(line, peer):
+    line.turn(100.0)
+    connection = peer.accept()
+    connection.sendall(GREETING + READY + b"\2" + (1 << 40).to_bytes(8))
+    turn_until(line, lambda: line.failure is not None, 100.0)
+    assert "1099511627776 bytes" in line.failure
+
+
+def test_bytes_count_as_arrival_though_no_reply_is_whole(line, peer):
+    line.turn(100.0)
+    connection = peer.accept()
+    connection.sendall(GREETING + READY + b"\2" + (100_000).to_bytes(8))
+    turn_until(line, lambda: line._protocol.ready, 100.0)
+    for _ in range(3):
+        connection.sendall(bytes(1000))
+        arrived = []
+        turn_until(line, lambda a=arrived: a.append(line.turn(100.0)) or a[-1], 100.0)
+    assert list(line.replies()) == []
+    assert not line.turn(100.0)
+
+
+def test_what_a_peer_does_not_read_waits(line, peer):
+    """A request larger than all buffers leaves as the peer reads it."""
+    line.turn(100.0)
+    connection = peer.accept()
+    connection.sendall(GREETING + READY)
+    turn_until(line, lambda: line._protocol.ready, 100.0)
+    body = os.urandom(20_000_000)
+    line.send(body)
+    assert line._out
+    got = bytearray()
+
+    def done() -> bool:
+        connection.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            got.extend(connection.recv(1 << 20))
+        return len(got) >= HELLO_BYTES + 11 + len(body)
+
+    turn_until(line, done, 100.0)
+    assert got[HELLO_BYTES + 11 :] == body
+
+
+def test_closing_is_at_once_and_closes(peer):
+    line = TcpLine(HOST, peer.port)
+    line.send(b"one")
+    connection = peer.accept()
+    line.close()
+    line.close()
+    with contextlib.suppress(ConnectionResetError):
+        assert connection.recv(1000) == b""
+    line.send(b"after the end")  # nobody cares any more
+    assert line.rtt_s() is None
+
+
+# --- with keys
+
+TITAN, IO, STRANGER = (SecretKey(bytes([number]) * 32) for number in (1, 2, 3))
+
+
+class Hall:
+    """titan's port for io, which needs io's key."""
+
+    def __init__(self, context: zmq.Context, *, protect: bool = True) -> None:
+        self.refusals: list[object] = []
+        self._gate = Gatekeeper(context, {"io": IO.public})
+        self._door = context.socket(zmq.ROUTER)
+        if protect:
+            curve.protect_port(self._door, TITAN, "io")
+            self._gate.watch(self._door, "io")
+        self.host = own_host()
+        self.port = self._door.bind_to_random_port(f"tcp://{self.host}")
+
+    def serve(self) -> None:
+        self.refusals += self._gate.serve()
+        while self._door.poll(0):
+            identity, _, body = self._door.recv_multipart()
+            self._door.send_multipart([identity, b"", b"to " + body])
+
+    def close(self) -> None:
+        self._gate.close()
+        self._door.close(0)
+
+
+@pytest.fixture
+def hall(context) -> Iterator[Hall]:
+    with contextlib.closing(Hall(context)) as hall:
+        yield hall
+
+
+def curve_line(hall: Hall, context: zmq.Context, own: SecretKey, peer: SecretKey) -> CurveLine:
+    return CurveLine(context, hall.host, hall.port, own=own, peer=peer.public)
+
+
+def test_the_right_key(hall, context):
+    with contextlib.closing(curve_line(hall, context, IO, TITAN)) as line:
+        replies: list[list[bytes]] = []
+        for number in range(20):
+            line.send(b"%d" % number)
+
+        def done() -> bool:
+            hall.serve()
+            replies.extend(line.replies())
+            return len(replies) == 20
+
+        turn_until(line, done)
+        assert replies == [[b"to %d" % number] for number in range(20)]
+        assert line.failure is None
+        assert 0 < line.rtt_s() < 1
+        assert not hall.refusals
+
+
+@pytest.mark.parametrize(
+    ("own", "peer", "reason"),
+    [
+        (STRANGER, TITAN, "the peer refused our key"),
+        (IO, STRANGER, "the keys do not fit"),
+    ],
+)
+def test_a_wrong_key(hall, context, own, peer, reason):
+    """Ours, or the one that we take for the peer's."""
+    with contextlib.closing(curve_line(hall, context, own, peer)) as line:
+        line.send(b"let me in")
+
+        def done() -> bool:
+            hall.serve()
+            return line.failure is not None and bool(hall.refusals)
+
+        turn_until(line, done)
+        assert reason in line.failure
+        assert list(line.replies()) == []
+
+
+def test_a_key_where_none_is_wanted(context):
+    with (
+        contextlib.closing(Hall(context, protect=False)) as hall,
+        contextlib.closing(curve_line(hall, context, IO, TITAN)) as line,
+    ):
+        line.send(b"secret")
+
+        def done() -> bool:
+            hall.serve()
+            return line.failure is not None
+
+        turn_until(line, done)
+        assert line.failure == "what answers there has no key, or does not speak ZeroMQ"
+        assert list(line.replies()) == []
+
+
+def test_no_key_where_one_is_wanted(hall):
+    with contextlib.closing(TcpLine(hall.host, hall.port)) as line:
+        line.send(b"idididGHEAD")
+
+        def done() -> bool:
+            hall.serve()
+            return line.failure is not None
+
+        turn_until(line, done)
+        assert line.failure == BROKE
+
+
+def test_a_refused_connection_with_keys(context):
+    """libzmq would try again for ever; that it was refused is a failure here, too."""
+    host = own_host()
+    line = CurveLine(context, host, free_ports(host, 1), own=IO, peer=TITAN.public)
+    with contextlib.closing(line):
+        line.send(b"anybody there?")
+        assert line.rtt_s() is None
+        turn_until(line, lambda: line.failure is not None)
+        assert line.failure == "cannot connect"
