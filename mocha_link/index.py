@@ -44,8 +44,14 @@ def rank(record: Record, key: int) -> int:
 
 
 def today(stamp_ms: int, latest_ms: int) -> int:
-    """A stamp from beyond `latest_ms` as its header is seen now: our clock was set back since."""
-    return min(stamp_ms, latest_ms - (latest_ms - stamp_ms) % WRAP_MS)
+    """A stamp as its header is seen now, if whoever made it up had another idea of the time.
+
+    It is from beyond `latest_ms`, because our clock was set back since, or from a clock that was
+    not set at all.
+    """
+    if stamp_ms > latest_ms or stamp_ms < _UNSET_MS <= latest_ms:
+        return latest_ms - (latest_ms - stamp_ms) % WRAP_MS
+    return stamp_ms
 
 
 def follows(stamp_ms: int, stored_ms: int, latest_ms: int) -> bool:
@@ -94,7 +100,9 @@ class Floors:
         seen = latest_ms - (latest_ms - fields[:, 1] * 1000 - milliseconds) % WRAP_MS
         floors = self._view[fields[:, 0]]
         # As `follows` does.
-        stored = np.minimum(floors, latest_ms - (latest_ms - floors) % WRAP_MS)
+        strange = (floors > latest_ms) | ((floors < _UNSET_MS) & (latest_ms >= _UNSET_MS))
+        strange &= floors >= 0
+        stored = np.where(strange, latest_ms - (latest_ms - floors) % WRAP_MS, floors)
         apart = np.abs(seen - stored)
         border_ms, far_ms = _turn(latest_ms)
         turned = (np.maximum(seen, stored) > border_ms) & (floors >= 0)
