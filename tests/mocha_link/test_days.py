@@ -1,0 +1,309 @@
+"""Three days in the life of a team: wraps, reboots, clocks that jump. Everybody gets the newest.
+
+Engines without sockets: 72 hours pass in a second. Again and again something happens to one of
+the robots; then everybody meets everybody twice, and all have to hold the newest message of every
+topic of every robot. Between such rounds they meet now and then, often for too short a time.
+
+What is asked of a team with original nodes is less, because of what their protocol cannot say
+(docs/protocol.md, "What an original node cannot do").
+"""
+
+from __future__ import annotations
+
+import itertools
+import random
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from mocha_link import payload
+from mocha_link.database import Database
+from mocha_link.document import Document
+from mocha_link.gossip import Gossip, history_of
+from mocha_link.header import WRAP_S
+from mocha_link.storage import Storage
+from mocha_link.team import Team
+from tests.mocha_link.meeting import Meeting, PureOriginal
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+NAMES = ("callisto", "europa", "io", "titan")
+OLD = "europa"  # runs the original node, if any does
+KINDS = """\
+kinds:
+  aerial_robot:
+    topics:
+      - {name: /map, type: grid/SemanticMap, priority: high}
+      - {name: /trail, type: json/Pose, history: 4}
+  ground_robot:
+    topics:
+      - {name: /pose, type: json/Pose, priority: high}
+      - {name: /path, type: json/Path, priority: medium}
+      - {name: /cloud, type: json/Cloud, priority: none}
+trigger: {interval_s: 5}
+"""
+TEAM = Team.from_document(
+    Document.from_text(
+        "robots:\n"
+        + "".join(
+            f"  {name}: {{kind: {'aerial' if name == 'titan' else 'ground'}_robot, "
+            f"address: {name}, base_port: 10, clients: [{', '.join({*NAMES} - {name})}]}}\n"
+            for name in NAMES
+        )
+        + KINDS,
+        Path("team.yaml"),
+    )
+)
+HOUR_S = 3600.0
+DAYS_S = 72 * HOUR_S
+START_S = 1_795_175_900.0
+WRAPS = int((START_S + DAYS_S) // WRAP_S - START_S // WRAP_S)
+JUMPS_S = [sign * each for sign in (-1, 1) for each in (3, 100, 3600, 10_000, 18_000, 72_000, 3e5)]
+CUTS = (None, None, 1, 2, 5, 20)  # after how many frames a meeting ends
+OLD_CLOCKS_S = 1.4 * HOUR_S  # so far clocks may be off where the original protocol is all there is
+
+
+class Days(Meeting):
+    """The team, and what each robot has published last.
+
+    original: the robots that speak nothing but the original protocol, as the others know.
+    stand_in: among them the one that runs an original node, not ours.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        *,
+        original: tuple[str, ...] = (),
+        stand_in: str = "",
+        disks: dict[str, Path] | None = None,
+    ) -> None:
+        super().__init__(TEAM.with_robots({name: {"original": True} for name in original}), START_S)
+        self.random = random.Random(seed)
+        self.stand_in = stand_in
+        self.shown_only = False
+        self.ours = [name for name in NAMES if name != stand_in]
+        self._newest: dict[tuple[str, str], bytes] = {}
+        self._numbers = itertools.count()
+        self._disks = disks or {}
+        self._storages: dict[str, Storage] = {}
+        for name in NAMES:
+            self.boot(name)
+
+    def boot(self, name: str, *, keep: bool = False) -> None:
+        """A new life; with what the robot held, on its disk if it has one, or with nothing."""
+        member = self.members[name]
+        if name == self.stand_in:
+            member.node = PureOriginal(self.team, name, self)
+            return
+        if name in self._disks:
+            database = self._read(name, keep=keep)
+        elif keep:
+            database = member.engine.database
+        else:
+            database = Database(partial(history_of, self.team))
+        ids = (next(self._numbers).to_bytes(6) for _ in itertools.count())
+        member.node = Gossip(
+            self.team,
+            name,
+            by_timer=False,
+            database=database,
+            new_id=partial(next, ids),
+            datagrams=self.random.random() < 0.5,
+        )
+
+    def _read(self, name: str, *, keep: bool) -> Database:
+        path = self._disks[name]
+        self.close(name)
+        if not keep:
+            path.unlink(missing_ok=True)
+        self._storages[name] = Storage(path)
+        return Database(partial(history_of, self.team), self._storages[name])
+
+    def close(self, name: str) -> None:
+        """Let go of the disk of a robot."""
+        storage = self._storages.pop(name, None)
+        if storage:
+            storage.close()
+
+    def publish(self, name: str, topic: str) -> None:
+        size = self.random.choice((20, 200, 3000))
+        data = b"%d %s " % (next(self._numbers), topic.encode()) + self.random.randbytes(size)
+        self.time_s += 0.002  # within a millisecond an original node overwrites
+        node = self.members[name].node
+        if isinstance(node, PureOriginal):
+            node.publish(topic, data)
+        else:
+            node.publish(self.team.topic(name, topic), data, self.now(name))
+        self._newest[name, topic] = data
+
+    def publish_all(self) -> None:
+        for name in NAMES:
+            for topic in self.team.topics_of(name):
+                self.publish(name, topic.name)
+
+    def lose(self, name: str) -> None:
+        """What a robot has is gone: of its own the newest that anybody else has is the newest."""
+        others = [self.held(other) for other in NAMES if other != name]
+        for topic in self.team.topics_of(name):
+            key = name, topic.name
+            left = [held[key] for held in others if key in held]
+            self._newest.pop(key, None)
+            if left:
+                self._newest[key] = max(left, key=lambda data: int(data.split(b" ", 1)[0]))
+        self.boot(name)
+
+    def newest(self) -> dict[tuple[str, str], bytes]:
+        """What everybody should hold."""
+        newest = dict(self._newest)
+        if self.shown_only:  # of what is later only by its clock nobody ever hears
+            own = [key for key in newest if key[0] == self.stand_in]
+            newest.update({key: self.held(self.stand_in)[key] for key in own})
+        return newest
+
+    def held(self, name: str) -> dict[tuple[str, str], bytes]:
+        """What a robot would show of every topic."""
+        held = {}
+        for owner in NAMES:
+            for topic in self.team.topics_of(owner):
+                data = self._shown(name, owner, topic.name)
+                if data is not None:
+                    held[owner, topic.name] = data
+        return held
+
+    def _shown(self, name: str, owner: str, topic: str) -> bytes | None:
+        node = self.members[name].node
+        if isinstance(node, PureOriginal):
+            return node.data(owner, topic)
+        ids = self.team.robot(owner).robot_id, self.team.topic(owner, topic).topic_id
+        record = node.database.newest(*ids)
+        return payload.unpack(record.body) if record else None
+
+    def everybody_meets(self) -> None:
+        """Every pair, twice, in any order."""
+        for _ in range(2):
+            pairs = list(itertools.combinations(NAMES, 2))
+            self.random.shuffle(pairs)
+            for pair in pairs:
+                self.wait(self.random.uniform(5, 40))
+                self.meet(*pair)
+
+    def some_meet(self) -> None:
+        """An hour or so as it may be: some messages, some meetings, many of them cut."""
+        rng = self.random
+        for _ in range(rng.randint(1, 15)):
+            self.wait(rng.expovariate(1 / 300))
+            for _ in range(rng.randint(0, 4)):
+                name = rng.choice(NAMES)
+                self.publish(name, rng.choice(self.team.topics_of(name)).name)
+            self.meet(*rng.sample(NAMES, 2), cut=rng.choice(CUTS))
+
+    def live(self, disturb: Callable[[], str], check: Callable[[], None]) -> None:
+        """Three days; `disturb` does something to somebody and says what."""
+        done = "they began"
+        while self.time_s < START_S + DAYS_S:
+            if self.random.random() < 0.7:
+                self.publish_all()
+            self.everybody_meets()
+            try:
+                check()
+            except AssertionError as error:
+                hours = (self.time_s - START_S) / HOUR_S
+                ahead = {name: round(each.ahead_s) for name, each in self.members.items()}
+                error.add_note(f"after {hours:.2f} h, and after {done}; clocks ahead: {ahead}")
+                raise
+            self.some_meet()
+            done = disturb()
+
+    def disturb(self) -> str:
+        """Something happens to one of the robots that run our node."""
+        name = self.random.choice(self.ours)
+        member = self.members[name]
+        what = self.random.choice(("nothing", "jump", "loss", "reboot", "1970"))
+        if what == "jump":
+            seconds = self.random.choice(JUMPS_S)
+            member.ahead_s = max(member.ahead_s + seconds, -self.time_s)
+            what = f"jump by {seconds} s"
+        elif what == "loss":
+            self.lose(name)
+        elif what == "reboot":
+            self.boot(name, keep=True)
+        elif what == "1970":  # no battery in its clock, and no disk
+            member.ahead_s = self.random.uniform(0, 300) - self.time_s
+            self.lose(name)
+        return f"{what} of {name}"
+
+
+def everybody_holds(days: Days, names: list[str] | tuple[str, ...] = NAMES) -> None:
+    newest = days.newest()
+    for name in names:
+        held = days.held(name)
+        assert {key for key in newest if held.get(key) != newest[key]} == set(), name
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_our_nodes_whatever_happens_to_them(seed, tmp_path):
+    days = Days(seed, disks={"titan": tmp_path / "titan.db"})
+    assert WRAPS == 4
+    days.live(days.disturb, lambda: everybody_holds(days))
+    for name in NAMES:
+        kinds = {(type(each).__name__, getattr(each, "reason", "")) for each in days.events(name)}
+        assert ("SyncTimedOut", "out of reach") in kinds
+    days.close("titan")
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_original_protocol_alone(seed):
+    """Between our nodes, but nothing newer is spoken: clocks may be off by hours, not by days."""
+    days = Days(seed, original=NAMES)
+
+    def disturb() -> str:
+        name = days.random.choice(NAMES)
+        what = days.random.choice(("nothing", "jump", "loss", "reboot"))
+        if days.random.random() < 0.5:
+            days.members[name].ahead_s = days.random.uniform(-OLD_CLOCKS_S, OLD_CLOCKS_S)
+        if what == "loss":
+            days.lose(name)
+        elif what == "reboot":
+            days.boot(name, keep=True)
+        return f"{what} of {name}"
+
+    days.live(disturb, lambda: everybody_holds(days))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_beside_an_original_node(seed):
+    """Ours hold the newest of everybody; the original node all that it is able to take."""
+    days = Days(seed, original=(OLD,), stand_in=OLD)
+    days.shown_only = bool(seed % 2)
+
+    def disturb() -> str:
+        if days.random.random() < 0.7:
+            return days.disturb()
+        if seed % 2:  # not both: what it says in a new life, and is not later, nobody takes
+            days.members[OLD].ahead_s = -days.random.uniform(0, OLD_CLOCKS_S)
+            return f"another clock of {OLD}"
+        days.lose(OLD)
+        return f"another life of {OLD}"
+
+    def check() -> None:
+        everybody_holds(days, days.ours)
+        node = days.members[OLD].node
+        held, newest = days.held(OLD), days.newest()
+        for key in newest:
+            if held[key] != newest[key]:
+                raw = offered(days, *key)
+                assert not node._is_newer(raw), key  # so it does not ask for it
+        assert not node.stopped
+        assert not node.dead
+
+    days.live(disturb, check)
+
+
+def offered(days: Days, owner: str, topic: str) -> bytes:
+    """The header of the newest message of a topic, as ours offer it."""
+    ids = days.team.robot(owner).robot_id, days.team.topic(owner, topic).topic_id
+    return days.members["titan"].engine.database.newest(*ids).header.pack()
