@@ -236,6 +236,10 @@ class Gossip:
             self._actions.append(Reply(peer, route, reply))
         self._after_server(peer, now)
 
+    def route(self, peer: str) -> Route | None:
+        """The connection on which the peer pulls, if it does."""
+        return self._servers[peer].route
+
     def supply(self, peer: str, now: Instant) -> tuple[Route, bytes] | None:
         """The next frame of a sync for a connection of the peer; None: nothing to send now."""
         supplied = self._servers[peer].supply(now)

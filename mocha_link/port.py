@@ -121,11 +121,15 @@ class Port:
         except zmq.ZMQError:
             pass  # the peer is gone; it comes again and asks for what is missing
 
-    def flush(self) -> bool:
-        """Try to send what waits; whether nothing waits any more."""
+    def flush(self, route: Route | None) -> bool:
+        """Try to send what waits; whether nothing waits any more.
+
+        What is for another connection than `route` goes: that one sleeps, the peer has a new one.
+        """
         if self._stuck:
-            (route, frame), self._stuck = self._stuck, None
-            self.push(route, frame)
+            (to, frame), self._stuck = self._stuck, None
+            if to == route:
+                self.push(to, frame)
         return self._stuck is None
 
     def cast(self, packet: bytes) -> None:

@@ -118,6 +118,11 @@ class Server:
         """When to call `transmit` at the latest."""
         return self._flow.wake_s if self._flow else None
 
+    @property
+    def route(self) -> Route | None:
+        """The connection of the sync, if it has one."""
+        return self._sync.route if self._sync else None
+
     def supply(self, now: Instant) -> tuple[Route, bytes] | None:
         """The next frame for a connection, if the peer has credit left for one."""
         sync = self._sync

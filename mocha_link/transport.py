@@ -199,7 +199,9 @@ class Transport:
     def _supply(self, port: Port) -> int:
         """Send frames of a sync while the connection takes them; when to go on, in ms."""
         for _ in range(BURST):
-            if not port.flush():
+            with self._lock:
+                route = self._gossip.route(port.peer)
+            if not port.flush(route):
                 return FULL_MS
             with self._lock:
                 supplied = self._gossip.supply(port.peer, self._now())
