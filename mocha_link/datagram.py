@@ -81,8 +81,8 @@ class Flow:
 
     @property
     def rate_bytes_s(self) -> float | None:
-        """The rate of the link in bytes/s as far as it is known: for the memory of this link."""
-        return self._link.rate or None
+        """Bytes/s that the link takes, for the memory of it; None if too little was sent."""
+        return self._link.rate if self._pacing.proven else None
 
     @property
     def in_flight_bytes(self) -> int:

@@ -73,6 +73,7 @@ class Pacing:
         self._burst = START_PACKETS
         self._began = 0  # what had arrived before this contact
         self._trusted: int | None = 0 if rate else None
+        self.proven = rate > 0.0  # there was enough to send to see the rate
         self._since = 0  # rounds in this phase
         self._still = 0  # rounds without growth at the start, rounds with growth when probing
         self._before = rate
@@ -134,6 +135,7 @@ class Pacing:
                 self._since += 1
                 if newest.delivered > self._began:
                     self._trusted = None
+                    self.proven = True
                 self._judge_round(in_flight)
             link.next_round(now_s)
         elif self.phase is Phase.DOWN and not self._full and in_flight <= self._held():
@@ -147,6 +149,7 @@ class Pacing:
             self._leap = max(self._leap, link.spread)
         if train.stretched or (phase is Phase.START and train.risen and train.loss > START_LOSS):
             link.replace(train.rate)
+            self.proven = True
             if phase is not Phase.DOWN:
                 self._enter(Phase.DOWN)
         elif phase is Phase.UP and train.risen and train.loss > EXCESS_LOSS + link.base_loss:

@@ -387,6 +387,16 @@ def test_a_sender_with_little_to_say_does_not_forget_the_rate():
     assert a.flow.wake_s is None
 
 
+def test_little_is_no_measure_of_a_link():
+    world, there, back = link(8 * MBIT)
+    a = End(world, there, numbered(8)).join(b := End(world, back))
+    a.go()
+    world.run(5)
+    assert len(b.got) == 8
+    assert a.flow.rate_bytes_s is None
+    assert a.flow.rtt_s == pytest.approx(0.05, rel=0.1)
+
+
 # --- step by step
 
 
