@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 BUFFER_BYTES = 16 * 1024 * 1024  # rospy falls behind with large messages in a smaller one
 ROSCORE_S = 5.0  # between looks at whether the roscore is still the same
+FIRST_S = 0.2  # until there is one
 
 LOG = logging.getLogger("mocha_link")
 
@@ -88,8 +89,8 @@ class Ros1:
 
     def watch(self, wait: Callable[[float], bool]) -> str | None:
         """See `bridge.Middleware`. A roscore does not know the ROS nodes that are older than it."""
-        first = None
-        while not wait(ROSCORE_S):
+        first = self._run_id()
+        while not wait(ROSCORE_S if first else FIRST_S):
             run = self._run_id()
             if run is not None and first is not None and run != first:
                 return "the roscore was restarted, and does not know this process; start it again"

@@ -59,8 +59,10 @@ class Original:
         self._name = name
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
-            self._master = f"http://127.0.0.1:{probe.getsockname()[1]}"
-        self._run("roscore", "roscore", "-p", self._master.rpartition(":")[2])
+            port = probe.getsockname()[1]
+        self._master = f"http://127.0.0.1:{port}"
+        master = f"\"import rosmaster; rosmaster.rosmaster_main(['', '--core', '-p', '{port}'])\""
+        self._run("master", "exec", PYTHON, "-c", master)
         for node, script in NODES.items():
             found = f'"$(rospack find mocha_core)/{script}"'
             files = [f"_{each}_configs:={folder}/{each}_configs.yaml" for each in FILES]
@@ -71,7 +73,7 @@ class Original:
 
     def _run(self, what, *command, piped=False):
         script = f'source "{WORKSPACE}/devel/setup.bash"; '
-        if what != "roscore":
+        if what != "master":
             script += "until rostopic list >/dev/null 2>&1; do sleep 0.2; done; "
         pipe = subprocess.PIPE if piped else subprocess.DEVNULL
         log = self._stack.enter_context((self._folder / f"{what}.log").open("w"))
