@@ -352,6 +352,7 @@ class Team:
 def _problems(document: Document, model: _TeamModel) -> Iterator[Problem]:
     """What a model of single values cannot see: names that must fit together, ports that clash."""
     count = 0
+    original = next((name for name, robot in model.robots.items() if robot.original), None)
     for name, kind in model.kinds.items():
         seen: dict[str, int] = {}
         for index, topic in enumerate(kind.topics):
@@ -362,6 +363,12 @@ def _problems(document: Document, model: _TeamModel) -> Iterator[Problem]:
             count += 1
             if topic.aggregate and not topic.min_interval_s:
                 message = "aggregate needs min_interval_s: the seconds of messages that go together"
+                yield document.problem(("kinds", name, "topics", index, "aggregate"), message)
+            if topic.aggregate and original:
+                message = (
+                    f"the original node of {original} ends over messages that go together; "
+                    "remove aggregate"
+                )
                 yield document.problem(("kinds", name, "topics", index, "aggregate"), message)
     if count > IDS:
         yield document.problem(["kinds"], f"{count} topics, at most {IDS} fit; remove some")

@@ -112,6 +112,10 @@ def test_what_keys_topics_and_definitions_may_say():
     assert "knows no keys" in problems(text.replace("ros: 2", "original: true"))[0]
     text = TEXT.replace("min_interval_s: 5", "aggregate: true")
     assert "aggregate needs min_interval_s" in problems(text)[0]
+    text = TEXT.replace("min_interval_s: 5", "min_interval_s: 5, aggregate: true")
+    assert team(text).topic("titan", "/path").aggregate
+    text = text.replace("clients: [io, titan]", "clients: [io, titan]\n    original: true")
+    assert "the original node of callisto ends over messages that go together" in problems(text)[0]
 
 
 def test_ids_of_a_header():
