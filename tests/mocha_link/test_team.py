@@ -189,7 +189,11 @@ def test_ports_that_clash():
         ("address: 127.0.1.4", "adress: 127.0.1.4", "team.yaml:4:5: unknown key 'adress'; did you"),
         ("priority: low", "priority: urgent", "team.yaml:28:54: 'kinds.aerial_robot.topics[1].pri"),
         ("min_interval_s: 5", "min_interval_s: -5", "team.yaml:28:75: 'kinds.aerial_robot.topics"),
-        ("udp://127.0.0.1:24490", "serial", "team.yaml:8:12: 'robots.titan.radio': 'serial' is no radio"),
+        (
+            "udp://127.0.0.1:24490",
+            "serial",
+            "team.yaml:8:12: 'robots.titan.radio': 'serial' is no radio",
+        ),
         (
             "nav_msgs/Path",
             "Path",
