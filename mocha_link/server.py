@@ -5,6 +5,7 @@ Nothing here touches sockets: requests and datagrams in, replies and frames out.
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING
 
 from mocha_link.credit import GRANT, MAX_CHUNK, MIN_CHUNK
@@ -23,7 +24,7 @@ from mocha_link.protocol import (
     ServerSession,
 )
 from mocha_link.pull import NEAR_S
-from mocha_link.sync import FrameError
+from mocha_link.sync import OPEN, FrameError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from mocha_link.database import Database
 
 FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
+LINGER_S = 2.0  # so long our last packets are repeated to a peer that has said END
+REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
 
 Route = tuple[bytes, ...]
 """The frames in front of a request that say on which connection it came."""
@@ -70,7 +73,8 @@ class Server:
         self._session = ServerSession(peer, database)
         self._sync: _Sync | None = None
         self._flow: Flow | None = None
-        self._ended = b""  # the id of the last sync that came to its end
+        self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of syncs that are over
+        self._ended_s = 0.0
         self._opened: tuple[bytes, Route] | None = None  # the last opening: its id and connection
         self._rate_bytes_s: float | None = None
         self._rtt_s: float | None = None
@@ -152,6 +156,8 @@ class Server:
         """What the peer's silence ends."""
         self._events += self._session.tick(now)
         sync = self._sync
+        if sync is None and self._flow and now.steady_s - self._ended_s > LINGER_S:
+            self._close_flow()
         if sync and now.steady_s - sync.heard_s > PATIENCE_S:
             self._break_off(sync, f"the peer said nothing for {PATIENCE_S:g} s", now)
 
@@ -165,14 +171,14 @@ class Server:
         argument = frame[ID_BYTES + CODE_BYTES :]
         sync = self._sync
         if sync is None or sync.id != request_id:
-            if request_id == self._ended:
-                self._opened = (request_id, route)
-                return None  # a connection that came too late
             if code != SYNC1:
                 return request_id + SERRM
+            if request_id in self._past:
+                self._opened = (request_id, route)
+                return None  # a connection that came too late
             sync = _Sync(request_id, Feed(self._database, self._acquaintance), now)
             grant, argument = argument[: GRANT.size], argument[GRANT.size :]
-            if not self._takes(sync, argument):
+            if not self._opens(sync, argument):
                 return request_id + SERRM
             sync.route = route
             self._opened = (request_id, route)
@@ -180,6 +186,10 @@ class Server:
             self._begin(sync, now)
             return None
         sync.heard_s = now.steady_s
+        if code == SYNC1 and sync.sent and sync.route != route and self._flow is None:
+            # Its first connection broke, with all that was sent on it.
+            sync.feed = Feed(self._database, self._acquaintance)
+            sync.allowed = 0
         if sync.route is None or code == SYNC1:
             sync.route, sync.sent = route, 0
             self._opened = (request_id, route)
@@ -195,8 +205,8 @@ class Server:
 
     def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
         sync = self._sync
-        if token == self._ended:
-            return True
+        if token in self._past:
+            return False
         if sync and sync.id == token and not sync.by_datagram:
             return True  # the connection was first, so it serves
         sync = _Sync(token, Feed(self._database, self._acquaintance), now)
@@ -207,7 +217,7 @@ class Server:
             rtt_s=self._rtt_s,
         )
         frames = flow.receive(packet, now.steady_s)
-        if not frames or not all(self._takes(sync, frame) for frame in frames):
+        if not frames or not all(self._opens(sync, frame) for frame in frames):
             return False
         sync.by_datagram = True
         self._begin(sync, now)
@@ -223,6 +233,9 @@ class Server:
         if self._sync and self._flow and self._sync.id == self._flow.token:
             self._takes(self._sync, frame)
             self._look(now)
+
+    def _opens(self, sync: _Sync, frame: bytes) -> bool:
+        return frame[:1] == bytes((OPEN,)) and self._takes(sync, frame)
 
     @staticmethod
     def _takes(sync: _Sync, frame: bytes) -> bool:
@@ -246,7 +259,8 @@ class Server:
 
     def _end(self, sync: _Sync, now: Instant) -> None:
         self._sync = None
-        self._ended = sync.id
+        self._past.append(sync.id)
+        self._ended_s = now.steady_s
         self._events.append(
             SyncEnded(
                 self._peer,
@@ -264,6 +278,7 @@ class Server:
             self._end(sync, now)  # all has arrived, only the peer's END has not
             return
         self._sync = None
+        self._past.append(sync.id)
         self._close_flow()
         self._events.append(SyncTimedOut(self._peer, now.unix_s, Direction.OUT, reason))
 
