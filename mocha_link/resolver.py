@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import threading
 import time
@@ -35,8 +36,8 @@ class Resolver:
         else:
             return host
         with self._lock:
-            address, _, since_s = self._found.get(host, (None, "", -FRESH_S))
-            stale = time.monotonic() - since_s > (FRESH_S if address else RETRY_S)
+            address, why, since_s = self._found.get(host, (None, "", -math.inf))
+            stale = time.monotonic() - since_s > (RETRY_S if why else FRESH_S)
             if stale and host not in self._looking:
                 self._looking.add(host)
                 threading.Thread(target=self._look, args=(host,), daemon=True).start()
@@ -56,6 +57,8 @@ class Resolver:
         except (OSError, UnicodeError) as error:
             why = f"no address for '{host}': {error}"
         with self._lock:
+            if address is None:  # name servers go out of reach as robots do
+                address = self._found.get(host, (None, "", 0.0))[0]
             self._found[host] = (address, why, time.monotonic())
             self._looking.discard(host)
         self._wake()
