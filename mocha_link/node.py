@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from mocha_link.storage import StorageError
     from mocha_link.team import Priority, Robot, Team
 
+CLOSE_S = 0.95  # of the second, for all parts together
+LEAST_CLOSE_S = 0.05
+
 
 class NodeClosedError(MochaLinkError):
     """A node was used after its end, or started twice."""
@@ -150,12 +153,14 @@ class Node:
         )
         transport.start()
         self._transport = transport
-        if self._radio:
+        if self._radio and not self._closed:
             try:
                 self._radio.start(self._heard)
             except BaseException:
                 self.close()
                 raise
+        if self._closed:  # meanwhile, by a listener or another thread, which saw only a part
+            self._end()
 
     def close(self) -> None:
         """Stop within a second and give up every socket and thread; may be called twice.
@@ -166,12 +171,16 @@ class Node:
         if self._closed:
             return
         self._closed = True
+        self._end()
+
+    def _end(self) -> None:
+        until_s = time.monotonic() + CLOSE_S
         if self._radio:
             self._radio.close()
         if self._transport:
             self._transport.close()
         if self._storage:
-            self._storage.close()
+            self._storage.close(max(until_s - time.monotonic(), LEAST_CLOSE_S))
         self._broadcast.close()
 
     def __enter__(self) -> Self:

@@ -1,0 +1,89 @@
+"""The end of a node: within a second, whatever happens at that moment."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+import time
+
+from mocha_link.metrics import SyncStarted
+from mocha_link.node import Node
+from mocha_link.storage import Storage
+
+WAIT_S = 20
+
+
+def join_nodes() -> None:
+    for thread in threading.enumerate():
+        if thread.name.startswith("mocha"):
+            thread.join(WAIT_S)
+
+
+def test_a_listener_may_close_its_node_while_it_starts(field, monkeypatch):
+    """The first event can come before `start` has returned."""
+    node = Node(field.team, "titan", clock=field.clock)  # pulls from all at once
+    closed = threading.Event()
+
+    def close(_event: object) -> None:
+        node.close()
+        closed.set()
+
+    node.subscribe(close)
+    real = threading.Thread.start
+
+    def start(thread: threading.Thread) -> None:
+        real(thread)
+        if thread.name == "mocha-link titan":
+            assert closed.wait(WAIT_S)
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    node.start()
+    join_nodes()
+    # The fixture sees that no thread is left.
+
+
+class SlowDisk(sqlite3.Connection):
+    """A disk that takes its time for every commit."""
+
+    released = threading.Event()
+    waiting = threading.Event()
+
+    def execute(self, sql: str, *args: object) -> sqlite3.Cursor:
+        if sql == "COMMIT" and not self.released.is_set():
+            self.waiting.set()
+            self.released.wait(WAIT_S)
+        return super().execute(sql, *args)
+
+
+def test_a_listener_that_hangs_and_a_slow_disk_do_not_add_up(field, tmp_path, monkeypatch):
+    monkeypatch.setattr(SlowDisk, "released", threading.Event())
+    monkeypatch.setattr(SlowDisk, "waiting", threading.Event())
+    SlowDisk.released.set()
+
+    def connect(path: object) -> sqlite3.Connection:
+        return sqlite3.connect(
+            path, isolation_level=None, check_same_thread=False, factory=SlowDisk
+        )
+
+    monkeypatch.setitem(Storage.__init__.__kwdefaults__, "connect", connect)
+    node, _, _ = field.node("titan", storage=tmp_path / "titan.db")
+    hanging, released = threading.Event(), threading.Event()
+
+    def hang(event: object) -> None:
+        if isinstance(event, SyncStarted):
+            hanging.set()
+            released.wait(WAIT_S)
+
+    node.subscribe(hang)
+    node.sync("io")
+    assert hanging.wait(WAIT_S)
+    SlowDisk.released.clear()
+    threading.Thread(target=node.publish, args=("/map", b"grid"), daemon=True).start()
+    assert SlowDisk.waiting.wait(WAIT_S)
+    began_s = time.monotonic()
+    node.close()
+    took_s = time.monotonic() - began_s
+    released.set()
+    SlowDisk.released.set()
+    join_nodes()
+    assert took_s < 1.1
