@@ -160,7 +160,7 @@ class Original:
     def pull(self, peer: str, *, give_up_after: int | None = None) -> Pull:
         """One sync: list, data one after another, end. Stops where an answer is missing.
 
-        `give_up_after`: as if the answer to that many requests for data had come, not the next.
+        `give_up_after`: the answer to the request after that many takes too long; it lets go.
         """
         pull = Pull()
         listed = self.ask(peer, b"GHEAD")
@@ -168,11 +168,9 @@ class Original:
             return pull  # the real one's channel is busy for ever after such a length
         pull.offered = split(listed)
         for raw in [raw for raw in pull.offered if self._is_newer(raw)]:
-            if give_up_after == len(pull.asked):
-                return pull
             pull.asked.append(raw)
             body = self.ask(peer, b"GDATA" + raw)
-            if body is None:
+            if body is None or give_up_after == len(pull.stored):
                 return pull
             self.put(raw, body)  # SERRM as well: it cannot tell it from a message
             pull.stored.append(raw)
