@@ -6,6 +6,8 @@ import contextlib
 import errno
 import logging
 import socket
+from collections import deque
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import zmq
@@ -21,7 +23,8 @@ if TYPE_CHECKING:
     from mocha_link.team import Robot
 
 MAX_REQUEST_BYTES = 65_536 + 1024
-QUEUE_REPLIES = 16  # to one connection that does not read; further ones are dropped
+QUEUE_REPLIES = 16  # to one connection that does not read
+QUEUE_REQUESTS = 256  # of one whose replies do not fit in that; further ones are dropped
 DEAD_PEER_S = 60
 DATAGRAM_BYTES = 1500
 DATAGRAM_BUFFER_BYTES = 1024 * 1024
@@ -35,6 +38,14 @@ class PortInUseError(MochaLinkError):
 
 class ListenError(MochaLinkError):
     """A port or address on which the node cannot listen for another reason."""
+
+
+@dataclass(slots=True)
+class _Late:
+    """A connection that does not take its replies: the one that waits, the requests behind it."""
+
+    reply: bytes
+    requests: deque[list[bytes]] = field(default_factory=deque)
 
 
 class Port:
@@ -53,6 +64,7 @@ class Port:
         self.peer = peer
         self.caller: tuple[str, int] | None = None
         self._stuck: tuple[Route, bytes] | None = None
+        self._late: dict[Route, _Late] = {}
         number = me.port_for(peer)
         self.socket = context.socket(zmq.ROUTER)
         self.socket.setsockopt(zmq.LINGER, 0)
@@ -86,7 +98,10 @@ class Port:
         return self.socket in ready or (datagrams is not None and datagrams.fileno() in ready)
 
     def receive(self) -> tuple[Route, list[bytes]] | None:
-        """The next request: on which connection it came, and its body parts."""
+        """The next request: on which connection it came, and its body parts.
+
+        Those of a connection that has not taken its last reply wait, see `resumed`.
+        """
         while True:
             try:
                 frames = self.socket.recv_multipart(zmq.NOBLOCK)
@@ -94,7 +109,27 @@ class Port:
                 return None
             if b"" in frames[1:-1]:  # without an envelope REP sockets ignore it, too
                 body = frames.index(b"", 1) + 1
-                return tuple(frames[:body]), frames[body:]
+                route, parts = tuple(frames[:body]), frames[body:]
+                late = self._late.get(route)
+                if late is None:
+                    return route, parts
+                if len(late.requests) < QUEUE_REQUESTS:
+                    late.requests.append(parts)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether replies wait."""
+        return bool(self._late)
+
+    def resumed(self) -> Iterator[tuple[Route, list[bytes]]]:
+        """The requests whose turn it is because their connection takes replies again."""
+        for route in list(self._late):
+            late = self._late.pop(route)
+            self.reply(route, late.reply)
+            while late.requests and route not in self._late:
+                yield route, late.requests.popleft()
+            if route in self._late:
+                self._late[route].requests = late.requests
 
     def packets(self, limit: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
         """The datagrams that have come, and where from."""
@@ -108,9 +143,13 @@ class Port:
             yield packet, source
 
     def reply(self, route: Route, frame: bytes) -> None:
-        """Send a reply; if the peer is gone or does not read, it is dropped, as with REP."""
-        with contextlib.suppress(zmq.ZMQError):
+        """Send a reply, or keep it until the connection takes it; if that is gone, it goes, too."""
+        try:
             self.socket.send_multipart([*route, frame], flags=zmq.NOBLOCK)
+        except zmq.Again:
+            self._late[route] = _Late(frame)
+        except zmq.ZMQError:
+            pass
 
     def push(self, route: Route, frame: bytes) -> None:
         """Send a frame of a sync, or keep it until `flush` gets it out."""

@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from mocha_link.gossip import Action, Gossip
     from mocha_link.keys import PublicKey, SecretKey
     from mocha_link.link_events import LinkEvent
+    from mocha_link.server import Route
     from mocha_link.team import Team
 
 TICK_MS = 20  # the node's clock may be a simulated one: look at it often
 FULL_MS = 1  # ZeroMQ does not tell when one of many connections takes more
+LATE_MS = 3  # the same for replies; a connection may sleep for a minute before it breaks
 OBSERVE_S = 0.25
 BURST = 64  # frames of one peer in a row, so that no peer starves the others
 CLOSE_S = 0.9
@@ -145,7 +147,7 @@ class Transport:
             with contextlib.suppress(BlockingIOError):
                 self._woken.recv(4096)
         for port in self._ports.values():
-            if port.is_ready(ready):
+            if port.is_late or port.is_ready(ready):
                 self._serve(port)
         if self._gate and not ready.isdisjoint(self._gate.sockets):
             self._admit(self._gate)
@@ -175,14 +177,13 @@ class Transport:
         return max(int((wake_s - self._now().steady_s) * 1000 + 0.999), 0)
 
     def _serve(self, port: Port) -> None:
+        for route, parts in port.resumed():
+            self._answer(port, route, parts)
         for _ in range(BURST):
             request = port.receive()
             if request is None:
                 break
-            route, parts = request
-            with self._lock:
-                self._gossip.request(port.peer, route, parts, self._now())
-            self._act()
+            self._answer(port, *request)
         address = self._resolver.address(self._team.robot(port.peer).address)
         seal = self._seals.get(port.peer)
         for packet, source in port.packets(BURST):
@@ -196,6 +197,11 @@ class Transport:
                 port.caller = source
             self._act()
 
+    def _answer(self, port: Port, route: Route, parts: list[bytes]) -> None:
+        with self._lock:
+            self._gossip.request(port.peer, route, parts, self._now())
+        self._act()
+
     def _supply(self, port: Port) -> int:
         """Send frames of a sync while the connection takes them; when to go on, in ms."""
         for _ in range(BURST):
@@ -206,7 +212,7 @@ class Transport:
             with self._lock:
                 supplied = self._gossip.supply(port.peer, self._now())
             if supplied is None:
-                return TICK_MS
+                return LATE_MS if port.is_late else TICK_MS
             port.push(*supplied)
         return 0
 

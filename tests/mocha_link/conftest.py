@@ -20,7 +20,7 @@ from mocha_link.radios import ManualRadio
 from mocha_link.team import Team
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
 E = TypeVar("E")
 _hosts = itertools.count()
@@ -99,15 +99,18 @@ class Field:
     Their clock stands still, so that no interval is over before a test has seen what it wants.
     """
 
-    def __init__(self, stack: contextlib.ExitStack) -> None:
+    def __init__(self, stack: contextlib.ExitStack, text: str = TEAM) -> None:
         self._stack = stack
         self.clock = ManualClock()
         self.host = own_host()
-        base = free_ports(self.host, 6)
-        self.team = Team.from_document(Document.from_text(TEAM, Path("team.yaml"))).with_robots(
+        team = Team.from_document(Document.from_text(text, Path("team.yaml")))
+        counts = [len(robot.clients) for robot in team.robots.values()]
+        base = free_ports(self.host, sum(counts))
+        firsts = [base, *(base + sum(counts[: index + 1]) for index in range(len(counts)))]
+        self.team = team.with_robots(
             {
-                name: {"base_port": base + 2 * index, "address": self.host, "listen": self.host}
-                for index, name in enumerate(("titan", "callisto", "io"))
+                name: {"base_port": first, "address": self.host, "listen": self.host}
+                for name, first in zip(team.robots, firsts, strict=False)
             }
         )
 
@@ -126,6 +129,15 @@ def field() -> Iterator[Field]:
     before = set(threading.enumerate())
     with contextlib.ExitStack() as stack:
         yield Field(stack)
+    assert set(threading.enumerate()) == before
+
+
+@pytest.fixture
+def field_of() -> Iterator[Callable[[str], Field]]:
+    """Makes such a field of another team, from the text of its file."""
+    before = set(threading.enumerate())
+    with contextlib.ExitStack() as stack:
+        yield lambda text: Field(stack, text)
     assert set(threading.enumerate()) == before
 
 

@@ -20,6 +20,7 @@ from mocha_link.port import (
     DATAGRAM_BYTES,
     MAX_REQUEST_BYTES,
     QUEUE_REPLIES,
+    QUEUE_REQUESTS,
     ListenError,
     Port,
     PortInUseError,
@@ -80,9 +81,8 @@ def clients() -> Iterator[Clients]:
 
 
 def next_request(port: Port) -> tuple[tuple[bytes, ...], list[bytes]]:
-    assert port.socket.poll(WAIT_MS)
-    request = port.receive()
-    assert request is not None
+    while (request := port.receive()) is None:
+        assert port.socket.poll(WAIT_MS)
     return request
 
 
@@ -136,6 +136,75 @@ def test_a_reply_to_a_peer_that_is_gone_is_dropped(port, titan, clients):
     port.reply((b"nobody", b""), b"reply")
     port.push((b"nobody", b""), b"frame")
     assert port.flush((b"nobody", b""))
+
+
+def asleep(port: Port, titan: Robot, clients: Clients) -> tuple[zmq.Socket, tuple, int]:
+    """A connection that asks and does not read: it, its route, and how many requests it sent."""
+    client = clients.dial(titan, asleep=True)
+    number = 0
+    while not port.is_late:
+        assert number < 1000, "it takes everything"
+        client.send_multipart([b"", number.to_bytes(4)])
+        route, (request,) = next_request(port)
+        port.reply(route, request + LARGE)
+        number += 1
+    assert number > QUEUE_REPLIES
+    return client, route, number
+
+
+def test_replies_that_are_not_read_wait_in_order_and_the_requests_behind_them(port, titan, clients):
+    """As with REP, whose turn does not come while its reply does not leave."""
+    client, route, number = asleep(port, titan, clients)
+    total = number + 50
+    for each in range(number, total):
+        client.send_multipart([b"", each.to_bytes(4)])
+    other = clients.dial(titan)
+    other.send_multipart([b"", b"?"])
+    other_route, _ = next_request(port)  # when it is here the others are, too
+    assert other_route != route
+    while port.socket.poll(50):
+        assert port.receive() is None
+    for each in range(total):
+        while not client.poll(5):
+            for to, (request,) in port.resumed():
+                assert to == route
+                port.reply(to, request + LARGE)
+        assert client.recv_multipart()[1][:4] == each.to_bytes(4)
+    assert not port.is_late
+
+
+def test_only_so_many_requests_wait(port, titan, clients):
+    client, _, number = asleep(port, titan, clients)
+    for each in range(number, number + QUEUE_REQUESTS + 50):
+        client.send_multipart([b"", each.to_bytes(4)])
+    while port.socket.poll(50):
+        assert port.receive() is None
+    waiting = [len(late.requests) for late in port._late.values()]
+    assert waiting == [QUEUE_REQUESTS]
+
+
+def test_a_connection_that_does_not_read_holds_up_nobody_and_goes_with_its_replies(
+    port, titan, clients
+):
+    client, _, _ = asleep(port, titan, clients)
+    other = clients.dial(titan)
+    for number in range(5):
+        other.send_multipart([b"", b"%d" % number])
+        route, parts = next_request(port)
+        port.reply(route, b"to " + parts[0])
+        assert other.poll(WAIT_MS)
+        assert other.recv_multipart() == [b"", b"to %d" % number]
+        assert list(port.resumed()) == []
+    client.close(0)
+    poller = zmq.Poller()
+    poller.register(other, zmq.POLLIN)
+    for _ in range(1000):
+        assert list(port.resumed()) == []
+        assert port.receive() is None
+        if not port.is_late:
+            break
+        poller.poll(10)
+    assert not port.is_late
 
 
 # --- frames of a sync
@@ -303,7 +372,9 @@ def test_an_address_that_is_not_ours(context, titan, listen):
 
 
 def test_every_address_of_the_machine(context, titan, clients):
-    with contextlib.closing(Port(context, replace(titan, listen="*"), "io", None)) as port:
+    everywhere = replace(titan, listen="*", base_port=free_ports("0.0.0.0", 2))
+    titan = replace(everywhere, listen=titan.listen)
+    with contextlib.closing(Port(context, everywhere, "io", None)) as port:
         client = clients.dial(titan)
         client.send_multipart([b"", b"?"])
         assert next_request(port)[1] == [b"?"]
