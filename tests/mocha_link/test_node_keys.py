@@ -1,0 +1,492 @@
+"""Nodes with keys, over real sockets: who talks to whom, what crosses, whose message it is."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import socket
+import stat
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import zmq
+
+from mocha_link import keys, line, payload
+from mocha_link.header import Header
+from mocha_link.keys import KeyFileError, KeyMismatchError, SecretKey
+from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.node import Node
+from mocha_link.radios import ManualRadio
+from tests.mocha_link import original
+from tests.mocha_link.conftest import TEAM, WAIT_S, Field, Witness
+
+IN, OUT = Direction.IN, Direction.OUT
+NAMES = ("callisto", "io", "titan")
+SECRETS = {name: SecretKey(bytes([number]) * 32) for number, name in enumerate(NAMES, 1)}
+SECRET_TEXT = b"nobody may read this " * 20
+
+
+class Locked:
+    """A field whose robots have keys, and the folder with their secrets."""
+
+    def __init__(self, field: Field, folder: Path, *names: str) -> None:
+        self.field = field
+        self.folder = folder
+        for name in names:
+            keys.write(folder / f"{name}.key", name, SECRETS[name])
+        field.team = field.team.with_robots(
+            {name: {"key": SECRETS[name].public.text} for name in names}
+        )
+
+    def node(self, name: str, **options: object) -> tuple[Node, ManualRadio, Witness]:
+        return self.field.node(name, **{"keys": self.folder, **options})
+
+
+@pytest.fixture
+def locked(field_of, tmp_path) -> Callable[..., Locked]:
+    """Makes a field in which some robots have keys; `trust` as in the team file."""
+
+    def make(*names: str, trust: str = "relays") -> Locked:
+        return Locked(field_of(f"{TEAM}trust: {trust}\n"), tmp_path, *names)
+
+    return make
+
+
+def noise(size: int, seed: int = 1) -> bytes:
+    return random.Random(seed).randbytes(size)
+
+
+def pull(saw: Witness, node: Node, peer: str) -> SyncEnded:
+    node.sync(peer)
+    return saw.wait(SyncEnded, peer=peer, direction=IN)
+
+
+class Wire:
+    """Between io and titan: carries TCP and UDP, and sees every byte of it."""
+
+    def __init__(self, host: str, target: int, *, tcp: bool = True, udp: bool = True) -> None:
+        self.seen = {"tcp": bytearray(), "udp": bytearray()}
+        self._host, self._target = host, target
+        self._listener = socket.create_server((host, 0))
+        self.port = self._listener.getsockname()[1]
+        self._tcp, self._udp = tcp, udp
+        self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._near.bind((host, self.port))
+        self._far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._far.bind((host, 0))
+        self._caller: tuple[str, int] | None = None
+        self._quit, self._quits = socket.socketpair()
+        self._pairs: dict[int, tuple[socket.socket, socket.socket]] = {}
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        poller = zmq.Poller()
+        for each in (self._listener, self._near, self._far, self._quits):
+            poller.register(each.fileno(), zmq.POLLIN)
+        while self._quits.fileno() not in (ready := dict(poller.poll())):
+            for fd in ready:
+                if fd == self._listener.fileno():
+                    self._accept(poller)
+                elif fd in (self._near.fileno(), self._far.fileno()):
+                    self._datagram(fd == self._near.fileno())
+                elif fd in self._pairs:
+                    self._carry(fd, poller)
+
+    def _accept(self, poller: zmq.Poller) -> None:
+        near, _ = self._listener.accept()
+        if not self._tcp:  # it stands, and nothing answers
+            self._pairs[near.fileno()] = (near, near)
+            return
+        far = socket.create_connection((self._host, self._target))
+        for source, sink in ((near, far), (far, near)):
+            self._pairs[source.fileno()] = (source, sink)
+            poller.register(source.fileno(), zmq.POLLIN)
+
+    def _carry(self, fd: int, poller: zmq.Poller) -> None:
+        source, sink = self._pairs[fd]
+        try:
+            data = source.recv(65536)
+            sink.sendall(data)
+        except OSError:
+            data = b""
+        self.seen["tcp"] += data
+        if not data:
+            for each in (source, sink):
+                poller.unregister(each.fileno())
+                del self._pairs[each.fileno()]
+                each.close()
+
+    def _datagram(self, up: bool) -> None:
+        data, source = (self._near if up else self._far).recvfrom(2048)
+        self.seen["udp"] += data
+        if not self._udp:
+            return
+        if up:
+            self._caller = source
+            self._far.sendto(data, (self._host, self._target))
+        elif self._caller:
+            self._near.sendto(data, self._caller)
+
+    def close(self) -> None:
+        self._quit.send(b"\0")
+        self._thread.join()
+        for near, far in self._pairs.values():
+            near.close()
+            far.close()
+        for each in (self._listener, self._near, self._far, self._quit, self._quits):
+            each.close()
+
+
+@contextlib.contextmanager
+def wire(locked: Locked, **paths: bool) -> Iterator[Wire]:
+    """A wire before titan's port for io; io's team file says that titan is there."""
+    field = locked.field
+    target = field.team.robot("titan").port_for("io")
+    with contextlib.closing(Wire(field.host, target, **paths)) as between:
+        index = field.team.robot("titan").clients.index("io")
+        field.team = field.team.with_robots({"titan": {"base_port": between.port - index}})
+        yield between
+
+
+# --- all have keys
+
+
+@pytest.mark.parametrize("datagrams", [True, False])
+def test_all_have_keys(locked, datagrams):
+    hall = locked(*NAMES)
+    titan, _, titan_saw = hall.node("titan", datagrams=datagrams)
+    io, _, saw = hall.node("io", datagrams=datagrams)
+    titan.publish("/map", noise(300_000))
+    io.publish("/pose", b"here")
+    assert pull(saw, io, "titan").messages == 1
+    assert pull(titan_saw, titan, "io").messages == 1
+    assert io.latest("titan", "/map").data == noise(300_000)
+    assert titan.latest("io", "/pose").data == b"here"
+    for node, peer in ((io, "titan"), (titan, "io")):
+        link = node.links()[peer]
+        assert link.protected
+        assert (link.refused, link.timeouts) == (0, 0)
+    assert all(link.protected for link in io.links().values())
+
+
+def test_nothing_of_it_can_be_read_on_a_connection(locked):
+    hall = locked(*NAMES)
+    titan, _, _ = hall.node("titan", datagrams=False)
+    titan.publish("/map", SECRET_TEXT)
+    with wire(hall) as between:
+        io, _, saw = hall.node("io", datagrams=False)
+        assert pull(saw, io, "titan").messages == 1
+        assert io.latest("titan", "/map").data == SECRET_TEXT
+        assert len(between.seen["tcp"]) > 1000
+        for word in (b"nobody", b"SYNC1", b"GHEAD"):
+            assert word not in between.seen["tcp"]
+
+
+def test_nothing_of_it_can_be_read_in_datagrams(locked):
+    """Only they get through: sealed for the peer, from whatever address they come."""
+    hall = locked(*NAMES)
+    titan, _, _ = hall.node("titan")
+    titan.publish("/map", SECRET_TEXT + noise(5_000))
+    with wire(hall, tcp=False) as between:
+        io, _, saw = hall.node("io")
+        assert pull(saw, io, "titan").messages == 1
+        assert io.latest("titan", "/map").data == SECRET_TEXT + noise(5_000)
+        assert io.links()["titan"].path == "udp"
+        assert len(between.seen["udp"]) > 5_000
+        for word in (b"nobody", b"idid"):
+            assert word not in between.seen["udp"]
+        assert not between.seen["tcp"]
+
+
+def test_without_keys_it_can_be_read(locked):
+    """So the two tests above see what they say."""
+    hall = locked()
+    titan, _, _ = hall.node("titan", datagrams=False)
+    titan.publish("/map", SECRET_TEXT)
+    with wire(hall) as between:
+        io, _, saw = hall.node("io", datagrams=False)
+        assert pull(saw, io, "titan").messages == 1
+        assert b"nobody may read this" in between.seen["tcp"]
+        assert not io.links()["titan"].protected
+
+
+def test_datagrams_of_others_are_no_datagrams(locked):
+    """Noise, what is not sealed, and what was sealed by another robot of the team."""
+    hall = locked(*NAMES)
+    titan, _, titan_saw = hall.node("titan")
+    titan.publish("/map", b"grid")
+    port = titan.robot.port_for("io")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        stranger.bind((hall.field.host, 0))
+        for size in (0, 1, 39, 40, 41, 100, 1400):
+            stranger.sendto(noise(size), (hall.field.host, port))
+        stranger.sendto(b"\x51ididid" + bytes(60), (hall.field.host, port))
+        io, _, saw = hall.node("io")
+        assert pull(saw, io, "titan").messages == 1
+        titan_saw.wait(SyncEnded, direction=OUT)
+        stranger.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            stranger.recv(2048)
+    started = [e for e in titan_saw.seen if isinstance(e, SyncStarted)]
+    assert [e.peer for e in started] == ["io"]
+
+
+# --- wrong keys
+
+
+def test_a_wrong_key_is_refused_and_counted(locked, tmp_path, caplog):
+    """A robot that says it is io, with a key of its own."""
+    hall = locked(*NAMES)
+    titan, _, _ = hall.node("titan")
+    titan.publish("/map", b"grid")
+    impostor = SecretKey.generate()
+    folder = tmp_path / "impostor"
+    folder.mkdir()
+    keys.write(folder / "io.key", "io", impostor)
+    hall.field.team = hall.field.team.with_robots({"io": {"key": impostor.public.text}})
+    fake, _, saw = hall.field.node("io", keys=folder, timeout_s=0.5)
+    fake.sync("titan")
+    broken = saw.wait(SyncTimedOut, peer="titan", direction=IN)
+    assert broken.reason == "the peer refused our key"
+    assert fake.messages() == []
+    assert titan.links()["io"].refused >= 1
+    assert "refused at the port for io: it came with a wrong key" in caplog.text
+
+
+def test_whom_we_take_for_another_we_tell_nothing(locked):
+    """Somebody else listens where titan should be: io finds out, and nothing crosses."""
+    hall = locked(*NAMES)
+    other = SecretKey.generate()
+    keys.write(hall.folder / "titan.key", "titan", other, replace=True)
+    team = hall.field.team
+    hall.field.team = team.with_robots({"titan": {"key": other.public.text}})
+    titan, _, titan_saw = hall.node("titan")
+    titan.publish("/map", b"false grid")
+    hall.field.team = team
+    io, _, saw = hall.node("io", timeout_s=0.5)
+    io.sync("titan")
+    broken = saw.wait(SyncTimedOut, peer="titan", direction=IN)
+    assert "the keys do not fit" in broken.reason
+    assert io.messages() == []
+    assert titan.links()["io"].refused >= 1
+    assert not [e for e in titan_saw.seen if isinstance(e, SyncStarted)]
+
+
+def test_the_key_of_another_peer_does_not_open(locked):
+    """callisto's key at titan's port for io: each port is for one robot."""
+    hall = locked(*NAMES)
+    titan, _, _ = hall.node("titan")
+    titan.publish("/map", b"grid")
+    robot = titan.robot
+    context = zmq.Context()
+    wrong = line.CurveLine(
+        context,
+        robot.address,
+        robot.port_for("io"),
+        own=SECRETS["callisto"],
+        peer=SECRETS["titan"].public,
+    )
+    try:
+        wrong.send(b"idididGHEAD")
+        poller = zmq.Poller()
+        while wrong.failure is None:
+            wrong.watch(poller)
+            assert poller.poll(WAIT_S * 1000)
+            wrong.turn(0.0)
+        assert wrong.failure == "the peer refused our key"
+        assert list(wrong.replies()) == []
+    finally:
+        wrong.close()
+        context.term()
+
+
+# --- a mixed team
+
+
+def test_a_mixed_team_says_which_links_are_open(locked):
+    hall = locked("titan", "io")
+    titan, _, titan_saw = hall.node("titan")
+    io, _, saw = hall.node("io")
+    callisto, _, callisto_saw = hall.node("callisto", keys=None)
+    callisto.publish("/pose", b"unprotected")
+    titan.publish("/map", b"grid")
+    assert pull(titan_saw, titan, "callisto").messages == 1
+    assert pull(saw, io, "titan").messages == 2
+    assert pull(callisto_saw, callisto, "titan").messages == 1
+    assert io.latest("callisto", "/pose").data == b"unprotected"
+    protected = {
+        (node.name, peer): link.protected
+        for node in (titan, io, callisto)
+        for peer, link in node.links().items()
+    }
+    assert protected == {
+        ("titan", "io"): True,
+        ("io", "titan"): True,
+        ("titan", "callisto"): False,
+        ("io", "callisto"): False,
+        ("callisto", "titan"): False,
+        ("callisto", "io"): False,
+    }
+
+
+def test_an_original_node_in_a_team_with_keys(locked):
+    hall = locked("titan", "io")
+    with original.Original(hall.field.team, "callisto", now_s=hall.field.clock.now_s) as old:
+        old.publish("/pose", b"old")
+        titan, _, titan_saw = hall.node("titan")
+        titan.publish("/map", b"grid")
+        assert pull(titan_saw, titan, "callisto").messages == 1
+        assert titan.latest("callisto", "/pose").data == b"old"
+        assert old.pull("titan").ended
+        assert old.data("titan", "/map") == b"grid"
+        assert not titan.links()["callisto"].protected
+        assert titan.links()["io"].protected
+
+
+def test_an_old_client_does_not_enter_a_port_with_a_key(locked):
+    hall = locked(*NAMES)
+    titan, _, _ = hall.node("titan")
+    titan.publish("/map", b"grid")
+    with zmq.Context() as context, context.socket(zmq.REQ) as client:
+        client.setsockopt(zmq.LINGER, 0)
+        client.connect(f"tcp://{hall.field.host}:{titan.robot.port_for('io')}")
+        client.send(b"idididGHEAD")
+        assert not client.poll(200)
+    io, _, saw = hall.node("io")
+    assert pull(saw, io, "titan").messages == 1
+
+
+def test_a_robot_without_the_others_keys_is_told_why(locked):
+    """Its team file is older: it knows of no keys."""
+    hall = locked(*NAMES)
+    titan, _, _ = hall.node("titan")
+    titan.publish("/map", b"grid")
+    without = {name: {"key": None} for name in NAMES}
+    hall.field.team = hall.field.team.with_robots(without)
+    io, _, saw = hall.field.node("io", timeout_s=0.5)
+    io.sync("titan")
+    broken = saw.wait(SyncTimedOut, peer="titan", direction=IN)
+    assert "the peer wants a key" in broken.reason
+    assert io.messages() == []
+
+
+# --- whose message it is
+
+
+def relayed(hall: Locked, *, forged: bytes | None = None) -> tuple[Node, Witness]:
+    """callisto's message gets to io through titan, which may put one of its own in its place."""
+    callisto, _, _ = hall.node("callisto")
+    callisto.publish("/pose", b"of callisto")
+    titan, _, titan_saw = hall.node("titan")
+    assert pull(titan_saw, titan, "callisto").messages == 1
+    if forged is not None:
+        plant(titan, forged)
+    io, _, saw = hall.node("io")
+    pull(saw, io, "titan")
+    return io, saw
+
+
+def plant(node: Node, data: bytes, *, sign: Callable[[bytes], bytes] | None = None) -> None:
+    """A later message of callisto, made by this node."""
+    robot, topic = node.team.robot("callisto"), node.team.topic("callisto", "/pose")
+    database = node._gossip.database
+    stamp_ms = database.newest(robot.robot_id, topic.topic_id).stamp_ms + 1
+    body = payload.pack(topic.dtype, topic.priority, data, stamp_ms=stamp_ms, sign=sign)
+    header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
+    record = type(database.newest(robot.robot_id, topic.topic_id))(
+        header, topic.priority, body, stamp_ms, node.clock.now_s()
+    )
+    assert database.insert(record, node.clock.now_s())
+
+
+@pytest.mark.parametrize("trust", ["relays", "signed"])
+def test_signed_messages_over_a_relay(locked, trust):
+    io, _ = relayed(locked(*NAMES, trust=trust))
+    assert io.latest("callisto", "/pose").data == b"of callisto"
+    assert io.links()["titan"].refused == 0
+
+
+@pytest.mark.parametrize("trust", ["relays", "signed"])
+def test_what_a_relay_makes_up(locked, trust):
+    """Without a signature: taken where relays are trusted, refused and counted where not."""
+    io, saw = relayed(locked(*NAMES, trust=trust), forged=b"of titan")
+    if trust == "relays":
+        assert io.latest("callisto", "/pose").data == b"of titan"
+    else:
+        assert io.latest("callisto", "/pose") is None
+        assert io.links()["titan"].refused >= 1
+        assert not [e for e in saw.seen if isinstance(e, MessageStored)]
+
+
+def test_a_signature_of_another_is_none_even_where_relays_are_trusted(locked):
+    hall = locked(*NAMES)
+    callisto, _, _ = hall.node("callisto")
+    callisto.publish("/pose", b"of callisto")
+    titan, _, titan_saw = hall.node("titan")
+    assert pull(titan_saw, titan, "callisto").messages == 1
+    plant(titan, b"of titan", sign=SECRETS["titan"].sign)
+    io, _, saw = hall.node("io")
+    pull(saw, io, "titan")
+    assert io.latest("callisto", "/pose") is None
+    assert io.links()["titan"].refused >= 1
+
+
+def test_a_robot_without_a_key_speaks_for_itself_only(locked):
+    """Where only signed messages are trusted: from itself yes, through a relay no."""
+    hall = locked("titan", "io", trust="signed")
+    callisto, _, _ = hall.node("callisto", keys=None)
+    callisto.publish("/pose", b"unsigned")
+    titan, _, titan_saw = hall.node("titan")
+    assert pull(titan_saw, titan, "callisto").messages == 1
+    assert titan.latest("callisto", "/pose").data == b"unsigned"
+    io, _, saw = hall.node("io")
+    assert pull(saw, io, "titan").messages == 0
+    assert io.latest("callisto", "/pose") is None
+    assert io.links()["titan"].refused >= 1
+    assert pull(saw, io, "callisto").messages == 1
+    assert io.latest("callisto", "/pose").data == b"unsigned"
+
+
+def test_signed_messages_come_back_after_a_restart(locked):
+    hall = locked(*NAMES, trust="signed")
+    with contextlib.ExitStack() as stack:
+        first = Node(hall.field.team, "callisto", radio=ManualRadio(), keys=hall.folder)
+        stack.enter_context(first)
+        first.publish("/pose", b"before")
+        titan, _, titan_saw = hall.node("titan")
+        assert pull(titan_saw, titan, "callisto").messages == 1
+    again, _, saw = hall.node("callisto")
+    assert pull(saw, again, "titan").messages == 1
+    assert again.latest("callisto", "/pose").data == b"before"
+
+
+def test_many_signed_messages_cost_little(locked):
+    hall = locked(*NAMES, trust="signed")
+    titan, _, titan_saw = hall.node("titan")
+    callisto, _, _ = hall.node("callisto")
+    for round_ in range(3):
+        for topic in ("/pose", "/path", "/cloud"):
+            callisto.publish(topic, noise(50_000, round_))
+        assert pull(titan_saw, titan, "callisto").messages == 3
+    assert titan.links()["callisto"].refused == 0
+
+
+# --- the secret
+
+
+def test_a_node_without_its_secret_is_not_made(locked, tmp_path):
+    hall = locked(*NAMES)
+    with pytest.raises(KeyFileError, match="say where its secret is"):
+        Node(hall.field.team, "io")
+    with pytest.raises(KeyFileError, match="cannot read the secret key"):
+        Node(hall.field.team, "io", keys=tmp_path / "nowhere")
+    keys.write(hall.folder / "io.key", "io", SecretKey.generate(), replace=True)
+    with pytest.raises(KeyMismatchError, match="is not the secret of the key"):
+        Node(hall.field.team, "io", keys=hall.folder)
+    secret = hall.folder / "titan.key"
+    secret.chmod(stat.S_IMODE(secret.stat().st_mode) | stat.S_IRGRP)
+    with pytest.raises(KeyFileError, match="others can read"):
+        Node(hall.field.team, "titan", keys=hall.folder)
