@@ -43,7 +43,7 @@ class Past(Protocol):
 
     rtt_s: float | None
     rate_bytes_s: float | None
-    cut: dict[bytes, int]
+    cut: dict[int, int]  # by robot and topic: how often its message was cut, one after the other
 
 
 class ClientSession:
@@ -120,7 +120,7 @@ class ClientSession:
             self._fetched_s = now.steady_s
             self._fetched_bytes += len(frame)
             self._size += _WEIGHT * (len(frame) - self._size)
-            self._memory.cut.pop(header.pack(), None)
+            self._memory.cut.pop(_topic_of(header), None)
             self._store(step, header, body, now)
         else:
             self.rtt_s = now.steady_s - asked_s
@@ -180,7 +180,7 @@ class ClientSession:
             elif header.hangs_old_nodes:
                 step.refusals.append(f"header {header}: original nodes would stop over its time")
             else:
-                found.append((self._memory.cut.get(raw, 0), header))
+                found.append((self._memory.cut.get(_topic_of(header), 0), header))
         # What a contact was too short for comes last: it must not starve the others again.
         found.sort(key=lambda each: each[0])
         self._wanted.extend(header for _, header in found)
@@ -260,6 +260,11 @@ class ClientSession:
         self._wanted.clear()
         self._memory.rate_bytes_s = self.bandwidth_bytes_s or self._memory.rate_bytes_s
         cut = next((header for _, header, _ in self._asked.values() if header), None)
-        if cut:  # what was coming in when the link broke
-            self._memory.cut[cut.pack()] = self._memory.cut.get(cut.pack(), 0) + 1
+        if cut and self.alive_s > self._fetched_s:  # a part of it was here when the link broke
+            topic = _topic_of(cut)
+            self._memory.cut[topic] = self._memory.cut.get(topic, 0) + 1
         step.events.append(SyncTimedOut(self.peer, now.unix_s, Direction.IN, reason))
+
+
+def _topic_of(header: Header) -> int:
+    return header.robot_id << 8 | header.topic_id

@@ -48,7 +48,7 @@ class Memory:
     rate_bytes_s: float | None = None
     udp_rate_bytes_s: float | None = None
     udp_misses: int = 0
-    cut: dict[bytes, int] = field(default_factory=dict)  # headers, how often it was cut in them
+    cut: dict[int, int] = field(default_factory=dict)  # see `client.Past`
 
     @property
     def is_near(self) -> bool:

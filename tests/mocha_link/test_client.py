@@ -244,23 +244,53 @@ def test_it_says_what_it_waits_for(pull):
     assert pull.session.alive_s == 6
 
 
+def cut(pull: Pull) -> None:
+    """A part of the message comes, then nothing any more."""
+    pull.session.progress(at(1.5))
+    pull.take(pull.session.fail("the link is gone", at(2)))
+
+
 def test_a_message_that_was_cut_lets_the_others_go_first():
     """It was too large for the contact: the next one must not begin with it again."""
     first = Pull()
     first.offer(header(0), header(1), header(2))
     first.answer(body())
-    first.take(first.session.fail("the link is gone", at(2)))
-    assert first.memory.cut == {header(1).pack(): 1}
+    cut(first)
     again = Pull(memory=first.memory)
     again.offer(header(1), header(2), header(3))
     assert again.asked == [b"GDATA" + header(i).pack() for i in (2, 3, 1)]
-    again.take(again.session.fail("the link is gone", at(2)))
+    cut(again)
     third = Pull(memory=first.memory)
     third.offer(header(1), header(2), header(3))
     assert third.asked == [b"GDATA" + header(i).pack() for i in (3, 1, 2)]
     for _ in range(3):
         third.answer(body())
     assert third.memory.cut == {}
+
+
+def test_a_topic_that_is_always_too_large_starves_nobody_though_it_is_new_each_time():
+    memory = Memory()
+    for contact in range(3):
+        pull = Pull(memory=memory)
+        large = header(1, age_s=100 - contact)
+        pull.offer(large, header(2), header(3))
+        if contact:
+            assert pull.asked == [b"GDATA" + each.pack() for each in (header(2), header(3), large)]
+            pull.answer(body())
+            pull.answer(body())
+        cut(pull)
+    assert len(memory.cut) == 1
+
+
+def test_what_was_only_asked_for_when_the_link_broke_keeps_its_place():
+    """An urgent message of some bytes is not put behind a map because it was the first to miss."""
+    first = Pull()
+    first.offer(header(0), header(1))
+    first.answer(body())
+    first.take(first.session.fail("the link is gone", at(2)))
+    again = Pull(memory=first.memory)
+    again.offer(header(1), header(2))
+    assert again.asked == [b"GDATA" + header(i).pack() for i in (1, 2)]
 
 
 def test_nothing_more_is_asked_for_beyond_the_budget():
