@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 MAX_REQUEST_BYTES = 65_536 + 1024
 QUEUE_REPLIES = 16  # to one connection that does not read
 QUEUE_REQUESTS = 256  # of one whose replies do not fit in that; further ones are dropped
+IGNORED = 256  # messages in a row that are not for the node
 DEAD_PEER_S = 60
 DATAGRAM_BYTES = 1500
 DATAGRAM_BUFFER_BYTES = 1024 * 1024
@@ -77,13 +78,16 @@ class Port:
         self.socket.setsockopt(zmq.TCP_KEEPALIVE_INTVL, DEAD_PEER_S // 6)
         self.socket.setsockopt(zmq.TCP_KEEPALIVE_CNT, 3)
         self.socket.setsockopt(zmq.TCP_MAXRT, DEAD_PEER_S * 1000)
-        if secret:
-            protect_port(self.socket, secret, peer)
         try:
+            if secret:
+                protect_port(self.socket, secret, peer)
             self.socket.bind(f"tcp://{me.listen}:{number}")
         except zmq.ZMQError as error:
             self.socket.close(0)
             raise _listen_error(me, peer, number, error) from None
+        except BaseException:
+            self.socket.close(0)
+            raise
         self._datagrams = _datagram_socket(me, number)
 
     def watch(self, poller: zmq.Poller) -> None:
@@ -102,7 +106,7 @@ class Port:
 
         Those of a connection that has not taken its last reply wait, see `resumed`.
         """
-        while True:
+        for _ in range(IGNORED):  # then the others have their turn
             try:
                 frames = self.socket.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
@@ -115,6 +119,7 @@ class Port:
                     return route, parts
                 if len(late.requests) < QUEUE_REQUESTS:
                     late.requests.append(parts)
+        return None
 
     @property
     def is_late(self) -> bool:

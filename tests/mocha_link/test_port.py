@@ -14,6 +14,8 @@ import pytest
 import zmq
 
 from mocha_link import letters, sync
+from mocha_link import port as port_module
+from mocha_link.curve import CurveUnavailableError
 from mocha_link.letters import Have
 from mocha_link.metrics import Direction, SyncEnded
 from mocha_link.port import (
@@ -396,3 +398,38 @@ def test_a_closed_port_is_free_when_its_context_is_gone(titan, clients):
                 port.push(route, LARGE)
         context.term()
         client.close(0)
+
+
+def test_somebody_who_never_stops_does_not_keep_the_node(port, monkeypatch):
+    """Messages without an envelope, faster than they are read."""
+
+    class Flood:
+        left = 10_000
+
+        def recv_multipart(self, _flags: int) -> list[bytes]:
+            assert self.left, "it goes on and on"
+            self.left -= 1
+            return [b"somebody", b""]
+
+        def close(self, _linger: int) -> None:
+            pass
+
+    with contextlib.closing(port.socket):
+        monkeypatch.setattr(port, "socket", Flood())
+        assert port.receive() is None
+
+
+def test_a_port_that_cannot_be_protected_leaves_no_socket(titan, monkeypatch):
+    """An open socket would keep the context from its end for ever."""
+    context = zmq.Context()
+
+    def refuse(*_: object) -> None:
+        raise CurveUnavailableError("built without CURVE")
+
+    monkeypatch.setattr(port_module, "protect_port", refuse)
+    with pytest.raises(CurveUnavailableError) as _kept_with_its_traceback:
+        Port(context, titan, "io", object())
+    ending = threading.Thread(target=context.term, daemon=True)
+    ending.start()
+    ending.join(WAIT_MS / 1000)
+    assert not ending.is_alive()
