@@ -112,16 +112,21 @@ class Node:
         self._settling = True  # nobody to tell yet
         self._peer_keys = _peer_keys(team, robot) if self._secret else {}
         self._storage = Storage(storage, on_fault=self._fault) if storage else None
-        self._gossip = Gossip(
-            team,
-            name,
-            by_timer=radio is None,
-            timeout_s=timeout_s,
-            database=Database(partial(history_of, team), self._storage),
-            signer=Signer(self._secret, robot) if self._secret else None,
-            datagrams=datagrams,
-            protected=self._peer_keys,
-        )
+        try:
+            self._gossip = Gossip(
+                team,
+                name,
+                by_timer=radio is None,
+                timeout_s=timeout_s,
+                database=Database(partial(history_of, team), self._storage),
+                signer=Signer(self._secret, robot) if self._secret else None,
+                datagrams=datagrams,
+                protected=self._peer_keys,
+            )
+        except BaseException:
+            if self._storage:
+                self._storage.close()
+            raise
         self._settling = False
         if self._storage and self._storage.fault:
             self._fault(self._storage.fault)
@@ -240,7 +245,7 @@ class Node:
 
     def messages(self) -> list[Message]:
         """The newest message of every topic of every robot, most urgent first."""
-        return [self._message(record) for record in self._gossip.database.records()]
+        return [self._message(r) for r in self._gossip.database.records() if self._is_ours(r)]
 
     def history(self, robot: str, topic: str) -> list[Message]:
         """The messages of a topic that are kept, newest first (`history` in the team file).
@@ -265,8 +270,12 @@ class Node:
         Begin with 0. Versions that are not kept any longer are left out. With `limit` the first so
         many of them; go on with the last one's number.
         """
-        found = self._gossip.database.numbered_since(sequence, limit)
-        return [(number, self._message(record)) for number, record in found]
+        while True:
+            found = self._gossip.database.numbered_since(sequence, limit)
+            ours = [(number, self._message(r)) for number, r in found if self._is_ours(r)]
+            if ours or not found:
+                return ours
+            sequence = found[-1][0]
 
     def links(self) -> dict[str, LinkMetrics]:
         """The state of the link to every peer, by its name."""
@@ -305,6 +314,11 @@ class Node:
         with self._lock:
             self._gossip.heard(peer, reading, self._now())
         self._wake()
+
+    def _is_ours(self, record: Record) -> bool:
+        """Whether the team knows what it is; a storage may have more, of another team file."""
+        header = record.header
+        return self.team.by_ids(header.robot_id, header.topic_id) is not None
 
     def _message(self, record: Record) -> Message:
         known = self.team.by_ids(record.header.robot_id, record.header.topic_id)

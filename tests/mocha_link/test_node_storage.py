@@ -1,0 +1,355 @@
+"""Nodes with a file: what survives a restart, and what happens when the file cannot be used."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import sqlite3
+import threading
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from mocha_link import node as node_module
+from mocha_link import storage_file
+from mocha_link.database import Database
+from mocha_link.document import Document
+from mocha_link.keys import KeyMismatchError
+from mocha_link.metrics import (
+    Direction,
+    MessageStored,
+    StorageFailed,
+    StorageRecovered,
+    SyncEnded,
+)
+from mocha_link.node import Node
+from mocha_link.radios import ManualRadio
+from mocha_link.storage import Storage
+from mocha_link.team import Team
+from tests.mocha_link.conftest import TEAM, Field, Witness
+
+IN, OUT = Direction.IN, Direction.OUT
+TRAILS = TEAM.replace("priority: medium}", "priority: medium, history: 3}")
+
+
+@pytest.fixture
+def file(tmp_path) -> Path:
+    return tmp_path / "titan.db"
+
+
+@contextlib.contextmanager
+def running(field: Field, name: str, **options: object) -> Iterator[tuple[Node, Witness]]:
+    """A node for some lines; a process that ends and comes again."""
+    node = Node(field.team, name, **{"radio": ManualRadio(), "clock": field.clock, **options})
+    witness = Witness(node)
+    with node:
+        yield node, witness
+
+
+def pull(node: Node, saw: Witness, peer: str) -> SyncEnded:
+    node.sync(peer)
+    return saw.wait(SyncEnded, peer=peer, direction=IN)
+
+
+# --- what survives
+
+
+def test_messages_survive_a_restart(field_of, file):
+    field = field_of(TRAILS)
+    io, _, _ = field.node("io")
+    for number in range(4):
+        io.publish("/path", b"%d" % number)
+    with running(field, "titan", storage=file) as (titan, saw):
+        titan.publish("/map", b"grid")
+        titan.publish("/map", b"grid 2")
+        assert pull(titan, saw, "io").messages == 3
+        before = titan.messages()
+        stored = titan.stored_since(0)
+        epoch = titan.epoch
+    with running(field, "titan", storage=file) as (titan, saw):
+        assert titan.messages() == before
+        assert titan.latest("titan", "/map").data == b"grid 2"
+        assert [m.data for m in titan.history("io", "/path")] == [b"3", b"2", b"1"]
+        assert titan.stored_since(0) == stored  # other programs go on where they were
+        assert titan.epoch == epoch
+        ended = pull(titan, saw, "io")
+        assert (ended.messages, ended.complete) == (0, True)
+        titan.publish("/map", b"grid 3")
+        assert titan.stored_since(stored[-1][0])[0][1].data == b"grid 3"
+
+
+def test_what_a_peer_has_offered_is_not_listed_again(field, file):
+    """Knowing up to where the peer was heard is on disk, too, so the next pull says little."""
+    io, _, _ = field.node("io")
+    io.publish("/pose", b"here")
+    with running(field, "titan", storage=file) as (titan, saw):
+        pull(titan, saw, "io")
+        knowledge = titan._gossip.database.knowledge("io")
+        assert knowledge is not None
+    with running(field, "titan", storage=file) as (titan, saw):
+        assert titan._gossip.database.knowledge("io") == knowledge
+        pull(titan, saw, "io")
+
+
+@pytest.mark.parametrize("behind_s", [0.0, 3600.0, -3600.0])
+def test_no_stamp_is_used_twice(field, file, behind_s):
+    """Whatever the clock says after a restart, what is said later is the newer one, everywhere."""
+    with running(field, "titan", storage=file) as (titan, _):
+        headers = [titan.publish("/map", b"before %d" % number) for number in range(3)]
+        last = titan.latest("titan", "/map")
+    io, _, saw = field.node("io")
+    field.clock.time_s -= behind_s
+    with running(field, "titan", storage=file) as (titan, _):
+        headers.append(titan.publish("/map", b"after"))
+        message = titan.latest("titan", "/map")
+        assert message.data == b"after"
+        assert message.stamp_s > last.stamp_s
+        assert pull(io, saw, "titan").messages == 1
+    assert len(set(headers)) == 4
+    assert io.latest("titan", "/map").data == b"after"
+
+
+def test_a_restart_loses_nothing_for_a_peer_that_had_a_part(field, file):
+    """The relay comes back with its file: what it took from one it gives to the other."""
+    callisto, _, _ = field.node("callisto")
+    callisto.publish("/pose", b"of callisto")
+    with running(field, "titan", storage=file) as (titan, saw):
+        pull(titan, saw, "callisto")
+    io, _, saw = field.node("io")
+    with running(field, "titan", storage=file):
+        assert pull(io, saw, "titan").messages == 1
+    assert io.latest("callisto", "/pose").data == b"of callisto"
+
+
+def test_what_has_been_published_is_on_disk(field, file, tmp_path):
+    """When publish returns: a copy of the file at that moment has it."""
+    with running(field, "titan", storage=file) as (titan, _):
+        for number in range(5):
+            titan.publish("/map", b"grid %d" % number)
+            copy = tmp_path / f"copy{number}.db"
+            for suffix in ("", "-wal"):
+                with contextlib.suppress(FileNotFoundError):
+                    shutil.copy(f"{file}{suffix}", f"{copy}{suffix}")
+            assert newest_in(copy).endswith(titan.messages()[0].header.pack())
+
+
+def newest_in(path: Path) -> bytes:
+    storage = Storage(path)
+    with contextlib.closing(storage):
+        (record,) = Database(storage=storage).records()
+        return record.header.pack()
+
+
+def test_a_message_that_waits_for_its_interval_is_not_waited_for(field, file):
+    with running(field, "titan", storage=file) as (titan, _):
+        titan.publish("/slow", b"1")
+        titan.publish("/slow", b"2")  # held
+    with running(field, "titan", storage=file) as (titan, _):
+        assert titan.latest("titan", "/slow").data == b"1"
+        titan.publish("/slow", b"3")
+        assert titan.latest("titan", "/slow").data == b"3"
+
+
+def test_a_listener_may_publish(field, file):
+    """It runs on the node's thread, which must not wait for the disk."""
+    with running(field, "titan", storage=file) as (titan, saw):
+        titan.subscribe(
+            lambda event: (
+                titan.publish("/slow", b"heard", now=True)
+                if isinstance(event, MessageStored) and event.topic == "/map"
+                else None
+            )
+        )
+        titan.publish("/map", b"grid")
+        saw.wait(MessageStored, topic="/slow")
+    with running(field, "titan", storage=file) as (titan, _):
+        assert titan.latest("titan", "/slow").data == b"heard"
+
+
+def test_a_team_that_has_lost_a_topic(field, file):
+    """What the file has of it is there no more; all else is."""
+    with running(field, "titan", storage=file) as (titan, _):
+        titan.publish("/slow", b"old topic")
+        titan.publish("/map", b"grid")
+    shorter = field.team.dump().replace("  - name: /slow\n", "  - name: /dropped\n")
+    assert shorter != field.team.dump()
+    lines = shorter.splitlines(keepends=True)
+    begin = next(i for i, line in enumerate(lines) if "/dropped" in line)
+    end = next(
+        i
+        for i, line in enumerate(lines[begin + 1 :], begin + 1)
+        if "- name:" in line or not line.startswith(" " * 4)
+    )
+    field.team = Team.from_document(
+        Document.from_text("".join(lines[:begin] + lines[end:]), Path("team.yaml"))
+    )
+    io, _, saw = field.node("io")
+    with running(field, "titan", storage=file) as (titan, _):
+        assert [message.data for message in titan.messages()] == [b"grid"]
+        for limit in (None, 1, 2):
+            assert [message.data for _, message in titan.stored_since(0, limit)] == [b"grid"]
+        assert pull(io, saw, "titan").messages == 1
+    assert [message.data for message in io.messages()] == [b"grid"]
+
+
+# --- files that cannot be used
+
+
+def no_folder(file: Path) -> Path:
+    return file.parent / "nowhere" / "titan.db"
+
+
+def no_database(file: Path) -> Path:
+    file.write_bytes(b"something else entirely\n" * 1000)
+    return file
+
+
+def of_another_program(file: Path) -> Path:
+    with contextlib.closing(sqlite3.connect(file)) as connection:
+        connection.execute("CREATE TABLE theirs (a)")
+        connection.commit()
+    return file
+
+
+def a_folder(file: Path) -> Path:
+    file.mkdir()
+    return file
+
+
+@pytest.mark.parametrize("spoil", [no_folder, no_database, of_another_program, a_folder])
+def test_a_file_that_cannot_be_used_is_told_and_done_without(field, file, spoil):
+    path = spoil(file)
+    content = path.read_bytes() if path.is_file() else None
+    with running(field, "titan", storage=path) as (titan, saw):
+        failed = saw.wait(StorageFailed)
+        assert failed.peer == "titan"
+        assert failed.at_s == field.clock.now_s()
+        assert str(path) in failed.reason or str(path.parent) in failed.reason
+        titan.publish("/map", b"grid")  # does not wait for a disk that is not there
+        assert titan.latest("titan", "/map").data == b"grid"
+        io, _, io_saw = field.node("io")
+        assert pull(io, io_saw, "titan").messages == 1
+    if content is not None:
+        assert path.read_bytes() == content  # what is there is left as it is
+
+
+def test_two_nodes_do_not_share_a_file(field, file):
+    with running(field, "titan", storage=file) as (titan, _):
+        titan.publish("/map", b"grid")
+        with running(field, "io", storage=file) as (io, saw):
+            assert "titan.db" in saw.wait(StorageFailed).reason
+            io.publish("/pose", b"here")
+            assert pull(io, saw, "titan").messages == 1
+    with running(field, "titan", storage=file) as (titan, _):
+        assert [message.topic for message in titan.messages()] == ["/map"]
+
+
+class Disk:
+    """A disk that can be full, or slow."""
+
+    def __init__(self) -> None:
+        self.full = False
+        self.free = threading.Event()
+        self.free.set()
+
+    def connect(self, path: Path) -> sqlite3.Connection:
+        disk = self
+
+        class Connection(sqlite3.Connection):
+            def commit(self) -> None:
+                disk.free.wait(20)
+                if disk.full:
+                    raise sqlite3.OperationalError("database or disk is full")
+                super().commit()
+
+            def execute(self, sql: str, *args: object) -> sqlite3.Cursor:
+                if sql.lstrip().upper().startswith("COMMIT"):
+                    disk.free.wait(20)
+                if disk.full and sql.lstrip().upper().startswith(("INSERT", "COMMIT", "REPLACE")):
+                    raise sqlite3.OperationalError("database or disk is full")
+                return super().execute(sql, *args)
+
+            def executemany(self, sql: str, *args: object) -> sqlite3.Cursor:
+                if disk.full:
+                    raise sqlite3.OperationalError("database or disk is full")
+                return super().executemany(sql, *args)
+
+        real = storage_file.connect(path)
+        real.close()
+        return sqlite3.connect(
+            path, factory=Connection, check_same_thread=False, isolation_level=None
+        )
+
+
+@pytest.fixture
+def disk(monkeypatch) -> Disk:
+    disk = Disk()
+    quick = partial(Storage, connect=disk.connect, retry_s=0.01)
+    monkeypatch.setattr(node_module, "Storage", quick)
+    return disk
+
+
+def test_a_disk_that_is_full_for_a_while(field, file, disk):
+    with running(field, "titan", storage=file) as (titan, saw):
+        titan.publish("/map", b"before")
+        disk.full = True
+        titan.publish("/map", b"meanwhile")
+        assert "full" in saw.wait(StorageFailed).reason
+        titan.publish("/slow", b"meanwhile, too")
+        assert titan.latest("titan", "/map").data == b"meanwhile"
+        io, _, io_saw = field.node("io")
+        assert pull(io, io_saw, "titan").messages == 2
+        disk.full = False
+        assert saw.wait(StorageRecovered) == StorageRecovered("titan", field.clock.now_s())
+        assert len([e for e in saw.seen if isinstance(e, StorageFailed)]) == 1
+    with running(field, "titan", storage=file) as (titan, _):
+        assert titan.latest("titan", "/map").data == b"meanwhile"
+        assert titan.latest("titan", "/slow").data == b"meanwhile, too"
+
+
+def test_closing_does_not_wait_for_a_disk_that_hangs(field, file, disk, monkeypatch):
+    titan = Node(field.team, "titan", radio=ManualRadio(), clock=field.clock, storage=file)
+    titan.start()
+    titan.publish("/map", b"grid")
+    disk.free.clear()
+    publishing = threading.Thread(target=titan.publish, args=("/map", b"grid 2"))
+    publishing.start()
+    begin = time.monotonic()
+    titan.close()
+    assert time.monotonic() - begin < 2
+    disk.free.set()
+    publishing.join(20)
+    assert not publishing.is_alive()
+    titan._storage._thread.join(20)
+
+
+def test_a_node_that_cannot_be_made_gives_up_its_file(field, file):
+    """The key of a robot that is nobody's peer is none: all that was begun ends."""
+    bad = {"callisto": {"key": "0" * 40, "clients": ["io"]}, "titan": {"clients": ["io"]}}
+    field.team = field.team.with_robots(bad)
+    with pytest.raises(KeyMismatchError):
+        Node(field.team, "titan", storage=file)
+
+
+def test_it_is_written_while_others_read(field, file):
+    """Any thread: publishing with a file from several at once."""
+    with running(field, "titan", storage=file) as (titan, _):
+
+        def publish(topic: str) -> None:
+            for number in range(20):
+                titan.publish(topic, b"%d" % number, now=True)
+
+        threads = [threading.Thread(target=publish, args=(t,)) for t in ("/map", "/slow")]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(20)
+        assert {m.data for m in titan.messages()} == {b"19"}
+    with running(field, "titan", storage=file) as (titan, _):
+        assert {(m.topic, m.data) for m in titan.messages()} == {
+            ("/map", b"19"),
+            ("/slow", b"19"),
+        }
