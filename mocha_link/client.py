@@ -50,7 +50,7 @@ class ClientSession:
     """Pulls from one peer, once: GHEAD, a window of GDATA, DENDT.
 
     Every message is stored as it arrives, so a session that breaks off leaves whole messages.
-    Make one per pull; it is `over` when it has ended or broken off.
+    Make one per pull; it is `over` when it has ended or broken off, `broken` in the latter case.
 
     Args:
         memory: what is known of the way; it learns which message was cut.
@@ -72,7 +72,7 @@ class ClientSession:
         budget: int = 0,
     ) -> None:
         self.peer = peer
-        self.over = False
+        self.over = self.broken = False
         self.bytes_in = 0
         self.rtt_s: float | None = None
         self._own = own
@@ -256,7 +256,7 @@ class ClientSession:
         )
 
     def _fail(self, step: Step, reason: str, now: Instant) -> None:
-        self.over = True
+        self.over = self.broken = True
         self._wanted.clear()
         self._memory.rate_bytes_s = self.bandwidth_bytes_s or self._memory.rate_bytes_s
         cut = next((header for _, header, _ in self._asked.values() if header), None)

@@ -71,9 +71,13 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class HangUp:
-    """Close the connection to a peer when what was sent on it is out."""
+    """Close the connection to a peer: when what was sent on it is out, or at once if it is `void`.
+
+    What the kernel repeated of a pull that broke off would get there in the midst of the next one.
+    """
 
     peer: str
+    void: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,6 +281,13 @@ class Gossip:
         if pull:
             pull.progress(now)
 
+    def leaves(self, peer: str) -> bool:
+        """Whether the connection to a peer is to be closed, as soon as somebody does it.
+
+        Nothing more of it must be handed in: the peer's pull may be another one already.
+        """
+        return any(isinstance(each, HangUp) and each.peer == peer for each in self._actions)
+
     def measured(self, peer: str, rtt_s: float) -> None:
         """The round trip of the connection to a peer."""
         pull = self._pulls.get(peer)
@@ -374,7 +385,7 @@ class Gossip:
                 bandwidth_bytes_s=pull.bandwidth_bytes_s,
                 path=pull.path,
             )
-            self._actions.append(HangUp(peer))
+            self._actions.append(HangUp(peer, pull.broken or pull.path == "udp"))
             if pull.flow and pull.path == "udp":
                 self._cast(peer, pull.flow.transmit(now.steady_s))
                 self._ending[peer] = (pull.flow, now.steady_s + LINGER_S)

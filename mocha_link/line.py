@@ -28,6 +28,7 @@ _READ_BYTES = 256 * 1024
 _READS = 16  # in a row, so that no peer starves the others
 _QUEUE_REPLIES = 16
 _LINGER_MS = 300
+_AT_ONCE = struct.pack("ii", 1, 0)  # struct linger
 _RTT_AT, _RECEIVED_AT = 68, 128  # of struct tcp_info, linux/tcp.h (since 4.1): u32 us, u64
 
 _FAILURES: dict[int, str] = {
@@ -71,6 +72,9 @@ class Line(Protocol):
 
     def close(self) -> None:
         """Close when what was sent is out, without waiting for it."""
+
+    def abort(self) -> None:
+        """Close at once: what was sent and is not out yet shall not come late."""
 
 
 class TcpLine:
@@ -156,6 +160,11 @@ class TcpLine:
     def close(self) -> None:
         """Close when what was sent is out."""
         self._socket.close()
+
+    def abort(self) -> None:
+        """Close at once: what was sent and is not out yet shall not come late."""
+        _reset(self._socket)
+        self.close()
 
     def _is_connected(self) -> bool:
         error = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
@@ -303,11 +312,17 @@ class CurveLine:
         with _borrowed(self._fd, self._port) as connection:
             return _rtt_s(connection)
 
-    def close(self) -> None:
+    def close(self, linger_ms: int = _LINGER_MS) -> None:
         """Close when what was sent is out, or after 0.3 s."""
         self._socket.disable_monitor()
         self._monitor.close(0)
-        self._socket.close(_LINGER_MS)
+        self._socket.close(linger_ms)
+
+    def abort(self) -> None:
+        """Close at once: what was sent and is not out yet shall not come late."""
+        with _borrowed(self._fd, self._port) as connection:
+            _reset(connection)
+        self.close(0)
 
 
 @contextlib.contextmanager
@@ -337,6 +352,13 @@ def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int
     except (OSError, AttributeError, struct.error):  # closed, or not Linux
         return None
     return value
+
+
+def _reset(connection: socket.socket | None) -> None:
+    """Have the kernel forget what is not out when the connection is closed, not repeat it."""
+    if connection is not None:
+        with contextlib.suppress(OSError):  # closed already
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
 
 
 def _rtt_s(connection: socket.socket | None) -> float | None:

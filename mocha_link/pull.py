@@ -78,6 +78,8 @@ class Means:
 class Pull:
     """Brings over everything that is new at a peer; make one per pull, it is `over` at its end.
 
+    It is `broken` as well if it broke off.
+
     Args:
         original: the peer is known to run the original node: do not try anything newer.
         datagrams: there is a socket for them.
@@ -98,6 +100,7 @@ class Pull:
     ) -> None:
         self.peer = peer
         self.over = False
+        self.broken = False
         self.path: Path | None = "original" if original else None
         self.alive_s = 0.0
         self.flow: Flow | None = None
@@ -223,7 +226,7 @@ class Pull:
         """Break off for a reason that is known outside, e.g. a closed connection."""
         if self.over:
             return Step()
-        self.over = True
+        self.over = self.broken = True
         self._learn()
         if self.path in ("original", None):
             return self._session.fail(reason, now)
@@ -277,7 +280,7 @@ class Pull:
     def _reply_of_original(self, parts: Sequence[bytes], now: Instant) -> Step:
         step = self._session.reply(parts, now)
         self.alive_s = self._session.alive_s
-        self.over = self._session.over
+        self.over, self.broken = self._session.over, self._session.broken
         return step
 
     def _refuse(self, why: str, now: Instant) -> Step:

@@ -244,22 +244,19 @@ class Transport:
         arrived = line.turn(now.steady_s)
         rtt_s = line.rtt_s() if arrived else None
         with self._lock:
-            if arrived:
-                self._gossip.progress(peer, now)
-            if rtt_s is not None:
-                self._gossip.measured(peer, rtt_s)
-            for parts in line.replies():
-                self._gossip.reply(peer, parts, self._now())
+            if not self._gossip.leaves(peer):  # another thread may have begun a new pull
+                if arrived:
+                    self._gossip.progress(peer, now)
+                if rtt_s is not None:
+                    self._gossip.measured(peer, rtt_s)
+                for parts in line.replies():
+                    self._gossip.reply(peer, parts, self._now())
+                if line.failure and not self._gossip.leaves(peer):
+                    self._gossip.lost(peer, line.failure, now)
         self._act()
-        if self._lines.get(peer) is not line:
-            return
-        if line.failure:
-            with self._lock:
-                self._gossip.lost(peer, line.failure, now)
-            self._act()
         if self._lines.get(peer) is line:
             if line.failure:
-                self._hang_up(peer)
+                self._hang_up(peer, void=True)
             else:
                 line.watch(self._poller)
 
@@ -275,7 +272,7 @@ class Transport:
         peer = action.peer
         match action:
             case Dial():
-                self._hang_up(peer)
+                self._hang_up(peer, void=True)
                 self._lines[peer] = []
             case Send():
                 line = self._lines.get(peer)
@@ -286,7 +283,7 @@ class Transport:
                     line.send(action.frame)
                     line.watch(self._poller)
             case HangUp():
-                self._hang_up(peer)
+                self._hang_up(peer, void=action.void)
             case Reply():
                 self._ports[peer].reply(action.route, action.frame)
             case Cast():
@@ -320,11 +317,14 @@ class Transport:
             return CurveLine(self._context, address, port, own=self._secret, peer=self._keys[peer])
         return TcpLine(address, port)
 
-    def _hang_up(self, peer: str) -> None:
+    def _hang_up(self, peer: str, *, void: bool) -> None:
         line = self._lines.pop(peer, None)
         if line and not isinstance(line, list):
             line.forget(self._poller)
-            line.close()
+            if void:
+                line.abort()
+            else:
+                line.close()
 
     def _cast(self, peer: str, packet: bytes) -> None:
         robot = self._team.robot(peer)
@@ -341,7 +341,7 @@ class Transport:
 
     def _close_all(self) -> None:
         for peer in list(self._lines):
-            self._hang_up(peer)
+            self._hang_up(peer, void=True)
         if self._gate:
             self._gate.close()
         for port in self._ports.values():
