@@ -49,7 +49,7 @@ def today(stamp_ms: int, latest_ms: int) -> int:
     It is from beyond `latest_ms`, because our clock was set back since, or from a clock that was
     not set at all.
     """
-    if stamp_ms > latest_ms or stamp_ms < _UNSET_MS <= latest_ms:
+    if stamp_ms > latest_ms or stamp_ms < _UNSET_MS:
         return latest_ms - (latest_ms - stamp_ms) % WRAP_MS
     return stamp_ms
 
@@ -100,8 +100,7 @@ class Floors:
         seen = latest_ms - (latest_ms - fields[:, 1] * 1000 - milliseconds) % WRAP_MS
         floors = self._view[fields[:, 0]]
         # As `follows` does.
-        strange = (floors > latest_ms) | ((floors < _UNSET_MS) & (latest_ms >= _UNSET_MS))
-        strange &= floors >= 0
+        strange = (floors > latest_ms) | ((floors < _UNSET_MS) & (floors >= 0))
         stored = np.where(strange, latest_ms - (latest_ms - floors) % WRAP_MS, floors)
         apart = np.abs(seen - stored)
         border_ms, far_ms = _turn(latest_ms)
