@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import zmq
 
+from mocha_link.actions import Cast, CastBack, Dial, HangUp, Reply, Send
 from mocha_link.curve import Gatekeeper
-from mocha_link.gossip import Cast, CastBack, Dial, HangUp, Reply, Send
 from mocha_link.line import CurveLine, Line, TcpLine
 from mocha_link.port import Port
 from mocha_link.resolver import Resolver
@@ -20,8 +20,9 @@ from mocha_link.seal import Seal
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from mocha_link.actions import Action
     from mocha_link.clock import Instant
-    from mocha_link.gossip import Action, Gossip
+    from mocha_link.gossip import Gossip
     from mocha_link.keys import PublicKey, SecretKey
     from mocha_link.link_events import LinkEvent
     from mocha_link.server import Route

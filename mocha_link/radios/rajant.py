@@ -31,7 +31,7 @@ LOG = logging.getLogger("mocha_link")
 class RajantRadio:
     """Reports what a monitor prints.
 
-    ``rajant://10.229.221.1?jar=/usr/local/lib/monitor.jar`` runs ``java -jar JAR ADDRESS``, as MOCHA
+    ``rajant://10.229.221.1?jar=/usr/lib/monitor.jar`` runs ``java -jar JAR ADDRESS``, as MOCHA
     does; ``rajant://host:port`` reads the same output over TCP. Either begins anew when it ends.
 
     Args:

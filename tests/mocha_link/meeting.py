@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mocha_link.actions import Cast, CastBack, Dial, HangUp, Reply, Send
 from mocha_link.clock import Instant
-from mocha_link.gossip import Cast, CastBack, Dial, Gossip, HangUp, Reply, Send
+from mocha_link.gossip import Gossip
 from tests.mocha_link import original
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mocha_link.gossip import Action
+    from mocha_link.actions import Action
     from mocha_link.link_events import LinkEvent
     from mocha_link.team import Team
 

@@ -24,7 +24,10 @@ def test_every_key_is_documented_with_its_default(model):
             assert rows[name] == "none"
         else:
             shown = rows[name].strip('`"')
-            assert shown in (str(field.default), str(field.default).lower()) or float(shown) == field.default
+            assert (
+                shown in (str(field.default), str(field.default).lower())
+                or float(shown) == field.default
+            )
 
 
 def test_the_examples_are_teams():

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mocha_link.gossip import Dial, HangUp, Send
+from mocha_link.actions import Dial, HangUp, Send
 from mocha_link.metrics import (
     ContactBegan,
     LinkState,

@@ -10,8 +10,9 @@ import threading
 import pytest
 import zmq
 
+from mocha_link.actions import Dial, HangUp
 from mocha_link.clock import Instant
-from mocha_link.gossip import Dial, Gossip, HangUp
+from mocha_link.gossip import Gossip
 from mocha_link.line import CurveLine, TcpLine
 from mocha_link.metrics import SyncTimedOut
 from mocha_link.transport import Transport

@@ -29,9 +29,9 @@ from mocha_link.metrics import (
 )
 from mocha_link.node import Node, NodeClosedError
 from mocha_link.payload import PayloadError
+from mocha_link.port import ListenError, PortInUseError
 from mocha_link.radios import ManualRadio, RadioError, UdpRadio
 from mocha_link.team import UnknownRobotError, UnknownTopicError
-from mocha_link.port import ListenError, PortInUseError
 
 IN, OUT = Direction.IN, Direction.OUT
 WAIT_MS = 20_000

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from mocha_link.actions import Dial
 from mocha_link.document import Document
-from mocha_link.gossip import LEAST_BUDGET, Dial
+from mocha_link.gossip import LEAST_BUDGET
 from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.pull import MAX_MISSES, RETRY_EVERY
 from mocha_link.team import Team

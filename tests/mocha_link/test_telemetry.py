@@ -8,8 +8,8 @@ import threading
 import pytest
 import zmq
 
-from mocha_link.telemetry import MetricsError, MetricsServer, watch
 from mocha_link.port import ListenError, PortInUseError
+from mocha_link.telemetry import MetricsError, MetricsServer, watch
 
 
 @pytest.fixture
