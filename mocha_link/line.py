@@ -263,6 +263,7 @@ class CurveLine:
         self._port = port
         self._fd: int | None = None
         self._received = 0
+        self._full = False
         self._socket.connect(f"tcp://{address}:{port}")
 
     def watch(self, poller: zmq.Poller) -> None:
@@ -278,7 +279,8 @@ class CurveLine:
 
     def is_ready(self, ready: set[object], _now_s: float) -> bool:
         """Whether there is something to do."""
-        return self._socket in ready or self._monitor in ready or self.failure is not None
+        failed = self._full or self.failure is not None
+        return failed or self._socket in ready or self._monitor in ready
 
     def turn(self, _now_s: float) -> bool:
         """Take in what ZeroMQ tells about the connection; says whether anything arrived."""
@@ -289,6 +291,8 @@ class CurveLine:
             else:
                 self._fd = None  # the first event says why, those after it only that
                 self.failure = self.failure or _FAILURES.get(event["event"])
+        if self._full:  # if nothing has told a better reason
+            self.failure = self.failure or "the connection takes nothing more"
         before = self._received
         with _borrowed(self._fd, self._port) as connection:
             self._received = _tcp_info(connection, "=Q", _RECEIVED_AT) or before
@@ -296,7 +300,10 @@ class CurveLine:
 
     def send(self, frame: bytes) -> None:
         """Send a request; the empty delimiter makes it one for REP sockets."""
-        self._socket.send_multipart([b"", frame], flags=zmq.NOBLOCK)
+        try:
+            self._socket.send_multipart([b"", frame], flags=zmq.NOBLOCK)
+        except zmq.Again:
+            self._full = True
 
     def replies(self) -> Iterator[list[bytes]]:
         """The body parts of the replies since the last call."""

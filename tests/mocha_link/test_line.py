@@ -505,6 +505,18 @@ def test_a_key_where_none_is_wanted(context):
         assert list(line.replies()) == []
 
 
+def test_a_connection_that_takes_nothing_is_a_failure_not_an_error(hall, context, monkeypatch):
+    """libzmq may have given it up already; that is found out at the next turn."""
+    with contextlib.closing(curve_line(hall, context, IO, TITAN)) as line:
+        line._socket.setsockopt(zmq.SNDHWM, 1)
+        line._socket.disconnect(line._socket.LAST_ENDPOINT)
+        line.send(b"into nothing")
+        assert line.failure is None
+        assert line.is_ready(set(), 0.0)
+        line.turn(0.0)
+        assert line.failure == "the connection takes nothing more"
+
+
 def test_no_key_where_one_is_wanted(hall):
     with contextlib.closing(TcpLine(hall.host, hall.port)) as line:
         line.send(b"idididGHEAD")
