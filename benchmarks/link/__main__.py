@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if not options.loss:
         tasks += small.tasks(ways)
     try:
-        scores = _measure(tasks, options.weight)
+        scores = _measure(tasks, options.cores)
     except EmulationError as error:
         print(f"links cannot be emulated here: {error}", file=sys.stderr)
         return 1
@@ -65,9 +65,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0 if len(scores) == len(tasks) else 1
 
 
-def _measure(tasks: Sequence[Task], weight: float | None) -> list[tuple[Task, Score]]:
+def _measure(tasks: Sequence[Task], cores: float | None) -> list[tuple[Task, Score]]:
     scores = []
-    for done in run(tasks, weight=weight, failed=_complain):
+    for done in run(tasks, cores=cores, failed=_complain):
         scores.append(done)
         if sys.stderr.isatty():
             print(f"\r{len(scores)} of {len(tasks)} ", end="", file=sys.stderr, flush=True)
@@ -101,7 +101,7 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     add("--links", metavar="SUBSET", help="RTT ms/Mbit/s/contact s, * for any, e.g. 50/1/3,300/*/1")
     add("--gap", metavar="S", type=float, default=known.GAP_S, help="between contacts")
     add("--seed", type=int, default=SEED, help="of the messages and of packet loss")
-    add("--weight", type=float, help=argparse.SUPPRESS)
+    add("--cores", metavar="N", type=float, help="contacts take at most so many at once")
     return parser.parse_args(argv)
 
 

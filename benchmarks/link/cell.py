@@ -10,15 +10,16 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 
 from benchmarks.link import namespaces
+from benchmarks.link.budget import Budget, needs
 from benchmarks.link.emulator import Emulator
 from benchmarks.link.links import Link
 from benchmarks.link.offer import Offer
 from benchmarks.link.score import Score
 from benchmarks.link.ways import ADDRESSES, ENDED, WAYS, Side
 
-START_S = 60.0  # to get ready, on a busy machine
+START_S = 600.0  # to get ready, when many others do so as well
 SETTLE_S = 0.5  # to take in what had arrived when the last contact ended
-END_S = 60.0
+END_S = 600.0
 
 PROCESSES = multiprocessing.get_context("fork")
 
@@ -29,6 +30,7 @@ class Report:
 
     delivered: tuple[tuple[float, int], ...] = ()
     damaged: tuple[int, ...] = ()
+    cpu_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +56,7 @@ class _Agent:
     interface: int = field(default=-1)
 
 
-def measure(task: Task) -> Score:
+def measure(task: Task, budget: Budget) -> Score:
     """Run one task; takes as long as its contacts and gaps.
 
     Raises:
@@ -63,7 +65,7 @@ def measure(task: Task) -> Score:
     """
     agents: list[_Agent] = []
     try:
-        agents.extend(_begin(task, number) for number in range(2))
+        agents.extend(_begin(task, number, budget) for number in range(2))
         namespaces.be_punctual()
         for agent in agents:
             _expect(agent, "ready", START_S)
@@ -73,14 +75,14 @@ def measure(task: Task) -> Score:
             for agent in agents:
                 agent.control.send("heard" if heard else "lost")
 
-        emulator.run(report)
+        began_s = time.process_time()
+        emulator.run(report, lambda: budget.use(needs(task.way, task.link.rate_bit_s)))
+        cpu_s = time.process_time() - began_s
         time.sleep(SETTLE_S)
         for agent in agents:
             agent.control.send("end")
-        reports = [_expect(agent, "report", END_S) for agent in agents]
+        reports = [_expect_report(agent) for agent in agents]
         seen = reports[1]
-        if not isinstance(seen, Report):
-            raise TypeError(f"no report but {seen!r}")
         return Score.of(
             task.way,
             task.link,
@@ -88,16 +90,17 @@ def measure(task: Task) -> Score:
             emulator=emulator,
             delivered=seen.delivered,
             damaged=seen.damaged,
+            cpu_s=cpu_s + sum(each.cpu_s for each in reports),
         )
     finally:
         for agent in agents:
             _end(agent)
 
 
-def _begin(task: Task, number: int) -> _Agent:
+def _begin(task: Task, number: int, budget: Budget) -> _Agent:
     control, theirs = PROCESSES.Pipe()
     ours, passing = socket.socketpair()
-    process = PROCESSES.Process(target=_agent, args=(task, number, theirs, passing))
+    process = PROCESSES.Process(target=_agent, args=(task, number, budget, theirs, passing))
     process.start()
     theirs.close()
     passing.close()
@@ -109,6 +112,13 @@ def _begin(task: Task, number: int) -> _Agent:
     else:
         _expect(agent, "interface", START_S)
     return agent
+
+
+def _expect_report(agent: _Agent) -> Report:
+    report = _expect(agent, "report", END_S)
+    if not isinstance(report, Report):
+        raise TypeError(f"no report but {report!r}")
+    return report
 
 
 def _expect(agent: _Agent, what: str, timeout_s: float) -> object:
@@ -135,7 +145,9 @@ def _end(agent: _Agent) -> None:
         os.close(agent.interface)
 
 
-def _agent(task: Task, number: int, control: Connection, passing: socket.socket) -> None:
+def _agent(
+    task: Task, number: int, budget: Budget, control: Connection, passing: socket.socket
+) -> None:
     """The main of a node's process."""
     namespaces.end_with_parent()
     try:
@@ -144,7 +156,7 @@ def _agent(task: Task, number: int, control: Connection, passing: socket.socket)
         socket.send_fds(passing, [b"i"], [interface])
         os.close(interface)
         passing.close()
-        control.send(("report", _live(task, number, control)))
+        control.send(("report", _live(task, number, budget, control)))
     except namespaces.EmulationError as error:
         control.send(("forbidden", str(error)))
     except Exception:  # noqa: BLE001 - whatever it was, the measuring process tells it
@@ -156,7 +168,7 @@ def _agent(task: Task, number: int, control: Connection, passing: socket.socket)
         os._exit(0)  # threads of libraries that hang must not keep the process
 
 
-def _live(task: Task, number: int, control: Connection) -> Report:
+def _live(task: Task, number: int, budget: Budget, control: Connection) -> Report:
     way = WAYS[task.way]
     offer = task.offer
     delivered: list[tuple[float, int]] = []
@@ -164,8 +176,10 @@ def _live(task: Task, number: int, control: Connection) -> Report:
     def deliver(key: int) -> None:
         delivered.append((time.monotonic(), key))
 
-    side: Side = way.make_sink(offer, deliver) if number else way.make_source(offer)
-    side.start()
+    with budget.use(1.0):
+        side: Side = way.make_sink(offer, deliver) if number else way.make_source(offer)
+        side.start()
+    began_s = time.process_time()
     control.send(("ready", None))
     in_contact = False
     while (order := control.recv()) != "end":
@@ -175,8 +189,10 @@ def _live(task: Task, number: int, control: Connection) -> Report:
         else:
             side.lost()
             in_contact = False
+    cpu_s = time.process_time() - began_s
     side.close()
-    damaged = tuple(
-        key for _, key in delivered if key != ENDED and side.data(key) != offer.data(key)
-    )
-    return Report(tuple(delivered), damaged)
+    with budget.use(1.0):
+        damaged = tuple(
+            key for _, key in delivered if key != ENDED and side.data(key) != offer.data(key)
+        )
+    return Report(tuple(delivered), damaged, cpu_s)

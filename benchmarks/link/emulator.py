@@ -6,6 +6,7 @@ import select
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
 from benchmarks.link.links import Link
@@ -85,13 +86,19 @@ class Emulator:
         self._link = link
         self._ends = ends
 
-    def run(self, report: Callable[[bool], None]) -> None:
-        """Go through all contacts; returns at the end of the last one."""
-        self._silence(LEAD_S)
+    def run(
+        self, report: Callable[[bool], None], turn: Callable[[], AbstractContextManager[None]]
+    ) -> None:
+        """Go through all contacts; returns at the end of the last one.
+
+        Each takes place within a `turn`; waiting for it makes the gap longer.
+        """
         for number in range(self._link.contacts):
-            if number:
-                self._silence(self._link.gap_s)
-            self._contact(report)
+            self._silence(self._link.gap_s if number else LEAD_S)
+            with turn():
+                for end in self._ends:
+                    _packets(end)
+                self._contact(report)
 
     def _silence(self, lasts_s: float) -> None:
         ends_s = time.monotonic() + lasts_s

@@ -27,6 +27,7 @@ class Score:
         sent_bytes: IP bytes that the link carried to the wanting node, and back.
         overflowed, cut_off: packets that the queues threw away, that a contact's end did.
         damaged: messages that arrived other than they were.
+        cores: what the two nodes and the emulator took while the link was up.
         last_s, ended_s: from the first contact's begin to the last message, and until the two
             had told each other that there is no more (the latter only of the nodes).
         late_ms: how late the emulator moved packets: median, 99th percentile, worst.
@@ -46,6 +47,7 @@ class Score:
     overflowed: int
     cut_off: int
     damaged: int
+    cores: float
     last_s: float | None
     ended_s: float | None
     late_ms: tuple[float, float, float]
@@ -60,6 +62,7 @@ class Score:
         emulator: Emulator,
         delivered: Sequence[tuple[float, int]],
         damaged: Sequence[int],
+        cpu_s: float = 0.0,
     ) -> "Score":
         contacts = emulator.contacts_s
         begins = [begin for begin, _ in contacts]
@@ -98,6 +101,7 @@ class Score:
             overflowed=there.overflowed + back.overflowed,
             cut_off=there.cut_off + back.cut_off,
             damaged=len(damaged),
+            cores=cpu_s / (len(contacts) * link.window_s),
             last_s=max(got.values()) - begins[0] if got else None,
             ended_s=ended_s,
             late_ms=(late[len(late) // 2], late[int(len(late) * 0.99)], late[-1]),
