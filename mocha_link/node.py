@@ -18,6 +18,7 @@ from mocha_link.keys import public_key, secret_key
 from mocha_link.radios import Radio, open_radio
 from mocha_link.signature import Signer
 from mocha_link.storage import Storage
+from mocha_link.terms import Terms
 from mocha_link.transport import Transport
 
 if TYPE_CHECKING:
@@ -111,7 +112,9 @@ class Node:
         self._closed = False
         self._settling = True  # nobody to tell yet
         self._peer_keys = _peer_keys(team, robot) if self._secret else {}
-        self._storage = Storage(storage, on_fault=self._fault) if storage else None
+        self._storage = (
+            Storage(storage, terms=Terms.of(team), on_fault=self._fault) if storage else None
+        )
         try:
             self._gossip = Gossip(
                 team,

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from mocha_link.database import Knowledge, Record
+    from mocha_link.terms import Terms
 
 __all__ = [
     "Storage",
@@ -61,6 +62,8 @@ class Storage:
 
     Args:
         path: the file; it is made if there is none, its directory is not.
+        terms: of the team. Of a file from under other terms only those messages are taken whose
+            ids mean the same; the others go.
         on_fault: called with what is wrong when the file cannot be used, and with None when it
             can again; mostly on the storage's thread.
         retry_s: real seconds until the next try.
@@ -71,11 +74,13 @@ class Storage:
         self,
         path: Path,
         *,
+        terms: Terms | None = None,
         on_fault: Callable[[StorageError | None], None] | None = None,
         retry_s: float = RETRY_S,
         connect: Callable[[Path], sqlite3.Connection] = storage_file.connect,
     ) -> None:
         self.path = path
+        self._terms = terms
         self._on_fault = on_fault
         self._retry_s = retry_s
         self._connect = connect
@@ -243,6 +248,9 @@ class Storage:
     def _open(self, found: Contents) -> StorageFile:
         self._file = StorageFile(self.path, self._connect)
         self._file.read(found)
+        gone = self._file.adopt(self._terms, found) if self._terms else 0
+        if gone:
+            LOG.warning("%s: %d messages are gone, their ids mean others now", self.path, gone)
         return self._file
 
     def _close_file(self) -> None:

@@ -6,6 +6,7 @@ Tables (schema 1; `PRAGMA user_version` has its number, `application_id` is "MOC
                received_s, body (as on the wire), checksum (CRC-32 of all the others)
     knowledge  peer, and epoch, sequence, own_sequence (u64 as 8 bytes, big endian), checksum
     about      epoch of the database (8 bytes), one row
+    terms      what the ids stand for (JSON) and a digest of the terms of the team, at most one row
 
 The journal is a write-ahead log next to the file (`-wal`) and every commit is synchronised, so what
 was committed survives `kill -9` and a loss of power. The pages of deleted rows are used again; when
@@ -25,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 from mocha_link.database import Knowledge, Record
 from mocha_link.errors import MochaLinkError
 from mocha_link.header import Header, HeaderError, latest_ms
+from mocha_link.terms import Terms
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -48,6 +50,8 @@ _TABLES = (
         stamp_ms INTEGER NOT NULL, inferred INTEGER NOT NULL, priority INTEGER NOT NULL,
         received_s REAL NOT NULL, checksum INTEGER NOT NULL, body BLOB NOT NULL)""",
 )
+_TERMS = """CREATE TABLE IF NOT EXISTS terms (
+    one INTEGER PRIMARY KEY CHECK (one = 1), mark BLOB NOT NULL, names TEXT NOT NULL)"""
 
 
 class StorageError(MochaLinkError):
@@ -142,6 +146,7 @@ class StorageFile:
             run(f"PRAGMA user_version = {VERSION}")
             for table in _TABLES:
                 run(table)
+        run(_TERMS)
         run("COMMIT")
 
     def read(self, contents: Contents) -> None:
@@ -171,6 +176,29 @@ class StorageFile:
     def sign(self, epoch: int) -> None:
         """Write whose file it is; shows that it can be written."""
         self._connection.execute("INSERT OR REPLACE INTO about VALUES (1, ?)", (_u64(epoch),))
+
+    def adopt(self, terms: Terms, contents: Contents) -> int:
+        """Go on under the terms of a team; how many messages had to go, as their ids mean others.
+
+        What peers have offered was judged by the earlier terms, so it is not known any more.
+        """
+        run = self._connection.execute
+        row = run("SELECT mark, names FROM terms").fetchone()
+        if row and row[0] == terms.mark:
+            return 0
+        contents.knowledge.clear()
+        earlier = Terms.read(row[1]) if row else terms.names
+        void = [n for n, r in contents.records.items() if not terms.keeps(r.header, earlier or {})]
+        for number in void:
+            del contents.records[number]
+        if earlier is None:
+            raise StorageDamagedError(_damaged(self._path, "its terms are altered"))
+        run("BEGIN IMMEDIATE")
+        run("INSERT OR REPLACE INTO terms VALUES (1, ?, ?)", (terms.mark, terms.text))
+        run("DELETE FROM knowledge")
+        self._connection.executemany("DELETE FROM record WHERE number = ?", ((n,) for n in void))
+        run("COMMIT")
+        return len(void)
 
     def write(self, changes: Changes) -> None:
         """Commit, all or nothing."""
