@@ -29,6 +29,7 @@ SERRM, ACK = b"SERRM", b"Ack"
 # An original client is idle again 12.4 s after its last unanswered request. Until then it may ask
 # for what was offered to it, and it would store an error reply as if it were a message.
 PATIENCE_S = 13.0
+FORGET_S = 60.0  # after so long a silence nothing of it can be on its way either
 
 
 def request(request_id: bytes, code: bytes, argument: bytes = b"") -> bytes:
@@ -85,8 +86,11 @@ class ServerSession:
 
     def tick(self, now: Instant) -> list[LinkEvent]:
         """What the peer's silence ends."""
-        if now.steady_s - self._heard_s <= PATIENCE_S:
+        silence_s = now.steady_s - self._heard_s
+        if silence_s <= PATIENCE_S:
             return []
+        if silence_s > FORGET_S and self._offered:  # a peer that is gone must not keep it all
+            self._offered = self._offered_before = {}
         return self._give_up(now, f"the peer asked nothing for {PATIENCE_S:g} s")
 
     def _begin(self, now: Instant) -> list[LinkEvent]:

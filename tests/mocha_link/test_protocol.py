@@ -133,6 +133,18 @@ def test_a_peer_that_keeps_asking_does_not_fill_the_memory(database):
     assert [second for second in range(1500, 1601) if holds(second, 14)] == [1599, 1600]
 
 
+def test_what_was_offered_is_forgotten_when_the_peer_is_gone(database):
+    """Otherwise every peer ever met would keep all that there was then."""
+    session = ServerSession("io", database)
+    ask = ID + b"GDATA" + record(1500).header.pack()
+    session.answer([ID + b"GHEAD"], at(0))
+    database.insert(record(1600, b"\0\0newer"), 2000)
+    session.tick(at(50))
+    assert session.answer([ask], at(50))[0] == ID + b"\0\0body"
+    session.tick(at(111))
+    assert session.answer([ask], at(111))[0] == ID + b"SERRM"
+
+
 def test_every_kept_version_is_given_by_its_header():
     """The list has the newest only, but another node may still ask for the one before."""
     held = Database(history=lambda *_: 2)
