@@ -46,7 +46,6 @@ class Memory:
 
     rtt_s: float | None = None
     rate_bytes_s: float | None = None
-    udp_rate_bytes_s: float | None = None
     udp_misses: int = 0
     cut: dict[int, int] = field(default_factory=dict)  # see `client.Past`
 
@@ -274,6 +273,7 @@ class Pull:
         if self.path is not None:
             return self.fail("the peer does not know of the sync any more", now)
         self._refused = True  # an original node; its reply to GHEAD comes next
+        self.flow = self._cast_at_s = None
         self.progress(now)
         return Step()
 
@@ -293,12 +293,7 @@ class Pull:
         if self._cast_at_s is not None and self._cast_at_s <= now.steady_s:
             self._cast_at_s = None
             if self.path is None and not self._refused:
-                self.flow = Flow(
-                    self._id,
-                    self._next_frame,
-                    rate_bytes_s=self._memory.udp_rate_bytes_s,
-                    rtt_s=self._memory.rtt_s,
-                )
+                self.flow = Flow(self._id, self._next_frame, rtt_s=self._memory.rtt_s)
         return self.flow.transmit(now.steady_s) if self.flow else []
 
     def _next_frame(self, _room: int) -> bytes | None:

@@ -1,0 +1,23 @@
+"""An original peer that was not known to be one: what is new falls silent when it has refused it."""
+
+from __future__ import annotations
+
+from tests.mocha_link.ether import Ether, OldNode
+from tests.mocha_link.test_pull import FAR_S, UP, noise
+
+
+def test_no_datagrams_to_a_peer_that_has_refused_the_sync(team):
+    """A long pull on a slow link: each of them would take of it."""
+    ether = Ether(team, datagrams=True, delay_s=FAR_S)
+    OldNode(ether, "titan").publish("/map", noise(100_000))
+    ether.lets_by = lambda piece: piece[:3] != ("zmq", "titan", "io") or len(piece.data) < 10_000
+    io = ether.nodes["io"]
+    io.sync("titan", ether.now)
+    ether.wait(1)
+    before = len(ether.sent(*UP))
+    assert before
+    for _ in range(30):  # the reply is coming in
+        io.progress("titan", ether.now)
+        ether.wait(1)
+    assert len(ether.sent(*UP)) == before
+    assert io.wake_s is None
