@@ -1,4 +1,4 @@
-"""An original peer that was not known to be one: what is new falls silent when it has refused it."""
+"""An original peer that nobody had named as one: what is new falls silent once it has refused."""
 
 from __future__ import annotations
 
