@@ -26,6 +26,7 @@ EAGER_S = 0.03
 
 _READ_BYTES = 256 * 1024
 _READS = 16  # in a row, so that no peer starves the others
+_MAX_ANSWERS = 1024 * 1024  # to heartbeats
 _QUEUE_REPLIES = 16
 _LINGER_MS = 300
 _AT_ONCE = struct.pack("ii", 1, 0)  # struct linger
@@ -92,6 +93,7 @@ class TcpLine:
     def _connect(self) -> None:
         self._protocol = zmtp.Connection(MAX_REPLY_BYTES)
         self._out = bytearray(self._protocol.hello)
+        self._answers = 0  # bytes of them that may not be out yet
         self._connected_s: float | None = None
         self._opened = False
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -205,6 +207,7 @@ class TcpLine:
             except BlockingIOError:
                 return
             del self._out[:sent]
+        self._answers = 0
 
     def _read(self) -> bool:
         arrived = False
@@ -216,7 +219,11 @@ class TcpLine:
             if not data:
                 raise ConnectionResetError(0, "the peer closed the connection")
             arrived = True
-            self._out += self._protocol.receive(data)
+            answers = self._protocol.receive(data)
+            self._answers += len(answers)
+            if self._answers > _MAX_ANSWERS:
+                raise zmtp.ZmtpError("the peer does not read the answers that it asks for")
+            self._out += answers
         return arrived
 
     def _fail(self, error: Exception) -> None:
