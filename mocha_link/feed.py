@@ -33,9 +33,8 @@ class Feed:
 
     Attributes:
         over: the peer has said that it is.
-        done: all has been given out.
-        cut_short: but for what is beyond the peer's budget.
-        cut_short: not all, because the peer's budget was used up.
+        done: all has been given out, or all that the peer's budget allows.
+        cut_short: not all, because the budget was used up.
         messages: that were given out to the end.
         bytes: of all frames.
     """
