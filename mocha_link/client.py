@@ -213,6 +213,8 @@ class ClientSession:
         trailer = payload.check(body)
         if trailer and trailer.stamp_ms % WRAP_MS != header.wrapped_ms:
             raise PayloadError("it carries the time of another message")
+        if trailer and trailer.stamp_ms >= payload.TAKEN_MS:
+            raise PayloadError("of an impossible time")
         if self._verify:
             self._verify(header, body, trailer)
         return trailer

@@ -10,7 +10,7 @@ from mocha_link.database import Knowledge, Record
 from mocha_link.header import UNSAFE_MS, WRAP_MS, Header
 from mocha_link.letters import Digest, Have, Since, Wish
 from mocha_link.metrics import MessageStored
-from mocha_link.payload import STAMPS_MS, PayloadError
+from mocha_link.payload import TAKEN_MS, PayloadError
 from mocha_link.step import Step
 from mocha_link.sync import FrameError
 
@@ -282,7 +282,7 @@ class Intake:
             known = self._topics[key]
         except KeyError:
             known = self._topics[key] = self._team.by_ids(key >> 8, key & 0xFF)
-        if stamp_ms >= STAMPS_MS or stamp_ms % WRAP_MS <= UNSAFE_MS:
+        if stamp_ms >= TAKEN_MS or stamp_ms % WRAP_MS <= UNSAFE_MS:
             return None
         return known
 

@@ -1,0 +1,211 @@
+"""A live node with a friend, and a peer that is not what it should be."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import queue
+import socket
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from mocha_link import zmtp
+from mocha_link.gossip import Gossip
+from mocha_link.link_events import Direction, SyncEnded, SyncTimedOut
+from mocha_link.node import Node
+from mocha_link.protocol import ID_BYTES
+from mocha_link.radios import ManualRadio
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mocha_link.link_events import LinkEvent
+
+WAIT_S = 20.0  # a limit against hangs
+TIMEOUT_S = 1.0
+GROWTH_BYTES = 20_000_000
+WARM = 3  # checks
+PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+
+
+class Besieged:
+    """titan is alive, callisto is its friend, and io is hostile.
+
+    Attributes:
+        frames: of io that titan has dealt with, as far as the test has counted them.
+    """
+
+    def __init__(self, field, monkeypatch) -> None:
+        self.field = field
+        self.frames = 0
+        self._handled = threading.Semaphore(0)
+        for name in ("request", "packet_in", "reply", "packet_back"):
+            self._count(monkeypatch, name)
+        self.nodes: dict[str, Node] = {}
+        self._ends: dict[str, queue.SimpleQueue[LinkEvent]] = {}
+        for name in ("titan", "callisto"):
+            node = Node(
+                field.team, name, clock=field.clock, radio=ManualRadio(), timeout_s=TIMEOUT_S
+            )
+            ends: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()
+            node.subscribe(lambda event, ends=ends: self._note(event, ends))
+            self.nodes[name], self._ends[name] = node, ends
+        self.titan = self.nodes["titan"]
+        self._memory = 0
+        self._checks = 0
+
+    def _count(self, monkeypatch, name: str) -> None:
+        """Say when titan's engine has dealt with something that io sent."""
+        original = getattr(Gossip, name)
+
+        def counting(engine, peer, *arguments):
+            # What comes when the pull is over is not looked at.
+            counts = name in ("request", "packet_in") or peer in engine._pulls
+            try:
+                return original(engine, peer, *arguments)
+            finally:
+                if peer == "io" and engine.me.name == "titan" and counts:
+                    self._handled.release()
+
+        monkeypatch.setattr(Gossip, name, counting)
+
+    @staticmethod
+    def _note(event: LinkEvent, ends: queue.SimpleQueue[LinkEvent]) -> None:
+        if isinstance(event, SyncEnded | SyncTimedOut) and event.direction is Direction.IN:
+            ends.put(event)
+
+    @property
+    def place(self) -> tuple[str, int]:
+        """Where titan answers io."""
+        return self.field.host, self.titan.robot.port_for("io")
+
+    def wait(self, count: int) -> None:
+        """Until so many frames more were dealt with; they count."""
+        self.frames += count
+        for _ in range(count):
+            assert self._handled.acquire(timeout=WAIT_S), "hangs"
+
+    def count(self) -> None:
+        """Count what has been dealt with."""
+        while self._handled.acquire(blocking=False):
+            self.frames += 1
+
+    def end(self, name: str, peer: str) -> LinkEvent:
+        """How the pull of a node ends that is under way."""
+        end = self._ends[name].get(timeout=WAIT_S)
+        assert end.peer == peer
+        return end
+
+    def check(self) -> None:
+        """titan and its friend still get on with each other; memory does not grow."""
+        self._checks += 1
+        self.field.clock.time_s += 1
+        ours, theirs = b"map %d" % self._checks, b"pose %d" % self._checks
+        callisto = self.nodes["callisto"]
+        self.titan.publish("/map", ours)
+        callisto.publish("/pose", theirs)
+        for name, peer in (("callisto", "titan"), ("titan", "callisto")):
+            assert self.nodes[name].sync(peer)
+            end = self.end(name, peer)
+            assert isinstance(end, SyncEnded), end
+            assert end.complete
+        assert callisto.latest("titan", "/map").data == ours
+        assert self.titan.latest("callisto", "/pose").data == theirs
+        if self._checks == WARM:
+            self._memory = resident_bytes()
+        if self._checks > WARM:
+            assert resident_bytes() - self._memory < GROWTH_BYTES
+
+
+def resident_bytes() -> int:
+    """The memory of this process."""
+    gc.collect()
+    return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE_BYTES
+
+
+class Liar:
+    """io as a server that titan asks; what it answers is up to the test."""
+
+    def __init__(self, besieged: Besieged) -> None:
+        self.end: LinkEvent | None = None  # how titan's pull ended
+        self._besieged = besieged
+        robot = besieged.field.team.robot("io")
+        self._place = besieged.field.host, robot.port_for("titan")
+        self._listener = socket.create_server(self._place)
+        self._listener.settimeout(WAIT_S)
+        self.caster = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.caster.bind(self._place)
+        self.caster.settimeout(WAIT_S)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._listener.close()
+        self.caster.close()
+
+    @contextlib.contextmanager
+    def asked(self) -> Iterator[tuple[socket.socket, zmtp.Connection]]:
+        """titan pulls: the connection on which it asks. Then the pull has to come to an end."""
+        assert self._besieged.titan.sync("io")
+        connection, _ = self._listener.accept()
+        with connection:
+            connection.settimeout(WAIT_S)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            yield connection, zmtp.Connection(100_000)
+        self.end = self._besieged.end("titan", "io")
+        self._besieged.count()
+
+    def called(self, token: bytes) -> tuple[str, int]:
+        """Where titan's datagrams of that pull come from."""
+        while True:
+            packet, source = self.caster.recvfrom(2000)
+            if packet[1 : 1 + ID_BYTES] == token:
+                return source
+
+
+def requests(connection: socket.socket, parser: zmtp.Connection) -> list[bytes]:
+    """The next requests; none when titan has hung up."""
+    while True:
+        try:
+            data = connection.recv(65_536)
+        except ConnectionError:
+            return []
+        if not data:
+            return []
+        parser.receive(data)
+        found = [parts[0] for parts in parser.replies()]
+        if found:
+            return found
+
+
+def message(body: bytes) -> bytes:
+    """A request or reply as it stands on a ZeroMQ connection."""
+    return zmtp.Connection.request(body)
+
+
+def _handshake(kind: bytes) -> bytes:
+    ready = zmtp._READY + zmtp._property(b"Socket-Type", kind) + zmtp._property(b"Identity", b"")
+    return zmtp._GREETING + zmtp._frame(zmtp._COMMAND, ready)
+
+
+HANDSHAKE_OF_DEALER, HANDSHAKE_OF_ROUTER = _handshake(b"DEALER"), _handshake(b"ROUTER")
+
+
+@contextlib.contextmanager
+def hung_up() -> Iterator[None]:
+    """titan may have heard enough at any time; but it must not be silent for ever."""
+    try:
+        yield
+    except TimeoutError:
+        raise
+    except OSError:
+        pass
+
+
+def say(connection: socket.socket, data: bytes) -> None:
+    """Send, if anybody is there to hear it."""
+    with hung_up():
+        connection.sendall(data)

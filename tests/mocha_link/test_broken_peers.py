@@ -1,0 +1,114 @@
+"""What a peer gets that breaks the rules: docs/protocol.md has a row for each of these.
+
+Here the peer is a new node. What an original one gets: test_original.py; its bodies, one by one:
+test_payload.py; random and mutated frames: test_hostile.py.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from typing import TYPE_CHECKING
+
+import lz4.frame
+import pytest
+
+from mocha_link import payload
+from mocha_link.header import WRAP_MS
+from mocha_link.letters import Done, Hello
+from mocha_link.payload import STAMPS_MS
+from mocha_link.protocol import ID_BYTES
+from mocha_link.sync import DONE, HELLO, WHOLE, chunks_frame, letter_frame, long_id
+from tests.mocha_link.siege import HANDSHAKE_OF_ROUTER, Besieged, Liar, message, requests, say
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+IO, TITAN = 1, 2
+POSE, MAP = 0, 0
+T_MS = 1_795_175_900_000
+MISSING = 2
+
+
+@pytest.fixture
+def besieged(field, monkeypatch, caplog) -> Iterator[Besieged]:
+    with contextlib.ExitStack() as stack:
+        besieged = Besieged(field, monkeypatch)
+        for node in besieged.nodes.values():
+            stack.enter_context(node)
+        yield besieged
+        besieged.check()
+    assert [each for each in caplog.records if each.levelno >= logging.ERROR] == []
+
+
+@contextlib.contextmanager
+def io_says(
+    besieged: Besieged, *frames: bytes, name: bytes | None = None, patient: bool = False
+) -> Iterator[Liar]:
+    """It begins a sync as it should, says this, under another `name` perhaps, and goes."""
+    hello = letter_frame(HELLO, 0, Hello(unknown=False).encode(), 0, 1000)
+    with Liar(besieged) as liar, liar.asked() as (connection, parser):
+        say(connection, HANDSHAKE_OF_ROUTER)
+        request_id = requests(connection, parser)[0][:ID_BYTES]
+        say(connection, message(request_id + hello))
+        for frame in frames:
+            say(connection, message((name or request_id) + frame))
+        yield liar
+        while requests(connection, parser) and patient:
+            pass  # until titan hangs up
+
+
+def whole(robot_id: int, topic_id: int, stamp_ms: int, body: bytes) -> bytes:
+    long = long_id(robot_id, topic_id, stamp_ms)
+    return chunks_frame((0, 0), [WHOLE.pack(long, len(body))], [], [body])
+
+
+def done(frames: int = 1) -> bytes:
+    return letter_frame(DONE, 0, Done(7, 7, frames, cut_short=False).encode(), 0, 1000)
+
+
+GOOD = payload.pack(3, 3, b"good")
+BOMB = b"\3\3" + lz4.frame.compress(bytes(payload.MAX_BYTES + 1))
+SLY_BOMB = b"\3\3" + lz4.frame.compress(bytes(payload.MAX_BYTES + 1), store_size=False)
+BROKEN = {
+    "a bomb": (whole(IO, POSE, T_MS, BOMB), "unpacks to more than 67108864 bytes"),
+    "a sly bomb": (whole(IO, POSE, T_MS, SLY_BOMB), "unpacks to more than 67108864 bytes"),
+    "an unknown robot": (whole(77, POSE, T_MS, GOOD), "no such robot or topic"),
+    "an unknown topic": (whole(IO, 77, T_MS, GOOD), "no such robot or topic"),
+    "an empty payload": (whole(IO, POSE, T_MS, b"\3\3"), "holds no message"),
+    "no payload": (whole(IO, POSE, T_MS, b""), "a message of 0 bytes"),
+    "another type": (whole(IO, POSE, T_MS, b"\x09" + GOOD[1:]), "type id 9"),
+    "the time that stops original nodes": (whole(IO, POSE, WRAP_MS, GOOD), "impossible time"),
+    "the last time of all": (
+        whole(TITAN, MAP, STAMPS_MS - 1, payload.pack(0, 3, b"what comes after?")),
+        "impossible time",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_a_broken_message_is_refused_and_the_next_one_is_taken(besieged, caplog, what):
+    frame, why = BROKEN[what]
+    titan = besieged.titan
+    with caplog.at_level(logging.DEBUG), io_says(besieged, frame, done()):
+        pass
+    assert why in caplog.text
+    assert titan.links()["io"].refused == 1
+    assert titan.messages() == []
+    with io_says(besieged, whole(IO, POSE, T_MS, GOOD), done()):
+        pass
+    assert titan.latest("io", "/pose").data == b"good"
+
+
+def test_a_reply_with_a_wrong_id_ends_the_pull(besieged):
+    with io_says(besieged, done(), name=b"wrong!") as liar:
+        pass
+    assert liar.end.reason == "the peer answered what was not asked"
+    assert besieged.titan.links()["io"].refused == 1
+
+
+@pytest.mark.parametrize("frames", [(), (done(MISSING),)], ids=["at first", "in the middle"])
+def test_a_peer_that_never_answers_costs_the_time_out(besieged, frames):
+    with io_says(besieged, *frames, patient=True) as liar:
+        besieged.check()  # meanwhile the others are served
+    assert liar.end.reason.startswith("no byte for 1 s")

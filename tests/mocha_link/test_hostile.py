@@ -1,0 +1,211 @@
+"""More than 100,000 bad frames against live nodes, in both roles and on every way in.
+
+Frames are those of real exchanges with something wrong in them (`fuzz.py`). After every thousand a
+friend must still be served, and serve; the log must be free of errors, and the memory must not
+grow. What single faults lead to: test_broken_peers.py.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+import zmq
+
+from mocha_link.document import Document
+from mocha_link.header import Header, as_ms
+from mocha_link.protocol import CODE_BYTES, GHEAD, ID_BYTES, SERRM, SYNC1
+from mocha_link.sync import HELLO
+from mocha_link.team import Team
+from tests.mocha_link.conftest import TEAM
+from tests.mocha_link.fuzz import Fuzzer, Recorder, record
+from tests.mocha_link.siege import (
+    HANDSHAKE_OF_DEALER,
+    HANDSHAKE_OF_ROUTER,
+    WAIT_S,
+    Besieged,
+    Liar,
+    hung_up,
+    message,
+    requests,
+    say,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+CHECK_EVERY = 1000
+BATCH = 50  # frames after which the node has to have dealt with all of them
+
+
+@pytest.fixture
+def besieged(field, monkeypatch, caplog) -> Iterator[Besieged]:
+    with contextlib.ExitStack() as stack:
+        besieged = Besieged(field, monkeypatch)
+        for node in besieged.nodes.values():
+            stack.enter_context(node)
+        besieged.check()
+        yield besieged
+        besieged.check()
+    assert [each for each in caplog.records if each.levelno >= logging.ERROR] == []
+
+
+@pytest.fixture(scope="module")
+def recorded() -> Recorder:
+    """Topics with a history: so much to compare that digests are worth it."""
+    text = TEAM.replace("priority: medium}", "priority: medium, history: 200}")
+    text = text.replace("priority: none}", "priority: none, history: 200}")
+    team = Team.from_document(Document.from_text(text, Path("team.yaml")))
+    return record(team, "io", "titan", 1_795_175_000.0)
+
+
+def test_bad_requests(besieged, recorded):
+    """On the ROUTER: syncs that begin well, and what must not follow."""
+    fuzzer = Fuzzer(recorded, 1)
+    with zmq.Context() as context:
+        while besieged.frames < 40_000:
+            with context.socket(zmq.DEALER) as dealer:
+                dealer.linger = 0
+                dealer.connect("tcp://{}:{}".format(*besieged.place))
+                for _ in range(CHECK_EVERY // BATCH):
+                    request_id = fuzzer.random.randbytes(ID_BYTES)
+                    frames = [fuzzer.opening(request_id)]
+                    frames += [fuzzer.request(request_id) for _ in range(BATCH - 1)]
+                    for frame in frames:
+                        parts = [frame] if fuzzer.random.random() < 0.98 else [frame, frame[:9]]
+                        dealer.send_multipart([b"", *parts])
+                    besieged.wait(BATCH)
+                    while dealer.poll(0):
+                        dealer.recv_multipart()
+            besieged.check()
+
+
+def test_bad_datagrams(besieged, recorded):
+    """On the port's datagram socket, from the address that is io's."""
+    fuzzer = Fuzzer(recorded, 2)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as caster:
+        caster.bind((besieged.field.host, 0))
+        caster.setblocking(False)
+        while besieged.frames < 30_000:
+            for _ in range(CHECK_EVERY // BATCH):
+                token = fuzzer.random.randbytes(ID_BYTES)
+                packets = [fuzzer.opening_packet(token)]
+                packets += [fuzzer.packet("up", token) for _ in range(BATCH - 1)]
+                for packet in packets:
+                    caster.sendto(packet, besieged.place)
+                besieged.wait(BATCH)
+                with contextlib.suppress(BlockingIOError):
+                    while True:
+                        caster.recv(2000)
+            besieged.check()
+
+
+def test_bad_bytes_where_requests_are_expected(besieged, recorded):
+    """ZMTP as a stream, damaged anywhere: greeting, frame lengths, flags, requests."""
+    fuzzer = Fuzzer(recorded, 3)
+    frames = 0
+    while frames < 12_000:
+        for _ in range(CHECK_EVERY // 10):
+            bodies = [fuzzer.opening(b"ididid")] + [fuzzer.request(b"ididid") for _ in range(9)]
+            stream = HANDSHAKE_OF_DEALER + b"".join(map(message, bodies))
+            stream = fuzzer.spoil(stream, fuzzer.spoil(stream, stream))
+            with socket.create_connection(besieged.place, timeout=WAIT_S) as caller, hung_up():
+                caller.sendall(stream)
+                caller.shutdown(socket.SHUT_WR)
+                while caller.recv(65_536):
+                    pass  # until titan has closed it
+            frames += len(bodies)
+        besieged.check()
+
+
+def test_bad_answers_of_a_new_node(besieged, recorded):
+    """A sync that begins well, and goes on with anything."""
+    fuzzer = Fuzzer(recorded, 4)
+    checked = 0
+    with Liar(besieged) as liar:
+        while besieged.frames < 15_000:
+            with liar.asked() as (connection, parser):
+                say(connection, HANDSHAKE_OF_ROUTER)
+                request_id = requests(connection, parser)[0][:ID_BYTES]
+                answers = [fuzzer.good_reply(HELLO, request_id)]
+                answers += [fuzzer.reply(request_id) for _ in range(20)]
+                say(connection, b"".join(map(message, answers)))
+            if besieged.frames - checked > CHECK_EVERY:
+                checked = besieged.frames
+                besieged.check()
+
+
+def test_bad_answers_of_an_original_node(besieged, recorded):
+    """It refuses the sync, offers new messages of everybody, and sends anything instead of them."""
+    fuzzer = Fuzzer(recorded, 5)
+    checked = 0
+    with Liar(besieged) as liar:
+        while besieged.frames < 8_000:
+            with liar.asked() as (connection, parser):
+                say(connection, HANDSHAKE_OF_ROUTER)
+                left = 60
+                while left > 0 and (asked := requests(connection, parser)):
+                    for each in asked:
+                        request_id, code = each[:ID_BYTES], each[ID_BYTES:][:CODE_BYTES]
+                        answer = fuzzer.reply(request_id)
+                        if code == SYNC1:
+                            answer = request_id + SERRM
+                        elif code == GHEAD:
+                            answer = request_id + some_list(fuzzer, besieged.field.clock.now_s())
+                        say(connection, message(answer))
+                        left -= 1
+            if besieged.frames - checked > CHECK_EVERY:
+                checked = besieged.frames
+                besieged.check()
+
+
+def some_list(fuzzer: Fuzzer, now_s: float) -> bytes:
+    """Headers of nearly all that there may be, sometimes with something wrong in them."""
+    rng = fuzzer.random
+    keys = [(robot, topic) for robot in range(4) for topic in range(4)]
+    headers = [
+        Header.at(*key, as_ms(now_s) + rng.randint(-(10**6), 10**4)).pack()
+        for key in rng.sample(keys, rng.randint(0, len(keys)))
+    ]
+    listed = b"".join(headers)
+    return fuzzer.spoil(listed, listed) if rng.random() < 0.2 else listed
+
+
+def test_bad_bytes_where_answers_are_expected(besieged, recorded):
+    """The same as above for the asking side, whose ZMTP is our own."""
+    fuzzer = Fuzzer(recorded, 6)
+    frames = 0
+    with Liar(besieged) as liar:
+        while frames < 4_000:
+            for _ in range(CHECK_EVERY // 10):
+                with liar.asked() as (connection, _):
+                    answers = [fuzzer.reply(b"ididid") for _ in range(10)]
+                    stream = HANDSHAKE_OF_ROUTER + b"".join(map(message, answers))
+                    say(connection, fuzzer.spoil(stream, stream))
+                    with hung_up():
+                        connection.shutdown(socket.SHUT_WR)
+                frames += len(answers)
+            besieged.check()
+
+
+def test_bad_datagrams_in_answer(besieged, recorded):
+    """titan believes that datagrams are the way to io."""
+    fuzzer = Fuzzer(recorded, 7)
+    memory = besieged.titan._gossip._memories["io"]
+    with Liar(besieged) as liar:
+        while besieged.frames < 15_000:
+            for _ in range(CHECK_EVERY // BATCH):
+                memory.rtt_s, memory.udp_misses = 0.05, 0
+                with liar.asked() as (connection, parser):
+                    say(connection, HANDSHAKE_OF_ROUTER)
+                    token = requests(connection, parser)[0][:ID_BYTES]
+                    source = liar.called(token)
+                    for _ in range(BATCH):
+                        liar.caster.sendto(fuzzer.packet("down", token), source)
+                    besieged.wait(1)  # they are taken in one after another before anything else
+                    say(connection, message(b"no such id"))
+            besieged.check()
