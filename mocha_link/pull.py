@@ -181,7 +181,7 @@ class Pull:
         if self.flow is None:
             return step
         for frame in self.flow.receive(packet, now.steady_s):
-            self.path = "udp"
+            self.path = self.path or "udp"  # moved to the connection it stays there
             taken = self._take(frame, now)
             self._outbox.extend(taken.frames)
             step.events += taken.events
