@@ -51,6 +51,7 @@ class Feed:
         self._round = -1
         self._outbox: list[tuple[int, bytes, int]] = []  # kind, content, offset of what is left
         self._budget = 0
+        self._free = 0  # bytes of group digests: they must not leave too little for any message
         self._unknown = False  # we cannot say what is new since what the peer knows
         self._asked: frozenset[int] = frozenset()  # robots whose groups the peer is to answer
         self._queue: list[int] = []  # ranks, the most urgent last
@@ -91,7 +92,7 @@ class Feed:
             self._poll()
         left = room
         if self._budget:
-            left = min(room, self._budget - self.bytes - _DONE_BYTES)
+            left = min(room, self._budget + self._free - self.bytes - _DONE_BYTES)
         frame = self._chunks(left, prefix) if self._queue else None
         if frame is not None:
             self.bytes += len(frame) - len(prefix)
@@ -225,6 +226,7 @@ class Feed:
         if offset < len(content):
             self._outbox.insert(0, (kind, content, offset))
         self.bytes += len(frame)
+        self._free += len(frame) if kind == sync.GROUPS else 0
         return frame
 
     def _end(self) -> None:

@@ -288,3 +288,17 @@ def test_what_was_listed_is_not_sent_though_it_came_from_others():
     pull = Pull(asker, server).run()
     assert pull.arrived.keys() == {record_id(new)}
     assert Pull(server, asker).run().data_down == 0
+
+
+def test_a_small_budget_moves_something_though_strangers_have_much_to_compare():
+    asker, server = Node("a"), Node("b")
+    for robot_id in range(30):
+        for topic_id in range(20):
+            for node in (asker, server):
+                node.store(robot_id, topic_id, START_MS + 2_000)
+        server.store(robot_id, 0, START_MS + 9_000)
+    contacts = 0
+    while not Pull(asker, server, budget=3_000).run().intake.complete:
+        contacts += 1
+        assert contacts < 5
+    assert asker.content == server.content
