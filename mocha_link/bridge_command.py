@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from mocha_link import bridges
 from mocha_link.bridges import run as ros_bridge
 from mocha_link.bridges.zeromq import ZeroMqBridge
+from mocha_link.command_help import add_command, endpoint
 
 if TYPE_CHECKING:
     import argparse
@@ -22,28 +23,52 @@ WHAT = {
     "ros1": "publish and subscribe ROS 1 topics",
     "ros2": "publish and subscribe ROS 2 topics",
 }
+EXAMPLES = {
+    "zmq": (
+        "mocha-link bridge zmq --node ipc:///tmp/io.node --serve tcp://127.0.0.1:24600",
+        "mocha-link bridge zmq --node ipc:///tmp/io.node --serve ipc:///tmp/io --stream ipc:///tmp/s",
+    ),
+    "ros1": ("mocha-link bridge ros1 --node ipc:///tmp/io.node",),
+    "ros2": (
+        "mocha-link bridge ros2 --node ipc:///tmp/io.node --domain 7",
+        "mocha-link bridge ros2 --node ipc:///tmp/io.node --best-effort /scan",
+    ),
+}
 NEEDS = {"ros1": ("rospy",), "ros2": ("rclpy", "cyclonedds")}
 DEFAULT_PYTHON = "/usr/bin/python3"  # what Debian's and Ubuntu's ROS packages are installed for
 
 
-def add_parser(commands: Any, style: dict[str, Any]) -> None:
+def add_parser(commands: Any) -> None:
     """Add the command to the subcommands of a parser."""
-    command = commands.add_parser(
-        "bridge", help="connect a running node to ROS 1, ROS 2 or other programs", **style
+    command = add_command(
+        commands,
+        "bridge",
+        "connect a running node to ROS 1, ROS 2 or other programs",
+        *(example for kind in EXAMPLES for example in EXAMPLES[kind][:1]),
     )
     kinds = command.add_subparsers(required=True, dest="kind", metavar="BRIDGE")
-    served = kinds.add_parser("zmq", help=WHAT["zmq"], **style)
+    served = add_command(kinds, "zmq", WHAT["zmq"], *EXAMPLES["zmq"])
     served.add_argument(
-        "--node", required=True, metavar="ENDPOINT", help="what the node got as --serve"
+        "--node",
+        type=endpoint,
+        required=True,
+        metavar="ENDPOINT",
+        help="what the node got as --serve",
     )
     served.add_argument(
-        "--serve", required=True, metavar="ENDPOINT", help="where programs ask, e.g. ipc:///tmp/io"
+        "--serve",
+        type=endpoint,
+        required=True,
+        metavar="ENDPOINT",
+        help="where programs ask, e.g. ipc:///tmp/io",
     )
-    served.add_argument("--stream", metavar="ENDPOINT", help="publish all messages there")
+    served.add_argument(
+        "--stream", type=endpoint, metavar="ENDPOINT", help="publish all messages there"
+    )
     served.add_argument("--json", action="store_true", help="stream values, not data")
     served.set_defaults(run=_serve)
     for kind in ("ros1", "ros2"):
-        parser = kinds.add_parser(kind, help=WHAT[kind], **style)
+        parser = add_command(kinds, kind, WHAT[kind], *EXAMPLES[kind])
         ros_bridge.add_options(parser, kind)
         parser.add_argument(
             "--python",

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import json
 import logging
 import os
 import queue
 import signal
 import sys
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from mocha_link.bridge_command import add_parser as add_bridge
-from mocha_link.display import event_line, links_table, team_tables
+from mocha_link.command_help import add_command, add_verbose, endpoint, style
+from mocha_link.display import event_line, links_table, rules_line, team_tables
 from mocha_link.document import DocumentError
 from mocha_link.errors import MochaLinkError
 from mocha_link.import_command import add_parser as add_import
@@ -34,20 +37,7 @@ if TYPE_CHECKING:
     from mocha_link.metrics import LinkEvent
 
 DONE, FAILED, USAGE, INVALID_FILE, INTERRUPTED = 0, 1, 2, 3, 130
-EXIT_CODES = (
-    "exit codes: 0 done, 1 ended otherwise, 2 usage, 3 invalid file, 130 interrupted (Ctrl-C)"
-)
-EXAMPLES = """\
-examples:
-  mocha-link check missions/pennovation/team.yaml
-  mocha-link node missions/pennovation/team.yaml --robot io --metrics tcp://127.0.0.1:24500
-  mocha-link metrics tcp://127.0.0.1:24500 --follow
-  mocha-link top tcp://127.0.0.1:24500
-  mocha-link node team.yaml --robot io --serve ipc:///tmp/io.node
-  mocha-link bridge ros1 --node ipc:///tmp/io.node
-  mocha-link import robot_configs.yaml topic_configs.yaml radio_configs.yaml -o team.yaml
-
-"""
+_ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
 QUEUE_EVENTS = 10_000  # not yet printed; what comes on top is not shown
 
 LOG = logging.getLogger("mocha_link")
@@ -85,23 +75,64 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    style: dict[str, Any] = {
-        "epilog": EXAMPLES + EXIT_CODES,
-        "formatter_class": argparse.RawDescriptionHelpFormatter,
-    }
     parser = argparse.ArgumentParser(
         prog="mocha-link",
         description="Gossip node that carries data between robots whose links come and go.",
-        **style,
+        **style(
+            "mocha-link check missions/pennovation/team.yaml",
+            f"mocha-link node missions/pennovation/team.yaml --robot io --metrics {_ENDPOINT}",
+            f"mocha-link top {_ENDPOINT}",
+        ),
     )
-    parser.add_argument("-v", "--verbose", action="store_true", help="log more, on stderr")
+    add_verbose(parser)
+    parser.add_argument("--version", action="version", version=f"mocha-link {_version()}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    _add_check(commands)
+    add_keys(commands)
+    add_import(commands)
+    _add_node(commands)
+    _add_metrics(commands)
+    add_top(commands)
+    add_bridge(commands)
+    return parser
 
-    node = commands.add_parser("node", help="run the node of a robot", **style)
+
+def _version() -> str:
+    try:
+        return metadata.version("air-router")
+    except metadata.PackageNotFoundError:  # run from the sources
+        return "of an unknown version"
+
+
+def _add_check(commands: Any) -> None:
+    check = add_command(
+        commands,
+        "check",
+        "check a team file and show its ids and ports",
+        "mocha-link check missions/pennovation/team.yaml",
+    )
+    check.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
+    check.add_argument("--json", action="store_true", help="print the ids and ports as JSON")
+    check.set_defaults(run=_check)
+
+
+def _add_node(commands: Any) -> None:
+    node = add_command(
+        commands,
+        "node",
+        "run the node of a robot",
+        "mocha-link node team.yaml --robot io",
+        f"mocha-link node team.yaml --robot io --metrics {_ENDPOINT} --prometheus :9464",
+        "mocha-link node team.yaml --robot io --storage io.db --keys /etc/mocha-link",
+        "mocha-link node team.yaml --robot io --serve ipc:///tmp/io.node",
+    )
     node.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
     node.add_argument("--robot", required=True, metavar="NAME", help="which robot this is")
     node.add_argument(
-        "--metrics", metavar="ENDPOINT", help="serve metrics there, e.g. tcp://127.0.0.1:24500"
+        "--metrics",
+        type=endpoint,
+        metavar="ENDPOINT",
+        help=f"serve metrics there, e.g. {_ENDPOINT}",
     )
     node.add_argument(
         "--prometheus",
@@ -121,32 +152,32 @@ def _parser() -> argparse.ArgumentParser:
         help="the folder with the robot's secret, NAME.key, if the team has a key for it",
     )
     node.add_argument(
-        "--serve", metavar="ENDPOINT", help="serve bridges there, e.g. ipc:///tmp/io.node"
+        "--serve",
+        type=endpoint,
+        metavar="ENDPOINT",
+        help="serve bridges there, e.g. ipc:///tmp/io.node",
     )
     node.add_argument("--json", action="store_true", help="print events as JSON lines")
     node.set_defaults(run=_node)
 
-    metrics = commands.add_parser("metrics", help="show the links of a running node", **style)
-    metrics.add_argument("endpoint", metavar="ENDPOINT", help="what the node got as --metrics")
+
+def _add_metrics(commands: Any) -> None:
+    metrics = add_command(
+        commands,
+        "metrics",
+        "show the links of a running node",
+        f"mocha-link metrics {_ENDPOINT}",
+        f"mocha-link metrics {_ENDPOINT} --json --follow",
+    )
+    metrics.add_argument(
+        "endpoint", type=endpoint, metavar="ENDPOINT", help="what the node got as --metrics"
+    )
     metrics.add_argument("--json", action="store_true", help="print JSON, one object per line")
     metrics.add_argument("--follow", action="store_true", help="go on with events as they happen")
     metrics.add_argument(
         "--timeout", type=_seconds, default=5.0, metavar="S", help="wait so long, in s (5)"
     )
     metrics.set_defaults(run=_metrics)
-
-    check = commands.add_parser(
-        "check", help="check a team file and show its ids and ports", **style
-    )
-    check.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
-    check.add_argument("--json", action="store_true", help="print the ids and ports as JSON")
-    check.set_defaults(run=_check)
-
-    add_bridge(commands, style)
-    add_import(commands, style)
-    add_keys(commands, style)
-    add_top(commands, style)
-    return parser
 
 
 def _seconds(text: str) -> float:
@@ -184,6 +215,16 @@ def _node(options: argparse.Namespace) -> int:
                 service = stack.enter_context(ServiceServer(node, options.serve))
                 _say(f"serves bridges on {service.endpoint}")
             robot = node.robot
+            if robot.original:
+                LOG.warning(
+                    "%s says that %s runs the original node: the others speak the old protocol "
+                    "with it; if this node is to stay, take 'original' away in every team file",
+                    options.team,
+                    robot.name,
+                )
+            if options.storage and not node.storage_fault:
+                count = len(node.messages())
+                _say(f"{options.storage} has {count} message{'s' * (count != 1)}")
             for peer in robot.peers:
                 _say(f"{robot.name} answers {peer} on {robot.listen}:{robot.port_for(peer)}")
             _say("ready; Ctrl-C ends")
@@ -239,7 +280,7 @@ def _check(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(_ids(team)))
         return DONE
-    print("\n".join([team_tables(team), "", *protection_lines(team)]))
+    print("\n".join([team_tables(team), "", rules_line(team), *protection_lines(team)]))
     return DONE
 
 
@@ -250,6 +291,8 @@ def _ids(team: Team) -> dict[str, Any]:
                 "robot_id": robot.robot_id,
                 "kind": robot.kind,
                 "address": robot.address,
+                "radio": robot.radio,
+                "original": robot.original,
                 "ports": {peer: robot.port_for(peer) for peer in robot.peers},
             }
             for robot in team.robots.values()
@@ -262,11 +305,15 @@ def _ids(team: Team) -> dict[str, Any]:
                     "dtype": topic.dtype,
                     "priority": topic.priority.name.lower(),
                     "min_interval_s": topic.min_interval_s,
+                    "history": topic.history,
+                    "aggregate": topic.aggregate,
                 }
                 for topic in topics
             }
             for kind, topics in team.kinds.items()
         },
+        "trigger": dataclasses.asdict(team.trigger),
+        "trust": team.trust.value,
         "links": [
             {"robots": link.robots, "open_because": link.open_because} for link in links(team)
         ],

@@ -12,67 +12,98 @@ if TYPE_CHECKING:
 
 
 def team_tables(team: Team) -> str:
-    """The robots and topics of a team with the ids and ports that follow from the file."""
-    rows = [("robot", "id", "kind", "address", "ports", "radio")]
+    """The robots and topics of a team with the ids and ports that follow from the file.
+
+    What no robot or topic of the team has is not shown.
+    """
+    rows = [("robot", "id", "kind", "address", "ports", "radio", "node")]
     for robot in sorted(team.robots.values(), key=lambda robot: robot.robot_id):
-        ports = ", ".join(f"{peer}:{robot.port_for(peer)}" for peer in robot.peers)
-        number = str(robot.robot_id)
+        ports = ", ".join(f"{peer}:{robot.port_for(peer)}" for peer in robot.peers) or "-"
         radio = robot.radio or f"timer, {team.trigger.interval_s:g} s"
-        rows.append((robot.name, number, robot.kind, robot.address, ports, radio))
-    robots = _table(rows)
-    heads = ("kind", "topic", "id", "type", "dtype", "priority", "at most every")
+        node = "original" if robot.original else ""
+        rows.append(
+            (robot.name, str(robot.robot_id), robot.kind, robot.address, ports, radio, node)
+        )
+    heads = ("kind", "topic", "id", "type", "dtype", "priority", "at most every", "keeps", "sends")
     kinds: list[tuple[str, ...]] = [heads]
     for kind, topics in team.kinds.items():
         for topic in topics:
             interval = f"{topic.min_interval_s:g} s" if topic.min_interval_s else "-"
             ids = (str(topic.topic_id), topic.type, str(topic.dtype))
-            kinds.append((kind, topic.name, *ids, topic.priority.name.lower(), interval))
-    return f"{robots}\n\n{_table(kinds)}"
+            keeps = f"{topic.history}" if topic.history > 1 else ""
+            sends = "all together" if topic.aggregate else ""
+            kinds.append(
+                (kind, topic.name, *ids, topic.priority.name.lower(), interval, keeps, sends)
+            )
+    return f"{_table(_used(rows))}\n\n{_table(_used(kinds))}"
 
 
-def event_line(fields: dict[str, Any]) -> str:
+def rules_line(team: Team) -> str:
+    """When nodes pull, and whose messages they take."""
+    trigger = team.trigger
+    pulls = f"pulls every {trigger.interval_s:g} s"
+    if any(robot.radio for robot in team.robots.values()):
+        pulls += (
+            f", where there is a radio from {trigger.rssi_threshold_dbm:g} dBm, "
+            f"{trigger.snr_threshold_db:g} dB SNR or {trigger.device_threshold:g} of the device on "
+            f"(to {trigger.hysteresis_db:g} below)"
+        )
+    if trigger.budget_bytes:
+        pulls += f"; at most {trigger.budget_bytes} bytes in a contact"
+    return f"{pulls}; trust: {team.trust.value}"
+
+
+def event_line(fields: dict[str, Any], *, date: bool = True) -> str:
     """One event, given as `telemetry.as_fields` has it and `event`, its type."""
-    rest = {key: value for key, value in fields.items() if key not in ("event", "peer", "at_s")}
-    words = " ".join(f"{key}={_shown(value)}" for key, value in rest.items())
+    unsaid = {"event", "peer", "at_s"}
+    if "signal" in fields:
+        unsaid.add("rssi_dbm")  # the same
+    if fields.get("complete") is True:
+        unsaid.add("complete")
+    words = [f"{key}={_shown(value)}" for key, value in fields.items() if key not in unsaid]
     at = datetime.fromtimestamp(fields["at_s"], UTC).isoformat(timespec="milliseconds")
-    return f"{at[:-6]}Z {fields['event']} {fields['peer']} {words}"
+    at = at[:-6] if date else at[11:-6]
+    return " ".join([f"{at}Z", str(fields["event"]), str(fields["peer"]), *words])
+
+
+_LINK_HEADS = (
+    *("peer", "state", "path", "signal", "syncs in", "ago", "syncs out", "ago"),
+    *("RTT", "bandwidth", "newest", "broken", "refused"),
+)
 
 
 def links_table(fields: dict[str, Any]) -> str:
     """A snapshot of all links, as `telemetry.snapshot` has it."""
     now = fields["at_s"]
-    rows = [
-        (
-            "peer",
-            "state",
-            "signal",
-            "in",
-            "ago",
-            "out",
-            "ago",
-            "RTT",
-            "bandwidth",
-            "newest",
-            "broken",
-        )
-    ]
+    rows: list[tuple[str, ...]] = [_LINK_HEADS]
     for peer, link in fields["links"].items():
         rows.append(
             (
                 peer,
                 link["state"],
+                path_text(link),
                 signal_text(link),
                 str(link["syncs_in"]),
                 _ago(now, link["last_sync_in_s"]),
                 str(link["syncs_out"]),
                 _ago(now, link["last_sync_out_s"]),
                 _with_unit(link["rtt_s"], "ms", 1000),
-                _with_unit(link["bandwidth_bytes_s"], "kB/s", 0.001),
+                _rate(link["bandwidth_bytes_s"]),
                 _with_unit(link["newest_age_s"], "s"),
                 str(link["timeouts"]),
+                str(link.get("refused", "-")),
             )
         )
-    return f"links of {fields['robot']}\n{_table(rows)}"
+    lines = [f"links of {fields['robot']}", _table(rows)]
+    if fields.get("storage_fault"):
+        lines.append(f"NOT ON DISK: {fields['storage_fault']}")
+    return "\n".join(lines)
+
+
+def path_text(link: Mapping[str, Any]) -> str:
+    """What the last exchange with a peer went over, and whether it is encrypted."""
+    path = str(link.get("path") or "-")
+    return f"{path} key" if link.get("protected") else path
 
 
 def signal_text(link: Mapping[str, Any]) -> str:
@@ -92,8 +123,27 @@ def _with_unit(value: float | None, unit: str, factor: float = 1) -> str:
     return "-" if value is None else f"{value * factor:.1f} {unit}"
 
 
+def _rate(bytes_s: float | None) -> str:
+    if bytes_s is None:
+        return "-"
+    unit, factor = ("MB/s", 1e-6) if bytes_s >= 1e6 else ("kB/s", 1e-3)
+    return f"{bytes_s * factor:.1f} {unit}"
+
+
 def _shown(value: object) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, dict):  # a reading of a radio
+        return " ".join(
+            f"{part:g}" if isinstance(part, float) else str(part) for part in value.values()
+        )
     return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+def _used(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    """The table without columns that are empty below their head."""
+    used = [index for index in range(len(rows[0])) if any(row[index] for row in rows[1:])]
+    return [[row[index] for index in used] for row in rows]
 
 
 def _table(rows: Sequence[Sequence[str]]) -> str:

@@ -7,16 +7,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mocha_link import upstream
+from mocha_link.command_help import add_command
 from mocha_link.errors import MochaLinkError
 
 if TYPE_CHECKING:
     import argparse
 
 
-def add_parser(commands: Any, style: dict[str, Any]) -> None:
+def add_parser(commands: Any) -> None:
     """Add the command to the subcommands of a parser."""
-    command = commands.add_parser(
-        "import", help="make a team file of an original MOCHA's YAML files", **style
+    command = add_command(
+        commands,
+        "import",
+        "make a team file of an original MOCHA's YAML files",
+        "mocha-link import robot_configs.yaml topic_configs.yaml radio_configs.yaml -o team.yaml",
+        "mocha-link import robot_configs.yaml topic_configs.yaml --ours titan io -o team.yaml",
+        # As argparse would write it, the names of --ours seem to belong before the files.
+        usage="mocha-link import [-h] [-v] ROBOT_CONFIGS TOPIC_CONFIGS [RADIO_CONFIGS]\n"
+        "                         [-o TEAM] [--ours NAME [NAME ...]] [--ros {1,2}]",
     )
     for name, what in (("robot_configs", "robots"), ("topic_configs", "topics")):
         command.add_argument(name, type=Path, metavar=name.upper(), help=f"its {what} (YAML)")
@@ -56,4 +64,7 @@ def run(options: argparse.Namespace) -> int:
         raise MochaLinkError(
             f"cannot write {options.output}: {error.strerror}; choose another file"
         ) from None
+    print(
+        f"{options.output} is made; see it with: mocha-link check {options.output}", file=sys.stderr
+    )
     return 0

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mocha_link import keys
+from mocha_link.command_help import add_command
 from mocha_link.complaint import as_label
 from mocha_link.document import Document, DocumentError
 from mocha_link.errors import MochaLinkError
@@ -45,10 +46,14 @@ class _Plan(NamedTuple):
     public: str | None = None
 
 
-def add_parser(commands: Any, style: Mapping[str, Any]) -> None:
+def add_parser(commands: Any) -> None:
     """Add the command to the parsers of `mocha-link`."""
-    parser = commands.add_parser(
-        "keys", help="make keys for the robots, so that only they connect", **style
+    parser = add_command(
+        commands,
+        "keys",
+        "make keys for the robots, so that only they connect",
+        "mocha-link keys team.yaml",
+        "mocha-link keys team.yaml --robot io --force     # io's secret is lost",
     )
     parser.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML), is changed")
     parser.add_argument(
@@ -115,9 +120,9 @@ def protection_lines(team: Team) -> list[str]:
     """The protected links in one line, and each of the others with the reason."""
     found = links(team)
     closed = [" - ".join(link.robots) for link in found if link.open_because is None]
-    if not closed:
+    if not any(robot.key for robot in team.robots.values()):
         return ["no link is protected by keys ('mocha-link keys' makes them)"]
-    lines = [f"protected by keys: {', '.join(closed)}"]
+    lines = [f"protected by keys: {', '.join(closed)}" if closed else "no link is protected:"]
     lines += [
         f"NOT protected: {' - '.join(link.robots)} ({link.open_because})"
         for link in found

@@ -280,6 +280,12 @@ class Node:
                 return ours
             sequence = found[-1][0]
 
+    @property
+    def storage_fault(self) -> str | None:
+        """Why messages do not get to the disk now; None if they do, or are to stay in memory."""
+        fault = self._storage.fault if self._storage else None
+        return str(fault) if fault else None
+
     def links(self) -> dict[str, LinkMetrics]:
         """The state of the link to every peer, by its name."""
         with self._lock:

@@ -42,6 +42,10 @@ class Measured(Protocol):
     name: str
     clock: Clock
 
+    @property
+    def storage_fault(self) -> str | None:
+        """Why messages do not get to the disk now, if so."""
+
     def links(self) -> dict[str, LinkMetrics]:
         """The state of the link to every peer."""
 
@@ -79,7 +83,9 @@ def exposition(node: Measured) -> str:
     robot = node.name
     clock = _Family("mocha_link_clock_timestamp_seconds", "gauge", "The node's own clock.")
     clock.add(node.clock.now_s(), robot=robot)
-    families = [clock, *_families(robot, node.links())]
+    storage = _Family("mocha_link_storage_failed", "gauge", "1 while nothing gets to the disk.")
+    storage.add(float(node.storage_fault is not None), robot=robot)
+    families = [clock, storage, *_families(robot, node.links())]
     lines = [line for family in families if family.samples for line in family.lines()]
     return "\n".join(lines) + "\n"
 

@@ -182,7 +182,8 @@ class Storage:
         with self._changed:
             left = self._given - self._saved
         if left:
-            LOG.warning("%s: %d changes are not on disk", self.path, left)
+            what = "1 change is" if left == 1 else f"{left} changes are"
+            LOG.warning("%s: %s not on disk", self.path, what)
         return not left
 
     def _tell(self) -> None:

@@ -61,9 +61,16 @@ def _plain(value: object) -> object:
 
 
 def snapshot(node: Node) -> dict[str, Any]:
-    """All link metrics of a node: ``{"robot": ..., "at_s": ..., "links": {peer: {...}}}``."""
-    links = {peer: as_fields(link) for peer, link in node.links().items()}
-    return {"robot": node.name, "at_s": node.clock.now_s(), "links": links}
+    """All link metrics of a node, and why its messages do not get to the disk, if so.
+
+    ``{"robot": ..., "at_s": ..., "storage_fault": ..., "links": {peer: {...}}}``.
+    """
+    return {
+        "robot": node.name,
+        "at_s": node.clock.now_s(),
+        "storage_fault": node.storage_fault,
+        "links": {peer: as_fields(link) for peer, link in node.links().items()},
+    }
 
 
 class MetricsServer:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from mocha_link.display import event_line, signal_text
+from mocha_link.display import event_line, path_text, signal_text
 
 MAX_NEWS = 200
 SILENT_S = 3.0  # snapshots come every second
@@ -83,7 +83,7 @@ class Picture:
             _table(fields, 0.0, unicode=True)  # what is strange is found out here
             self._links = fields
         else:
-            self._news.append(printable(event_line(fields)))
+            self._news.append(printable(event_line(fields, date=False)))
         self._heard_s = steady_s
 
     def lines(self, size: Size, style: Style, steady_s: float) -> list[str]:
@@ -91,6 +91,9 @@ class Picture:
         silent_s = steady_s - self._heard_s
         title = f"links of {printable(str(self._links['robot']))}, {self._endpoint}"
         colour = BOLD
+        fault = self._links.get("storage_fault")
+        if fault:
+            title, colour = f"NOT ON DISK: {printable(str(fault))}  {title}", RED
         if silent_s > SILENT_S:
             title, colour = f"NO NEWS FOR {silent_s:.0f} s  {title}", RED
         colours = ["", *(str(link["state"]) for link in self._links["links"].values())]
@@ -188,14 +191,11 @@ def _bandwidth(link: Link, scene: _Scene) -> str:
     return f"{_bytes(value).rjust(5)} {bar}"
 
 
-def _path(link: Link, _: _Scene) -> str:
-    path = str(link.get("path") or "-")
-    return f"{path} key" if link.get("protected") else path
-
-
 def _rtt(link: Link, _: _Scene) -> str:
     rtt_s = link["rtt_smoothed_s"]
-    return "-" if rtt_s is None else f"{rtt_s * 1000:.0f} ms"
+    if rtt_s is None:
+        return "-"
+    return f"{rtt_s * 1000:.0f} ms" if rtt_s >= 0.01 else f"{rtt_s * 1000:.1f} ms"
 
 
 def _topics(link: Link, _: _Scene) -> str:
@@ -205,7 +205,7 @@ def _topics(link: Link, _: _Scene) -> str:
 
 _COLUMNS = (
     _Column("state", 1, lambda link, _: str(link["state"])),
-    _Column("path", 9, _path),
+    _Column("path", 9, lambda link, _: path_text(link)),
     _Column("signal", 2, lambda link, _: signal_text(link), right=True),
     _Column("in", 3, lambda link, scene: _since(link["last_sync_in_s"], scene), right=True),
     _Column("out", 4, lambda link, scene: _since(link["last_sync_out_s"], scene), right=True),
@@ -214,6 +214,7 @@ _COLUMNS = (
     _Column("got", 8, lambda link, _: _bytes(link["bytes_in"]), right=True),
     _Column("gave", 10, lambda link, _: _bytes(link["bytes_out"]), right=True),
     _Column("broken", 11, lambda link, _: str(link["timeouts"]), right=True),
+    _Column("refused", 12, lambda link, _: str(link.get("refused", "-")), right=True),
     _Column("newest", 5, lambda link, _: _age(link["newest_age_s"]), right=True),
-    _Column("by topic", 12, _topics),
+    _Column("by topic", 13, _topics),
 )

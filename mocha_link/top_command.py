@@ -7,9 +7,10 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from mocha_link.command_help import add_command, endpoint
 from mocha_link.telemetry import MetricsError, Subscription
 from mocha_link.top import Picture, Size, Style
 
@@ -32,10 +33,17 @@ class _Terminated(BaseException):
     """SIGTERM came."""
 
 
-def add_parser(commands: Any, style: Mapping[str, Any]) -> None:
+def add_parser(commands: Any) -> None:
     """Add the command to the parsers of `mocha-link`."""
-    parser = commands.add_parser("top", help="watch the links of a running node live", **style)
-    parser.add_argument("endpoint", metavar="ENDPOINT", help="what the node got as --metrics")
+    parser = add_command(
+        commands,
+        "top",
+        "watch the links of a running node live",
+        "mocha-link top tcp://127.0.0.1:24500",
+    )
+    parser.add_argument(
+        "endpoint", type=endpoint, metavar="ENDPOINT", help="what the node got as --metrics"
+    )
     parser.set_defaults(run=run)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -13,8 +14,10 @@ import pytest
 
 from mocha_link import cli
 from mocha_link.cli import main
-from mocha_link.metrics import Direction, SyncEnded
-from mocha_link.telemetry import MetricsServer
+from mocha_link.display import event_line, links_table
+from mocha_link.metrics import Direction, LinkMetrics, SyncEnded
+from mocha_link.node import Node
+from mocha_link.telemetry import MetricsServer, as_fields
 
 
 @pytest.fixture
@@ -35,6 +38,116 @@ def test_check_shows_ids_and_ports(team_file, field, capsys):
     assert ids["kinds"]["aerial_robot"]["/slow"]["dtype"] == 3
 
 
+def a_team(path, *, old="", topic="{name: /pose, type: json/A}", rest=""):
+    path.write_text(f"""\
+robots:
+  a: {{kind: rover, address: 127.0.0.1, base_port: 10, clients: [old], radio: "stdin:"}}
+  old: {{kind: rover, address: 127.0.0.2, base_port: 10, clients: [a]{old}}}
+kinds: {{rover: {{topics: [{topic}]}}}}
+{rest}
+""")
+    return str(path)
+
+
+def test_check_shows_what_the_team_asks_for(tmp_path, capsys):
+    path = tmp_path / "team.yaml"
+    assert main(["check", a_team(path)]) == 0
+    out = capsys.readouterr().out
+    assert "pulls every 2 s, where there is a radio from -75 dBm, 10 dB SNR or 20 of the" in out
+    assert "; trust: relays" in out
+    for word in ("original", "keeps", "together"):
+        assert word not in out
+    topic = "{name: /log, type: json/B, history: 3, min_interval_s: 5, aggregate: true}"
+    rest = "trigger: {budget_bytes: 5000}\ntrust: signed"
+    assert main(["check", a_team(path, topic=topic, rest=rest)]) == 0
+    out = capsys.readouterr().out
+    assert "5 s            3      all together" in out
+    assert "; at most 5000 bytes in a contact; trust: signed" in out
+    assert main(["check", "--json", a_team(path, old=", original: true", rest=rest)]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["robots"]["old"]["original"] is True
+    assert shown["kinds"]["rover"]["/pose"]["history"] == 1
+    assert shown["trigger"]["budget_bytes"] == 5000
+    assert shown["trust"] == "signed"
+    assert main(["check", a_team(path, old=", original: true")]) == 0
+    assert "timer, 2 s  original" in capsys.readouterr().out
+
+
+def test_every_command_has_its_own_help(capsys):
+    commands = ["check", "keys", "import", "node", "metrics", "top", "bridge"]
+    for command in [*commands, "bridge zmq", "bridge ros1", "bridge ros2"]:
+        with pytest.raises(SystemExit) as caught:
+            main([*command.split(), "--help"])
+        assert caught.value.code == 0
+        out = capsys.readouterr().out
+        assert out.startswith(f"usage: mocha-link {command} ")
+        examples = out[out.index("\nexample") : out.index("\nexit codes: ")].splitlines()[2:]
+        assert examples
+        assert all(line.startswith(f"  mocha-link {command}") for line in examples if line)
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    out = capsys.readouterr().out
+    assert all(f"\n    {command} " in out for command in commands)
+
+
+def test_the_version(capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["--version"])
+    assert caught.value.code == 0
+    assert capsys.readouterr().out.startswith("mocha-link ")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["-v", "metrics", "tcp://x:1"], ["metrics", "tcp://x:1", "-v"], ["metrics", "tcp://x:1"]],
+)
+def test_verbose_stands_anywhere(monkeypatch, arguments):
+    seen = []
+    monkeypatch.setattr(cli, "watch", lambda *_, **__: iter(()))
+    monkeypatch.setattr(cli.logging, "basicConfig", lambda **given: seen.append(given["level"]))
+    assert main(arguments) == 0
+    assert seen == [logging.DEBUG if "-v" in arguments else logging.INFO]
+
+
+@pytest.mark.parametrize("wrong", ["24500", "127.0.0.1:24500", "tcp://127.0.0.1", "ipc://", "x"])
+def test_what_is_no_endpoint_is_2(team_file, capsys, wrong):
+    for arguments in (
+        ["node", str(team_file), "--robot", "io", "--metrics", wrong],
+        ["node", str(team_file), "--robot", "io", "--serve", wrong],
+        ["metrics", wrong],
+        ["top", wrong],
+        ["bridge", "zmq", "--node", wrong, "--serve", "ipc:///x"],
+    ):
+        with pytest.raises(SystemExit) as caught:
+            main(arguments)
+        assert caught.value.code == 2
+        assert f"'{wrong}' is no endpoint; write tcp://127.0.0.1:24500" in capsys.readouterr().err
+
+
+def test_events_for_people():
+    signal = {"value": -61.5, "unit": "dBm", "source": "wifi"}
+    at = {"peer": "io", "at_s": 1_795_175_900.25}
+    heard = {"event": "RssiChanged", **at, "rssi_dbm": -61.5, "signal": signal}
+    assert event_line(heard) == "2026-11-20T11:58:20.250Z RssiChanged io signal=-61.5 dBm wifi"
+    lost = {**heard, "rssi_dbm": None, "signal": None}
+    assert event_line(lost, date=False) == "11:58:20.250Z RssiChanged io signal=-"
+    ended = {"event": "SyncEnded", **at, "messages": 2, "complete": True}
+    assert event_line(ended, date=False) == "11:58:20.250Z SyncEnded io messages=2"
+    cut = {**ended, "complete": False}
+    assert event_line(cut, date=False) == "11:58:20.250Z SyncEnded io messages=2 complete=False"
+    assert event_line({"event": "StorageRecovered", **at}).endswith("Z StorageRecovered io")
+
+
+def test_links_for_people():
+    link = as_fields(LinkMetrics("io", bandwidth_bytes_s=2_500_000.0, path="udp", protected=True))
+    shown = links_table({"robot": "a", "at_s": 5.0, "links": {"io": link}})
+    assert "udp key" in shown
+    assert "2.5 MB/s" in shown
+    assert "DISK" not in shown
+    shown = links_table({"robot": "a", "at_s": 5.0, "links": {}, "storage_fault": "no room"})
+    assert shown.endswith("\nNOT ON DISK: no room")
+
+
 def test_an_invalid_file_is_3(team_file, capsys):
     team_file.write_text(team_file.read_text().replace("kind: ", "knd: ", 1))
     assert main(["check", str(team_file)]) == 3
@@ -53,7 +166,7 @@ def test_wrong_usage_is_2(team_file, capsys):
     capsys.readouterr()
     for timeout in ("-1", "nan", "soon"):
         with pytest.raises(SystemExit) as caught:
-            main(["metrics", "x", "--timeout", timeout])
+            main(["metrics", "tcp://x:1", "--timeout", timeout])
         assert caught.value.code == 2
         assert f"'{timeout}' is no time; write seconds" in capsys.readouterr().err
 
@@ -83,9 +196,10 @@ def test_metrics_are_followed_line_by_line(field, capsys, monkeypatch):
     news = [("links", snapshot), ("event", event), ("links", snapshot)]
     monkeypatch.setattr(cli, "watch", lambda *_, **__: iter(news))
     assert main(["metrics", "tcp://x:1", "--follow"]) == 0
+    heads = "state  path  signal  syncs in  ago  syncs out  ago  RTT  bandwidth  newest  broken"
     assert capsys.readouterr().out.splitlines() == [
         "links of io",
-        "peer  state  signal  in  ago  out  ago  RTT  bandwidth  newest  broken",
+        f"peer  {heads}  refused",
         "2026-11-20T11:58:20.250Z RssiChanged io rssi_dbm=-61.000",
     ]
     assert main(["metrics", "tcp://x:1", "--follow", "--json"]) == 0
@@ -194,3 +308,16 @@ def test_a_node_in_its_own_process(field, team_file, number, code):
         process.send_signal(number)
         process.communicate(timeout=20)
         assert process.returncode == code
+
+
+def test_a_node_says_what_is_stored_and_whom_it_stands_in_for(tmp_path, field, team_file):
+    storage = tmp_path / "io.db"
+    with Node(field.team, "io", storage=storage) as node:
+        node.publish("/pose", b"{}")
+    team_file.write_text(field.team.with_robots({"io": {"original": True}}).dump())
+    command = [str(team_file), "--robot", "io", "--storage", str(storage)]
+    process, lines = started(command, stdout=subprocess.DEVNULL)
+    with process:
+        process.terminate()
+    assert f"{storage} has 1 message\n" in lines
+    assert any("says that io runs the original node" in line for line in lines)

@@ -280,7 +280,12 @@ def test_check_says_what_is_protected(tmp_path, capsys):
     main(["keys", str(path), "--robot", "a"])
     capsys.readouterr()
     assert main(["check", str(path)]) == 0
-    assert "no link is protected" in capsys.readouterr().out
+    assert capsys.readouterr().out.splitlines()[-4:] == [
+        "no link is protected:",
+        "NOT protected: a - b (b has no key)",
+        "NOT protected: a - old (old runs the original MOCHA)",
+        "NOT protected: b - old (b has no key)",
+    ]
     main(["keys", str(path)])
     capsys.readouterr()
     assert main(["check", str(path)]) == 0

@@ -52,6 +52,7 @@ class FakeNode:
     def __init__(self, clock, **links):
         self.name = "titan"
         self.clock = clock
+        self.storage_fault = None
         self._links = links
 
     def links(self):
@@ -61,6 +62,12 @@ class FakeNode:
 @pytest.fixture
 def node(clock):
     return FakeNode(clock, io=IO, europa=LinkMetrics("europa"))
+
+
+def test_whether_messages_get_to_the_disk(node):
+    assert 'mocha_link_storage_failed{robot="titan"} 0.0' in exposition(node)
+    node.storage_fault = "no room"
+    assert 'mocha_link_storage_failed{robot="titan"} 1.0' in exposition(node)
 
 
 def samples(text):
