@@ -59,7 +59,7 @@ class Ether:
 
     `blocked` has (path, source, target) of what vanishes without a word; of `left` more pieces all
     are carried, then none (None: no limit). `silent` names who is not there at all; `lets_by` says
-    of each piece whether it gets there.
+    of each piece whether it gets there, `alter` what gets there of it.
     """
 
     def __init__(
@@ -85,6 +85,7 @@ class Ether:
         self.blocked: set[tuple[Path, str, str]] = set()
         self.silent: set[str] = set()
         self.lets_by: Callable[[Carried], bool] | None = None
+        self.alter: Callable[[Carried], bytes] = lambda piece: piece.data
         self.left: int | None = None
         self.carried: list[Carried] = []
         self._busy = 0
@@ -232,14 +233,14 @@ class Ether:
             case Reply():
                 self._answer(name, action.route, action.frame)
             case Cast():
-                if self._lets(Carried("udp", name, peer, action.packet)):
-                    self._later(lambda: self._cast(name, peer, action.packet))
+                piece = Carried("udp", name, peer, action.packet)
+                if self._lets(piece):
+                    self._later(lambda: self._cast(name, peer, self.alter(piece)))
             case CastBack():
-                known = (name, peer) in self._callers
-                if known and self._lets(Carried("udp", name, peer, action.packet)):
-                    self._later(
-                        lambda: self.nodes[peer].packet_back(name, action.packet, self.at(peer))
-                    )
+                piece = Carried("udp", name, peer, action.packet)
+                if (name, peer) in self._callers and self._lets(piece):
+                    back = self.nodes[peer].packet_back
+                    self._later(lambda: back(name, self.alter(piece), self.at(peer)))
 
     def _lets(self, piece: Carried) -> bool:
         self.carried.append(piece)
@@ -264,8 +265,9 @@ class Ether:
 
     def _flush(self, line: Line) -> None:
         for frame in line.waiting:
-            if not line.dead and self._lets(Carried("zmq", line.client, line.server, frame)):
-                self._later(lambda f=frame: self._ask(line, f))
+            piece = Carried("zmq", line.client, line.server, frame)
+            if not line.dead and self._lets(piece):
+                self._later(lambda p=piece: self._ask(line, self.alter(p)))
             else:
                 line.dead = True
         line.waiting.clear()
@@ -277,8 +279,9 @@ class Ether:
         line = self._served.get((server, route[0]))
         if line is None or line.dead:
             return
-        if self._lets(Carried("zmq", server, line.client, frame)):
-            self._later(lambda: self._reply(line, frame))
+        piece = Carried("zmq", server, line.client, frame)
+        if self._lets(piece):
+            self._later(lambda: self._reply(line, self.alter(piece)))
         else:
             line.dead = True
 

@@ -1,0 +1,122 @@
+"""Whole nodes where everything goes wrong, at random but the same every time: nothing is lost."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from mocha_link.document import Document
+from mocha_link.team import Team
+from tests.mocha_link.conftest import TEAM
+from tests.mocha_link.ether import NAMES, Carried, Ether
+
+BASE = Team.from_document(
+    Document.from_text(
+        TEAM.replace("priority: medium}", "priority: medium, history: 3}"), Path("team.yaml")
+    )
+)
+TOPICS = {"titan": ("/map",), "callisto": ("/pose", "/path"), "io": ("/pose", "/path", "/cloud")}
+SIZES = (10, 300, 3_000, 60_000)
+ROUNDS = 60
+
+
+class Rough:
+    """A team, its ether and what it should hold in the end, from one seed."""
+
+    def __init__(self, seed: int, *, damage: bool) -> None:
+        self.chance = chance = random.Random(seed)
+        self.newest: dict[tuple[str, str], bytes] = {}
+        self._number = 0
+        team = BASE
+        if chance.random() < 0.3 and not damage:  # nothing protects an original node's requests
+            team = team.with_robots({chance.choice(NAMES): {"original": True}})
+        if chance.random() < 0.3:
+            budget = chance.choice((20_000, 400_000))
+            team = replace(team, trigger=replace(team.trigger, budget_bytes=budget))
+        self.ether = Ether(
+            team,
+            datagrams=chance.random() < 0.8,
+            delay_s=chance.choice((0, 0.002, 0.02, 0.15)),
+        )
+        self._lost = {"udp": chance.choice((0, 0.05, 0.3)), "zmq": chance.choice((0, 0, 0.02))}
+        self.ether.lets_by = lambda piece: chance.random() >= self._lost[piece.path]
+        self._damaged = chance.choice((0.01, 0.1)) if damage else 0.0
+        self.ether.alter = self._alter
+
+    def _alter(self, piece: Carried) -> bytes:
+        chance, data = self.chance, bytearray(piece.data)
+        if chance.random() >= self._damaged or not data:
+            return piece.data
+        how = chance.random()
+        if how < 0.6:
+            data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
+        elif how < 0.8:
+            del data[chance.randrange(len(data)) :]
+        else:
+            data += chance.randbytes(5)
+        return bytes(data)
+
+    def step(self) -> None:
+        chance, ether = self.chance, self.ether
+        what = chance.random()
+        one, other = chance.sample(NAMES, 2)
+        if what < 0.35:
+            topic = chance.choice(TOPICS[one])
+            self._number += 1
+            data = b"%d " % self._number + chance.randbytes(chance.choice(SIZES))
+            self.newest[one, topic] = data
+            ether.publish(one, topic, data)
+        elif what < 0.65:
+            ether.nodes[one].sync(other, ether.at(one))
+            ether.wait(chance.choice((0, 0.01, 0.1, 0.5, 3)))
+        elif what < 0.75:
+            ether.blocked ^= {(chance.choice(("zmq", "udp")), one, other)}
+        elif what < 0.82:
+            ether.silent ^= {one}
+        elif what < 0.9:
+            self.contact(one, other)
+            ether.wait(chance.choice((0, 0.1, 1)))
+        else:
+            ether.wait(chance.choice((0.1, 1, 6, 14)))
+
+    def contact(self, one: str, other: str) -> None:
+        node, now = self.ether.nodes[one], self.ether.at(one)
+        node.heard(other, None, now)
+        node.heard(other, -50, now)
+
+    def calm(self) -> None:
+        """From now on nothing goes wrong."""
+        ether = self.ether
+        ether.blocked.clear()
+        ether.silent.clear()
+        ether.lets_by = None
+        ether.alter = lambda piece: piece.data
+        ether.settle()
+        ether.wait(14)
+
+    def meet(self) -> bool:
+        """titan meets the others, who never meet; whether everybody has everything."""
+        for one, other in (("titan", "callisto"), ("titan", "io"), ("callisto", "titan")):
+            self.contact(one, other)
+            self.ether.settle()
+        self.contact("io", "titan")
+        self.ether.settle()
+        self.ether.wait(5)
+        return all(self.ether.held(name) == self.newest for name in NAMES)
+
+
+@pytest.mark.parametrize("damage", [False, True])
+@pytest.mark.parametrize("seed", range(25))
+def test_everybody_ends_with_everything(seed, damage):
+    rough = Rough(seed, damage=damage)
+    for _ in range(30):
+        rough.step()
+    rough.calm()
+    assert any(rough.meet() for _ in range(ROUNDS))
+    nodes = rough.ether.nodes.values()
+    links = [link for node in nodes for link in node.links(rough.ether.now).values()]
+    if not damage:
+        assert not any(link.refused for link in links)
