@@ -7,7 +7,6 @@ Whoever reaches the endpoint may publish in the robot's name: keep it on this ma
 from __future__ import annotations
 
 import contextlib
-import errno
 import logging
 import math
 import socket
@@ -18,9 +17,9 @@ from typing import TYPE_CHECKING, Self
 
 import zmq
 
+from mocha_link.endpoint import bind
 from mocha_link.metrics import MessageStored
 from mocha_link.payload import MAX_BYTES
-from mocha_link.port import ListenError, PortInUseError
 from mocha_link.service import MAX_HEADER_BYTES, Service
 
 if TYPE_CHECKING:
@@ -64,15 +63,10 @@ class ServiceServer:
         router.setsockopt(zmq.RCVHWM, MAX_UNREAD)
         router.setsockopt(zmq.MAXMSGSIZE, MAX_BYTES + MAX_HEADER_BYTES)
         try:
-            router.bind(self.endpoint)
-        except zmq.ZMQError as error:
+            self.endpoint = bind(router, self.endpoint)
+        except BaseException:
             context.destroy(0)
-            what = f"cannot serve on {self.endpoint}"
-            if error.errno == errno.EADDRINUSE:
-                raise PortInUseError(f"{what}: it is in use; choose another one") from None
-            why = zmq.strerror(error.errno or 0)
-            raise ListenError(f"{what}: {why}; write ipc://path or tcp://127.0.0.1:port") from None
-        self.endpoint = router.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0")
+            raise
         self._waker, woken = socket.socketpair()
         self._waker.setblocking(False)
         self._thread = threading.Thread(

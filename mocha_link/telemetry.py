@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import enum
-import errno
 import json
 import math
 import queue
@@ -20,10 +19,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 import zmq
 
+from mocha_link.endpoint import bind
 from mocha_link.errors import MochaLinkError
 from mocha_link.header import Header
 from mocha_link.metrics import Contact
-from mocha_link.port import ListenError, PortInUseError
 from mocha_link.reading import Reading
 
 if TYPE_CHECKING:
@@ -97,15 +96,10 @@ class MetricsServer:
         publisher.setsockopt(zmq.XPUB_VERBOSE, 1)  # every newcomer gets its snapshot
         publisher.setsockopt(zmq.MAXMSGSIZE, MAX_SUBSCRIPTION_BYTES)
         try:
-            publisher.bind(self.endpoint)
-        except zmq.ZMQError as error:
+            self.endpoint = bind(publisher, self.endpoint, "cannot serve metrics")
+        except BaseException:
             context.destroy(0)
-            what = f"cannot serve metrics on {self.endpoint}"
-            if error.errno == errno.EADDRINUSE:
-                raise PortInUseError(f"{what}: it is in use; choose another port") from None
-            why = zmq.strerror(error.errno or 0)
-            raise ListenError(f"{what}: {why}; write tcp://address:port") from None
-        self.endpoint = publisher.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0")
+            raise
         self._waker, woken = socket.socketpair()
         self._waker.setblocking(False)
         self._thread = threading.Thread(

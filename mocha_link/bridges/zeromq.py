@@ -7,7 +7,6 @@ process does not touch the node.
 from __future__ import annotations
 
 import contextlib
-import errno
 import json
 import logging
 import threading
@@ -18,8 +17,8 @@ from typing import TYPE_CHECKING, Any, Self
 import zmq
 
 from mocha_link.bridges.values import MAX_REQUEST_BYTES, ValueRequestError, Values
+from mocha_link.endpoint import bind
 from mocha_link.payload import MAX_BYTES
-from mocha_link.port import ListenError, PortInUseError
 from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError
 
 if TYPE_CHECKING:
@@ -74,17 +73,18 @@ class ZeroMqBridge:
         self._stopping = threading.Event()
         self._pending: dict[int, _Pending] = {}
         self._number = 0
+        self._stream: Socket | None = None
+        self.stream: str | None = None
         with ServiceClient(node) as client:
             self._values = Values(client.team())
         self._context: zmq.Context[Socket] = zmq.Context()
         try:
-            self._front = self._bound(zmq.ROUTER, endpoint)
-            self._stream = self._bound(zmq.PUB, stream) if stream else None
+            self._front, self.endpoint = self._bound(zmq.ROUTER, endpoint)
+            if stream:
+                self._stream, self.stream = self._bound(zmq.PUB, stream)
         except Exception:
             self._context.destroy(0)
             raise
-        self.endpoint = _place_of(self._front)
-        self.stream = _place_of(self._stream) if self._stream else None
         self._back = self._dialled()
         self._threads = [threading.Thread(target=self._serve, name="bridge requests", daemon=True)]
         if self._stream:
@@ -111,22 +111,14 @@ class ZeroMqBridge:
     ) -> None:
         self.close()
 
-    def _bound(self, kind: int, endpoint: str) -> Socket:
+    def _bound(self, kind: int, endpoint: str) -> tuple[Socket, str]:
         socket = self._context.socket(kind)
         socket.setsockopt(zmq.LINGER, 0)
         socket.setsockopt(zmq.MAXMSGSIZE, MAX_BYTES + MAX_REQUEST_BYTES)
         if kind == zmq.ROUTER:
             socket.setsockopt(zmq.SNDHWM, MAX_UNREAD)
             socket.setsockopt(zmq.RCVHWM, MAX_UNREAD)
-        try:
-            socket.bind(endpoint)
-        except zmq.ZMQError as error:
-            what = f"cannot serve on {endpoint}"
-            if error.errno == errno.EADDRINUSE:
-                raise PortInUseError(f"{what}: it is in use; choose another one") from None
-            why = zmq.strerror(error.errno or 0)
-            raise ListenError(f"{what}: {why}; write ipc://path or tcp://127.0.0.1:port") from None
-        return socket
+        return socket, bind(socket, endpoint)
 
     def _dialled(self) -> Socket:
         socket = self._context.socket(zmq.DEALER)
@@ -221,7 +213,3 @@ class ZeroMqBridge:
             about, body = {**about, **self._values.value(about, data)}, []
         topic = f"/{about['robot']}/{about['topic'].lstrip('/')}"
         self._stream.send_multipart([topic.encode(), json.dumps(about).encode(), *body])
-
-
-def _place_of(socket: Socket) -> str:
-    return socket.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0")

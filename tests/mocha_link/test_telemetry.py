@@ -38,7 +38,7 @@ def test_a_snapshot_then_events(server):
 
 
 def test_an_endpoint_in_use(server):
-    with pytest.raises(PortInUseError, match="it is in use; choose another port"):
+    with pytest.raises(PortInUseError, match="it is in use; choose another one"):
         MetricsServer(server.node, server.endpoint).start()
 
 
