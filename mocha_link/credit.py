@@ -16,7 +16,7 @@ MAX_WINDOW = 32 * 1024 * 1024
 MIN_CHUNK, MAX_CHUNK = 1400, 4 * 1024 * 1024
 _QUEUE_S = 0.15  # what may lie in buffers on top of a round trip
 _GROWTH = 1.5  # so much more than the rate so far, as it may rise
-_CHUNKS = 8  # in a window
+_CHUNKS = 32  # in a window: what a cut leaves of one is lost
 _GRANTS = 4  # per window
 _MEMORY_S = 1.0  # a rate of longer ago tells nothing of now
 
@@ -49,7 +49,8 @@ class Credit:
     def take(self, size: int, now_s: float, rtt_s: float | None) -> bool:
         """Account for bytes that came; says whether to send the new grant."""
         self.received += size
-        self._rtt_s = rtt_s or self._rtt_s
+        if rtt_s:  # the least one: what queues add to it must not lengthen them
+            self._rtt_s = min(rtt_s, self._rtt_s or rtt_s)
         if self._since_s is None:
             self._since_s, self._since_bytes = now_s, self.received
         if self.received - self._granted_at < self._window // _GRANTS:
