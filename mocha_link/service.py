@@ -152,11 +152,12 @@ class Service:
         try:
             request = _MODELS[name].model_validate(values)
         except ValidationError as error:
-            detail = error.errors(include_url=False, include_input=False)[0]
-            where = ".".join(map(str, detail["loc"]))
-            raise RequestError(f"{name}: '{where}': {detail['msg']}") from None
+            raise RequestError(f"{name}: {_complaint(error, _MODELS[name])}") from None
         if len(data) != (1 if isinstance(request, _Publish) else 0):
-            raise RequestError(f"{name}: {len(data)} frames of data; publish has one, others none")
+            raise RequestError(
+                f"{name}: {len(data)} frames of data; publish has one (or, at a bridge, 'value'), "
+                "others none"
+            )
         match request:
             case _Publish():
                 reply = self._publish(request, data[0])
@@ -286,6 +287,7 @@ class Service:
             "robot": self._node.name,
             "robots": robots,
             "types": {kind: self._types.about(kind) for kind in sorted(kinds)},
+            "has_ros": self._types.has_ros,
             "definitions": dict(team.definitions),
         }
 
@@ -310,6 +312,19 @@ def _values(frames: Sequence[bytes]) -> dict[str, Any]:
     if not isinstance(values, dict):
         raise RequestError("a request begins with a JSON object")
     return values
+
+
+def _complaint(error: ValidationError, model: type[_Request]) -> str:
+    """The first thing that is wrong with a request."""
+    detail = error.errors(include_url=False, include_input=False)[0]
+    where = ".".join(map(str, detail["loc"]))
+    if detail["type"] == "extra_forbidden" and where in ("value", "json"):
+        return f"the node itself knows bytes only; for '{where}' ask a 'mocha-link bridge zmq'"
+    if detail["type"] == "extra_forbidden":
+        return f"unknown field '{where}'; use {', '.join(model.model_fields)}"
+    if detail["type"] == "missing":
+        return f"'{where}' is missing"
+    return f"'{where}': {detail['msg']}"
 
 
 def _reply(request: _Request, frames: Sequence[bytes], **fields: object) -> list[bytes]:

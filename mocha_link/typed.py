@@ -44,6 +44,11 @@ class Types:
     def __init__(self, definitions: Mapping[str, str]) -> None:
         self._codec = _codec(definitions)
 
+    @property
+    def has_ros(self) -> bool:
+        """Whether ROS messages can be read here: the extra ``ros`` is installed."""
+        return self._codec is not None
+
     def decode(self, kind: str, data: bytes, ros: Ros) -> Any:
         """A JSON value, a ROS message object, or the bytes. Raises TypedError."""
         if kind.startswith(JSON_PACKAGE):
@@ -69,7 +74,8 @@ class Types:
             data: bytes = _guarded(codec.encode, kind, value, ros)
             return data
         if not isinstance(value, bytes | bytearray | memoryview):
-            raise TypedError(f"only bytes can be sent as {kind}")
+            hint = "" if self.has_ros else "; ROS messages need the extra 'ros' here"
+            raise TypedError(f"only bytes can be sent as {kind}{hint}")
         return bytes(value)
 
     def converted(self, kind: str, data: bytes, from_ros: Ros, to_ros: Ros) -> bytes:

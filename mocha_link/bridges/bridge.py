@@ -154,7 +154,10 @@ class Bridge:
             return TEXT
         if self._middleware.ros in team["types"].get(kind, {}).get("ros", ()):
             return kind
-        self._complain(kind, f"is no type of ROS {self._middleware.ros} that is known here")
+        why = f"is no type of ROS {self._middleware.ros} that is known here"
+        if not team.get("has_ros", True):
+            why = "is unknown to the node: it needs the extra 'ros' (pip install 'air-router[ros]')"
+        self._complain(kind, why)
         return None
 
     def _follow(self, client: ServiceClient, team: dict[str, Any]) -> None:

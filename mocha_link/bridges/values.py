@@ -36,14 +36,15 @@ class Values:
         self.robot: str = team["robot"]
         self._kinds = {topic["name"]: topic["type"] for topic in self._robots[self.robot]["topics"]}
 
-    def request(self, frames: Sequence[bytes]) -> tuple[dict[str, Any], list[bytes], bool]:
+    def request(
+        self, values: dict[str, Any], data: Sequence[bytes]
+    ) -> tuple[dict[str, Any], Sequence[bytes], bool]:
         """A request as the node wants it, and whether the answer is wanted as JSON.
 
         ``value`` of ``publish`` becomes its data; ``json`` is only ours. Raises ValueRequestError.
         """
-        values = _object(frames)
+        values = dict(values)
         wanted = values.pop("json", False)
-        data = list(frames[1:])
         if "value" in values and values.get("request") == "publish":
             topic, value = values.get("topic"), values.pop("value")
             kind = self._kinds.get(topic) if isinstance(topic, str) else None
@@ -82,7 +83,8 @@ class Values:
         return self._robots.get(robot, {}).get("ros", 1)
 
 
-def _object(frames: Sequence[bytes]) -> dict[str, Any]:
+def as_object(frames: Sequence[bytes]) -> dict[str, Any]:
+    """The JSON object that a request begins with. Raises ValueRequestError."""
     if not frames or len(frames[0]) > MAX_REQUEST_BYTES:
         raise ValueRequestError(f"a request begins with JSON of up to {MAX_REQUEST_BYTES} bytes")
     try:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import zmq
 
-from mocha_link.bridges.values import MAX_REQUEST_BYTES, ValueRequestError, Values
+from mocha_link.bridges.values import MAX_REQUEST_BYTES, ValueRequestError, Values, as_object
 from mocha_link.endpoint import bind
 from mocha_link.payload import MAX_BYTES
 from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError
@@ -147,8 +147,9 @@ class ZeroMqBridge:
             self._refuse(envelope, number, f"{MAX_PENDING} requests wait already")
             return
         try:
-            values, data, as_json = self._values.request(frames)
-            number = values.get("id")
+            asked = as_object(frames)
+            number = asked.get("id")
+            values, data, as_json = self._values.request(asked, frames[1:])
             wait_s = values.get("wait_s")
             known = isinstance(wait_s, int | float) and 0 <= wait_s <= MAX_WAIT_S
             until_s = time.monotonic() + PATIENCE_S + (float(wait_s) if known else 0.0)  # type: ignore[arg-type]
@@ -157,7 +158,7 @@ class ZeroMqBridge:
             header = json.dumps({**values, "id": self._number}).encode()
             self._back.send_multipart([header, *data], zmq.NOBLOCK)
         except ValueRequestError as error:
-            self._refuse(envelope, number, str(error))
+            self._refuse(envelope, number, str(error), again=False)
         except zmq.Again:
             del self._pending[self._number]
             self._refuse(envelope, number, "the node does not answer")
@@ -183,8 +184,10 @@ class ZeroMqBridge:
             pending = self._pending.pop(number)
             self._refuse(pending.envelope, pending.id, "the node does not answer")
 
-    def _refuse(self, envelope: list[bytes], number: object, why: str) -> None:
-        answer = {"ok": False, "id": number, "error": why, "again": True}
+    def _refuse(
+        self, envelope: list[bytes], number: object, why: str, *, again: bool = True
+    ) -> None:
+        answer = {"ok": False, "id": number, "error": why, "again": again}
         self._send([*envelope, json.dumps(answer).encode()])
 
     def _send(self, frames: list[bytes]) -> None:

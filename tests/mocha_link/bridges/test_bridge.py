@@ -6,6 +6,7 @@ import contextlib
 import logging
 import queue
 import struct
+import sys
 import threading
 
 import pytest
@@ -16,6 +17,7 @@ from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, Bridge, Outbox
 from mocha_link.bridges.progress import Progress
 from mocha_link.metrics import MessageStored
 from mocha_link.ros import RosCodec
+from mocha_link.service_client import ServiceClient
 from mocha_link.service_server import ServiceServer
 
 POSE = "geometry_msgs/PoseStamped"
@@ -107,6 +109,18 @@ def test_what_the_robot_says(server, one, stored, progress, caplog):
     assert "/goal not handed on: too short" in caplog.text
     assert "grid/Map is no type of ROS 1" in caplog.text
     assert "/own cannot be subscribed: no such thing" in caplog.text
+
+
+def test_a_node_without_the_extra_for_ros(two, progress, caplog, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "mocha_link.ros", None)
+        bare = ServiceServer(two, "tcp://127.0.0.1:*")
+    with bare, ServiceClient(bare.endpoint) as client:
+        team = client.team()
+    desk = Desk()
+    Bridge(bare.endpoint, desk, progress)._subscribe(team)
+    assert set(desk.hands) == {"/goal"}
+    assert "geometry_msgs/PoseStamped is unknown to the node: it needs the extra" in caplog.text
 
 
 def test_what_others_say(server, two, pulled, progress, caplog):

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from mocha_link.bridges.values import ValueRequestError, Values
+from mocha_link.bridges.values import ValueRequestError, Values, as_object
 from mocha_link.bridges.zeromq import ZeroMqBridge
 from mocha_link.port import ListenError, PortInUseError
 from mocha_link.ros import RosCodec
@@ -121,8 +121,10 @@ def test_what_is_refused(bridge, dial):
         ({"request": "publish", "topic": [], "value": 1}, "has no topic"),
         ({"request": "latest", "robot": "one", "topic": "/none", "json": True}, "no topic"),
     ):
-        answer, _ = program.ask(**fields)
+        answer, _ = program.ask(id=7, **fields)
         assert answer["ok"] is False
+        assert answer["again"] is False
+        assert answer["id"] == 7
         assert complaint in answer["error"]
     answer, _ = program.ask(b"x", request="publish", topic="/goal", value=1)
     assert "not both" in answer["error"]
@@ -168,6 +170,13 @@ def values():
     return Values(TEAM)
 
 
+def test_without_the_extra_for_ros(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mocha_link.ros", None)
+    request = {"request": "publish", "topic": "/pose", "value": {"x": 1}}
+    with pytest.raises(ValueRequestError, match="ROS messages need the extra 'ros' here"):
+        Values(TEAM).request(request, [])
+
+
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner),
@@ -180,7 +189,7 @@ JSON = st.recursive(
 def test_any_value_is_sent_or_refused(values, topic, value, data):
     request = {"request": "publish", "topic": topic, "value": value}
     with contextlib.suppress(ValueRequestError):
-        fields, [sent], _ = values.request([json.dumps(request).encode()])
+        fields, [sent], _ = values.request(as_object([json.dumps(request).encode()]), [])
         assert "value" not in fields
         about = {"robot": "one", "type": values._kinds[topic]}
         assert "error" not in values.value(about, sent)
@@ -199,7 +208,7 @@ def test_several_messages_in_one(values):
     assert values.value({**about, "type": "json/X", "parts": []}, b"") == {"values": []}
     for bad in ([], [b"x"], [b"[]"], [b"[" * 10_000]):
         with pytest.raises(ValueRequestError, match="a request begins with"):
-            values.request(bad)
+            as_object(bad)
 
 
 def test_real_processes(team, tmp_path, dial):
