@@ -37,6 +37,8 @@ _LIMITS = {
     "less_than_equal": ("at most", "le"),
 }
 
+_LENGTHS = {"too_short": ("at least", "min_length"), "too_long": ("at most", "max_length")}
+
 
 def as_label(key: Any) -> str:
     """A key as the text that JSON makes of it; how keys of a document are compared."""
@@ -66,6 +68,11 @@ def complaint(detail: ErrorDetails, model: type[BaseModel]) -> str:
         what = f"{name} cannot be {_shown(found)}; {_suggestion(str(found), choices)}"
     elif kind == "string_pattern_mismatch" and (wanted := _described(model, keys)):
         what = f"{name} must be {wanted}, found {_shown(found)}; correct it"
+    elif kind in ("too_short", "too_long"):
+        words, limit = _LENGTHS[kind]
+        count = context.get(limit)
+        what = f"{name} must have {words} {count} {'entry' if count == 1 else 'entries'}, "
+        what += f"found {context.get('actual_length') or 'none'}; change it"
     elif kind == "value_error":
         what = f"{name}: {context.get('error', detail['msg'])}"
     return what

@@ -10,6 +10,7 @@ import json
 import math
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import pydantic
@@ -20,7 +21,6 @@ from mocha_link.errors import MochaLinkError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
-    from pathlib import Path
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_VALUES = 200_000  # aliases may repeat a value; this bounds what they expand to
@@ -84,13 +84,14 @@ class Document:
         self._root = root
 
     @classmethod
-    def load(cls, path: Path) -> Document:
+    def load(cls, path: Path | str) -> Document:
         """Read and check a file.
 
         Raises:
             DocumentError: the file cannot be read, is larger than 4 MiB, is not UTF-8, is not
                 YAML, repeats a key or uses a YAML feature that we do not read.
         """
+        path = Path(path)
         try:
             with path.open("rb") as file:
                 raw = file.read(MAX_BYTES + 1)

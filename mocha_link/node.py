@@ -6,6 +6,7 @@ import threading
 import time
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from mocha_link import batch, payload
@@ -23,7 +24,6 @@ from mocha_link.transport import Transport
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
     from types import TracebackType
 
     from mocha_link.database import Record
@@ -94,12 +94,12 @@ class Node:
         clock: Clock | None = None,
         radio: Radio | None = None,
         timeout_s: float = TIMEOUT_S,
-        storage: Path | None = None,
-        keys: Path | None = None,
+        storage: Path | str | None = None,
+        keys: Path | str | None = None,
         datagrams: bool = True,
     ) -> None:
         robot = team.robot(name)
-        self._secret = secret_key(team, name, keys)
+        self._secret = secret_key(team, name, Path(keys) if keys else None)
         if radio is None and robot.radio is not None:
             radio = open_radio(robot.radio, team, name)
         self.team = team
@@ -113,7 +113,7 @@ class Node:
         self._settling = True  # nobody to tell yet
         self._peer_keys = _peer_keys(team, robot) if self._secret else {}
         self._storage = (
-            Storage(storage, terms=Terms.of(team), on_fault=self._fault) if storage else None
+            Storage(Path(storage), terms=Terms.of(team), on_fault=self._fault) if storage else None
         )
         try:
             self._gossip = Gossip(
@@ -219,8 +219,15 @@ class Node:
         """
         self._check_open()
         known = self.team.topic(self.name, topic)
+        try:
+            data = bytes(memoryview(data))
+        except TypeError:
+            raise TypeError(
+                f"the data of {topic} must be bytes, not {type(data).__name__}; e.g. "
+                "json.dumps(value).encode(), or what mocha_link.typed.Typed(team).encode makes"
+            ) from None
         with self._lock:
-            header = self._gossip.publish(known, bytes(memoryview(data)), self._now(), at_once=now)
+            header = self._gossip.publish(known, data, self._now(), at_once=now)
         self._wake()
         if self._storage and not (self._transport and self._transport.is_current_thread()):
             self._storage.wait()

@@ -216,7 +216,7 @@ class Team:
     _by_id: tuple[Robot, ...] = field(repr=False)
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls, path: Path | str) -> Self:
         """Read a team file. Raises DocumentError with every problem of the file."""
         return cls.from_document(Document.load(path))
 

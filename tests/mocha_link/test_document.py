@@ -49,6 +49,11 @@ class Survey(BaseModel):
     other: Point | None = None
 
 
+class Few(BaseModel):
+    names: dict[str, int] = Field(min_length=1)
+    pair: list[int] = Field(max_length=2)
+
+
 def problems_of(text: str, model: type[BaseModel] | None = None) -> list[str]:
     def read() -> None:
         document = Document.from_text(text, PATH)
@@ -86,6 +91,7 @@ def test_load_reads_a_file(tmp_path):
     path.write_text("\ufeff" + TEXT, encoding="utf-8")
     document = Document.load(path)
     assert document.path == path
+    assert Document.load(str(path)).path == path
     assert document.data["name"] == "survey"
 
 
@@ -136,6 +142,13 @@ def test_limits_and_missing_keys_say_what_to_do():
     ]
     assert problems_of("name: a", Survey) == [
         "fleet.yaml:1:1: missing key 'altitude_m' (metres above home); add it"
+    ]
+
+
+def test_too_few_and_too_many_entries():
+    assert problems_of("names: {}\npair: [1, 2, 3]", Few) == [
+        "fleet.yaml:1:8: 'names' must have at least 1 entry, found none; change it",
+        "fleet.yaml:2:7: 'pair' must have at most 2 entries, found 3; change it",
     ]
 
 

@@ -151,7 +151,7 @@ def test_with_robots_changes_and_checks():
 def test_load_reads_a_file(tmp_path):
     path = tmp_path / "team.yaml"
     path.write_text(TEXT)
-    assert Team.load(path).path == path
+    assert Team.load(path).path == Team.load(str(path)).path == path
 
 
 def test_names_that_do_not_fit_together():
