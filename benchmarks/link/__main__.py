@@ -37,7 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{name:<12}{WAYS[name].what}")
     load = Load()
     tasks = [
-        Task(way, link, zlib.crc32(f"{options.seed} {link.name}".encode()))
+        Task(way, link, zlib.crc32(f"{options.seed + number} {link.name}".encode()))
+        for number in range(options.repeat)
         for way in ways
         for link in chosen
     ]
@@ -48,7 +49,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except EmulationError as error:
         print(f"links cannot be emulated here: {error}", file=sys.stderr)
         return 1
-    by_link = {(task.way, task.link): score for task, score in scores if not task.small}
+    by_link: dict[tuple[str, known.Link], list[Score]] = {}
+    for task, score in scores:
+        if not task.small:
+            by_link.setdefault((task.way, task.link), []).append(score)
     print()
     for line in table.shares(by_link, ways, chosen):
         print(line)
@@ -57,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for line in small.lines([score for task, score in scores if task.small]):
             print(line)
         print()
-    for line in table.conditions(list(by_link.values()), load):
+    for line in table.conditions([score for _, score in scores], load):
         print(line)
     if options.json:
         rows = [{"small": task.small, **table.as_row(score)} for task, score in scores]
@@ -100,6 +104,7 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     add("--only", metavar="WAY", action="append", choices=tuple(WAYS), help="this way (repeatable)")
     add("--links", metavar="SUBSET", help="RTT ms/Mbit/s/contact s, * for any, e.g. 50/1/3,300/*/1")
     add("--gap", metavar="S", type=float, default=known.GAP_S, help="between contacts")
+    add("--repeat", metavar="N", type=int, default=1, help="with other messages, taken together")
     add("--seed", type=int, default=SEED, help="of the messages and of packet loss")
     add("--cores", metavar="N", type=float, help="contacts take at most so many at once")
     return parser.parse_args(argv)

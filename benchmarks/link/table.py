@@ -9,7 +9,7 @@ from benchmarks.link.links import Link
 from benchmarks.link.load import Load
 from benchmarks.link.score import Score
 
-Scores = Mapping[tuple[str, Link], Score]
+Scores = Mapping[tuple[str, Link], Sequence[Score]]  # several: repeated with other messages
 _NONE = "-"
 
 
@@ -18,7 +18,7 @@ def shares(scores: Scores, ways: Sequence[str], links: Sequence[Link]) -> Iterat
     yield _row("RTT, rate, contact", ways)
     for link in links:
         cells = [
-            _percent(scores[way, link].share) if (way, link) in scores else _NONE for way in ways
+            _percent(_share(scores[way, link])) if (way, link) in scores else _NONE for way in ways
         ]
         yield _row(link.name, cells)
     if len(links) > 1:
@@ -52,12 +52,17 @@ def as_row(score: Score) -> dict[str, Any]:
     return {**asdict(score), "link": {"name": score.link.name, **asdict(score.link)}}
 
 
+def _share(scores: Sequence[Score]) -> float:
+    allowed = sum(score.allowed_bytes for score in scores)
+    return sum(score.delivered_bytes for score in scores) / allowed if allowed else 0.0
+
+
 def _shares(scores: Scores, way: str, links: Sequence[Link]) -> list[float]:
-    return [scores[way, link].share for link in links if (way, link) in scores]
+    return [_share(scores[way, link]) for link in links if (way, link) in scores]
 
 
 def _empty(scores: Scores, way: str, links: Sequence[Link]) -> str:
-    found = [scores[way, link] for link in links if (way, link) in scores]
+    found = [score for link in links for score in scores.get((way, link), ())]
     return f"{sum(s.empty_contacts for s in found)} of {sum(s.contacts for s in found)}"
 
 
