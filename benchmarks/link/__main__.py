@@ -36,37 +36,47 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in ways:
         print(f"{name:<12}{WAYS[name].what}")
     load = Load()
-    tasks = [
-        Task(way, link, zlib.crc32(f"{options.seed + number} {link.name}".encode()))
-        for number in range(options.repeat)
-        for way in ways
-        for link in chosen
-    ]
-    if not options.loss:
-        tasks += small.tasks(ways)
+    tasks = _tasks(options, ways, chosen)
     try:
         scores = _measure(tasks, options.cores)
     except EmulationError as error:
         print(f"links cannot be emulated here: {error}", file=sys.stderr)
         return 1
-    by_link: dict[tuple[str, known.Link], list[Score]] = {}
-    for task, score in scores:
-        if not task.small:
-            by_link.setdefault((task.way, task.link), []).append(score)
-    print()
-    for line in table.shares(by_link, ways, chosen):
-        print(line)
-    print()
-    if not options.loss:
-        for line in small.lines([score for task, score in scores if task.small]):
-            print(line)
-        print()
+    print("\n".join(_lines(scores, ways, chosen)))
     for line in table.conditions([score for _, score in scores], load):
         print(line)
     if options.json:
         rows = [{"small": task.small, **table.as_row(score)} for task, score in scores]
         options.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
     return 0 if len(scores) == len(tasks) else 1
+
+
+def _tasks(
+    options: argparse.Namespace, ways: Sequence[str], chosen: Sequence[known.Link]
+) -> list[Task]:
+    tasks = [
+        Task(way, link, zlib.crc32(f"{options.seed + number} {link.name}".encode()))
+        for number in range(options.repeat)
+        for way in ways
+        for link in chosen
+    ]
+    return tasks if options.loss else tasks + small.tasks(ways)
+
+
+def _lines(
+    scores: Sequence[tuple[Task, Score]], ways: Sequence[str], chosen: Sequence[known.Link]
+) -> Iterator[str]:
+    by_link: dict[tuple[str, known.Link], list[Score]] = {}
+    for task, score in scores:
+        if not task.small:
+            by_link.setdefault((task.way, task.link), []).append(score)
+    yield ""
+    yield from table.shares(by_link, ways, chosen)
+    yield ""
+    hundred = [score for task, score in scores if task.small]
+    if hundred:
+        yield from small.lines(hundred)
+        yield ""
 
 
 def _measure(tasks: Sequence[Task], cores: float | None) -> list[tuple[Task, Score]]:
