@@ -30,11 +30,43 @@ SERRM, ACK = b"SERRM", b"Ack"
 # for what was offered to it, and it would store an error reply as if it were a message.
 PATIENCE_S = 13.0
 FORGET_S = 60.0  # after so long a silence nothing of it can be on its way either
+# An original client lets go of an answer that takes more than 6 s, and of all that stands behind
+# it in the list. Smaller ones take so long on no link that is worth the name.
+LATE_BYTES = 32 * 1024
 
 
 def request(request_id: bytes, code: bytes, argument: bytes = b"") -> bytes:
     """A request frame."""
     return request_id + code + argument
+
+
+class _Late:
+    """Topics whose messages the peer did not stay for: they come last, and starve nothing else."""
+
+    def __init__(self) -> None:
+        self._topics: set[bytes] = set()
+        self._under_way = b""  # topic of the answer that is not known to have arrived
+
+    def asked(self, code: bytes) -> None:
+        """Another request: what was under way has arrived, or was let go of."""
+        topic, self._under_way = self._under_way, b""
+        if topic and code == GHEAD:
+            self._topics.add(topic)
+        else:
+            self._topics.discard(topic)
+
+    def answered(self, header: bytes, size: int) -> None:
+        """An answer to GDATA leaves."""
+        if size >= LATE_BYTES:
+            self._under_way = header[:2]
+
+    def sort(self, headers: bytes) -> bytes:
+        """A list of headers with these topics at its end."""
+        if not self._topics:
+            return headers
+        starts = range(0, len(headers), Header.SIZE)
+        each = (headers[start : start + Header.SIZE] for start in starts)
+        return b"".join(sorted(each, key=lambda header: header[:2] in self._topics))
 
 
 @dataclass(slots=True)
@@ -60,6 +92,7 @@ class ServerSession:
         self._offered: Mapping[bytes, Kept] = {}
         self._offered_before: Mapping[bytes, Kept] = {}
         self._listed_s = 0.0
+        self._late = _Late()
 
     def answer(self, parts: Sequence[bytes], now: Instant) -> tuple[bytes, list[LinkEvent]]:
         """The reply to the body parts of a request (a good one has one part), and what it began."""
@@ -68,6 +101,7 @@ class ServerSession:
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
         argument = frame[ID_BYTES + CODE_BYTES :]
         events: list[LinkEvent] = []
+        self._late.asked(code)
         if len(parts) != 1:
             body = SERRM
         elif code == GHEAD:
@@ -123,7 +157,7 @@ class ServerSession:
     def _list(self, now: Instant) -> bytes:
         self._offered_before, self._offered = self._offered, self._database.snapshot()
         self._listed_s = now.steady_s
-        return self._database.header_list()
+        return self._late.sort(self._database.header_list())
 
     def _data(self, argument: bytes, now: Instant) -> bytes:
         try:
@@ -139,4 +173,5 @@ class ServerSession:
             record = kept.record
         if self._pull:
             self._pull.messages += 1
+        self._late.answered(argument, len(record.body))
         return record.body

@@ -298,6 +298,23 @@ def test_an_original_node_that_gives_up_on_a_slow_answer(field, old):
     saw.wait(SyncEnded, peer="io", direction=OUT)
 
 
+def test_a_message_that_is_too_slow_for_an_original_node_starves_nothing_else(field, old):
+    io = old("io")
+    titan, _, _ = field.node("titan")
+    large = titan.publish("/map", LARGE).pack()  # high priority: first in the list
+    small = titan.publish("/slow", SMALL).pack()
+    assert lists(io, titan) == [large, small]
+    assert io.pull("titan", give_up_after=0).asked == [large]
+    done = io.pull("titan", give_up_after=1)
+    assert done.asked == [small, large]
+    assert io.data("titan", "/slow") == SMALL
+    newer = titan.publish("/map", LARGE[1:]).pack()  # its topic stays behind until it gets through
+    assert lists(io, titan) == [small, newer]
+    assert io.pull("titan").ended
+    assert io.data("titan", "/map") == LARGE[1:]
+    assert lists(io, titan) == [newer, small]
+
+
 def test_seconds_wrap(field, old):
     """We take what is new after the wrap; an original node does not, which is its own limit."""
     wrap_s = math.ceil(field.clock.now_s() / WRAP_S) * WRAP_S
