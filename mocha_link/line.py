@@ -5,13 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
-import struct
 from typing import TYPE_CHECKING, Protocol
 
 import zmq
 from zmq.utils.monitor import parse_monitor_message
 
-from mocha_link import payload, zmtp
+from mocha_link import kernel, payload, zmtp
 from mocha_link.curve import protect_contact
 
 if TYPE_CHECKING:
@@ -29,8 +28,6 @@ _READS = 16  # in a row, so that no peer starves the others
 _MAX_ANSWERS = 1024 * 1024  # to heartbeats
 _QUEUE_REPLIES = 16
 _LINGER_MS = 300
-_AT_ONCE = struct.pack("ii", 1, 0)  # struct linger
-_RTT_AT, _RECEIVED_AT = 68, 128  # of struct tcp_info, linux/tcp.h (since 4.1): u32 us, u64
 
 _FAILURES: dict[int, str] = {
     zmq.Event.DISCONNECTED: "the peer closed the connection",
@@ -79,12 +76,15 @@ class Line(Protocol):
 
 
 class TcpLine:
-    """A connection without encryption, of our own ZMTP: it is set up in half the time."""
+    """A connection without encryption, of our own ZMTP: it is set up in half the time.
 
-    def __init__(self, address: str, port: int) -> None:
+    `eager`: requests do not wait for the peer's handshake. False when that did not do.
+    """
+
+    def __init__(self, address: str, port: int, *, eager: bool = True) -> None:
         self.failure: str | None = None
+        self.eager = eager
         self._address = (address, port)
-        self._eager = True
         self._unconfirmed: list[bytes] = []  # requests that were sent before the peer was ready
         self._waiting: list[bytes] = []
         self._watched: int | None = None
@@ -157,7 +157,7 @@ class TcpLine:
 
     def rtt_s(self) -> float | None:
         """The round-trip time as the kernel has seen it."""
-        return _rtt_s(self._socket)
+        return kernel.rtt_s(self._socket)
 
     def close(self) -> None:
         """Close when what was sent is out."""
@@ -165,7 +165,7 @@ class TcpLine:
 
     def abort(self) -> None:
         """Close at once: what was sent and is not out yet shall not come late."""
-        _reset(self._socket)
+        kernel.reset(self._socket)
         self.close()
 
     def _is_connected(self) -> bool:
@@ -182,7 +182,7 @@ class TcpLine:
         if self._protocol.ready:
             return True
         return (
-            self._eager
+            self.eager
             and self._connected_s is not None
             and not self._opened
             and now_s - self._connected_s >= EAGER_S
@@ -230,7 +230,7 @@ class TcpLine:
         handshaking = self._connected_s is not None and not self._protocol.ready
         if handshaking and self._opened and isinstance(error, OSError):
             # Our requests got there together with the handshake: this time wait for the peer.
-            self._eager = False
+            self.eager = False
             self._socket.close()
             self._waiting = self._unconfirmed + self._waiting
             self._connect()
@@ -301,8 +301,8 @@ class CurveLine:
         if self._full:  # if nothing has told a better reason
             self.failure = self.failure or "the connection takes nothing more"
         before = self._received
-        with _borrowed(self._fd, self._port) as connection:
-            self._received = _tcp_info(connection, "=Q", _RECEIVED_AT) or before
+        with kernel.borrowed(self._fd, remote=self._port) as connection:
+            self._received = kernel.bytes_received(connection) or before
         return self._received > before
 
     def send(self, frame: bytes) -> None:
@@ -323,8 +323,8 @@ class CurveLine:
 
     def rtt_s(self) -> float | None:
         """The round-trip time as the kernel has seen it."""
-        with _borrowed(self._fd, self._port) as connection:
-            return _rtt_s(connection)
+        with kernel.borrowed(self._fd, remote=self._port) as connection:
+            return kernel.rtt_s(connection)
 
     def close(self, linger_ms: int = _LINGER_MS) -> None:
         """Close when what was sent is out, or after 0.3 s."""
@@ -334,47 +334,6 @@ class CurveLine:
 
     def abort(self) -> None:
         """Close at once: what was sent and is not out yet shall not come late."""
-        with _borrowed(self._fd, self._port) as connection:
-            _reset(connection)
+        with kernel.borrowed(self._fd, remote=self._port) as connection:
+            kernel.reset(connection)
         self.close(0)
-
-
-@contextlib.contextmanager
-def _borrowed(fd: int | None, port: int) -> Iterator[socket.socket | None]:
-    """A connection of libzmq, which may close it at any time; None if it is another one by now."""
-    try:
-        copy = os.dup(fd) if fd is not None else -1
-    except OSError:
-        copy = -1
-    if copy < 0:
-        yield None
-        return
-    with socket.socket(fileno=copy) as connection:
-        try:
-            same = connection.getpeername()[1] == port
-        except (OSError, IndexError, TypeError):
-            same = False
-        yield connection if same else None
-
-
-def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int | None:
-    if connection is None:
-        return None
-    try:
-        info = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
-        value: int = struct.unpack_from(layout, info, offset)[0]
-    except (OSError, AttributeError, struct.error):  # closed, or not Linux
-        return None
-    return value
-
-
-def _reset(connection: socket.socket | None) -> None:
-    """Have the kernel forget what is not out when the connection is closed, not repeat it."""
-    if connection is not None:
-        with contextlib.suppress(OSError):  # closed already
-            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
-
-
-def _rtt_s(connection: socket.socket | None) -> float | None:
-    rtt_us = _tcp_info(connection, "=I", _RTT_AT)
-    return rtt_us / 1e6 if rtt_us else None

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 import zmq
 
+from mocha_link import kernel
 from mocha_link.curve import protect_port
+from mocha_link.doorman import Doorman
 from mocha_link.errors import MochaLinkError
 
 if TYPE_CHECKING:
@@ -88,6 +90,7 @@ class Port:
         except BaseException:
             self.socket.close(0)
             raise
+        self._doorman = None if secret else Doorman(self.socket, number)
         self._datagrams = _datagram_socket(me, number)
 
     def watch(self, poller: zmq.Poller) -> None:
@@ -100,6 +103,10 @@ class Port:
         """Whether anything has come."""
         datagrams = self._datagrams
         return self.socket in ready or (datagrams is not None and datagrams.fileno() in ready)
+
+    def look(self) -> int:
+        """Look who is connected, a few times a second; how many had to be sent away."""
+        return self._doorman.look() if self._doorman else 0
 
     def receive(self) -> tuple[Route, list[bytes]] | None:
         """The next request: on which connection it came, and its body parts.
@@ -184,6 +191,8 @@ class Port:
 
     def close(self) -> None:
         """Close at once; nothing that is queued is sent any more."""
+        if self._doorman:
+            self._doorman.close()
         self.socket.close(0)
         if self._datagrams:
             self._datagrams.close()
@@ -194,6 +203,7 @@ def _datagram_socket(me: Robot, number: int) -> socket.socket | None:
     datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         datagrams.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER_BYTES)
+        kernel.let_parts_be_made(datagrams)
         datagrams.bind(("" if me.listen == "*" else me.listen, number))
         datagrams.setblocking(False)
     except OSError as error:

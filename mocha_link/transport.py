@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import zmq
 
+from mocha_link import kernel
 from mocha_link.actions import Cast, CastBack, Dial, HangUp, Reply, Send
 from mocha_link.curve import Gatekeeper
 from mocha_link.line import CurveLine, Line, TcpLine
@@ -34,6 +35,7 @@ LATE_MS = 3  # the same for replies; a connection may sleep for a minute before 
 OBSERVE_S = 0.25
 BURST = 64  # frames of one peer in a row, so that no peer starves the others
 CLOSE_S = 0.9
+PATIENT_S = 300.0
 DATAGRAM_BYTES = 1500
 
 LOG = logging.getLogger("mocha_link")
@@ -70,6 +72,7 @@ class Transport:
         self._ports: dict[str, Port] = {}
         self._gate: Gatekeeper | None = None
         self._lines: dict[str, Line | list[bytes]] = {}  # frames: the address is not known yet
+        self._patient_until_s: dict[str, float] = {}  # peers that requests must not hurry to
         self._seals: dict[str, Seal] = {}
         self._caster: socket.socket | None = None
         self._peers_at: dict[tuple[str, int], str] = {}
@@ -158,6 +161,7 @@ class Transport:
         observe = now.steady_s - self._observed_s > OBSERVE_S  # what nothing tells to the poller
         if observe:
             self._observed_s = now.steady_s
+            self._look()
         for peer, line in list(self._lines.items()):
             if isinstance(line, list):
                 self._open_line(peer, line)
@@ -202,6 +206,12 @@ class Transport:
         with self._lock:
             self._gossip.request(port.peer, route, parts, self._now())
         self._act()
+
+    def _look(self) -> None:
+        for port in self._ports.values():
+            for _ in range(port.look()):
+                with self._lock:
+                    self._gossip.refused(port.peer, "somebody connected too often or sent too much")
 
     def _supply(self, port: Port) -> int:
         """Send frames of a sync while the connection takes them; when to go on, in ms."""
@@ -316,10 +326,15 @@ class Transport:
     def _new_line(self, peer: str, address: str, port: int) -> Line:
         if self._secret and peer in self._keys:
             return CurveLine(self._context, address, port, own=self._secret, peer=self._keys[peer])
-        return TcpLine(address, port)
+        eager = self._now().steady_s >= self._patient_until_s.get(peer, 0.0)
+        return TcpLine(address, port, eager=eager)
 
     def _hang_up(self, peer: str, *, void: bool) -> None:
         line = self._lines.pop(peer, None)
+        now_s = self._now().steady_s
+        hurried = isinstance(line, TcpLine) and not line.eager
+        if hurried and now_s >= self._patient_until_s.get(peer, 0.0):
+            self._patient_until_s[peer] = now_s + PATIENT_S
         if line and not isinstance(line, list):
             line.forget(self._poller)
             if void:
@@ -358,6 +373,7 @@ def _caster(listen: str) -> socket.socket | None:
     """The socket from which our datagrams go; None if there can be none."""
     caster = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
+        kernel.let_parts_be_made(caster)
         caster.bind(("" if listen == "*" else listen, 0))
         caster.setblocking(False)
     except OSError as error:
