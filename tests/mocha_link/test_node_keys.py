@@ -63,6 +63,18 @@ def pull(saw: Witness, node: Node, peer: str) -> SyncEnded:
     return saw.wait(SyncEnded, peer=peer, direction=IN)
 
 
+def refusal(node: Node) -> threading.Event:
+    """Set when the node has refused somebody at a port: on its own thread, so maybe a bit later."""
+    refused, count = threading.Event(), node._gossip.refused
+
+    def counted(peer: str, reason: str) -> None:
+        count(peer, reason)
+        refused.set()
+
+    node._gossip.refused = counted
+    return refused
+
+
 class Wire:
     """Between io and titan: carries TCP and UDP, and sees every byte of it."""
 
@@ -241,6 +253,7 @@ def test_a_wrong_key_is_refused_and_counted(locked, tmp_path, caplog):
     """A robot that says it is io, with a key of its own."""
     hall = locked(*NAMES)
     titan, _, _ = hall.node("titan")
+    refused = refusal(titan)
     titan.publish("/map", b"grid")
     impostor = SecretKey.generate()
     folder = tmp_path / "impostor"
@@ -252,6 +265,7 @@ def test_a_wrong_key_is_refused_and_counted(locked, tmp_path, caplog):
     broken = saw.wait(SyncTimedOut, peer="titan", direction=IN)
     assert broken.reason == "the peer refused our key"
     assert fake.messages() == []
+    assert refused.wait(WAIT_S)
     assert titan.links()["io"].refused >= 1
     assert "refused at the port for io: it came with a wrong key" in caplog.text
 
@@ -264,6 +278,7 @@ def test_whom_we_take_for_another_we_tell_nothing(locked):
     team = hall.field.team
     hall.field.team = team.with_robots({"titan": {"key": other.public.text}})
     titan, _, titan_saw = hall.node("titan")
+    refused = refusal(titan)
     titan.publish("/map", b"false grid")
     hall.field.team = team
     io, _, saw = hall.node("io", timeout_s=0.5)
@@ -271,6 +286,7 @@ def test_whom_we_take_for_another_we_tell_nothing(locked):
     broken = saw.wait(SyncTimedOut, peer="titan", direction=IN)
     assert "the keys do not fit" in broken.reason
     assert io.messages() == []
+    assert refused.wait(WAIT_S)
     assert titan.links()["io"].refused >= 1
     assert not [e for e in titan_saw.seen if isinstance(e, SyncStarted)]
 
