@@ -12,6 +12,7 @@ GRANT = struct.Struct(">QI")  # bytes since the beginning, largest frame
 
 MIN_WINDOW = 32 * 1024
 FIRST_WINDOW = 64 * 1024
+KNOWN_WINDOW = 512 * 1024  # the most at first: the link may be a worse one than last time
 MAX_WINDOW = 32 * 1024 * 1024
 MIN_CHUNK, MAX_CHUNK = 1400, 4 * 1024 * 1024
 _QUEUE_S = 0.15  # what may lie in buffers on top of a round trip
@@ -35,6 +36,7 @@ class Credit:
         self._allowed = FIRST_WINDOW
         if rate_bytes_s and rtt_s:
             self._adapt(rate_bytes_s)
+            self._window = min(self._window, KNOWN_WINDOW)
             self._allowed = self._window
         self._since_s: float | None = None
         self._since_bytes = 0

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mocha_link.credit import (
     FIRST_WINDOW,
     GRANT,
+    KNOWN_WINDOW,
     MAX_CHUNK,
     MAX_WINDOW,
     MIN_CHUNK,
@@ -67,10 +68,17 @@ def test_the_first_grant_is_the_same_for_all():
 
 @pytest.mark.parametrize(
     ("rate", "rtt_s", "window"),
-    [(1e6, 0.05, 300_000), (1e6, 0.35, 750_000), (1e3, 0.3, MIN_WINDOW), (1e12, 1, MAX_WINDOW)],
+    [(1e6, 0.05, 300_000), (5e5, 0.35, 375_000), (1e3, 0.3, MIN_WINDOW), (1e12, 1, KNOWN_WINDOW)],
 )
 def test_what_the_last_contact_showed_counts_from_the_start(rate, rtt_s, window):
     assert allowed(Credit(rate, rtt_s)) == pytest.approx(window, abs=1)
+
+
+def test_a_link_that_was_fast_last_time_and_is_slow_now():
+    """What is urgent waits no longer than the first grant, whatever was remembered."""
+    credit = Credit(200e6, 0.001)
+    _, queue_s = link(credit, rate=125_000, rtt_s=0.05, seconds=20)
+    assert queue_s < KNOWN_WINDOW / 125_000 + 0.5
 
 
 LINKS = list(itertools.product((31_250, 125_000, 1_250_000, 12_500_000), (0.005, 0.05, 0.3)))
@@ -96,7 +104,7 @@ def test_a_link_that_becomes_slow_gets_a_small_window():
     for _ in range(4_000):
         now_s += 0.05
         credit.take(1_500, now_s, 0.05)
-    assert begun > 3_000_000
+    assert begun == KNOWN_WINDOW
     assert allowed(credit) - credit.received <= begun
     assert credit._window == MIN_WINDOW
 
