@@ -7,6 +7,7 @@ sockets, too.
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 from mocha_link.actions import Cast, CastBack, Dial, HangUp, Reply, Send
@@ -159,12 +160,13 @@ class Meeting:
         moved = again = False
         while again or not moved:
             again = False
-            for name, node in self._engines():
+            for name, _ in self._engines():
                 for action in self._take(name):
                     self._do(name, action)
                     again = True
-                for peer in node.me.peers:
-                    again |= self._supply(name, node, peer)
+            for name, peer in itertools.permutations(sorted(self._contact), 2):
+                node = self.members[name].node
+                again |= isinstance(node, Gossip) and self._supply(name, node, peer)
             if not again:
                 return moved
             moved = True

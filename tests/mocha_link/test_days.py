@@ -50,7 +50,7 @@ TEAM = Team.from_document(
         "robots:\n"
         + "".join(
             f"  {name}: {{kind: {'aerial' if name == 'titan' else 'ground'}_robot, "
-            f"address: {name}, base_port: 10, clients: [{', '.join({*NAMES} - {name})}]}}\n"
+            f"address: {name}, base_port: 10, clients: [{', '.join(NAMES)}]}}\n"
             for name in NAMES
         )
         + KINDS,
@@ -244,7 +244,7 @@ def everybody_holds(days: Days, names: list[str] | tuple[str, ...] = NAMES) -> N
         assert {key for key in newest if held.get(key) != newest[key]} == set(), name
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(3))
 def test_our_nodes_whatever_happens_to_them(seed, tmp_path):
     days = Days(seed, disks={"titan": tmp_path / "titan.db"})
     assert WRAPS == 4
