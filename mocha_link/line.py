@@ -42,10 +42,12 @@ _FAILURES: dict[int, str] = {
 class Line(Protocol):
     """A connection on which requests go out and replies come in.
 
-    `failure` says what it suffered, if anything; it is of no use then.
+    `failure` says what it suffered, if anything; it is of no use then. `eager`: requests do not
+    wait for the peer's handshake; False when that did not do.
     """
 
     failure: str | None
+    eager: bool
 
     def watch(self, poller: zmq.Poller) -> None:
         """Have the poller wait for what this waits for; call it after every turn."""
@@ -76,10 +78,7 @@ class Line(Protocol):
 
 
 class TcpLine:
-    """A connection without encryption, of our own ZMTP: it is set up in half the time.
-
-    `eager`: requests do not wait for the peer's handshake. False when that did not do.
-    """
+    """A connection without encryption, of our own ZMTP: it is set up in half the time."""
 
     def __init__(self, address: str, port: int, *, eager: bool = True) -> None:
         self.failure: str | None = None
@@ -258,6 +257,7 @@ class CurveLine:
         peer: PublicKey,
     ) -> None:
         self.failure: str | None = None
+        self.eager = True
         self._socket = context.socket(zmq.DEALER)
         self._socket.setsockopt(zmq.LINGER, 0)
         self._socket.setsockopt(zmq.RCVHWM, _QUEUE_REPLIES)

@@ -65,8 +65,9 @@ class _Late:
         if not self._topics:
             return headers
         starts = range(0, len(headers), Header.SIZE)
-        each = (headers[start : start + Header.SIZE] for start in starts)
-        return b"".join(sorted(each, key=lambda header: header[:2] in self._topics))
+        each = [headers[start : start + Header.SIZE] for start in starts]
+        each.sort(key=lambda header: header[:2] in self._topics)
+        return b"".join(each)
 
 
 @dataclass(slots=True)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Path = Literal["original", "zmq", "udp"]
 
 NEAR_S = 0.02  # round trips below this: a connection is set up in no time and carries more
-LOOK_S = 0.01  # a connection that stands within this time tells that an unknown peer is near
+LOOK_S = 0.025  # a connection that stands within this time tells that an unknown peer is near
 PATIENCE_S = 0.1  # without an answer on the connection to a near peer, datagrams may get through
 LETTER_ROOM = 1100  # our frames fit in a datagram, whichever path they take
 MAX_MISSES = 2  # pulls on which datagrams carried nothing although the peer took them

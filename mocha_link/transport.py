@@ -331,11 +331,10 @@ class Transport:
 
     def _hang_up(self, peer: str, *, void: bool) -> None:
         line = self._lines.pop(peer, None)
-        now_s = self._now().steady_s
-        hurried = isinstance(line, TcpLine) and not line.eager
-        if hurried and now_s >= self._patient_until_s.get(peer, 0.0):
-            self._patient_until_s[peer] = now_s + PATIENT_S
         if line and not isinstance(line, list):
+            now_s = self._now().steady_s
+            if not line.eager and now_s >= self._patient_until_s.get(peer, 0.0):
+                self._patient_until_s[peer] = now_s + PATIENT_S
             line.forget(self._poller)
             if void:
                 line.abort()

@@ -135,7 +135,9 @@ def numbered(count, size=None):
 
     def source(room):
         number = next(numbers, None)
-        return None if number is None else number.to_bytes(4, "big") * ((size or room) // 4)
+        return (
+            None if number is None else number.to_bytes(4, "big") * (min(size or room, room) // 4)
+        )
 
     return source
 
@@ -407,7 +409,7 @@ def test_the_first_packet_leaves_at_once_with_data():
 
 
 def test_small_frames_share_a_packet():
-    flow = Flow(TOKEN, numbered(3, 500))
+    flow = Flow(TOKEN, numbered(3, 600))
     first, second = flow.transmit(0.0)
     assert len(Flow(TOKEN, lambda _: None).receive(first, 0.0)) == 2
     assert len(Flow(TOKEN, lambda _: None).receive(second, 0.0)) == 1
@@ -430,7 +432,7 @@ def test_room_is_kept():
 
 
 def test_acknowledgements_wait_for_a_second_packet_or_25_ms():
-    packets = Flow(TOKEN, numbered(3)).transmit(0.0)
+    packets = Flow(TOKEN, numbered(3, 1_200)).transmit(0.0)
     flow = Flow(TOKEN, lambda _: None)
     flow.transmit(0.0)
     flow.receive(packets[0], 0.0)

@@ -514,7 +514,8 @@ def test_a_connection_that_takes_nothing_is_a_failure_not_an_error(hall, context
         assert line.failure is None
         assert line.is_ready(set(), 0.0)
         line.turn(0.0)
-        assert line.failure == "the connection takes nothing more"
+        # What libzmq told of it, if that was quicker, is the better reason.
+        assert line.failure in ("the connection takes nothing more", "cannot connect")
 
 
 def test_no_key_where_one_is_wanted(hall):

@@ -328,7 +328,7 @@ def test_nobody_at_the_address(field):
 
 
 def test_no_socket_left(field, monkeypatch):
-    def fail(*_: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise OSError(errno.EMFILE, "Too many open files")
 
     io, _, io_saw = field.node("io")

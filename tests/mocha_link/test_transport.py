@@ -17,6 +17,7 @@ from mocha_link import transport
 from mocha_link.gossip import Gossip
 from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.node import Node
+from mocha_link.pull import LOOK_S
 from mocha_link.radios import ManualRadio
 from tests.mocha_link.conftest import WAIT_S, free_ports
 
@@ -71,7 +72,7 @@ def test_datagrams_from_elsewhere_are_not_listened_to(field):
     io = Gossip(field.team, "io", by_timer=False)
     io.sync("titan", titan._now())
     io.measured("titan", 0.5)  # a far peer: datagrams at once
-    io.tick(titan._now()._replace(steady_s=time.monotonic() + 0.02))
+    io.tick(titan._now()._replace(steady_s=time.monotonic() + LOOK_S))
     packets = [action.packet for action in io.take()[0] if hasattr(action, "packet")]
     assert packets
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
