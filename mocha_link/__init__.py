@@ -8,9 +8,11 @@ with Node(team, "titan") as node:
 
 from mocha_link.broadcast import EventStream
 from mocha_link.clock import Clock, Instant, SystemClock
+from mocha_link.curve import CurveUnavailableError
 from mocha_link.document import Document, DocumentError, Problem
 from mocha_link.errors import MochaLinkError
 from mocha_link.header import Header, HeaderError
+from mocha_link.keys import KeyFileError, KeyMismatchError, KeysUnavailableError
 from mocha_link.metrics import (
     Contact,
     ContactBegan,
@@ -39,6 +41,7 @@ from mocha_link.team import (
     Team,
     Topic,
     Trigger,
+    Trust,
     UnknownRobotError,
     UnknownTopicError,
 )
@@ -49,6 +52,7 @@ __all__ = [
     "Contact",
     "ContactBegan",
     "ContactEnded",
+    "CurveUnavailableError",
     "Direction",
     "Document",
     "DocumentError",
@@ -56,6 +60,9 @@ __all__ = [
     "Header",
     "HeaderError",
     "Instant",
+    "KeyFileError",
+    "KeyMismatchError",
+    "KeysUnavailableError",
     "LinkEvent",
     "LinkMetrics",
     "LinkState",
@@ -88,6 +95,7 @@ __all__ = [
     "Team",
     "Topic",
     "Trigger",
+    "Trust",
     "UdpRadio",
     "Unit",
     "UnknownRobotError",
