@@ -1,4 +1,4 @@
-"""What the kernel knows of a TCP connection, also of one that belongs to libzmq."""
+"""What the kernel knows and does of sockets, also of those that belong to libzmq."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ if TYPE_CHECKING:
 
 # Of struct tcp_info, linux/tcp.h (since 4.6): u64, u32 us, 2**32 - 1 while there is none.
 _RECEIVED_AT, _MIN_RTT_AT = 128, 148
+_BACKLOG = 100  # as libzmq has it
 _NO_RTT_US = 2**32 - 1
 _IP_MTU_DISCOVER, _IP_PMTUDISC_DONT = 10, 0  # linux/in.h
+_IP_FREEBIND = 15  # linux/in.h
 _AT_ONCE = struct.pack("ii", 1, 0)  # struct linger
 
 
@@ -72,6 +74,29 @@ def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int
     except (OSError, AttributeError, struct.error):  # closed, or not Linux
         return None
     return value
+
+
+def let_address_come_later(unbound: socket.socket) -> None:
+    """Let it be bound to an address that the machine does not have yet. OSError: not on Linux."""
+    unbound.setsockopt(socket.IPPROTO_IP, _IP_FREEBIND, 1)
+
+
+def early_listener(address: str, port: int) -> socket.socket:
+    """Listens on an IPv4 address, also on one that the machine does not have yet.
+
+    Raises OSError.
+    """
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        let_address_come_later(listener)
+        listener.setblocking(False)
+        listener.bind((address, port))
+        listener.listen(_BACKLOG)
+    except BaseException:
+        listener.close()
+        raise
+    return listener
 
 
 def let_parts_be_made(datagrams: socket.socket) -> None:

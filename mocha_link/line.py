@@ -103,7 +103,7 @@ class TcpLine:
         except BlockingIOError:
             pass
         except OSError as error:
-            self.failure = f"cannot connect to {self._address[0]}:{self._address[1]}: {error}"
+            self.failure = f"cannot connect to {self._address[0]}:{self._address[1]}: {error.strerror}"
 
     def watch(self, poller: zmq.Poller) -> None:
         """Have the poller wait for what this waits for."""

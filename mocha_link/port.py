@@ -83,7 +83,7 @@ class Port:
         try:
             if secret:
                 protect_port(self.socket, secret, peer)
-            self.socket.bind(f"tcp://{me.listen}:{number}")
+            _bind(self.socket, me, number)
         except zmq.ZMQError as error:
             self.socket.close(0)
             raise _listen_error(me, peer, number, error) from None
@@ -198,12 +198,38 @@ class Port:
             self._datagrams.close()
 
 
+def _bind(router: zmq.Socket[bytes], me: Robot, number: int) -> None:
+    """Bind; if the machine does not have the address (yet), be there when it comes."""
+    endpoint = f"tcp://{me.listen}:{number}"
+    try:
+        router.bind(endpoint)
+    except zmq.ZMQError as error:
+        if error.errno != errno.EADDRNOTAVAIL:
+            raise
+        try:
+            listener = kernel.early_listener(me.listen, number)
+        except OSError as why:
+            raise (zmq.ZMQError(why.errno) if why.errno == errno.EADDRINUSE else error) from None
+        router.setsockopt(zmq.USE_FD, listener.detach())  # closed by libzmq
+        router.bind(endpoint)
+        LOG.warning(
+            "%s is no address of this machine now: nobody reaches port %d of %s before it is "
+            "('listen' in the team file)",
+            me.listen,
+            number,
+            me.name,
+        )
+
+
 def _datagram_socket(me: Robot, number: int) -> socket.socket | None:
     """None if the port is taken: then all goes over ZeroMQ."""
     datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         datagrams.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER_BYTES)
         kernel.let_parts_be_made(datagrams)
+        if me.listen != "*":
+            with contextlib.suppress(OSError):  # not Linux; then the address was there
+                kernel.let_address_come_later(datagrams)
         datagrams.bind(("" if me.listen == "*" else me.listen, number))
         datagrams.setblocking(False)
     except OSError as error:

@@ -373,6 +373,9 @@ def _caster(listen: str) -> socket.socket | None:
     caster = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         kernel.let_parts_be_made(caster)
+        if listen != "*":
+            with contextlib.suppress(OSError):  # not Linux; then the address was there
+                kernel.let_address_come_later(caster)
         caster.bind(("" if listen == "*" else listen, 0))
         caster.setblocking(False)
     except OSError as error:

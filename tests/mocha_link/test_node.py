@@ -29,7 +29,7 @@ from mocha_link.metrics import (
 )
 from mocha_link.node import Node, NodeClosedError
 from mocha_link.payload import PayloadError
-from mocha_link.port import ListenError, PortInUseError
+from mocha_link.port import PortInUseError
 from mocha_link.radios import ManualRadio, RadioError, UdpRadio
 from mocha_link.team import UnknownRobotError, UnknownTopicError
 
@@ -376,11 +376,10 @@ def test_a_radio_that_fails_to_start_leaves_nothing_behind(field):
         pass
 
 
-def test_an_address_of_another_machine(field):
+def test_an_address_of_another_machine(field, caplog):
     field.team = field.team.with_robots({"titan": {"listen": "203.0.113.7"}})
-    node = Node(field.team, "titan", radio=ManualRadio())
-    with pytest.raises(ListenError, match="set 'listen' of titan to"):
-        node.start()
+    with Node(field.team, "titan", radio=ManualRadio()):  # it may come
+        assert "203.0.113.7 is no address of this machine now" in caplog.text
 
 
 def test_wrong_names_and_times(field):

@@ -6,6 +6,7 @@ import contextlib
 import os
 import socket
 import struct
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
@@ -367,10 +368,30 @@ def test_a_port_that_is_taken(context, titan):
         pass
 
 
-@pytest.mark.parametrize("listen", ["203.0.113.7", "not.an.address.invalid"])
-def test_an_address_that_is_not_ours(context, titan, listen):
+def test_an_address_that_is_none(context, titan):
     with pytest.raises(ListenError, match="set 'listen' of titan to"):
-        Port(context, replace(titan, listen=listen), "io", None)
+        Port(context, replace(titan, listen="not.an.address.invalid"), "io", None)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux binds to what is not there yet")
+def test_an_address_that_comes_later(context, titan, caplog):
+    away = replace(titan, listen="203.0.113.7")
+    with contextlib.closing(Port(context, away, "io", None)):
+        assert "203.0.113.7 is no address of this machine now" in caplog.text
+        assert "no datagrams" not in caplog.text
+        with pytest.raises(PortInUseError):
+            Port(context, away, "io", None)
+    context.destroy(0)
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as again:  # nothing is left there
+        again.setsockopt(socket.IPPROTO_IP, 15, 1)
+        again.bind((away.listen, away.port_for("io")))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux binds to what is not there yet")
+def test_another_system_says_that_an_address_is_not_there(context, titan, monkeypatch):
+    monkeypatch.setattr("mocha_link.kernel._IP_FREEBIND", 9999)  # unknown, as there
+    with pytest.raises(ListenError, match="set 'listen' of titan to"):
+        Port(context, replace(titan, listen="203.0.113.7"), "io", None)
 
 
 def test_every_address_of_the_machine(context, titan, clients):
