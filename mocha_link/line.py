@@ -103,7 +103,8 @@ class TcpLine:
         except BlockingIOError:
             pass
         except OSError as error:
-            self.failure = f"cannot connect to {self._address[0]}:{self._address[1]}: {error.strerror}"
+            host, port = self._address
+            self.failure = f"cannot connect to {host}:{port}: {error.strerror}"
 
     def watch(self, poller: zmq.Poller) -> None:
         """Have the poller wait for what this waits for."""
