@@ -31,7 +31,7 @@ MAX_HEADERS = 65_536
 # Requests under way at once; an original server answers them in order. As many as keep the link
 # busy, by the sizes seen so far.
 MIN_WINDOW, MAX_WINDOW = 16, 256
-_GUESS_BYTES = 1024  # of a message, while none has come
+_GUESS_BYTES = 512  # of a message, while none has come
 _AHEAD_BYTES = 64 * 1024
 FIRST_WINDOW = _AHEAD_BYTES // _GUESS_BYTES
 _AHEAD_S = 0.25
