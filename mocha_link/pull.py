@@ -215,7 +215,9 @@ class Pull:
     def tick(self, now: Instant) -> Step:
         """What the time alone brings: datagrams that are due, and the end of patience."""
         if not self.over and now.steady_s - self.alive_s > self._timeout_s:
-            return self.fail(self._session.why_silent(), now)
+            midway = self.path not in ("original", None)
+            silent = f"no byte for {self._timeout_s:g} s in the middle of a sync"
+            return self.fail(silent if midway else self._session.why_silent(), now)
         since_s = max(self._last_s, self._began_s)
         if self._relies_on_datagrams and now.steady_s - since_s > IDLE * self._timeout_s:
             return self.fail("only small datagrams of the peer get here", now)

@@ -289,6 +289,16 @@ def test_a_peer_that_restarts_in_mid_pull(ether):
     assert ether.held("io") == ether.held("titan")
 
 
+def test_silence_in_the_middle_of_a_pull(ether):
+    ether.publish("titan", "/slow", noise(3_000_000))
+    ether.nodes["io"].sync("titan", ether.now)
+    until_some_came(ether)
+    ether.silent.add("titan")
+    ether.settle()
+    (broken,) = ether.told("io", SyncTimedOut)
+    assert broken.reason == "no byte for 5 s in the middle of a sync"
+
+
 def test_a_peer_with_a_new_database(ether):
     """What we know of the old one is worth nothing; what we hold is not sent again."""
     ether.pull("io", "titan")
