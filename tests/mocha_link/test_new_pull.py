@@ -123,6 +123,7 @@ class StuckLine:
     """A connection on which something of the pull before comes in."""
 
     failure = "the peer closed the connection"
+    eager = True
 
     def __init__(self) -> None:
         self.aborted = False
