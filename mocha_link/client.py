@@ -32,6 +32,7 @@ MAX_HEADERS = 65_536
 # busy, by the sizes seen so far.
 MIN_WINDOW, MAX_WINDOW = 16, 256
 _GUESS_BYTES = 512  # of a message, while none has come
+_LARGE_BYTES = 8192  # the same where more must not come than was meant to
 _AHEAD_BYTES = 64 * 1024
 FIRST_WINDOW = _AHEAD_BYTES // _GUESS_BYTES
 _AHEAD_S = 0.25
@@ -228,7 +229,8 @@ class ClientSession:
         self._window = int(min(max(ahead / self._size, MIN_WINDOW), MAX_WINDOW))
         if self._budget:
             left = self._budget - self.bytes_in
-            self._window = min(self._window, max(int(left / self._size), 1))
+            seen = self._fetched_bytes / max(self._messages, 1) or _LARGE_BYTES
+            self._window = min(self._window, max(int(left / max(self._size, seen)), 1))
 
     def _go_on(self, step: Step, now: Instant) -> None:
         self._widen()
