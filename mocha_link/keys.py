@@ -41,8 +41,7 @@ class KeysUnavailableError(MochaLinkError):
 
     def __init__(self) -> None:
         super().__init__(
-            "the team file has keys, and PyNaCl, which reads them, is not installed here; "
-            "run: pip install 'air-router[keys]'"
+            "keys need PyNaCl, which is not installed here; run: pip install 'air-router[keys]'"
         )
 
 
