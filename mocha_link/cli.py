@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from mocha_link.bridge_command import add_parser as add_bridge
-from mocha_link.command_help import add_command, add_verbose, endpoint, style
+from mocha_link.command_help import add_command, add_verbose, endpoint, style, web_address
 from mocha_link.display import event_line, links_table, rules_line, team_tables
 from mocha_link.document import DocumentError
 from mocha_link.errors import MochaLinkError
@@ -136,6 +136,7 @@ def _add_node(commands: Any) -> None:
     )
     node.add_argument(
         "--prometheus",
+        type=web_address,
         metavar="HOST:PORT",
         help="serve metrics for Prometheus there, e.g. :9464 (this machine only)",
     )

@@ -39,6 +39,14 @@ def add_verbose(parser: argparse.ArgumentParser, *, default: Any = False) -> Non
     )
 
 
+def web_address(text: str) -> str:
+    """HOST:PORT, :PORT or PORT, for `argparse`."""
+    port = text.rpartition(":")[2]
+    if not (port.isdecimal() and int(port) < 1 << 16):
+        raise argparse.ArgumentTypeError(f"'{text}' is no address; write host:port, or :port")
+    return text
+
+
 def endpoint(text: str) -> str:
     """A ZeroMQ endpoint, for `argparse`."""
     if not _ENDPOINT.fullmatch(text):

@@ -124,6 +124,14 @@ def test_what_is_no_endpoint_is_2(team_file, capsys, wrong):
         assert f"'{wrong}' is no endpoint; write tcp://127.0.0.1:24500" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("wrong", ["", "here", "127.0.0.1", "a:b", ":-1", ":65536"])
+def test_what_is_no_web_address_is_2(team_file, capsys, wrong):
+    with pytest.raises(SystemExit) as caught:
+        main(["node", str(team_file), "--robot", "io", f"--prometheus={wrong}"])
+    assert caught.value.code == 2
+    assert f"'{wrong}' is no address; write host:port" in capsys.readouterr().err
+
+
 def test_events_for_people():
     signal = {"value": -61.5, "unit": "dBm", "source": "wifi"}
     at = {"peer": "io", "at_s": 1_795_175_900.25}
