@@ -37,9 +37,10 @@ class Flow:
     All times are steady seconds from the same clock.
 
     rate_bytes_s, rtt_s: what another flow showed of this link, if it is known.
+    first_number: of our packets. Who cannot guess it cannot acknowledge what it did not get.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what a flow may be told
         self,
         token: bytes,
         source: Callable[[int], bytes | None],
@@ -47,6 +48,7 @@ class Flow:
         rate_bytes_s: float | None = None,
         rtt_s: float | None = None,
         packet_bytes: int = PACKET_BYTES,
+        first_number: int = 0,
     ) -> None:
         if len(token) != wire.TOKEN_BYTES:
             raise ValueError(f"a token has {wire.TOKEN_BYTES} bytes, not {len(token)}")
@@ -61,7 +63,7 @@ class Flow:
         self._pacing = Pacing(packet_bytes, rate_bytes_s=rate_bytes_s, rtt_s=rtt_s)
         self._link = self._pacing.link
         self._arrivals = wire.Arrivals()
-        self._outbox = Outbox()
+        self._outbox = Outbox(first_number)
         self._dry = False  # the source had nothing
         self._progress_s = self._sent_s = 0.0
         self._tail = False  # a probe for a lost tail is under way

@@ -51,18 +51,19 @@ class Outbox:
     """Packets under way by number, and contents that have to arrive.
 
     A packet that is sent again gets a new number, so an acknowledgement always says which one came.
+    `first` is the number of the first one.
     """
 
-    def __init__(self) -> None:
-        self.next = 0
-        self.base = 0  # everything below is settled
+    def __init__(self, first: int = 0) -> None:
+        self.next = first
+        self.base = first  # everything below is settled
         self.in_flight_bytes = 0
         self._open = 0  # bit n: packet base + n is under way, or its content has not arrived
         self._flying: deque[_Sent] = deque()
         self._sent: dict[int, _Sent] = {}
         self._contents: dict[int, Content] = {}
         self._again: deque[Content] = deque()
-        self._newest = -1  # the highest number that was acknowledged
+        self._newest = first - 1  # the highest number that was acknowledged
         self._reordered = REORDERED
 
     def under_way(self) -> bool:

@@ -5,6 +5,7 @@ Nothing here touches sockets: requests and datagrams in, replies and frames out.
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,7 @@ from mocha_link.pull import NEAR_S
 from mocha_link.sync import OPEN, FrameError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from mocha_link.acquaintance import Acquaintance
     from mocha_link.clock import Instant
@@ -36,9 +37,16 @@ if TYPE_CHECKING:
 FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
 LINGER_S = 2.0  # so long our last packets are repeated to a peer that has said END
 REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
+REPLACED_S = 0.5  # a sync that has heard its peer within this time is not replaced by a datagram
+MOST_UNHEARD = 3  # after so many flows in a row without an acknowledgement
+DEAF_S = 10.0  # datagrams open nothing for so long; connections do
 
 Route = tuple[bytes, ...]
 """The frames in front of a request that say on which connection it came."""
+
+
+def _random_number() -> int:
+    return int.from_bytes(os.urandom(4), "big") >> 2
 
 
 class _Sync:
@@ -66,7 +74,13 @@ class _Sync:
 class Server:
     """Answers one peer, whatever it sends, and tells when its pulls start and end."""
 
-    def __init__(self, peer: str, database: Database, acquaintance: Acquaintance) -> None:
+    def __init__(
+        self,
+        peer: str,
+        database: Database,
+        acquaintance: Acquaintance,
+        number: Callable[[], int] = _random_number,
+    ) -> None:
         self._peer = peer
         self._database = database
         self._acquaintance = acquaintance
@@ -76,6 +90,9 @@ class Server:
         self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of syncs that are over
         self._ended_s = 0.0
         self._opened: tuple[bytes, Route] | None = None  # the last opening: its id and connection
+        self._number = number
+        self._unheard = 0  # flows in a row of which the peer has acknowledged nothing
+        self._deaf_until_s = 0.0
         self._rate_bytes_s: float | None = None
         self._rtt_s: float | None = None
         self._events: list[LinkEvent] = []
@@ -205,16 +222,19 @@ class Server:
 
     def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
         sync = self._sync
-        if token in self._past:
+        if token in self._past or now.steady_s < self._deaf_until_s:
             return False
         if sync and sync.id == token and not sync.by_datagram:
             return True  # the connection was first, so it serves
+        if sync and sync.id != token and now.steady_s - sync.heard_s < REPLACED_S:
+            return False  # a copy of an old opening must not end what goes well
         sync = _Sync(token, Feed(self._database, self._acquaintance), now)
         flow = Flow(
             token,
             lambda room: self._next_for_datagram(sync, room),
             rate_bytes_s=self._rate_bytes_s,
             rtt_s=self._rtt_s,
+            first_number=self._number(),
         )
         frames = flow.receive(packet, now.steady_s)
         if not frames or not all(self._opens(sync, frame) for frame in frames):
@@ -223,6 +243,9 @@ class Server:
         self._begin(sync, now)
         self._close_flow()
         self._flow = flow
+        if self._unheard >= MOST_UNHEARD:
+            # Somebody may be opening in the peer's name, who drowns in what we send it.
+            self._deaf_until_s = now.steady_s + DEAF_S
         return True
 
     @staticmethod
@@ -284,6 +307,8 @@ class Server:
 
     def _close_flow(self) -> None:
         flow, self._flow = self._flow, None
+        if flow:
+            self._unheard = self._unheard + 1 if flow.rtt_s is None else 0
         if flow and flow.rtt_s is not None:
             self._rtt_s = flow.rtt_s
             self._rate_bytes_s = flow.rate_bytes_s or self._rate_bytes_s

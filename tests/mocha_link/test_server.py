@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import random
+import struct
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mocha_link import packet as wire
 from mocha_link import payload
 from mocha_link.acquaintance import Acquaintance
 from mocha_link.clock import Instant
@@ -607,3 +609,50 @@ def opened(opening: bytes, rng: random.Random) -> bytes:
     flow = Flow(rng.choice((b"ididid", b"casted")), lambda _: outbox.pop() if outbox else None)
     flow.poke(1000.0)
     return flow.transmit(1000.0)[0]
+
+
+def test_acknowledgements_cannot_be_guessed():
+    """Who opens in the peer's name gets the first flight sent there, and a few probes, no more."""
+    database = Database()
+    for topic in range(TOPICS):
+        database.insert(record(topic, 20_000), NOW_S)
+    server = Server("io", database, Acquaintance(9))
+    asker = Asker(server, b"forged")
+    asker.outbox.append(asker.opening)
+    opener = Flow(asker.id, lambda _: asker.outbox.pop(0) if asker.outbox else None)
+    (opening,) = opener.transmit(at(0).steady_s)
+    server.packet(opening, at(0))
+    sent = 0
+    for step in range(600):
+        now = at(step * 0.005)
+        sent += sum(map(len, server.transmit(now)))
+        guess = struct.pack(">IHHB", step, 0, 0, 0)
+        server.packet(wire.only_ack(b"forged", guess), now)
+    assert sent < 30_000
+
+
+def test_datagrams_that_nobody_answers_open_nothing_for_a_while():
+    server = Server("io", Database(), Acquaintance(9))
+    taken = []
+    for number in range(5):
+        asker = Asker(server, b"open %d" % number)
+        asker.outbox.append(asker.opening)
+        opener = Flow(asker.id, lambda _, box=asker.outbox: box.pop(0) if box else None)
+        (opening,) = opener.transmit(at(number).steady_s)
+        taken.append(server.packet(opening, at(number)))
+    assert taken == [True, True, True, True, False]
+
+
+def test_an_old_opening_does_not_end_a_sync_that_goes_well():
+    database = Database()
+    database.insert(record(0, 20_000), NOW_S)
+    server = Server("io", database, Acquaintance(9))
+    packets = []
+    for token in (b"first.", b"second"):
+        asker = Asker(server, token)
+        asker.outbox.append(asker.opening)
+        opener = Flow(asker.id, lambda _, box=asker.outbox: box.pop(0) if box else None)
+        packets += opener.transmit(at(0).steady_s)
+    assert server.packet(packets[0], at(0))
+    assert not server.packet(packets[1], at(0.3))
+    assert server.packet(packets[1], at(0.9))
