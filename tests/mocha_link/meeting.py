@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mocha_link.team import Team
 
 NEAR_DBM = -50.0
-STEP_S = 0.005  # a turn of all in a contact
+STEP_S = 0.01  # a turn of all in a contact; a few of them outlast `pull.LOOK_S`
 QUIET_TURNS = 4
 
 
