@@ -46,6 +46,7 @@ class _Scene(NamedTuple):
     """What a cell needs to know beside its link."""
 
     now_s: float
+    later_s: float  # since the snapshot
     best_bytes_s: float
     unicode: bool
 
@@ -83,7 +84,9 @@ class Picture:
             _table(fields, 0.0, unicode=True)  # what is strange is found out here
             self._links = fields
         else:
-            self._news.append(printable(event_line(fields, date=False)))
+            line = printable(event_line(fields, date=False))  # what is strange is found out here
+            if _is_news(fields):
+                self._news.append(line)
         self._heard_s = steady_s
 
     def lines(self, size: Size, style: Style, steady_s: float) -> list[str]:
@@ -110,6 +113,13 @@ class Picture:
         return lines[: max(1, size.rows - 1)]
 
 
+def _is_news(event: Mapping[str, Any]) -> bool:
+    """Whether it says more than the table does; nodes that have nothing new sync all the time."""
+    if event["event"] == "SyncEnded":
+        return bool(event.get("messages")) or event.get("complete") is False
+    return bool(event["event"] != "SyncStarted")
+
+
 def printable(text: str) -> str:
     """The text without what a terminal would obey."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
@@ -120,7 +130,7 @@ def _table(fields: Mapping[str, Any], later_s: float, *, unicode: bool) -> list[
     str(fields["robot"])
     links: Mapping[str, Link] = fields["links"]
     best = max((link["bandwidth_bytes_s"] or 0 for link in links.values()), default=0)
-    scene = _Scene(fields["at_s"] + later_s, best, unicode)
+    scene = _Scene(fields["at_s"] + later_s, later_s, best, unicode)
     return [
         ["peer", *(column.head for column in _COLUMNS)],
         *(
@@ -198,9 +208,13 @@ def _rtt(link: Link, _: _Scene) -> str:
     return f"{rtt_s * 1000:.0f} ms" if rtt_s >= 0.01 else f"{rtt_s * 1000:.1f} ms"
 
 
-def _topics(link: Link, _: _Scene) -> str:
+def _grown(age_s: float | None, scene: _Scene) -> str:
+    return _age(None if age_s is None else age_s + scene.later_s)
+
+
+def _topics(link: Link, scene: _Scene) -> str:
     ages_s = sorted((link.get("topic_ages_s") or {}).items(), key=lambda item: float(item[1]))
-    return " ".join(f"{topic} {_age(age_s)}" for topic, age_s in ages_s[:4]) or "-"
+    return " ".join(f"{topic} {_grown(age_s, scene)}" for topic, age_s in ages_s[:4]) or "-"
 
 
 _COLUMNS = (
@@ -215,6 +229,6 @@ _COLUMNS = (
     _Column("gave", 10, lambda link, _: _bytes(link["bytes_out"]), right=True),
     _Column("broken", 11, lambda link, _: str(link["timeouts"]), right=True),
     _Column("refused", 12, lambda link, _: str(link.get("refused", "-")), right=True),
-    _Column("newest", 5, lambda link, _: _age(link["newest_age_s"]), right=True),
+    _Column("newest", 5, lambda link, scene: _grown(link["newest_age_s"], scene), right=True),
     _Column("by topic", 13, _topics),
 )

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import signal
 import sys
+import termios
 import time
+import tty
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +41,7 @@ def add_parser(commands: Any) -> None:
     parser = add_command(
         commands,
         "top",
-        "watch the links of a running node live",
+        "watch the links of a running node live; q ends it",
         "mocha-link top tcp://127.0.0.1:24500",
     )
     parser.add_argument(
@@ -48,7 +51,7 @@ def add_parser(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Show the links until Ctrl-C; once, if the output is no terminal.
+    """Show the links until q or Ctrl-C; once, if the output is no terminal.
 
     Raises MetricsError if no node answers within 5 s.
     """
@@ -81,8 +84,19 @@ def _follow(
             resized.clear()
             _draw(picture, style)
             due_s = now_s + REDRAW_S
+        if _is_over():
+            return
         while _hear(subscription, picture) and time.monotonic() < now_s + POLL_S:
             due_s = 0.0  # all that is there, then one picture of it
+
+
+def _is_over() -> bool:
+    """Whether somebody has pressed q."""
+    while sys.stdin.isatty() and select.select([sys.stdin], [], [], 0)[0]:
+        pressed = os.read(sys.stdin.fileno(), 64)
+        if b"q" in pressed or not pressed:
+            return True
+    return False
 
 
 def _hear(subscription: Subscription, picture: Picture, timeout_s: float = POLL_S) -> bool:
@@ -104,6 +118,21 @@ def _draw(picture: Picture, style: Style) -> None:
     _write(_HOME + "".join(f"{line}{_END_OF_LINE}\r\n" for line in lines) + _BELOW)
 
 
+class _Keys:
+    """Has keys come at once, and not shown, if there is a keyboard."""
+
+    def __init__(self) -> None:
+        self._before: list[Any] | None = None
+        if sys.stdin.isatty():
+            self._before = termios.tcgetattr(sys.stdin)
+            tty.setcbreak(sys.stdin)
+
+    def give_back(self) -> None:
+        """As it was."""
+        if self._before is not None:
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+
+
 @contextlib.contextmanager
 def _screen() -> Iterator[list[bool]]:
     """Another screen of the terminal, given back whatever ends us; fills up when it is resized."""
@@ -119,11 +148,13 @@ def _screen() -> Iterator[list[bool]]:
         number: signal.signal(number, handler)
         for number, handler in ((signal.SIGWINCH, note), (signal.SIGTERM, terminate))
     }
+    keys = _Keys()
     try:
         _write(_ENTER)
         yield resized
     finally:
         _write(_LEAVE)
+        keys.give_back()
         for number, handler in before.items():
             signal.signal(number, handler)
 

@@ -104,6 +104,9 @@ def test_ages_grow_without_news():
     it = picture(IO)
     assert "3.5s" in it.lines(Size(150, 20), PLAIN, 100.0)[2]
     assert "5.5s" in it.lines(Size(150, 20), PLAIN, 102.0)[2]
+    assert it.lines(Size(150, 20), PLAIN, 102.0)[2].split()[-5:] == [
+        *("3.2s", "/pose", "3.2s", "/path", "25h")
+    ]
     lines = it.lines(Size(150, 20), Style(), 109.0)
     assert lines[0].startswith("\x1b[31mNO NEWS FOR 9 s  links of titan")
 
@@ -140,6 +143,15 @@ def test_news_fill_the_room_below():
     assert lines[4:] == [
         f"11:58:20.000Z RssiChanged io rssi_dbm=-{number}.000" for number in range(295, 300)
     ]
+
+
+def test_what_the_table_shows_is_no_news():
+    it = picture(IO)
+    nothing, some = (event(event="SyncEnded", direction="in", messages=n) for n in (0, 2))
+    for news in (event(event="SyncStarted"), nothing, some, {**nothing, "complete": False}):
+        it.take("event", news, 100.0)
+    lines = it.lines(Size(100, 20), PLAIN, 100.0)[4:]
+    assert [line.partition("messages=")[2] for line in lines] == ["2", "0 complete=False"]
 
 
 def test_colours():
@@ -325,6 +337,18 @@ def test_the_terminal_is_given_back(terminal, number, code):
     assert terminal.end(number) == code
     assert terminal.raw.endswith("\x1b[?25h\x1b[?1049l")
     assert "Traceback" not in terminal.raw
+
+
+def test_q_ends_it(terminal):
+    keys = termios.tcgetattr(terminal._slave)
+    terminal.wait("links of titan")
+    assert termios.tcgetattr(terminal._slave) != keys
+    os.write(terminal._fd, b"xq")
+    assert terminal.process.wait(WAIT_S) == 0
+    assert termios.tcgetattr(terminal._slave) == keys
+    terminal._read(1)
+    assert "x" not in terminal.raw.rpartition("\x1b[J")[2]
+    assert terminal.raw.endswith("\x1b[?25h\x1b[?1049l")
 
 
 def test_something_strange_ends_it_cleanly(fake, terminal):
