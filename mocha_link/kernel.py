@@ -28,14 +28,11 @@ def borrowed(
 
     `remote` or `local` is the port at that end of it.
     """
-    try:
-        copy = os.dup(fd) if fd is not None else -1
-    except OSError:
-        copy = -1
-    if copy < 0:
+    found = _copy(fd) if fd is not None else None
+    if found is None:
         yield None
         return
-    with socket.socket(fileno=copy) as connection:
+    with found as connection:
         try:
             same = (
                 connection.getpeername()[1] == remote
@@ -45,6 +42,19 @@ def borrowed(
         except (OSError, IndexError, TypeError):
             same = False
         yield connection if same else None
+
+
+def _copy(fd: int) -> socket.socket | None:
+    """Another descriptor of a socket; None if there is none, or something else by now."""
+    try:
+        copy = os.dup(fd)
+    except OSError:
+        return None
+    try:
+        return socket.socket(fileno=copy)
+    except OSError:
+        os.close(copy)
+        return None
 
 
 def reset(connection: socket.socket | None) -> None:
