@@ -275,7 +275,10 @@ class Transport:
         with self._lock:
             actions, events = self._gossip.take()
         for action in actions:
-            self._do(action)
+            try:
+                self._do(action)
+            except Exception:  # noqa: PERF203 - what fails must not take the others with it
+                LOG.exception("%s: an error in the node", self._me.name)
         for event in events:
             self._deliver(event)
 
