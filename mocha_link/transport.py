@@ -277,7 +277,7 @@ class Transport:
         for action in actions:
             try:
                 self._do(action)
-            except Exception:  # noqa: PERF203 - what fails must not take the others with it
+            except Exception:
                 LOG.exception("%s: an error in the node", self._me.name)
         for event in events:
             self._deliver(event)
