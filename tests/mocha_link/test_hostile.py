@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import pytest
 import zmq
 
+from mocha_link import zmtp
 from mocha_link.document import Document
 from mocha_link.header import Header, as_ms
 from mocha_link.protocol import CODE_BYTES, GHEAD, ID_BYTES, SERRM, SYNC1
@@ -110,16 +111,32 @@ def test_bad_bytes_where_requests_are_expected(besieged, recorded):
     frames = 0
     while frames < 12_000:
         for _ in range(CHECK_EVERY // 10):
-            bodies = [fuzzer.opening(b"ididid")] + [fuzzer.request(b"ididid") for _ in range(9)]
-            stream = HANDSHAKE_OF_DEALER + b"".join(map(message, bodies))
-            stream = fuzzer.spoil(stream, fuzzer.spoil(stream, stream))
+            request_id = fuzzer.random.randbytes(ID_BYTES)
+            bodies = [fuzzer.opening(request_id)] + [fuzzer.request(request_id) for _ in range(9)]
+            stream = fuzzer.spoil(b"".join(map(message, bodies)), HANDSHAKE_OF_DEALER)
             with socket.create_connection(besieged.place, timeout=WAIT_S) as caller, hung_up():
-                caller.sendall(stream)
+                if fuzzer.random.random() < 0.2:
+                    caller.sendall(fuzzer.spoil(HANDSHAKE_OF_DEALER, stream))
+                else:
+                    caller.sendall(HANDSHAKE_OF_DEALER)
+                    await_handshake(caller)
+                    caller.sendall(stream)
                 caller.shutdown(socket.SHUT_WR)
                 while caller.recv(65_536):
                     pass  # until titan has closed it
             frames += len(bodies)
         besieged.check()
+    besieged.count()
+    assert besieged.frames > frames / 4
+
+
+def await_handshake(caller: socket.socket) -> None:
+    """libzmq takes no requests together with the handshake."""
+    parser = zmtp.Connection(1000)
+    while not parser.ready:
+        data = caller.recv(65_536)
+        assert data, "not a ROUTER?"
+        parser.receive(data)
 
 
 def test_bad_answers_of_a_new_node(besieged, recorded):
@@ -180,16 +197,24 @@ def test_bad_bytes_where_answers_are_expected(besieged, recorded):
     fuzzer = Fuzzer(recorded, 6)
     frames = 0
     with Liar(besieged) as liar:
-        while frames < 4_000:
+        while frames < 6_000:
             for _ in range(CHECK_EVERY // 10):
-                with liar.asked() as (connection, _):
-                    answers = [fuzzer.reply(b"ididid") for _ in range(10)]
-                    stream = HANDSHAKE_OF_ROUTER + b"".join(map(message, answers))
+                with liar.asked() as (connection, parser):
+                    request_id = b"ididid"
+                    hello = HANDSHAKE_OF_ROUTER
+                    if fuzzer.random.random() < 0.7:
+                        say(connection, hello)
+                        request_id = requests(connection, parser)[0][:ID_BYTES]
+                        hello = b""
+                    answers = [fuzzer.good_reply(HELLO, request_id)]
+                    answers += [fuzzer.reply(request_id) for _ in range(9)]
+                    stream = hello + b"".join(map(message, answers))
                     say(connection, fuzzer.spoil(stream, stream))
                     with hung_up():
                         connection.shutdown(socket.SHUT_WR)
                 frames += len(answers)
             besieged.check()
+    assert besieged.frames > frames / 10
 
 
 def test_bad_datagrams_in_answer(besieged, recorded):
