@@ -7,6 +7,7 @@ be overtaken any more. So the asking side grants credit: enough to keep the link
 from __future__ import annotations
 
 import struct
+from typing import NamedTuple
 
 GRANT = struct.Struct(">QI")  # bytes since the beginning, largest frame
 
@@ -19,7 +20,14 @@ _QUEUE_S = 0.15  # what may lie in buffers on top of a round trip
 _GROWTH = 1.5  # so much more than the rate so far, as it may rise
 _CHUNKS = 32  # in a window: what a cut leaves of one is lost
 _GRANTS = 4  # per window
-_MEMORY_S = 1.0  # a rate of longer ago tells nothing of now
+_MEMORY_S = 0.5  # a rate counts over the last one to two of these: bytes come in bursts
+
+
+class _Mark(NamedTuple):
+    """How much had been received at a time."""
+
+    at_s: float
+    received: int
 
 
 class Credit:
@@ -38,8 +46,7 @@ class Credit:
             self._adapt(rate_bytes_s)
             self._window = min(self._window, KNOWN_WINDOW)
             self._allowed = self._window
-        self._since_s: float | None = None
-        self._since_bytes = 0
+        self._marks: tuple[_Mark, _Mark] | None = None  # the rate counts from the first one
         self._granted_at = 0
 
     @property
@@ -53,17 +60,16 @@ class Credit:
         self.received += size
         if rtt_s:  # the least one: what queues add to it must not lengthen them
             self._rtt_s = min(rtt_s, self._rtt_s or rtt_s)
-        if self._since_s is None:
-            self._since_s, self._since_bytes = now_s, self.received
+        here = _Mark(now_s, self.received)
+        earlier, later = self._marks = self._marks or (here, here)
         if self.received - self._granted_at < self._window // _GRANTS:
             return False
         self._granted_at = self.received
-        passed_s = now_s - self._since_s
+        passed_s = now_s - earlier.at_s
         if passed_s > 0 and self._rtt_s:
-            rate = (self.received - self._since_bytes) / passed_s
-            self._adapt(rate)
-            if passed_s > max(_MEMORY_S, 4 * self._rtt_s):
-                self._since_s, self._since_bytes = now_s, self.received
+            self._adapt((self.received - earlier.received) / passed_s)
+            if now_s - later.at_s > max(_MEMORY_S, 4 * self._rtt_s):
+                self._marks = later, here
         self._allowed = max(self._allowed, self.received + self._window)
         return True
 

@@ -97,6 +97,15 @@ def test_a_link_is_kept_busy_and_its_queue_short(rate, rtt_s):
     assert queue_s < max(1.5 * (rtt_s + 0.15), MIN_WINDOW / rate) + 0.3
 
 
+def test_bursts_are_no_rate():
+    """A busy machine takes in 100 ms of a 10 Mbit/s link at once, in frames a millisecond apart."""
+    credit = Credit(1_250_000, 0.001)
+    for burst in range(100):
+        for frame in range(10):
+            credit.take(12_500, 0.1 * burst + 0.001 * frame, 0.001)
+        assert burst < 3 or credit._window < 500_000  # 0.4 s
+
+
 def test_a_link_that_becomes_slow_gets_a_small_window():
     credit = Credit(12_500_000, 0.05)
     begun = allowed(credit)
