@@ -19,6 +19,9 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pytest
+
+from mocha_link import keys
 from mocha_link.document import Document
 from mocha_link.link_events import Direction, MessageStored, SyncEnded, SyncTimedOut
 from mocha_link.node import Node
@@ -61,8 +64,11 @@ SIZES["/found"] = (0, 2000)
 WRITTEN = ("/pose", "/pose", "/pose", "/log", "/log", "/found", "/cloud", "/map")
 
 
-def make_team() -> Team:
-    """A robot is dialled at an address of its own, where the relays are, and listens at another."""
+def make_team(folder: Path, *, locked: bool) -> Team:
+    """A robot is dialled at an address of its own, where the relays are, and listens at another.
+
+    If it is `locked`, all robots have keys, and the folder their secrets.
+    """
     text = "robots:\n"
     for name in NAMES:
         address, listen = own_host(), own_host()
@@ -71,7 +77,13 @@ def make_team() -> Team:
             f"  {name}: {{kind: robot, address: {address}, listen: {listen}, "
             f"base_port: {free_ports(listen, 3)}, clients: [{others}]}}\n"
         )
-    return Team.from_document(Document.from_text(text + KIND, Path("team.yaml")))
+    team = Team.from_document(Document.from_text(text + KIND, Path("team.yaml")))
+    if not locked:
+        return team
+    secrets = {name: keys.SecretKey(name.encode().ljust(32)) for name in NAMES}
+    for name, secret in secrets.items():
+        keys.write(keys.path_of(name, folder), name, secret)
+    return team.with_robots({name: {"key": each.public.text} for name, each in secrets.items()})
 
 
 class FieldTime:
@@ -111,10 +123,12 @@ def opened(robot: str, topic: str, data: bytes) -> int:
 class Robot:
     """A node, its radio, and who looks at everything that it stores."""
 
-    def __init__(self, team: Team, name: str, clock: RobotClock) -> None:
+    def __init__(self, team: Team, name: str, clock: RobotClock, folder: Path) -> None:
         self.name = name
         self.radio = ManualRadio()
-        self.node = Node(team, name, clock=clock, radio=self.radio, timeout_s=TIMEOUT_S)
+        self.node = Node(
+            team, name, clock=clock, radio=self.radio, timeout_s=TIMEOUT_S, keys=folder
+        )
         self.wrong: list[str] = []
         self.checked = 0
         self.written: dict[str, list[bytes]] = {topic: [] for topic in SIZES}
@@ -174,20 +188,20 @@ def check(message: Message) -> list[int]:
 class FieldTest:
     """Pairs meet, several at the same time; every meeting is an interaction each way."""
 
-    def __init__(self, team: Team, air: RoughAir, time: FieldTime) -> None:
-        self.robots = {name: Robot(team, name, RobotClock(time, name)) for name in NAMES}
+    def __init__(self, team: Team, folder: Path, air: RoughAir, time: FieldTime) -> None:
+        self.robots = {name: Robot(team, name, RobotClock(time, name), folder) for name in NAMES}
         self.passages: list[Passage] = []
         self.ends: list[LinkEvent] = []
         self._air = air
         self._time = time
         self._failures: list[BaseException] = []
 
-    def run(self) -> None:
+    def run(self, interactions: int) -> None:
         pairs = list(itertools.combinations(NAMES, 2))
         threads = [
             threading.Thread(
                 target=self._meetings,
-                args=(*pair, range(index, INTERACTIONS // 2, len(pairs))),
+                args=(*pair, range(index, interactions // 2, len(pairs))),
             )
             for index, pair in enumerate(pairs)
         ]
@@ -263,26 +277,33 @@ def left_over() -> tuple[int, int]:
     return threading.active_count(), len(list(Path("/proc/self/fd").iterdir()))
 
 
-def test_the_field_test(caplog):
+@pytest.mark.parametrize(
+    ("interactions", "locked"),
+    [(INTERACTIONS, False), (200, True)],
+    ids=["as in the paper", "with keys"],
+)
+def test_the_field_test(caplog, tmp_path, interactions, locked):
+    if locked and not keys.available():
+        pytest.skip("needs PyNaCl: install the extra 'keys'")
     before = left_over()
-    team, time = make_team(), FieldTime()
+    team, time = make_team(tmp_path, locked=locked), FieldTime()
     with RoughAir(team) as air:
-        field = FieldTest(team, air, time)
+        field = FieldTest(team, tmp_path, air, time)
         with contextlib.ExitStack() as stack:
             for robot in field.robots.values():
                 stack.enter_context(robot.node)
-            field.run()
+            field.run(interactions)
             field.heal()
             field.everybody_holds_everything()
     assert left_over() == before
     assert [robot.wrong for robot in field.robots.values()] == [[]] * len(NAMES)
     assert [each for each in caplog.records if each.levelno >= logging.ERROR] == []
     # And it was what it says.
-    assert len(field.ends) == len(field.passages) == INTERACTIONS
-    assert sum(each.interrupted for each in field.passages) >= INTERACTIONS / 3
-    assert sum(each.flipped > 0 for each in field.passages) >= INTERACTIONS / 10
+    assert len(field.ends) == len(field.passages) == interactions
+    assert sum(each.interrupted for each in field.passages) >= interactions / 3
+    assert sum(each.flipped > 0 for each in field.passages) >= interactions / 10
     for media in ("tcp", "udp"):
-        assert sum(each.carried[media, DOWN] > 1000 for each in field.passages) > 50
+        assert sum(each.carried[media, DOWN] > 1000 for each in field.passages) > interactions / 100
     counted = {
         "interrupted": sum(each.interrupted for each in field.passages),
         "damaged": sum(each.flipped > 0 for each in field.passages),
