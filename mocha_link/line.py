@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # A reply: id, prefix, an LZ4 frame of incompressible data, something behind it.
 MAX_REPLY_BYTES = payload.MAX_BYTES + 1024 * 1024
 # Requests leave so long after our handshake even if the peer's has not come: see `zmtp`.
-EAGER_S = 0.03
+EAGER_S = 0.015
 
 _READ_BYTES = 256 * 1024
 _READS = 16  # in a row, so that no peer starves the others
@@ -57,6 +57,10 @@ class Line(Protocol):
 
     def is_ready(self, ready: set[object], now_s: float) -> bool:
         """Whether there is something to do."""
+
+    @property
+    def wake_s(self) -> float | None:
+        """When there is something to do at the latest; None: when something comes."""
 
     def turn(self, now_s: float) -> bool:
         """Move what can be moved; says whether anything arrived, also of part of a reply."""
@@ -126,6 +130,14 @@ class TcpLine:
         """Whether there is something to do."""
         late = bool(self._waiting) and self._may_ask(now_s)
         return late or self.failure is not None or self._socket.fileno() in ready
+
+    @property
+    def wake_s(self) -> float | None:
+        """When requests leave though the peer's handshake has not come."""
+        hurries = self.eager and not self._opened and not self._protocol.ready
+        if self._connected_s is None or not hurries or not self._waiting:
+            return None
+        return self._connected_s + EAGER_S
 
     def turn(self, now_s: float) -> bool:
         """Move what can be moved; says whether anything arrived."""
@@ -284,6 +296,11 @@ class CurveLine:
         for each in (self._socket, self._monitor):
             with contextlib.suppress(KeyError):
                 poller.unregister(each)
+
+    @property
+    def wake_s(self) -> float | None:
+        """Nothing here goes by the clock."""
+        return None
 
     def is_ready(self, ready: set[object], _now_s: float) -> bool:
         """Whether there is something to do."""

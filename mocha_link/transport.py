@@ -177,6 +177,9 @@ class Transport:
     def _wait_ms(self) -> int:
         with self._lock:
             wake_s = self._gossip.wake_s
+        for line in self._lines.values():
+            if not isinstance(line, list) and line.wake_s is not None:
+                wake_s = min(wake_s or line.wake_s, line.wake_s)
         if wake_s is None:
             return TICK_MS
         return max(int((wake_s - self._now().steady_s) * 1000 + 0.999), 0)

@@ -63,7 +63,7 @@ def link(credit: Credit, *, rate: float, rtt_s: float, seconds: float) -> tuple[
 def test_the_first_grant_is_the_same_for_all():
     assert allowed(Credit(None, None)) == FIRST_WINDOW
     assert allowed(Credit(1e6, None)) == allowed(Credit(None, 0.1)) == FIRST_WINDOW
-    assert Credit(None, None).grant == GRANT.pack(FIRST_WINDOW, FIRST_WINDOW // 32)
+    assert Credit(None, None).grant == GRANT.pack(FIRST_WINDOW, MIN_CHUNK)
 
 
 @pytest.mark.parametrize(

@@ -210,20 +210,20 @@ def test_a_sync_over_the_connection(server, io, database):
 def test_frames_wait_for_credit_and_hardly_exceed_it(server, io, database):
     fill(database)
     limit = 5_000
-    io.open(GRANT.pack(limit, 1_400))
+    io.open(GRANT.pack(limit, MIN_CHUNK))
     sent = 0
     for _ in range(40):
         given = io.drain()
         assert given
         for route, frame in given:
             assert route == ROUTE
-            assert len(frame) <= 1_400
+            assert len(frame) <= MIN_CHUNK
             assert sent < limit  # there was credit left
             sent += len(frame)
         assert sent < limit + MIN_ROOM + ID_BYTES
         assert io.drain() == []
         limit += 3_000
-        assert io.ask(b"SYNCC" + GRANT.pack(limit, 1_400)) is None
+        assert io.ask(b"SYNCC" + GRANT.pack(limit, MIN_CHUNK)) is None
 
 
 def test_credit_is_never_taken_back(server, io, database):
