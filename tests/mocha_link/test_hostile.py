@@ -68,7 +68,7 @@ def test_bad_requests(besieged, recorded):
     """On the ROUTER: syncs that begin well, and what must not follow."""
     fuzzer = Fuzzer(recorded, 1)
     with zmq.Context() as context:
-        while besieged.frames < 40_000:
+        while besieged.frames < 25_000:
             with context.socket(zmq.DEALER) as dealer:
                 dealer.linger = 0
                 dealer.connect("tcp://{}:{}".format(*besieged.place))
@@ -91,7 +91,7 @@ def test_bad_datagrams(besieged, recorded):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as caster:
         caster.bind((besieged.field.host, 0))
         caster.setblocking(False)
-        while besieged.frames < 30_000:
+        while besieged.frames < 45_000:
             for _ in range(CHECK_EVERY // BATCH):
                 token = fuzzer.random.randbytes(ID_BYTES)
                 packets = [fuzzer.opening_packet(token)]
