@@ -21,7 +21,11 @@ PART = struct.pack(">BQ", 0b011, 60_000) + bytes(60_000)  # more parts follow, a
 
 
 def dial(titan: Robot) -> socket.socket:
-    connection = socket.create_connection((titan.listen, titan.port_for("io")), timeout=20)
+    connection = socket.socket()
+    # Segments of 64 KB, as on loopback, can wait minutes for a window of that size under load.
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, 1400)
+    connection.settimeout(20)
+    connection.connect((titan.listen, titan.port_for("io")))
     connection.sendall(Connection.hello)
     zmtp = Connection(1000)
     while not zmtp.ready:

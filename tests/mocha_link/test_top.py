@@ -228,6 +228,7 @@ class Terminal:
     def __init__(self, command, size, **env):
         self._fd, slave = pty.openpty()
         self._slave = slave
+        self.keys = termios.tcgetattr(slave)
         self.resize(size)
         self.process = subprocess.Popen(
             [sys.executable, "-m", "mocha_link.cli", *command],
@@ -340,12 +341,11 @@ def test_the_terminal_is_given_back(terminal, number, code):
 
 
 def test_q_ends_it(terminal):
-    keys = termios.tcgetattr(terminal._slave)
     terminal.wait("links of titan")
-    assert termios.tcgetattr(terminal._slave) != keys
+    assert termios.tcgetattr(terminal._slave) != terminal.keys
     os.write(terminal._fd, b"xq")
     assert terminal.process.wait(WAIT_S) == 0
-    assert termios.tcgetattr(terminal._slave) == keys
+    assert termios.tcgetattr(terminal._slave) == terminal.keys
     terminal._read(1)
     assert "x" not in terminal.raw.rpartition("\x1b[J")[2]
     assert terminal.raw.endswith("\x1b[?25h\x1b[?1049l")
