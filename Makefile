@@ -20,7 +20,7 @@ sim: setup
 	$(BIN)/air-router sim $(MISSION) --speed $(SPEED) --log-dir logs
 
 test: setup
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: setup
 	$(BIN)/ruff check
