@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mocha_link.clock import Instant
     from mocha_link.intake import Verify
     from mocha_link.payload import Trailer
-    from mocha_link.team import Robot, Team, Topic
+    from mocha_link.team import Team, Topic
 
 MAX_HEADERS = 65_536
 # Requests under way at once; an original server answers them in order. As many as keep the link
@@ -192,9 +192,9 @@ class ClientSession:
             return  # replaced at the peer meanwhile; the next list has the newer one
         robot, topic = known
         try:
-            trailer = self._check(header, body, known)
+            trailer = self._check(header, body, topic)
         except PayloadError as error:
-            step.refusals.append(f"message {header}: {error}")
+            step.refusals.append(f"message {header} of {robot.name}: {error}")
             return
         stamp_ms = trailer.stamp_ms if trailer else header.stamp_ms(now.unix_s)
         record = Record(header, topic.priority, body, stamp_ms, now.unix_s, trailer is None)
@@ -204,13 +204,8 @@ class ClientSession:
                 MessageStored(self.peer, now.unix_s, robot.name, topic.name, header, len(body))
             )
 
-    def _check(self, header: Header, body: bytes, known: tuple[Robot, Topic]) -> Trailer | None:
-        robot, topic = known
-        if payload.dtype_of(body) != topic.dtype:
-            raise PayloadError(
-                f"type id {body[0]}, but {robot.name} {topic.name} is {topic.type} ({topic.dtype}) "
-                "here; use the same team file everywhere"
-            )
+    def _check(self, header: Header, body: bytes, topic: Topic) -> Trailer | None:
+        payload.check_type(body, topic)
         trailer = payload.check(body)
         if trailer and trailer.stamp_ms % WRAP_MS != header.wrapped_ms:
             raise PayloadError("it carries the time of another message")

@@ -190,9 +190,9 @@ class Gossip:
         """The connection on which the peer pulls, if it does."""
         return self._servers[peer].route
 
-    def supply(self, peer: str, now: Instant) -> tuple[Route, bytes] | None:
+    def supply(self, peer: str) -> tuple[Route, bytes] | None:
         """The next frame of a sync for a connection of the peer; None: nothing to send now."""
-        supplied = self._servers[peer].supply(now)
+        supplied = self._servers[peer].supply()
         if supplied:
             self._book.count(peer, bytes_out=len(supplied[1]))
         return supplied

@@ -260,7 +260,7 @@ class Intake:
         header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
         self._acquaintance.holds(long)
         try:
-            _check_type(body, topic)
+            payload.check_type(body, topic)
             if self._verify:
                 self._verify(header, body, trailer)
         except PayloadError as error:  # intact, so it will not be another one next time
@@ -320,15 +320,7 @@ def _proven(body: bytes, topic: Topic, stamp_ms: int) -> Trailer | None:
     """The trailer of a body that is as its maker made it, as far as can be told."""
     trailer = payload.check(body)
     if trailer is None:
-        _check_type(body, topic)
+        payload.check_type(body, topic)
     elif trailer.stamp_ms != stamp_ms:
         raise PayloadError(f"of time {trailer.stamp_ms} ms, said to be of {stamp_ms} ms")
     return trailer
-
-
-def _check_type(body: bytes, topic: Topic) -> None:
-    if body[0] != topic.dtype:
-        raise PayloadError(
-            f"type id {body[0]}, but {topic.name} is {topic.type} ({topic.dtype}) here; "
-            "use the same team file everywhere"
-        )

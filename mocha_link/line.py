@@ -135,7 +135,7 @@ class TcpLine:
     def wake_s(self) -> float | None:
         """When requests leave though the peer's handshake has not come."""
         hurries = self.eager and not self._opened and not self._protocol.ready
-        if self._connected_s is None or not hurries or not self._waiting:
+        if self._connected_s is None or not hurries or not self._waiting or self._out:
             return None
         return self._connected_s + EAGER_S
 

@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from mocha_link import batch, payload
 from mocha_link.broadcast import Broadcast, EventStream
@@ -16,6 +16,7 @@ from mocha_link.database import Database
 from mocha_link.errors import MochaLinkError
 from mocha_link.gossip import TIMEOUT_S, Gossip, history_of
 from mocha_link.keys import public_key, secret_key
+from mocha_link.lifetime import Startable
 from mocha_link.radios import Radio, open_radio
 from mocha_link.signature import Signer
 from mocha_link.storage import Storage
@@ -24,7 +25,6 @@ from mocha_link.transport import Transport
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from types import TracebackType
 
     from mocha_link.database import Record
     from mocha_link.header import Header
@@ -60,7 +60,7 @@ class Message:
     parts: tuple[bytes, ...] = field(default=(), repr=False)
 
 
-class Node:
+class Node(Startable):
     """The gossip node of one robot: its ports, its pulls, its messages.
 
     Use it as a context manager, or call `start` and `close`. Every method may be called from any
@@ -191,18 +191,6 @@ class Node:
         if self._storage:
             self._storage.close(max(until_s - time.monotonic(), LEAST_CLOSE_S))
         self._broadcast.close()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def publish(self, topic: str, data: bytes, *, now: bool = False) -> Header:
         """Put a message of this robot where the others can pull it; returns its header.

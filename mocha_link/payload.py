@@ -21,6 +21,8 @@ from mocha_link.errors import MochaLinkError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from mocha_link.team import Topic
+
 MAX_BYTES = 64 * 1024 * 1024
 PREFIX = 2
 STAMPS_MS = 2**47
@@ -109,6 +111,15 @@ def dtype_of(body: bytes) -> int:
     if len(body) <= PREFIX:
         raise PayloadError(f"a body of {len(body)} bytes holds no message")
     return body[0]
+
+
+def check_type(body: bytes, topic: Topic) -> None:
+    """Raise PayloadError unless a body is of the type that the topic has in our team file."""
+    if dtype_of(body) != topic.dtype:
+        raise PayloadError(
+            f"type id {body[0]}, but {topic.name} is {topic.type} ({topic.dtype}) here; "
+            "use the same team file everywhere"
+        )
 
 
 def unpack(body: bytes, limit: int = MAX_BYTES) -> bytes:

@@ -12,15 +12,14 @@ from dataclasses import dataclass, field
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from socketserver import ThreadingTCPServer
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol
 
 from mocha_link.errors import MochaLinkError
+from mocha_link.lifetime import Startable
 from mocha_link.metrics import LinkState
 from mocha_link.reading import Unit
 
 if TYPE_CHECKING:
-    from types import TracebackType
-
     from mocha_link.clock import Clock
     from mocha_link.metrics import LinkMetrics
 
@@ -223,7 +222,7 @@ class _Server(ThreadingTCPServer):
         """A reader that goes away is none of our business."""
 
 
-class PrometheusServer:
+class PrometheusServer(Startable):
     """Serves ``http://HOST:PORT/metrics``; port 0 takes a free one. Use as a context manager.
 
     There is no protection: name an address of your own machine unless others shall read it.
@@ -269,15 +268,3 @@ class PrometheusServer:
             self._server.hang_up(older_s=0)
             self._server.server_close()  # waits for the threads
             self._server = self._thread = None
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

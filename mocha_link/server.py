@@ -144,7 +144,7 @@ class Server:
         """The connection of the sync, if it has one."""
         return self._sync.route if self._sync else None
 
-    def supply(self, now: Instant) -> tuple[Route, bytes] | None:
+    def supply(self) -> tuple[Route, bytes] | None:
         """The next frame for a connection, if the peer has credit left for one."""
         sync = self._sync
         if sync is None or sync.route is None:
@@ -161,7 +161,6 @@ class Server:
         if frame is None:
             return None
         sync.sent += len(frame)
-        sync.heard_s = max(sync.heard_s, now.steady_s)
         return sync.route, frame
 
     def poke(self, now: Instant) -> None:

@@ -6,28 +6,25 @@ every second. Messages have two frames: ``links`` or ``event``, and a JSON objec
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import enum
 import json
 import math
 import queue
-import socket
-import threading
 import time
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import zmq
 
-from mocha_link.endpoint import bind
+from mocha_link.endpoint_server import EndpointServer
 from mocha_link.errors import MochaLinkError
 from mocha_link.header import Header
+from mocha_link.lifetime import Closeable
 from mocha_link.metrics import Contact
 from mocha_link.reading import Reading
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from types import TracebackType
+    from collections.abc import Iterator
 
     from mocha_link.metrics import LinkEvent, LinkMetrics
     from mocha_link.node import Node
@@ -72,101 +69,40 @@ def snapshot(node: Node) -> dict[str, Any]:
     }
 
 
-class MetricsServer:
-    """Serves the metrics of a started node at an endpoint, e.g. ``tcp://127.0.0.1:24500``.
-
-    Port ``*`` takes a free one; `endpoint` then says which. Use as a context manager, or call
-    `start` and `close`.
-    """
+class MetricsServer(EndpointServer):
+    """Serves the metrics of a started node at an endpoint, e.g. ``tcp://127.0.0.1:24500``."""
 
     def __init__(self, node: Node, endpoint: str) -> None:
-        self.endpoint = endpoint
-        self._node = node
+        super().__init__(node, endpoint, "metrics")
         self._events: queue.SimpleQueue[LinkEvent] = queue.SimpleQueue()
-        self._stopping = False
-        self._waker: socket.socket | None = None
-        self._thread: threading.Thread | None = None
-        self._unsubscribe: Callable[[], None] | None = None
+        self._due_s = time.monotonic() + SNAPSHOT_S
 
-    def start(self) -> None:
-        """Begin to serve. Raises PortInUseError or ListenError."""
-        context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    def _socket(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
         publisher = context.socket(zmq.XPUB)
-        publisher.setsockopt(zmq.LINGER, 0)
         publisher.setsockopt(zmq.XPUB_VERBOSE, 1)  # every newcomer gets its snapshot
         publisher.setsockopt(zmq.MAXMSGSIZE, MAX_SUBSCRIPTION_BYTES)
-        try:
-            self.endpoint = bind(publisher, self.endpoint, "cannot serve metrics")
-        except BaseException:
-            context.destroy(0)
-            raise
-        self._waker, woken = socket.socketpair()
-        self._waker.setblocking(False)
-        self._thread = threading.Thread(
-            target=self._run, args=(context, publisher, woken), name="mocha-link metrics"
-        )
-        self._thread.daemon = True
-        self._unsubscribe = self._node.subscribe(self._note)
-        self._thread.start()
-
-    def close(self) -> None:
-        """Stop serving; may be called twice."""
-        self._stopping = True
-        self._wake()
-        if self._thread and self._waker and self._unsubscribe:
-            self._unsubscribe()
-            self._thread.join()
-            self._waker.close()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
+        return publisher
 
     def _note(self, event: LinkEvent) -> None:
         self._events.put(event)
         self._wake()
 
-    def _wake(self) -> None:
-        if self._waker:
-            with contextlib.suppress(OSError):  # full: awake anyway; closed: too late
-                self._waker.send(b"\0")
+    def _wait_ms(self) -> int:
+        return max(0, math.ceil((self._due_s - time.monotonic()) * 1000))
 
-    def _run(
-        self,
-        context: zmq.Context[zmq.Socket[bytes]],
-        publisher: zmq.Socket[bytes],
-        woken: socket.socket,
-    ) -> None:
-        poller = zmq.Poller()
-        poller.register(publisher, zmq.POLLIN)
-        poller.register(woken, zmq.POLLIN)
-        due_s = time.monotonic() + SNAPSHOT_S
-        with context, publisher, woken:
-            while not self._stopping:
-                left_s = due_s - time.monotonic()
-                ready = dict(poller.poll(max(0, math.ceil(left_s * 1000))))
-                if woken.fileno() in ready:
-                    woken.recv(4096)
-                if publisher in ready:
-                    publisher.recv_multipart()  # a subscription: answered with a snapshot
-                while not self._events.empty():
-                    event = self._events.get()
-                    fields = {"event": type(event).__name__, **as_fields(event)}
-                    publisher.send_multipart([EVENT, json.dumps(fields).encode()])
-                if publisher in ready or time.monotonic() >= due_s:
-                    publisher.send_multipart([LINKS, json.dumps(snapshot(self._node)).encode()])
-                    due_s = time.monotonic() + SNAPSHOT_S
+    def _turn(self, server: zmq.Socket[bytes], *, ready: bool) -> None:
+        if ready:
+            server.recv_multipart()  # a subscription: answered with a snapshot
+        while not self._events.empty():
+            event = self._events.get()
+            fields = {"event": type(event).__name__, **as_fields(event)}
+            server.send_multipart([EVENT, json.dumps(fields).encode()])
+        if ready or time.monotonic() >= self._due_s:
+            server.send_multipart([LINKS, json.dumps(snapshot(self._node)).encode()])
+            self._due_s = time.monotonic() + SNAPSHOT_S
 
 
-class Subscription:
+class Subscription(Closeable):
     """What a node's metrics endpoint sends, from a snapshot on. Use as a context manager.
 
     Raises MetricsError if the endpoint is none.
@@ -208,15 +144,8 @@ class Subscription:
         """The error for what is not a node's metrics."""
         return MetricsError(f"what {self._endpoint} sends is not a node's metrics")
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Give up the connection."""
         self._context.destroy(0)
 
 

@@ -224,7 +224,7 @@ class Transport:
             if not port.flush(route):
                 return FULL_MS
             with self._lock:
-                supplied = self._gossip.supply(port.peer, self._now())
+                supplied = self._gossip.supply(port.peer)
             if supplied is None:
                 return LATE_MS if port.is_late else TICK_MS
             port.push(*supplied)

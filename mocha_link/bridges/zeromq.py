@@ -12,18 +12,18 @@ import logging
 import threading
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import zmq
 
 from mocha_link.bridges.values import MAX_REQUEST_BYTES, ValueRequestError, Values, as_object
 from mocha_link.endpoint import bind
+from mocha_link.lifetime import Closeable
 from mocha_link.payload import MAX_BYTES
 from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from types import TracebackType
 
     from mocha_link.service_client import Place
 
@@ -48,7 +48,7 @@ class _Pending:
     until_s: float
 
 
-class ZeroMqBridge:
+class ZeroMqBridge(Closeable):
     """Serves programs at an endpoint, and streams all messages at another.
 
     Port ``*`` takes a free one; `endpoint` and `stream` then say which. Use as a context manager.
@@ -99,17 +99,6 @@ class ZeroMqBridge:
         for thread in self._threads:
             thread.join()
         self._context.destroy(0)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _bound(self, kind: int, endpoint: str) -> tuple[Socket, str]:
         socket = self._context.socket(kind)

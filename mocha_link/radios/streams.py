@@ -6,7 +6,7 @@ import contextlib
 import selectors
 import socket
 import sys
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from mocha_link.radios.port import LOG, Desk, Report
 from mocha_link.radios.reports import MAX_LINE_BYTES, Lines, parse_report
@@ -21,7 +21,34 @@ MAX_PROGRAMS = 8
 RETRY_S = 0.1
 
 
-class UdpRadio:
+class _Listening:
+    """What radios that listen on a port of their own have in common."""
+
+    SCHEME: ClassVar[str]
+
+    def __init__(self, url: str) -> None:
+        self._url = RadioUrl.parse(url, scheme=self.SCHEME)
+        self._desk = Desk()
+        self._worker = Worker()
+        self._socket: socket.socket | None = None
+
+    @property
+    def refused(self) -> int:
+        """How many reports were none, or not about a peer."""
+        return self._desk.refused
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on."""
+        return int(self._socket.getsockname()[1]) if self._socket else self._url.port or 0
+
+    def close(self) -> None:
+        """Stop listening, and hang up on whoever is connected."""
+        self._worker.close()
+        self._socket = None
+
+
+class UdpRadio(_Listening):
     """Receives reports as datagrams, each a JSON object ``{"peer": "io", "rssi_dbm": -61.5}``.
 
     ``null`` for `rssi_dbm`: the peer is not heard; `docs/radios.md` has the other forms. `url` is
@@ -29,21 +56,7 @@ class UdpRadio:
     are counted in `refused`.
     """
 
-    def __init__(self, url: str) -> None:
-        self._url = RadioUrl.parse(url, scheme="udp")
-        self._desk = Desk()
-        self._worker = Worker()
-        self._socket: socket.socket | None = None
-
-    @property
-    def refused(self) -> int:
-        """How many datagrams were no reports, or not about a peer."""
-        return self._desk.refused
-
-    @property
-    def port(self) -> int:
-        """The port that it listens on."""
-        return _port(self._socket, self._url)
+    SCHEME = "udp"
 
     def start(self, report: Report) -> None:
         """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
@@ -54,45 +67,21 @@ class UdpRadio:
 
         self._worker.start(lambda stopped: datagrams(receiver, stopped, take))
 
-    def close(self) -> None:
-        """Stop listening."""
-        self._worker.close()
-        self._socket = None
 
-
-class TcpRadio:
+class TcpRadio(_Listening):
     """Receives reports as lines from programs that connect to ``tcp://host:port``.
 
     A line is a JSON object as a datagram of `UdpRadio`, or ``io -61.5 dBm``. Lines that are no
     reports are counted in `refused`, and so is a program beyond the first 8.
     """
 
-    def __init__(self, url: str) -> None:
-        self._url = RadioUrl.parse(url, scheme="tcp")
-        self._desk = Desk()
-        self._worker = Worker()
-        self._socket: socket.socket | None = None
-
-    @property
-    def refused(self) -> int:
-        """How many lines were no reports, or not about a peer."""
-        return self._desk.refused
-
-    @property
-    def port(self) -> int:
-        """The port that it listens on."""
-        return _port(self._socket, self._url)
+    SCHEME = "tcp"
 
     def start(self, report: Report) -> None:
         """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
         listener = self._socket = bound(self._url, socket.SOCK_STREAM)
         listener.listen(MAX_PROGRAMS)
         self._worker.start(lambda stopped: self._serve(listener, stopped, report))
-
-    def close(self) -> None:
-        """Stop listening and hang up on whoever is connected."""
-        self._worker.close()
-        self._socket = None
 
     def _serve(self, listener: socket.socket, stopped: socket.socket, report: Report) -> None:
         programs: dict[socket.socket, Lines] = {}
@@ -227,10 +216,6 @@ def datagrams(
                 return
             with contextlib.suppress(OSError):  # e.g. an ICMP error of an earlier packet
                 take(receiver.recv(MAX_LINE_BYTES))
-
-
-def _port(found: socket.socket | None, url: RadioUrl) -> int:
-    return int(found.getsockname()[1]) if found else url.port or 0
 
 
 def _close_all(programs: Iterable[socket.socket]) -> None:

@@ -209,7 +209,7 @@ class Ether:
                     busy = True
                     self._do(name, action)
                 for peer in node.me.peers:
-                    supplied = node.supply(peer, self.at(name))
+                    supplied = node.supply(peer)
                     if supplied:
                         busy = True
                         self._answer(name, *supplied)
@@ -334,7 +334,7 @@ class OldNode:
         actions, self._actions = self._actions, []
         return actions, []
 
-    def supply(self, _peer: str, _now: Instant) -> None:
+    def supply(self, _peer: str) -> None:
         """Nothing comes that was not asked for."""
 
     def tick(self, _now: Instant) -> None:

@@ -179,7 +179,7 @@ class Meeting:
         return actions
 
     def _supply(self, name: str, node: Gossip, peer: str) -> bool:
-        supplied = node.supply(peer, self.now(name))
+        supplied = node.supply(peer)
         if supplied is None:
             return False
         self._give_back(name, peer, *supplied)

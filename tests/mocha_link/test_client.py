@@ -197,7 +197,7 @@ def test_an_error_reply_is_no_message(pull):
         (b"\0\0", "a body of 2 bytes"),
         (b"\0\0garbage", "not an LZ4 frame"),
         (body()[:-5], "ends within its LZ4 frame"),
-        (body(dtype=7), "type id 7, but io /t0 is a/B (0) here"),
+        (body(dtype=7), "type id 7, but /t0 is a/B (0) here"),
         (body() + b"behind", ""),
     ],
 )

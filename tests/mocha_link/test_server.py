@@ -93,14 +93,14 @@ class Asker:
     def drain(self, now: Instant | None = None) -> list[tuple[tuple[bytes, ...], bytes]]:
         """All that the server gives for connections now, without reading it."""
         given = []
-        while supplied := self.server.supply(now or at(0)):
+        while supplied := self.server.supply():
             given.append(supplied)
         return given
 
     def read(self, now: Instant | None = None) -> None:
         """All that the server gives for connections, and what is said to it."""
         now = now or at(0)
-        while supplied := self.server.supply(now):
+        while supplied := self.server.supply():
             _, frame = supplied
             assert frame[:ID_BYTES] == self.id
             self.frames.append(frame)
@@ -203,7 +203,7 @@ def test_a_sync_over_the_connection(server, io, database):
         "io", NOW_S + 2, OUT, TOPICS, ended.bytes, pytest.approx(2), complete=True
     )
     assert ended.bytes == io.intake.bytes
-    assert server.supply(at(3)) is None
+    assert server.supply() is None
     assert server.wake_s is None
 
 
@@ -258,7 +258,7 @@ def test_hostile_grants(server, io, database, grant):
     io.ask(b"SYNCC" + grant + b"\0")
     io.ask(b"SYNCC")
     for _ in range(10):
-        supplied = server.supply(at(0))
+        supplied = server.supply()
         if supplied:
             assert len(supplied[1]) <= max(MAX_CHUNK, MIN_CHUNK)
     assert [type(event) for event in server.take()] == [SyncStarted]
@@ -268,7 +268,7 @@ def test_hostile_grants(server, io, database, grant):
 def test_an_opening_that_ends_early(server, io, length):
     assert io.ask(b"SYNC1" + PLENTY[:length]) == b"idididSERRM"
     assert server.take() == []
-    assert server.supply(at(0)) is None
+    assert server.supply() is None
 
 
 @pytest.mark.parametrize(
@@ -389,7 +389,7 @@ def test_silence_ends_a_sync(server, io):
     )
     server.tick(at(60))
     assert server.take() == []
-    assert server.supply(at(60)) is None
+    assert server.supply() is None
 
 
 def test_a_sync_that_is_under_way_is_not_silent(server, io, database):
@@ -409,7 +409,7 @@ def test_a_sync_that_is_under_way_is_not_silent(server, io, database):
 def test_a_sync_over_datagrams(server, io, database):
     io.cast(at(0))
     assert server.take() == [SyncStarted("io", NOW_S, OUT)]
-    assert server.supply(at(0)) is None
+    assert server.supply() is None
     end_s = io.run(0, 0.05)
     assert io.got == all_of(database)
     (ended,) = server.take()
@@ -535,7 +535,7 @@ def test_a_request_that_comes_late_is_no_new_sync(server, io, database):
     assert io.open(now=at(end_s)) is None
     assert io.ask(b"GHEAD", now=at(end_s)) is None
     assert server.take() == []
-    assert server.supply(at(end_s)) is None
+    assert server.supply() is None
 
 
 def test_a_fallback_that_comes_after_the_end(server, io):
@@ -586,7 +586,7 @@ def test_whatever_a_peer_says_the_next_pull_succeeds(steps, rng):
         elif what == "open":
             server.packet(opened(asker.opening, rng), now)
         elif what == "supply":
-            server.supply(now)
+            server.supply()
             server.transmit(now)
         else:
             time_s += 5

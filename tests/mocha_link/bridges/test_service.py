@@ -312,7 +312,7 @@ def test_endpoints_that_are_none(one, server, tmp_path):
     with pytest.raises(PortInUseError, match="it is in use"):
         ServiceServer(one, server.endpoint).start()
     for endpoint in ("nonsense", "tcp://203.0.113.7:1"):
-        with pytest.raises(ListenError, match="cannot serve on"):
+        with pytest.raises(ListenError, match="cannot serve the node on"):
             ServiceServer(one, endpoint).start()
     with pytest.raises(ServiceUnreachableError, match="'nonsense' is no endpoint"):
         ServiceClient("nonsense")

@@ -1,0 +1,40 @@
+"""Things that are started, and given up by `close`, also at the end of a ``with``."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+
+class Closeable(ABC):
+    """Use it as a context manager, or call `close`."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give up everything; may be called twice."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class Startable(Closeable):
+    """Use it as a context manager, or call `start` and `close`."""
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begin."""
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
