@@ -12,6 +12,7 @@ from air_router.draft import Area, Draft, Keys
 from air_router.settings import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SPEED_M_S,
+    PlannerKind,
     PlannerSettings,
     Timers,
 )
@@ -76,6 +77,7 @@ class _Planner(BaseModel):
     tracking_margin_m: Annotated[float, Field(ge=0, le=1_000)] = _PLANNER.tracking_margin_m
     max_edge_m: _Metres = _PLANNER.max_edge_m
     acceptance_radius_m: Annotated[float, Field(ge=0.5, le=20)] = _PLANNER.acceptance_radius_m
+    kind: PlannerKind = _PLANNER.kind
 
 
 class _Mission(BaseModel):

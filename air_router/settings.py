@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
+
+PlannerKind = Literal["waypoints", "shortest"]
+"""`waypoints` stays on the operator's waypoint graph (the paper's), `shortest` goes straight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +36,14 @@ class PlannerSettings:
             may take.
         max_edge_m: the longest connection between two waypoints of the graph.
         acceptance_radius_m: nearer than this to a waypoint counts as there.
+        kind: whether routes stay on the waypoint graph or are the shortest there are.
     """
 
     clearance_m: float = 5.0
     tracking_margin_m: float = 1.5
     max_edge_m: float = 100.0
     acceptance_radius_m: float = 2.0
+    kind: PlannerKind = "waypoints"
 
     @property
     def distance_m(self) -> float:
