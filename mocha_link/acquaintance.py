@@ -24,15 +24,28 @@ class Acquaintance:
     Args:
         run: a random u64 of our process. The peer forgets what it remembers of us when it changes.
         history: as the database has it: how many versions of a topic are kept.
+        terms: what ids mean to us, as one number (`terms.shared_mark`).
+
+    Attributes:
+        foreign: ids mean something else to the peer, as far as its last word on that goes.
     """
 
-    def __init__(self, run: int, history: Callable[[int, int], int] | None = None) -> None:
+    def __init__(
+        self, run: int, history: Callable[[int, int], int] | None = None, terms: int = 0
+    ) -> None:
         self.run = run
+        self.terms = terms
+        self.foreign = False
         self._history = history
         self._peer_run: int | None = None
         self._held: dict[int, tuple[int, ...]] = {}  # by topic key: stamps, newest first
         self._begun: dict[int, Record] = {}
         self._begun_bytes = 0
+
+    def agrees(self, terms: int) -> bool:
+        """The peer says what ids mean to it; whether that is what they mean to us."""
+        self.foreign = terms != self.terms
+        return not self.foreign
 
     def met(self, run: int) -> None:
         """The peer says which run of it is speaking."""

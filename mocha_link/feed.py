@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from mocha_link import letters, sync
 from mocha_link.acquaintance import Acquaintance, record_id
 from mocha_link.header import Header
-from mocha_link.letters import Digest, Have, Since
+from mocha_link.letters import Digest, Have, Hello, Reception, Since, VersionError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -35,6 +35,7 @@ class Feed:
         over: the peer has said that it is.
         done: all has been given out, or all that the peer's budget allows.
         cut_short: not all, because the budget was used up.
+        rejection: why the peer gets nothing, once it has opened.
         messages: that were given out to the end.
         bytes: of all frames.
     """
@@ -43,6 +44,7 @@ class Feed:
         self.over = False
         self.done = False
         self.cut_short = False
+        self.rejection: Reception | None = None
         self.messages = 0
         self.bytes = 0
         self._database = database
@@ -67,7 +69,7 @@ class Feed:
         if letter is None or self.over:
             return
         if letter.kind == sync.OPEN:
-            self._open(letter.round, letters.Open.decode(letter.content))
+            self._receive_opening(letter)
         elif letter.kind == sync.END:
             self.over = True
             self._peer.end()
@@ -102,8 +104,29 @@ class Feed:
             return prefix + self._letter(room)
         return None
 
+    def _receive_opening(self, letter: sync.Letter) -> None:
+        try:
+            opening = letters.Open.decode(letter.content)
+        except VersionError:
+            self._reject(letter.round, Reception.UNREADABLE)
+            return
+        if self._peer.agrees(opening.terms):
+            self._open(letter.round, opening)
+        else:
+            self._reject(letter.round, Reception.OTHER_TERMS)
+
+    def _reject(self, round_: int, why: Reception) -> None:
+        """Say so, and nothing else, whatever else comes."""
+        self._round = round_
+        self.rejection = why
+        self._queue.clear()
+        self._asked = frozenset()
+        self._unknown = True
+        self._outbox = [(sync.HELLO, Hello(why, self._peer.terms).encode(), 0)]
+
     def _open(self, round_: int, opening: letters.Open) -> None:
         self._round = round_
+        self.rejection = None
         self._budget = opening.budget
         self._number = 0
         self._queue.clear()
@@ -131,7 +154,8 @@ class Feed:
             case Digest(digests):
                 self._peer.forget()
                 new, groups = self._compare(digests)
-        hello = letters.Hello(self._unknown)
+        reception = Reception.UNKNOWN if self._unknown else Reception.WELCOME
+        hello = Hello(reception, self._peer.terms)
         self._outbox.append((sync.HELLO, hello.encode(), 0))
         if groups:
             self._asked = frozenset(robot_id for robot_id, _ in groups)

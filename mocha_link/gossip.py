@@ -30,6 +30,7 @@ from mocha_link.server import Server
 from mocha_link.shelf import Shelf
 from mocha_link.signature import Verifier
 from mocha_link.team import Trust, UnknownRobotError
+from mocha_link.terms import difference, shared_mark
 from mocha_link.trigger import SILENT_INTERVALS, SyncTrigger
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ STALLED_S = 1.0  # a pull without a byte for so long does not outlive a new cont
 LINGER_S = 2.0  # so long the end of a sync is repeated to a peer that asks again
 LEAST_BUDGET = 1024  # with less left no pull begins
 RUN_BYTES = 8
+REMIND_S = 600.0  # so often the log repeats that a peer has another team file
 
 LOG = logging.getLogger("mocha_link")
 
@@ -109,7 +111,9 @@ class Gossip:
             timeout_s=timeout_s,
         )
         run = int.from_bytes(os.urandom(RUN_BYTES), "big")
-        self._known = {peer: Acquaintance(run, history) for peer in self.me.peers}
+        terms = shared_mark(team)
+        self._known = {peer: Acquaintance(run, history, terms) for peer in self.me.peers}
+        self._warned_s: dict[str, float] = {}  # of another team file
         self._memories = {peer: Memory() for peer in self.me.peers}
         self._servers = {
             peer: Server(peer, self.database, self._known[peer]) for peer in self.me.peers
@@ -335,6 +339,7 @@ class Gossip:
             if pull.flow and pull.path == "udp":
                 self._cast(peer, pull.flow.transmit(now.steady_s))
                 self._ending[peer] = (pull.flow, now.steady_s + LINGER_S)
+        self._compare_terms(peer, now)
         for event in step.events:
             self._tell(event)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
@@ -347,6 +352,16 @@ class Gossip:
             self._actions.append(CastBack(peer, packet))
         for event in server.take():
             self._tell(event)
+        self._compare_terms(peer, now)
+
+    def _compare_terms(self, peer: str, now: Instant) -> None:
+        """Say it when a peer turns out to have another team file, and at times once more."""
+        differs = self._known[peer].foreign
+        self._book.measure(peer, team_differs=differs)
+        warned_s = self._warned_s.get(peer)
+        if differs and (warned_s is None or now.steady_s - warned_s > REMIND_S):
+            self._warned_s[peer] = now.steady_s
+            LOG.warning("%s: nothing is exchanged: %s", self.me.name, difference(peer))
 
     def _cast(self, peer: str, packets: Iterable[bytes]) -> None:
         for packet in packets:

@@ -8,11 +8,12 @@ from mocha_link import letters, payload, sync
 from mocha_link.acquaintance import record_id
 from mocha_link.database import Knowledge, Record
 from mocha_link.header import UNSAFE_MS, WRAP_MS, Header
-from mocha_link.letters import Digest, Have, Since, Wish
+from mocha_link.letters import Digest, Have, Reception, Since, Wish
 from mocha_link.metrics import MessageStored
 from mocha_link.payload import TAKEN_MS, PayloadError
 from mocha_link.step import Step
 from mocha_link.sync import FrameError
+from mocha_link.terms import difference
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,6 +53,7 @@ class Intake:
 
     Attributes:
         complete: everything that the peer had has come in.
+        rejection: why the peer and we do not understand each other; nothing more is taken then.
         messages: that were stored.
         bytes: of the frames that came in.
     """
@@ -71,6 +73,7 @@ class Intake:
         self.peer = peer
         self.over = False
         self.complete = False
+        self.rejection: str | None = None
         self.messages = 0
         self.bytes = 0
         self._team = team
@@ -103,7 +106,7 @@ class Intake:
     def receive(self, frame: sync.Frame, now: Instant) -> Step:
         """Take in a frame of the peer; a bad one is refused."""
         step = Step()
-        if self.over:
+        if self.over or self.rejection:
             return step
         self.bytes += len(frame)
         self._now_s = now.unix_s
@@ -129,7 +132,8 @@ class Intake:
         self._flawed = False
 
     def _opening(self, knowledge: Since | Have | Digest) -> list[bytes]:
-        opening = letters.Open(self._acquaintance.run, self._budget, knowledge, self._wishes())
+        known = self._acquaintance
+        opening = letters.Open(known.run, self._budget, knowledge, self._wishes(), known.terms)
         return sync.letter_frames(sync.OPEN, self._round, opening.encode(), self._room)
 
     def _knowledge(self) -> Since | Have | Digest:
@@ -169,9 +173,7 @@ class Intake:
         if letter is None or letter.round != self._round:
             return
         if letter.kind == sync.HELLO:
-            if letters.Hello.decode(letter.content).unknown and self._round + 1 < sync.ROUNDS:
-                self._begin_round()
-                step.frames += self._opening(self._all())
+            self._hello(letters.Hello.decode(letter.content), step)
         elif letter.kind == sync.GROUPS:
             groups = letters.decode_groups(letter.content)
             answers = [self._answer(*each) for each in groups.items()]
@@ -179,6 +181,20 @@ class Intake:
             step.frames += sync.letter_frames(sync.ANSWER, self._round, content, self._room)
         else:
             self._done = letters.Done.decode(letter.content)
+
+    def _hello(self, hello: letters.Hello, step: Step) -> None:
+        if hello.version != letters.VERSION:
+            self.rejection = (
+                f"{self.peer} speaks version {hello.version} of the sync, we {letters.VERSION}; "
+                "install the same release on both"
+            )
+        elif hello.reception is Reception.UNREADABLE:
+            self.rejection = f"{self.peer} could not read how we began; damaged on its way"
+        elif not self._acquaintance.agrees(hello.terms):
+            self.rejection = difference(self.peer)
+        elif hello.reception is Reception.UNKNOWN and self._round + 1 < sync.ROUNDS:
+            self._begin_round()
+            step.frames += self._opening(self._all())
 
     def _answer(self, robot_id: int, digests: tuple[int, ...]) -> letters.Answer:
         groups = 0

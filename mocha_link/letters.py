@@ -6,6 +6,7 @@ time, DONE; END says nothing.
 
 from __future__ import annotations
 
+import enum
 import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,24 +18,28 @@ from mocha_link.sync import MAX_LETTER_BYTES, STAMP_MASK, FrameError, is_body, l
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-VERSION = 1
+VERSION = 2
 MAX_PARTIALS = 64
 MAX_LISTED = 65_535  # messages of a robot in an ANSWER
 GROUP_COUNT = 16
 
-_OPEN = struct.Struct(">BBQQ")  # version, sort of knowledge, run, budget
+_OPEN = struct.Struct(">BBQQQ")  # version, sort of knowledge, run, budget, terms
 _SINCE = struct.Struct(">QQ")
 _COUNT = struct.Struct(">H")
 _DIGEST = struct.Struct(">BQ")
 _PARTIAL = struct.Struct(">QIB")
 _RANGE = struct.Struct(">II")
-_HELLO = struct.Struct(">B")
+_HELLO = struct.Struct(">BBQ")  # reception, version, terms
 _SKIP = struct.Struct(">Q")
 _DONE = struct.Struct(">QQIB")
 _GROUPS = struct.Struct(f">B{GROUP_COUNT}Q")
 _ANSWER = struct.Struct(">BHH")
 _TOPIC_STAMP = struct.Struct(">BHI")
 _KNOWS_SINCE, _KNOWS_HAVE, _KNOWS_DIGEST = 1, 2, 3
+
+
+class VersionError(FrameError):
+    """An OPEN of another version of the sync."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,13 +77,15 @@ class Wish(NamedTuple):
 class Open:
     """What the asking side says first: what it has, what it has in part, what it may take.
 
-    `run` is a number of its process. `budget` is in bytes of frames; 0: no limit.
+    `run` is a number of its process. `budget` is in bytes of frames; 0: no limit. `terms` stands
+    for what ids mean to it (`terms.shared_mark`).
     """
 
     run: int
     budget: int
     knowledge: Since | Have | Digest
     wishes: Sequence[Wish] = ()
+    terms: int = 0
 
     def encode(self) -> bytes:
         """The content of the letter."""
@@ -97,15 +104,16 @@ class Open:
         for wish in self.wishes:
             parts.append(_PARTIAL.pack(wish.long, wish.total, len(wish.missing)))
             parts += [_RANGE.pack(*each) for each in wish.missing]
-        return _OPEN.pack(VERSION, sort, self.run, self.budget) + b"".join(parts)
+        head = _OPEN.pack(VERSION, sort, self.run, self.budget, self.terms)
+        return head + b"".join(parts)
 
     @classmethod
     def decode(cls, content: bytes) -> Open:
-        """Read the content of the letter. Raises FrameError."""
+        """Read the content of the letter. Raises FrameError, or VersionError."""
+        if content[:1] != bytes((VERSION,)):
+            raise VersionError(f"version {content[:1].hex()} of the sync; ours is {VERSION}")
         reader = _Reader(content)
-        version, sort, run, budget = reader.read(_OPEN)
-        if version != VERSION:
-            raise FrameError(f"version {version} of the sync; ours is {VERSION}")
+        _, sort, run, budget, terms = reader.read(_OPEN)
         knowledge: Since | Have | Digest
         if sort == _KNOWS_SINCE:
             epoch, sequence = reader.read(_SINCE)
@@ -120,7 +128,7 @@ class Open:
         if len(wishes) > MAX_PARTIALS:
             raise FrameError(f"{len(wishes)} partial messages")
         reader.end()
-        return cls(run, budget, knowledge, wishes)
+        return cls(run, budget, knowledge, wishes, terms)
 
 
 def _wish(reader: _Reader) -> Wish:
@@ -137,19 +145,38 @@ def _wish(reader: _Reader) -> Wish:
     return Wish(long, total, missing)
 
 
-class Hello(NamedTuple):
-    """The serving side's first word. `unknown`: it cannot tell what is new since the Since."""
+class Reception(enum.IntEnum):
+    """How the serving side takes an OPEN."""
 
-    unknown: bool
+    WELCOME = 0
+    UNKNOWN = 1  # it cannot tell what is new since the Since
+    OTHER_TERMS = 2  # ids mean something else to it: nothing follows
+    UNREADABLE = 3  # damaged, or of another version: nothing follows
+
+
+class Hello(NamedTuple):
+    """The serving side's first word, with its own terms and version."""
+
+    reception: Reception = Reception.WELCOME
+    terms: int = 0
+    version: int = VERSION
 
     def encode(self) -> bytes:
         """The content of the letter."""
-        return _HELLO.pack(*self)
+        return _HELLO.pack(self.reception, self.version, self.terms)
 
     @classmethod
     def decode(cls, content: bytes) -> Hello:
-        """Read the content of the letter. Raises FrameError."""
-        return cls(bool(_only(_HELLO, content)[0]))
+        """Read the content of the letter. Raises FrameError.
+
+        Of another version only that is read: it says nothing else that we know how to take.
+        """
+        if len(content) > 1 and content[1] != VERSION:
+            return cls(Reception.UNREADABLE, 0, content[1])
+        reception, _, terms = _only(_HELLO, content)
+        if reception > max(Reception):
+            raise FrameError(f"a reception of sort {reception}")
+        return cls(Reception(reception), terms)
 
 
 class Done(NamedTuple):

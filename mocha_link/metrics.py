@@ -105,6 +105,8 @@ class LinkMetrics:
         contacts: the last 32 contacts, oldest first; one that lasts has no end.
         contacts_begun: how many there were.
         path: what the last exchange went over: "zmq", "udp", or "original" (an original node).
+        team_differs: the peer's team file says otherwise than ours what ids mean, as far as its
+            last word on that goes; nothing is exchanged with it.
         protected: whether the link is encrypted and its ends are known by their keys.
     """
 
@@ -131,6 +133,7 @@ class LinkMetrics:
     contacts_begun: int = 0
     path: str | None = None
     protected: bool = False
+    team_differs: bool = False
 
 
 @dataclass(slots=True)
@@ -159,6 +162,7 @@ class _Account:
     signal: Reading | None = None
     path: str | None = None
     protected: bool = False
+    team_differs: bool = False
     totals: _Totals = field(default_factory=_Totals)
     counted: _Totals = field(default_factory=_Totals)  # the totals when the last contact ended
     contacts: deque[Contact] = field(default_factory=lambda: deque(maxlen=MAX_CONTACTS))
@@ -237,6 +241,7 @@ class _Account:
             contacts_begun=self.contacts_over + (contact is not None),
             path=self.path,
             protected=self.protected,
+            team_differs=self.team_differs,
         )
 
 
@@ -284,7 +289,7 @@ class LinkBook:
         link.totals.bytes_out += bytes_out
         link.refused += refused
 
-    def measure(
+    def measure(  # noqa: PLR0913 - what there is to measure
         self,
         peer: str,
         *,
@@ -292,6 +297,7 @@ class LinkBook:
         bandwidth_bytes_s: float | None = None,
         path: str | None = None,
         protected: bool | None = None,
+        team_differs: bool | None = None,
     ) -> None:
         """Take in what an exchange measured; None: nothing new."""
         link = self._links[peer]
@@ -307,6 +313,8 @@ class LinkBook:
             link.path = path
         if protected is not None:
             link.protected = protected
+        if team_differs is not None:
+            link.team_differs = team_differs
 
     def links(
         self,

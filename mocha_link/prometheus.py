@@ -96,6 +96,7 @@ def _families(robot: str, links: Mapping[str, LinkMetrics]) -> Iterable[_Family]
     state = family("state", "gauge", "1 for the state of the latest sync with the peer.")
     path = family("path_info", "gauge", "What the last exchange went over.")
     protected = family("protected", "gauge", "1 if the link is encrypted.")
+    differs = family("team_differs", "gauge", "1 if the peer has another team file.")
     signals = {
         unit: family(f"signal_{name}", "gauge", f"How the peer is heard, in {name}, by source.")
         for unit, name in _SIGNALS.items()
@@ -116,6 +117,7 @@ def _families(robot: str, links: Mapping[str, LinkMetrics]) -> Iterable[_Family]
             state.add(float(link.state is each), **at, state=each.value)
         path.add(1.0 if link.path else None, **at, path=link.path or "")
         protected.add(float(link.protected), **at)
+        differs.add(float(link.team_differs), **at)
         if link.signal:
             signals[link.signal.unit].add(link.signal.value, **at, source=link.signal.source)
         last.add(link.last_sync_in_s, **at, direction="in")
@@ -132,7 +134,7 @@ def _families(robot: str, links: Mapping[str, LinkMetrics]) -> Iterable[_Family]
         broken.add(link.timeouts, **at)
         refused.add(link.refused, **at)
         contacts.add(link.contacts_begun, **at)
-    yield from (state, path, protected, *signals.values(), last, rtt, smoothed, bandwidth)
+    yield from (state, path, protected, differs, *signals.values(), last, rtt, smoothed, bandwidth)
     yield from (age, moved, syncs, broken, refused, contacts)
 
 

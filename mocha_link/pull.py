@@ -104,6 +104,7 @@ class Pull:
         self.alive_s = 0.0
         self.flow: Flow | None = None
         self._memory = memory
+        self._acquaintance = acquaintance
         self._timeout_s = means.timeout_s
         self._session = ClientSession(
             peer,
@@ -274,6 +275,9 @@ class Pull:
     def _reply_of_refusal(self, now: Instant) -> Step:
         if self.path is not None:
             return self.fail("the peer does not know of the sync any more", now)
+        if self._acquaintance.foreign:  # a node of ours, last time: do not take it for another now
+            self._acquaintance.foreign = False
+            return self.fail(f"{self.peer} had another team file; asking once more", now)
         self._refused = True  # an original node; its reply to GHEAD comes next
         self.flow = self._cast_at_s = None
         self.progress(now)
@@ -306,7 +310,9 @@ class Pull:
         self._first_s = self._first_s or now.steady_s
         self._last_s = now.steady_s
         step = self._intake.receive(frame, now)
-        if self._intake.over and not self.over:
+        if self._intake.rejection:
+            step.events += self.fail(self._intake.rejection, now).events
+        elif self._intake.over and not self.over:
             self.over = True
             self._learn()
             step.events.append(
@@ -324,6 +330,8 @@ class Pull:
 
     def _learn(self) -> None:
         memory = self._memory
+        if self._intake.rejection:
+            return
         if self.path == "zmq":
             memory.rate_bytes_s = self.bandwidth_bytes_s or memory.rate_bytes_s
         if self._relies_on_datagrams and (self.path == "udp" or self._session.reached):

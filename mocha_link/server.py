@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from mocha_link.credit import GRANT, MAX_CHUNK, MIN_CHUNK
 from mocha_link.datagram import Flow
 from mocha_link.feed import MIN_ROOM, Feed
+from mocha_link.letters import Hello, Reception
 from mocha_link.link_events import Direction, LinkEvent, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.protocol import (
     CODE_BYTES,
@@ -25,7 +26,8 @@ from mocha_link.protocol import (
     ServerSession,
 )
 from mocha_link.pull import NEAR_S
-from mocha_link.sync import OPEN, FrameError
+from mocha_link.sync import HELLO, OPEN, FrameError, letter_frame
+from mocha_link.terms import difference
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -40,6 +42,8 @@ REMEMBERED = 16  # pulls that are over; what comes late of them begins no new on
 REPLACED_S = 0.5  # a sync that has heard its peer within this time is not replaced by a datagram
 MOST_UNHEARD = 3  # after so many flows in a row without an acknowledgement
 DEAF_S = 10.0  # datagrams open nothing for so long; connections do
+
+_HELLO_ROOM = 64
 
 Route = tuple[bytes, ...]
 """The frames in front of a request that say on which connection it came."""
@@ -89,6 +93,7 @@ class Server:
         self._flow: Flow | None = None
         self._past: deque[bytes] = deque(maxlen=REMEMBERED)  # ids of syncs that are over
         self._ended_s = 0.0
+        self._rejected: tuple[bytes, Reception] | None = None  # the last one that was turned away
         self._opened: tuple[bytes, Route] | None = None  # the last opening: its id and connection
         self._number = number
         self._unheard = 0  # flows in a row of which the peer has acknowledged nothing
@@ -189,18 +194,19 @@ class Server:
         if sync is None or sync.id != request_id:
             if code != SYNC1:
                 return request_id + SERRM
+            self._opened = (request_id, route)
             if request_id in self._past:
-                self._opened = (request_id, route)
-                return None  # a connection that came too late
+                return self._rejection(request_id)  # a connection that came too late
             sync = _Sync(request_id, Feed(self._database, self._acquaintance), now)
             grant, argument = argument[: GRANT.size], argument[GRANT.size :]
             if not self._opens(sync, argument):
-                return request_id + SERRM
+                # An error reply would make us an original node to the peer, who reads by ids.
+                self._rejected = (request_id, Reception.UNREADABLE)
+                return self._rejection(request_id)
             sync.route = route
-            self._opened = (request_id, route)
             sync.grant(grant)
             self._begin(sync, now)
-            return None
+            return self._rejection(request_id)
         sync.heard_s = now.steady_s
         if code == SYNC1 and sync.sent and sync.route != route and self._flow is None:
             # Its first connection broke, with all that was sent on it.
@@ -217,7 +223,14 @@ class Server:
         elif not self._takes(sync, argument):
             return request_id + SERRM
         self._look(now)
-        return None
+        return self._rejection(request_id)
+
+    def _rejection(self, request_id: bytes) -> bytes | None:
+        """What to say on the connection of a sync that is turned away."""
+        if self._rejected is None or self._rejected[0] != request_id:
+            return None
+        hello = Hello(self._rejected[1], self._acquaintance.terms)
+        return request_id + letter_frame(HELLO, 0, hello.encode(), 0, _HELLO_ROOM)
 
     def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
         sync = self._sync
@@ -275,9 +288,22 @@ class Server:
         self._look(now)
 
     def _look(self, now: Instant) -> None:
-        """End the pull when the peer says that it is over."""
+        """End the pull when the peer says that it is over, or may not have anything."""
         if self._sync and self._sync.feed.over:
             self._end(self._sync, now)
+        elif self._sync and self._sync.feed.rejection is not None:
+            self._turn_away(self._sync, self._sync.feed.rejection, now)
+
+    def _turn_away(self, sync: _Sync, why: Reception, now: Instant) -> None:
+        """A flow stays until it has said so."""
+        self._sync = None
+        self._past.append(sync.id)
+        self._ended_s = now.steady_s
+        self._rejected = (sync.id, why)
+        reason = difference(self._peer)
+        if why is Reception.UNREADABLE:
+            reason = f"{self._peer} speaks another version of the sync; install the same release"
+        self._events.append(SyncTimedOut(self._peer, now.unix_s, Direction.OUT, reason))
 
     def _end(self, sync: _Sync, now: Instant) -> None:
         self._sync = None

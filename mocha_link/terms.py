@@ -1,4 +1,4 @@
-"""The terms under which a database's file was written: what ids meant, what was accepted."""
+"""What ids mean: the terms under which a database's file was written, and two nodes may talk."""
 
 from __future__ import annotations
 
@@ -13,6 +13,39 @@ if TYPE_CHECKING:
 
     from mocha_link.header import Header
     from mocha_link.team import Team
+
+
+MARK_BYTES = 8
+
+
+def shared_mark(team: Team) -> int:
+    """A u64 that two nodes must have in common before one reads what the other says.
+
+    It covers whatever decides on what the bytes of a message are taken for: the id and name of
+    every robot and how its ROS messages are serialized, and of every topic of it the id, name,
+    type, type id and whether its messages come in batches. Nothing else: two robots with files
+    that differ in addresses, ports, radios, keys, trust, rates, priorities, histories or comments
+    understand each other.
+    """
+    robots = [
+        (
+            robot.robot_id,
+            name,
+            robot.ros,
+            [
+                (topic.topic_id, topic.name, topic.type, topic.dtype, topic.aggregate)
+                for topic in team.topics_of(name)
+            ],
+        )
+        for name, robot in team.robots.items()
+    ]
+    text = json.dumps(sorted(robots)).encode()
+    return int.from_bytes(blake2b(text, digest_size=MARK_BYTES).digest(), "big")
+
+
+def difference(peer: str) -> str:
+    """What to say when a peer has another mark."""
+    return f"{peer} has another team file (robots or topics differ); give all robots the same"
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from mocha_link.letters import Done, Hello
 from mocha_link.payload import STAMPS_MS
 from mocha_link.protocol import ID_BYTES
 from mocha_link.sync import DONE, HELLO, WHOLE, chunks_frame, letter_frame, long_id
+from mocha_link.terms import shared_mark
 from tests.mocha_link.siege import HANDSHAKE_OF_ROUTER, Besieged, Liar, message, requests, say
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def io_says(
     besieged: Besieged, *frames: bytes, name: bytes | None = None, patient: bool = False
 ) -> Iterator[Liar]:
     """It begins a sync as it should, says this, under another `name` perhaps, and goes."""
-    hello = letter_frame(HELLO, 0, Hello(unknown=False).encode(), 0, 1000)
+    hello = letter_frame(HELLO, 0, Hello(terms=shared_mark(besieged.field.team)).encode(), 0, 1000)
     with Liar(besieged) as liar, liar.asked() as (connection, parser):
         say(connection, HANDSHAKE_OF_ROUTER)
         request_id = requests(connection, parser)[0][:ID_BYTES]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mocha_link import acquaintance, letters, sync
 from mocha_link.acquaintance import Acquaintance, record_id
 from mocha_link.feed import MIN_ROOM, Feed
-from mocha_link.letters import Digest, Done, Have, Hello, Open, Since, Wish
+from mocha_link.letters import Digest, Done, Have, Hello, Open, Reception, Since, Wish
 from mocha_link.sync import FrameError
 from tests.mocha_link.network import START_MS, Node, Pull, mutated
 
@@ -70,7 +70,7 @@ def test_nothing_is_said_before_the_peer_asks(node):
 def test_an_empty_database_is_done_at_once(node):
     served = Served(node)
     assert served.hear() == [
-        Hello(unknown=False),
+        Hello(),
         Done(node.database.epoch, 0, 0, cut_short=False),
     ]
     assert served.feed.done
@@ -252,13 +252,13 @@ def test_an_unknown_epoch_or_number_is_said_and_asked_again(node, of):
     wish = Wish(sync.long_id(0, 1, START_MS), len(body), [(0, 10), (4_000, len(body))])
     since = Since(node.database.epoch + of[0], node.database.sequence + of[1], ())
     served = Served(node, since, wishes=[wish])
-    assert served.hear() == [Hello(unknown=True)]
+    assert served.hear() == [Hello(Reception.UNKNOWN)]
     node.store(0, 2, START_MS)
     assert served.hear() == []
     assert not served.feed.done
     served.open(Have(()), wishes=[wish])
     hello, chunks, done = served.hear()
-    assert not hello.unknown
+    assert hello.reception is Reception.WELCOME
     assert len(chunks.wholes) == 2
     assert len(chunks.pieces) == 2
     assert (chunks.round, chunks.number, done.frames) == (1, 0, 1)
@@ -276,7 +276,7 @@ def test_only_what_differs_is_asked_about(node):
     node.store(1, 6, START_MS + 1)
     served = Served(node, Digest(other.database.digests()))
     hello, groups, chunks = served.hear()
-    assert not hello.unknown
+    assert hello.reception is Reception.WELCOME
     assert groups == {1: node.database.group_digests(1)}
     assert {long >> 56 for long, _ in chunks.wholes} == {2}
     assert not served.feed.done

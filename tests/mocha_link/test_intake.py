@@ -15,7 +15,7 @@ from mocha_link.acquaintance import record_id
 from mocha_link.database import Knowledge
 from mocha_link.header import WRAP_MS
 from mocha_link.intake import Intake
-from mocha_link.letters import Digest, Done, Have, Hello, Open, Since
+from mocha_link.letters import Digest, Done, Have, Hello, Open, Reception, Since
 from mocha_link.link_events import MessageStored
 from mocha_link.payload import PayloadError
 from tests.mocha_link.network import NOW, START_MS, TEAM, Node, Pull, mutated
@@ -144,7 +144,7 @@ def test_an_opening_comes_in_frames_that_fit():
 
 def test_a_message_is_stored_and_told():
     asking = Asking()
-    asking.letter(sync.HELLO, Hello(unknown=False).encode())
+    asking.letter(sync.HELLO, Hello().encode())
     asking.hear(asking.chunks((LONG, body())))
     (record,) = asking.node.database.kept()
     assert record.body == body()
@@ -220,10 +220,10 @@ def test_a_server_that_does_not_remember_us_gets_the_whole_list():
     record = node.store(0, 0, START_MS)
     node.database.learn("io", Knowledge(EPOCH, 40, 1))
     asking = Asking(node)
-    asking.letter(sync.HELLO, Hello(unknown=True).encode())
+    asking.letter(sync.HELLO, Hello(Reception.UNKNOWN).encode())
     assert asking.knowledge == Have((record_id(record),))
     assert asking.round == 1
-    asking.letter(sync.HELLO, Hello(unknown=False).encode())
+    asking.letter(sync.HELLO, Hello().encode())
     asking.done()
     assert asking.intake.complete
 
@@ -231,7 +231,7 @@ def test_a_server_that_does_not_remember_us_gets_the_whole_list():
 def test_a_server_that_never_remembers_is_not_asked_for_ever():
     asking = Asking()
     for _ in range(20):
-        asking.letter(sync.HELLO, Hello(unknown=True).encode())
+        asking.letter(sync.HELLO, Hello(Reception.UNKNOWN).encode())
     assert asking.round == sync.ROUNDS - 1
 
 
@@ -462,7 +462,7 @@ def serving_frames() -> list[bytes]:
         pass
     groups = [(robot_id, range(16)) for robot_id in range(9)]
     said = pull.down
-    said += sync.letter_frames(sync.HELLO, 0, Hello(unknown=True).encode(), 400)
+    said += sync.letter_frames(sync.HELLO, 0, Hello(Reception.UNKNOWN).encode(), 400)
     said += sync.letter_frames(sync.GROUPS, 1, letters.encode_groups(groups), 400)
     said += sync.letter_frames(sync.DONE, 1, Done(1, 2, 3, cut_short=True).encode(), 400)
     return said

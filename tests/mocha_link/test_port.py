@@ -29,6 +29,7 @@ from mocha_link.port import (
     PortInUseError,
 )
 from mocha_link.team import Robot
+from mocha_link.terms import shared_mark
 from tests.mocha_link.conftest import free_ports, own_host
 
 WAIT_MS = 20_000
@@ -270,7 +271,7 @@ def test_a_connection_that_sleeps_does_not_hold_up_the_next_one(field, clients, 
     monkeypatch.setattr(Port, "flush", watched)
     titan, _, _ = field.node("titan", datagrams=False)
     titan.publish("/map", os.urandom(30_000_000))
-    opening = letters.Open(7, 0, Have(())).encode()
+    opening = letters.Open(7, 0, Have(()), terms=shared_mark(titan.team)).encode()
     (frame,) = sync.letter_frames(sync.OPEN, 0, opening, 1100)
     grant = struct.pack(">QI", 1 << 40, 1_000_000)
     sleeper = clients.dial(titan.robot, asleep=True)

@@ -21,10 +21,12 @@ from mocha_link.document import Document
 from mocha_link.feed import MIN_ROOM
 from mocha_link.header import Header
 from mocha_link.intake import Intake
+from mocha_link.letters import Have, Hello, Open, Reception
 from mocha_link.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.protocol import ID_BYTES, PATIENCE_S
 from mocha_link.server import Server
 from mocha_link.shelf import Shelf
+from mocha_link.sync import HELLO, OPEN, Letters, letter_frames
 from mocha_link.team import Team
 
 NOW_S = 1_795_175_900.0
@@ -176,6 +178,12 @@ def io(server) -> Asker:
     return Asker(server)
 
 
+def reception(reply: bytes) -> Reception:
+    """How an opening was taken."""
+    assert reply[:ID_BYTES] == b"ididid"
+    return Hello.decode(Letters(HELLO).take(reply[ID_BYTES:]).content).reception
+
+
 def all_of(database: Database) -> dict[Header, bytes]:
     return {each.header: each.body for each in database.records()}
 
@@ -266,7 +274,7 @@ def test_hostile_grants(server, io, database, grant):
 
 @pytest.mark.parametrize("length", range(GRANT.size))
 def test_an_opening_that_ends_early(server, io, length):
-    assert io.ask(b"SYNC1" + PLENTY[:length]) == b"idididSERRM"
+    assert reception(io.ask(b"SYNC1" + PLENTY[:length])) is Reception.UNREADABLE
     assert server.take() == []
     assert server.supply() is None
 
@@ -274,9 +282,6 @@ def test_an_opening_that_ends_early(server, io, length):
 @pytest.mark.parametrize(
     "content",
     [
-        b"SYNC1" + PLENTY,
-        b"SYNC1" + PLENTY + b"garbage",
-        b"SYNC1" + PLENTY + bytes(40),
         b"SYNCF",
         b"SYNCF" + bytes(40),
         b"SYNCC" + PLENTY,
@@ -287,6 +292,27 @@ def test_what_opens_nothing_is_refused(server, io, content):
     assert io.ask(content) == b"idididSERRM"
     assert server.take() == []
     assert io.ask(b"GHEAD").startswith(b"ididid\1")
+
+
+@pytest.mark.parametrize("garbage", [b"", b"garbage", bytes(40)])
+def test_a_damaged_opening_is_not_answered_as_an_original_node_does_it(server, io, garbage):
+    """Who begins so is a new node, which is told; it must not go on with ids."""
+    reply = io.ask(b"SYNC1" + PLENTY + garbage)
+    assert reception(reply) is Reception.UNREADABLE
+    io.intake.receive(reply[ID_BYTES:], at(0))
+    assert "could not read how we began" in io.intake.rejection
+    assert server.take() == []
+    assert io.ask(b"GHEAD") is None
+
+
+def test_another_version_of_the_sync(server, io):
+    opening = b"\x07" + Open(1, 0, Have(())).encode()[1:]
+    (frame,) = letter_frames(OPEN, 0, opening, 1000)
+    assert reception(io.ask(b"SYNC1" + PLENTY + frame)) is Reception.UNREADABLE
+    began, ended = server.take()
+    assert isinstance(began, SyncStarted)
+    assert ended == SyncTimedOut("io", NOW_S, OUT, ended.reason)
+    assert "io speaks another version of the sync" in ended.reason
 
 
 def test_a_bad_frame_costs_an_error_reply_not_the_sync(server, io, database):

@@ -9,7 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mocha_link import letters, sync
-from mocha_link.letters import Answer, Digest, Done, Have, Hello, Open, Since, Wish
+from mocha_link.letters import (
+    VERSION,
+    Answer,
+    Digest,
+    Done,
+    Have,
+    Hello,
+    Open,
+    Reception,
+    Since,
+    VersionError,
+    Wish,
+)
 from mocha_link.sync import FrameError
 
 U64 = st.integers(0, 2**64 - 1)
@@ -34,6 +46,7 @@ OPENS = st.builds(
         st.builds(Digest, st.dictionaries(st.integers(0, 255), U64, max_size=20)),
     ),
     st.lists(wishes(), max_size=5).filter(lambda each: all(w.total for w in each)),
+    U64,
 )
 
 
@@ -42,11 +55,11 @@ def test_an_open_says_what_it_is_told(opening):
     assert Open.decode(opening.encode()) == opening
 
 
-@given(U64, U64, st.integers(0, 2**32 - 1), st.booleans())
-def test_small_letters(epoch, sequence, frames, flag):
+@given(U64, U64, st.integers(0, 2**32 - 1), st.booleans(), st.sampled_from(Reception))
+def test_small_letters(epoch, sequence, frames, flag, reception):
     done = Done(epoch, sequence, frames, flag)
     assert Done.decode(done.encode()) == done
-    assert Hello.decode(Hello(flag).encode()) == Hello(flag)
+    assert Hello.decode(Hello(reception, epoch).encode()) == Hello(reception, epoch)
     assert letters.decode_skip(letters.encode_skip(epoch)) == epoch
 
 
@@ -202,8 +215,18 @@ def test_impossible_wishes(missing):
 
 def test_another_version_is_refused():
     content = Open(1, 0, Have(())).encode()
-    with pytest.raises(FrameError, match="version 2 of the sync; ours is 1"):
-        Open.decode(b"\2" + content[1:])
+    for version in (VERSION - 1, VERSION + 1):
+        with pytest.raises(VersionError, match=f"version 0{version} of the sync; ours is"):
+            Open.decode(bytes((version,)) + content[1:])
+    with pytest.raises(VersionError):
+        Open.decode(b"")
+
+
+def test_of_another_versions_hello_only_that_is_read():
+    hello = Hello.decode(bytes((0, VERSION + 1)) + b"anything")
+    assert hello == (Reception.UNREADABLE, 0, VERSION + 1)
+    with pytest.raises(FrameError, match="a reception of sort 9"):
+        Hello.decode(b"\x09" + Hello().encode()[1:])
 
 
 @settings(deadline=None, max_examples=300)

@@ -1,0 +1,248 @@
+"""Two new nodes with team files that say otherwise what ids mean: nothing is read as another."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import pytest
+
+from mocha_link import gossip, sync
+from mocha_link.actions import Send
+from mocha_link.document import Document
+from mocha_link.letters import Hello, Reception
+from mocha_link.metrics import Direction, SyncEnded, SyncTimedOut
+from mocha_link.team import Team
+from mocha_link.terms import shared_mark
+from tests.mocha_link.ether import Ether, OldNode
+
+TEXT = """\
+robots:
+  a: {kind: rover, address: a, base_port: 10, clients: [b]}
+  b: {kind: rover, address: b, base_port: 10, clients: [a]}
+kinds:
+  rover:
+    topics:
+      - {name: /pose, type: json/Pose}
+      - {name: /path, type: json/Path, min_interval_s: 1}
+"""
+BETWEEN = "  a0: {kind: rover, address: c, base_port: 10, clients: []}\n  b:"
+LAST = "  z: {kind: rover, address: c, base_port: 10, clients: []}\nkinds:"
+FIRST_TOPIC = "topics:\n      - {name: /goal, type: json/Goal}"
+OTHER_KIND = "kinds:\n  boat: {topics: [{name: /x, type: a/B}, {name: /y, type: z/Z}]}"
+IN, OUT = Direction.IN, Direction.OUT
+WHY = "has another team file (robots or topics differ); give all robots the same"
+
+
+def team_of(text: str) -> Team:
+    return Team.from_document(Document.from_text(text, Path("team.yaml")))
+
+
+TEAM = team_of(TEXT)
+SHIFTING = {
+    "a robot in between": TEXT.replace("  b:", BETWEEN),
+    "a robot behind all others": TEXT.replace("kinds:", LAST),
+    "another name": TEXT.replace("  b:", "  c:").replace("[b]", "[c]"),
+    "a topic before the others": TEXT.replace("topics:", FIRST_TOPIC),
+    "a topic behind the others": TEXT + "      - {name: /x, type: json/Pose}\n",
+    "topics in another order": TEXT.replace("/pose, type: json/Pose", "/p, type: json/Pose"),
+    "another type": TEXT.replace("json/Pose", "json/Point"),
+    "a type that moves the numbers of others": TEXT.replace("kinds:", OTHER_KIND),
+    "batches": TEXT.replace("min_interval_s: 1", "min_interval_s: 1, aggregate: true"),
+    "another ROS": TEXT.replace("b: {kind: rover", "b: {kind: rover, ros: 2"),
+}
+HARMLESS = {
+    "addresses": TEXT.replace("address: b", "address: 10.1.2.3, listen: 10.1.2.3"),
+    "ports": TEXT.replace("base_port: 10", "base_port: 4000"),
+    "radios": TEXT.replace("address: b", "address: b, radio: 'udp://h:9', radio_id: x"),
+    "a key": TEXT.replace("address: b", f"address: b, key: '{'0' * 40}'"),
+    "an original node": TEXT.replace("address: b", "address: b, original: true"),
+    "rates": TEXT.replace("min_interval_s: 1", "min_interval_s: 2"),
+    "urgency": TEXT.replace("json/Pose", "json/Pose, priority: high"),
+    "history": TEXT.replace("json/Pose", "json/Pose, history: 9"),
+    "the name of a kind": TEXT.replace("rover", "car"),
+    "triggers": TEXT + "trigger: {interval_s: 9, rssi_threshold_dbm: -60}\n",
+    "trust": TEXT + "trust: signed\n",
+    "comments and order": "# robots\n"
+    + "".join([TEXT.splitlines(True)[i] for i in (0, 2, 1, 3, 4, 5, 6, 7)]),
+}
+
+
+@pytest.mark.parametrize("text", SHIFTING.values(), ids=SHIFTING)
+def test_what_moves_ids_or_types_counts(text):
+    assert shared_mark(team_of(text)) != shared_mark(TEAM)
+
+
+@pytest.mark.parametrize("text", HARMLESS.values(), ids=HARMLESS)
+def test_what_does_not_is_free(text):
+    assert shared_mark(team_of(text)) == shared_mark(TEAM)
+
+
+class Field(Ether):
+    """a has TEAM, b another team file."""
+
+    def __init__(self, other: Team, **options: object) -> None:
+        super().__init__(TEAM, names=("a", "b"), **options)
+        self.change("b", other)
+
+    def change(self, name: str, team: Team) -> None:
+        own, self.team = self.team, team
+        self.restart(name)
+        self.team = own
+
+
+@pytest.fixture(params=["a robot in between", "a topic before the others"])
+def other(request) -> Team:
+    return team_of(SHIFTING[request.param])
+
+
+@pytest.fixture(params=[False, True], ids=["tcp", "udp"])
+def field(other, request) -> Field:
+    field = Field(other, datagrams=request.param, delay_s=0.05)
+    field.publish("a", "/pose", b"here is a")
+    field.nodes["b"].publish(other.topic("b", "/pose"), b"here is b", field.now)
+    return field
+
+
+def differs(field: Field, name: str) -> bool:
+    return next(iter(field.nodes[name].links(field.now).values())).team_differs
+
+
+def exchange(field: Field) -> None:
+    field.pull("a", "b")
+    field.pull("b", "a")
+
+
+def test_nothing_is_exchanged_and_both_say_why(field):
+    exchange(field)
+    for name, peer in (("a", "b"), ("b", "a")):
+        assert len(field.nodes[name].database.kept()) == 1
+        ends = [(e.direction, e.reason) for e in field.told(name, SyncTimedOut)]
+        assert sorted(ends, key=str) == [(IN, f"{peer} {WHY}"), (OUT, f"{peer} {WHY}")]
+        assert not field.told(name, SyncEnded)
+        assert differs(field, name)
+    assert field.time_s < 1, "told at once, not by a time-out"
+    # Neither asked the other for anything by ids.
+    asked = field.sent("zmq", "a", "b") + field.sent("zmq", "b", "a")
+    assert not [frame for frame in asked if frame[6:11] in (b"GDATA", b"DENDT")]
+
+
+def test_it_is_told_by_the_path_that_is_open(other):
+    for path in ("zmq", "udp"):
+        field = Field(other, datagrams=True, delay_s=0.05)
+        field.blocked = {(path, "a", "b"), (path, "b", "a")}
+        field.pull("a", "b")
+        assert [e.reason for e in field.told("a", SyncTimedOut)] == [f"b {WHY}"]
+        assert field.time_s < 1
+
+
+def test_where_only_datagrams_get_there_the_connection_tells(other):
+    field = Field(other, datagrams=True, delay_s=0.05)
+    field.blocked = {("udp", "b", "a")}
+    field.pull("a", "b")
+    assert [e.reason for e in field.told("a", SyncTimedOut)] == [f"b {WHY}"]
+    assert field.time_s < 1
+    assert field.told("b", SyncTimedOut)[0].reason == f"a {WHY}"
+
+
+def test_with_the_same_file_all_goes_on(field):
+    exchange(field)
+    field.change("b", TEAM)
+    field.publish("b", "/pose", b"here is b")
+    exchange(field)
+    same = {("a", "/pose"): b"here is a", ("b", "/pose"): b"here is b"}
+    assert field.held("a") == field.held("b") == same
+    assert not differs(field, "a")
+    assert not differs(field, "b")
+
+
+def test_the_log_says_it_once_in_a_while(field, caplog):
+    caplog.set_level(logging.DEBUG, "mocha_link")
+
+    def warnings() -> int:
+        return sum(r.levelno == logging.WARNING and WHY in r.message for r in caplog.records)
+
+    for _ in range(20):
+        exchange(field)
+        field.wait(2)
+    assert warnings() == 2  # each its own
+    field.wait(gossip.REMIND_S)
+    exchange(field)
+    assert warnings() == 4
+
+
+# --- what could lead to reading by ids nevertheless
+
+
+def test_a_damaged_opening_does_not_make_it_an_original_node(other):
+    """The fallback to the old protocol would read by ids."""
+    field = Field(other)
+    field.nodes["b"].publish(other.topic("b", "/pose"), b"here is b", field.now)
+    field.alter = lambda piece: (
+        piece.data[:40] + bytes((piece.data[40] ^ 1,)) + piece.data[41:]
+        if piece.data[6:11] == b"SYNC1"
+        else piece.data
+    )
+    for _ in range(3):
+        field.pull("a", "b")
+    assert not field.nodes["a"].database.kept()
+    (reason,) = {e.reason for e in field.told("a", SyncTimedOut)}
+    assert reason == "b could not read how we began; damaged on its way"
+
+
+def test_a_foreign_node_is_not_taken_for_an_original_one_at_the_first_error(other):
+    """It is one only if it answers like one twice: then another machine has taken its place."""
+    field = Field(other)
+    field.pull("a", "b")
+    OldNode(field, "b").publish("/pose", b"here is b")
+    field.pull("a", "b")
+    assert not field.held("a")
+    assert field.told("a", SyncTimedOut)[-1].reason == "b had another team file; asking once more"
+    field.pull("a", "b")
+    assert field.held("a") == {("b", "/pose"): b"here is b"}
+
+
+def answers(field: Field, *frames: bytes) -> None:
+    """a's opening gets these answers."""
+    node = field.nodes["a"]
+    node.sync("b", field.now)
+    actions, _ = node.take()
+    first = next(each.frame for each in actions if isinstance(each, Send))
+    for frame in frames:
+        node.reply("b", [first[:6] + frame], field.now)
+
+
+def hello(*fields: object) -> bytes:
+    return sync.letter_frame(sync.HELLO, 0, Hello(*fields).encode(), 0, 1000)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        (Reception.WELCOME, 12345),
+        (Reception.UNKNOWN, 12345),
+        (Reception.OTHER_TERMS, 12345),
+    ],
+)
+def test_who_says_other_terms_hands_us_nothing(said):
+    """Not even if it goes on as if they were ours."""
+    field = Field(TEAM)
+    publisher = Ether(TEAM, names=("a", "b"))
+    publisher.publish("b", "/pose", b"here is b")
+    (record,) = publisher.nodes["b"].database.kept()
+    whole = sync.WHOLE.pack(sync.long_id(1, 0, record.stamp_ms), len(record.body))
+    answers(field, hello(*said), sync.chunks_frame((0, 0), [whole], [], [record.body]))
+    _, events = field.nodes["a"].take()
+    assert [type(event) for event in events] == [SyncTimedOut]
+    assert not field.nodes["a"].database.kept()
+    assert differs(field, "a")
+
+
+def test_a_later_release_is_named():
+    field = Field(TEAM)
+    answers(field, hello(Reception.WELCOME, 0, 9))
+    _, (event,) = field.nodes["a"].take()
+    assert event.reason == (
+        "b speaks version 9 of the sync, we 2; install the same release on both"
+    )
+    assert not differs(field, "a")
