@@ -57,7 +57,9 @@ def summary(mission: Mission, findings: Survey) -> list[str]:
     margin = (
         f"clearance {planner.clearance_m:g} m + tracking margin {planner.tracking_margin_m:g} m"
     )
-    fence = "a fence" if mission.fence is not None else "no fence"
+    fence = ("no fence", "a fence")[min(len(mission.fences), 1)]
+    if len(mission.fences) > 1:
+        fence = f"{len(mission.fences)} fences"
     pieces = "in one piece" if findings.connected else "in pieces"
     minutes, seconds = divmod(round(findings.flight_time_s(mission.speed_m_s)), 60)
     lines = [
@@ -109,7 +111,7 @@ def _facts(mission: Mission, findings: Survey) -> dict[str, Any]:
         "path": str(mission.path),
         "waypoints": len(mission.waypoints),
         "zones": len(mission.zones),
-        "fence": mission.fence is not None,
+        "fence": bool(mission.fences),
         "rally_points": len(mission.rally_points),
         "clearance_m": mission.planner.clearance_m,
         "planning_distance_m": mission.planner.distance_m,
@@ -131,15 +133,7 @@ def _facts(mission: Mission, findings: Survey) -> dict[str, Any]:
 
 
 def _problems(error: MissionFileError) -> list[dict[str, Any]]:
-    return [
-        {
-            "path": str(problem.path),
-            "line": problem.line,
-            "column": problem.column,
-            "message": problem.message,
-        }
-        for problem in error.problems
-    ]
+    return [problem.as_json() for problem in error.problems]
 
 
 def _print_json(answer: dict[str, Any]) -> None:

@@ -15,8 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from air_router.mission import Mission
-from air_router.settings import PlannerSettings
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
 
@@ -31,7 +29,6 @@ class Departure:
     """Judges first legs from one place.
 
     Args:
-        mission: whose clearance counts.
         airspace: its airspace with the distance that this first leg has to keep.
         start: where the vehicle is.
         stopping: where it comes to rest if it brakes now; None if it stands.
@@ -44,9 +41,7 @@ class Departure:
         warnings: what the operator should know about that.
     """
 
-    def __init__(
-        self, mission: Mission, airspace: Airspace, start: Point, stopping: Point | None
-    ) -> None:
+    def __init__(self, airspace: Airspace, start: Point, stopping: Point | None) -> None:
         self._airspace = airspace
         self.start = start
         self.moving = stopping is not None and stopping != start
@@ -56,9 +51,9 @@ class Departure:
         self._near: Airspace | None = airspace
         self._reach_m = 0.0
         if self.cramped:
-            self._squeeze(mission.planner)
+            self._squeeze()
 
-    def _squeeze(self, planner: PlannerSettings) -> None:
+    def _squeeze(self) -> None:
         """Find out how close to zones, and over how many metres, the leg may be at first."""
         holders = self._airspace.holders(self.start)
         if holders:
@@ -67,20 +62,22 @@ class Departure:
             nearest = self._airspace.nearest_clear(self.start)
             self._reach_m = 0.0 if nearest is None else 1.5 * math.dist(self.start, nearest) + 1.0
             others = self._airspace.without(holders)
-            self._near = others.with_clearance(self._airspace.clearance_m / 2)
+            self._near = others.with_margin((others.margin_m - others.clearance_m) / 2)
             return
-        distance_m, name = self._airspace.nearest(self.start)
-        clearance_m = planner.clearance_m
-        if distance_m < clearance_m:
+        margin_m = self._airspace.margin_m
+        spare_m, name = self._airspace.spare_m(self.start)
+        here_m = spare_m + margin_m  # what there is on top of the clearance; less than 0: too near
+        if here_m < 0:
+            distance_m = spare_m + self._airspace.kept_m(name)
             where = f"{distance_m:.1f} m from {names_of((name,))}"
             self.warnings = (f"the vehicle is {where}: it moves away first",)
-        kept_m = min(distance_m, self._airspace.distance_m(self.rest))
-        if kept_m < (clearance_m if distance_m >= clearance_m else distance_m - _DRIFT_M):
+        kept_m = min(here_m, self._airspace.spare_m(self.rest)[0] + margin_m)
+        if kept_m < (0 if here_m >= 0 else here_m - _DRIFT_M):
             self._near = None  # too fast towards a zone: brake before anything else
             return
         drift_m = math.dist(self.start, self.rest)
-        self._reach_m = 2 * (self._airspace.clearance_m - kept_m) + drift_m + 1.0
-        self._near = self._airspace.with_clearance(max(kept_m - _GIVE_M, 0.0))
+        self._reach_m = 2 * (margin_m - kept_m) + drift_m + 1.0
+        self._near = self._airspace.with_margin(kept_m - _GIVE_M)
 
     def allows(self, end: Point) -> bool:
         """Whether the vehicle may be sent straight to `end`, which is clear."""

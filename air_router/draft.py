@@ -4,15 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
+from typing import Any, NamedTuple, Protocol
 
+from air_router.altitudes import Altitudes
 from air_router.settings import DEFAULT_BATTERY_RESERVE, PlannerSettings, Timers
 from geo.frame import FrameError, LocalFrame, Point
-from geo.zone import Ring, ZoneError, checked_ring, circle_ring
-from mocha_link.document import Document, Problem
+from geo.validity import Validity
+from geo.zone import Circle, Outline, Ring, Shape, ZoneError
+from mocha_link.document import Problem
 
 Keys = tuple[str | int, ...]
 """The way to a value in a document."""
+
+
+class Source(Protocol):
+    """The file that a draft is made from: it knows where its values stand."""
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+
+    @property
+    def data(self) -> Any:
+        """Its plain values."""
+
+    def problem(self, keys: Sequence[str | int], message: str, code: str) -> Problem:
+        """A problem with the value at these keys."""
+
+
+class Place(NamedTuple):
+    """A place in a file; line and column count from 1."""
+
+    path: Path
+    line: int
+    column: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +54,27 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A fence or a no-fly zone."""
+    """A fence or a no-fly zone.
+
+    Attributes:
+        name: What people call it.
+        shape: Where it is, in the local frame.
+        keys: Where it stands in the draft's own document.
+        crosses_fence: It is meant to reach beyond the fence.
+        clearance_m: What to keep away from it; None: what the mission keeps from all.
+        altitudes: Where it applies; None: at every altitude.
+        validity: When it applies; None: always.
+        place: Where it stands, if that is in another file than the draft's.
+    """
 
     name: str
-    ring: Ring
+    shape: Shape
     keys: Keys
     crosses_fence: bool = False
+    clearance_m: float | None = None
+    altitudes: Altitudes | None = None
+    validity: Validity | None = None
+    place: Place | None = None
 
 
 @dataclass(slots=True)
@@ -42,9 +84,11 @@ class Draft:
     What could not be read is missing here and has its problem noted; `unread` holds the names of
     such sections, so that nothing is concluded from their absence. Altitudes are above home.
     `in_metres` says that pairs are metres east and north of the frame's origin, not degrees.
+    `notes` are what the operator should know, though the mission may be flown all the same.
+    Problems are found by `legality`, and noted here in the same way.
     """
 
-    document: Document
+    document: Source
     name: str = ""
     frame: LocalFrame | None = None
     in_metres: bool = False
@@ -52,7 +96,7 @@ class Draft:
     home_altitude_amsl_m: float | None = None
     waypoints: list[Spot] = field(default_factory=list)
     rally_points: list[Spot] = field(default_factory=list)
-    fence: Area | None = None
+    fences: list[Area] = field(default_factory=list)
     zones: list[Area] = field(default_factory=list)
     altitude_m: float = 0.0
     speed_m_s: float = 0.0
@@ -63,13 +107,27 @@ class Draft:
     team: Path | None = None
     world: Path | None = None
     battery_reserve: float = DEFAULT_BATTERY_RESERVE
+    endurance_s: float | None = None
     duration_s: float | None = None
+    start: datetime | None = None
     unread: set[str] = field(default_factory=set)
     problems: list[Problem] = field(default_factory=list)
+    notes: list[Problem] = field(default_factory=list)
 
-    def complain(self, keys: Keys, message: str) -> None:
+    def complain(self, keys: Keys, message: str, code: str = "invalid-value") -> None:
         """Note a problem with the value at these keys."""
-        self.problems.append(self.document.problem(keys, message))
+        self.problems.append(self.document.problem(keys, message, code))
+
+    def note(self, keys: Keys, message: str, code: str) -> None:
+        """Note something that the operator should know about the value at these keys."""
+        self.notes.append(self.document.problem(keys, message, code))
+
+    def complain_area(self, area: Area, message: str, code: str) -> None:
+        """Note a problem with an area, in the file that it comes from."""
+        if area.place is None:
+            self.complain(area.keys, message, code)
+        else:
+            self.problems.append(Problem(*area.place, message, code))
 
     def spot(
         self, label: str, pair: Sequence[float], keys: Keys, altitude_m: float | None = None
@@ -78,35 +136,61 @@ class Draft:
         try:
             return Spot(label, self._to_local(pair), keys, altitude_m)
         except FrameError as error:
-            self.complain(keys, f"{label}: {error}; correct it (latitude comes first)")
+            message = f"{label}: {error}; correct it (latitude comes first)"
+            self.complain(keys, message, "not-on-earth")
             return None
 
-    def polygon(self, name: str, corners: Sequence[Sequence[float]], keys: Keys) -> Ring | None:
-        """A polygon in the local frame; None, with a problem noted, if it bounds no area."""
+    def polygon(
+        self,
+        name: str,
+        corners: Sequence[Sequence[float]],
+        keys: Keys,
+        holes: Sequence[Sequence[Sequence[float]]] = (),
+        holes_keys: Keys = (),
+    ) -> Outline | None:
+        """An outline in the local frame; None, with a problem noted, if it bounds no area."""
+        ring = self._ring(name, corners, keys)
+        rings = [
+            self._ring(f"{name}, hole {index + 1}", hole, (*holes_keys, index))
+            for index, hole in enumerate(holes)
+        ]
+        read = tuple(hole for hole in rings if hole is not None)
+        if ring is None or len(read) < len(rings):
+            return None
+        try:
+            return Outline(ring, read)
+        except ZoneError as error:
+            where = "" if error.place is None else f" near {self._words(error.place)}"
+            message = f"{name} cannot be an area: {error}{where}; draw it again"
+            self.complain(holes_keys if "hole" in str(error) else keys, message, error.code)
+            return None
+
+    def circle(
+        self, name: str, centre: Sequence[float], radius_m: float, keys: Keys
+    ) -> Circle | None:
+        """A circle in the local frame; None, with a problem noted, if it is none."""
+        spot = self.spot(f"{name}, centre", centre, keys)
+        if spot is None:
+            return None
+        try:
+            return Circle(spot.position, radius_m)
+        except ZoneError as error:
+            self.complain(keys, f"{name} cannot be an area: {error}; correct it", error.code)
+            return None
+
+    def _ring(self, name: str, corners: Sequence[Sequence[float]], keys: Keys) -> Ring | None:
         points = []
         for index, corner in enumerate(corners):
             spot = self.spot(f"{name}, corner {index + 1}", corner, (*keys, index))
             if spot is None:
                 return None
             points.append(spot.position)
-        try:
-            return checked_ring(points)
-        except ZoneError as error:
-            self.complain(keys, f"{name} cannot be an area: {error}; draw it again")
-            return None
+        return tuple(points)
 
-    def circle(
-        self, name: str, centre: Sequence[float], radius_m: float, keys: Keys, *, zone: bool
-    ) -> Ring | None:
-        """A circle as a polygon: around it for a zone, within it for a fence."""
-        spot = self.spot(f"{name}, centre", centre, keys)
-        if spot is None:
-            return None
-        try:
-            return circle_ring(spot.position, radius_m, outward=zone)
-        except ZoneError as error:
-            self.complain(keys, f"{name} cannot be an area: {error}; correct it")
-            return None
+    def _words(self, place: Point) -> str:
+        if self.in_metres or self.frame is None:
+            return f"{place.east_m:.2f}, {place.north_m:.2f}"
+        return "{:.7f}, {:.7f}".format(*self.frame.to_geodetic(place))
 
     def _to_local(self, pair: Sequence[float]) -> Point:
         if self.in_metres:

@@ -12,6 +12,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
+from shapely import Point as ShapelyPoint
+
+from geo.zone import Circle, Outline, Ring, Shape
+
 if TYPE_CHECKING:
     from air_router.mission import Mission
     from geo.frame import LocalFrame, Point
@@ -28,6 +32,8 @@ class Command(IntEnum):
     CHANGE_SPEED = 178
     FENCE_INCLUSION = 5001
     FENCE_EXCLUSION = 5002
+    FENCE_CIRCLE_INCLUSION = 5003
+    FENCE_CIRCLE_EXCLUSION = 5004
 
 
 class Frame(IntEnum):
@@ -139,23 +145,46 @@ def _degrees_e7(frame: LocalFrame, point: Point) -> tuple[int, int]:
 
 
 def _fence_items(mission: Mission) -> list[PlanItem]:
-    """The fence as PX4 takes it: each polygon a run of vertices that know their number."""
-    polygons: list[tuple[Command, tuple[Point, ...]]] = []
-    if mission.fence is not None:
-        polygons.append((Command.FENCE_INCLUSION, mission.fence))
-    polygons += [(Command.FENCE_EXCLUSION, zone.ring) for zone in mission.zones]
+    """The fence as PX4 takes it: circles, and polygons as runs of vertices that know their number.
+
+    Only zones that apply where the mission cruises: PX4's have no altitude limits and no hours.
+    """
     items = []
-    for command, ring in polygons:
-        for vertex in ring:
-            x, y = _degrees_e7(mission.frame, vertex)
-            items.append(
-                PlanItem(
-                    command,
-                    Frame.GLOBAL_INT,
-                    (float(len(ring)), 0.0, 0.0, 0.0),
-                    x,
-                    y,
-                    autocontinue=True,
-                )
-            )
+    for fence in mission.fences:
+        items += _area_items(mission.frame, fence, inclusion=True)
+        if isinstance(fence, Outline):
+            for hole in fence.holes:
+                items += _area_items(mission.frame, Outline(hole), inclusion=False)
+    for zone in mission.airspace.zones:
+        around = _hole_around(zone.shape, mission.home)
+        if around is not None:
+            items += _area_items(mission.frame, Outline(around), inclusion=True)
+        else:
+            items += _area_items(mission.frame, zone.shape, inclusion=False)
+    return items
+
+
+def _hole_around(shape: Shape, home: Point) -> Ring | None:
+    """The hole of a zone that home lies in: the whole flight is in there."""
+    holes = () if isinstance(shape, Circle) else shape.holes
+    for hole in holes:
+        if Outline(hole).polygon.contains(ShapelyPoint(home)):
+            return hole
+    return None
+
+
+def _area_items(frame: LocalFrame, shape: Shape, *, inclusion: bool) -> list[PlanItem]:
+    """One area; PX4 knows no holes, a zone's are out of reach from outside of it."""
+    if isinstance(shape, Circle):
+        command = Command.FENCE_CIRCLE_INCLUSION if inclusion else Command.FENCE_CIRCLE_EXCLUSION
+        points: Ring = (shape.centre,)
+        parameter = shape.radius_m
+    else:
+        command = Command.FENCE_INCLUSION if inclusion else Command.FENCE_EXCLUSION
+        points, parameter = shape.ring, float(len(shape.ring))
+    items = []
+    for point in points:
+        x, y = _degrees_e7(frame, point)
+        parameters = (parameter, 0.0, 0.0, 0.0)
+        items.append(PlanItem(command, Frame.GLOBAL_INT, parameters, x, y, autocontinue=True))
     return items

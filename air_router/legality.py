@@ -6,13 +6,16 @@ import difflib
 import math
 from collections.abc import Collection
 
-from shapely import Polygon
+import shapely
+from shapely import Polygon, STRtree
 
+from air_router.airspaces import Airspaces, band_of
+from air_router.altitudes import HomeAltitudeError
 from air_router.draft import Area, Draft, Keys, Spot
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
 from geo.regions import Regions
-from geo.zone import Zone
+from geo.zone import Circle, Shape, ZoneError, circle_ring
 from mocha_link.document import DocumentError
 from mocha_link.team import Team
 
@@ -23,25 +26,28 @@ _FAR_M = 50_000.0
 _SAME_PLACE_M = 0.1
 _SLIVER_M2 = 0.01
 
+_CODES = {
+    "home": ("home-outside-fence", "home-in-zone", "home-too-near"),
+    "waypoint": ("waypoint-outside-fence", "waypoint-in-zone", "waypoint-too-near"),
+    "rally point": ("rally-point-outside-fence", "rally-point-in-zone", "rally-point-too-near"),
+}
+"""Of places outside of the fence, in a zone, and nearer to either than they may be."""
 
-def airspace_of(draft: Draft, clearance_m: float) -> Airspace:
-    """The draft's fence and zones."""
-    fence = None if draft.fence is None else draft.fence.ring
-    return Airspace(fence, [Zone(area.name, area.ring) for area in draft.zones], clearance_m)
 
-
-def check_geometry(draft: Draft) -> None:
+def check_geometry(draft: Draft, airspaces: Airspaces) -> None:
     """Note everything that is wrong with the places and areas of a draft."""
     if draft.frame is None:
         return
     if not draft.waypoints and "waypoints" not in draft.unread and not draft.problems:
-        draft.complain(("waypoints",), "a mission needs at least one waypoint; add one")
+        message = "a mission needs at least one waypoint; add one"
+        draft.complain(("waypoints",), message, "no-waypoints")
     _check_names(draft)
+    _check_altitudes(draft)
     _check_fence_crossings(draft)
     _check_same_places(draft)
     far = _check_distances(draft)
-    if _check_spots(draft, far) and not far and "planner" not in draft.unread:
-        _check_ways(draft)
+    if _check_spots(draft, airspaces, far) and not far and "planner" not in draft.unread:
+        _check_ways(draft, airspaces)
 
 
 def check_team(draft: Draft) -> None:
@@ -50,13 +56,18 @@ def check_team(draft: Draft) -> None:
     Enters the only flying robot of the team as the draft's `uav`, if the mission names none.
     """
     if draft.world is not None and not draft.world.is_file():
-        draft.complain(("world",), f"there is no file {draft.world}; correct the path")
+        draft.complain(
+            ("world",), f"there is no file {draft.world}; correct the path", "no-such-file"
+        )
     if len(set(draft.seek)) < len(draft.seek):
-        draft.complain(("seek",), "a robot is named twice; each is sought in turn anyway")
+        message = "a robot is named twice; each is sought in turn anyway"
+        draft.complain(("seek",), message, "named-twice")
     if draft.team is None:
         return
     if not draft.team.is_file():
-        draft.complain(("team",), f"there is no file {draft.team}; correct the path")
+        draft.complain(
+            ("team",), f"there is no file {draft.team}; correct the path", "no-such-file"
+        )
         return
     try:
         team = Team.load(draft.team)
@@ -74,11 +85,13 @@ def check_team(draft: Draft) -> None:
                 (),
                 f"the team has {len(flying)} robots of kind {UAV_KIND}; "
                 "add 'uav' with the name of the robot that flies this mission",
+                "who-flies",
             )
     for index, name in enumerate(draft.seek):
         _check_robot(draft, name, team.robots, ("seek", index))
         if name == draft.uav:
-            draft.complain(("seek", index), f"'{name}' flies this mission; take it off the list")
+            message = f"'{name}' flies this mission; take it off the list"
+            draft.complain(("seek", index), message, "seeks-itself")
 
 
 def _check_robot(draft: Draft, name: str, known: Collection[str], keys: Keys) -> None:
@@ -86,15 +99,31 @@ def _check_robot(draft: Draft, name: str, known: Collection[str], keys: Keys) ->
         return
     close = difflib.get_close_matches(name, known, n=1)
     hint = f"did you mean '{close[0]}'?" if close else f"use one of {', '.join(sorted(known))}"
-    draft.complain(keys, f"the team has no robot '{name}'; {hint}")
+    draft.complain(keys, f"the team has no robot '{name}'; {hint}", "unknown-robot")
 
 
 def _check_names(draft: Draft) -> None:
     first: dict[str, Area] = {}
     for area in draft.zones:
         if area.name in first or area.name == FENCE:
-            draft.complain(area.keys, f"another area is called '{area.name}' too; rename one")
+            message = f"another area is called '{area.name}' too; rename one"
+            draft.complain_area(area, message, "same-name")
         first.setdefault(area.name, area)
+
+
+def _check_altitudes(draft: Draft) -> None:
+    for area in draft.zones:
+        label = f"no-fly zone '{area.name}'"
+        try:
+            band_of(area, draft)
+        except HomeAltitudeError:
+            message = (
+                f"{label} has limits above the sea, and home's altitude is not known; "
+                "add 'altitude_amsl_m' to home"
+            )
+            draft.complain_area(area, message, "home-altitude-unknown")
+        except ZoneError as error:
+            draft.complain_area(area, f"{label}: {error}", error.code)
 
 
 def _check_distances(draft: Draft) -> set[str]:
@@ -106,88 +135,117 @@ def _check_distances(draft: Draft) -> set[str]:
     if draft.home is None:
         return far
     advice = "correct it (latitude comes first)" if not draft.in_metres else "correct it"
+    home = draft.home.position
     for spot in (*draft.waypoints, *draft.rally_points):
-        if (far_m := math.dist(spot.position, draft.home.position)) > _FAR_M:
-            draft.complain(spot.keys, f"{spot.label} is {far_m / 1000:.0f} km from home; {advice}")
+        if (far_m := math.dist(spot.position, home)) > _FAR_M:
+            message = f"{spot.label} is {far_m / 1000:.0f} km from home; {advice}"
+            draft.complain(spot.keys, message, "far-from-home")
             far.add(spot.label)
-    for area in (*draft.zones, *([draft.fence] if draft.fence else [])):
-        far_m = max(math.dist(corner, draft.home.position) for corner in area.ring)
-        if far_m > _FAR_M:
-            label = "the fence" if area is draft.fence else f"no-fly zone '{area.name}'"
-            draft.complain(area.keys, f"{label} reaches {far_m / 1000:.0f} km from home; {advice}")
+    for area in (*draft.zones, *draft.fences):
+        far_m = max(math.dist(corner, home) for corner in area.shape.corners)
+        if far_m > _FAR_M and area.place is None:  # zones of other files may be of any size
+            label = "the fence" if area in draft.fences else f"no-fly zone '{area.name}'"
+            message = f"{label} reaches {far_m / 1000:.0f} km from home; {advice}"
+            draft.complain_area(area, message, "far-from-home")
             far.add(label)
     return far
 
 
 def _check_fence_crossings(draft: Draft) -> None:
-    if draft.fence is None:
+    if not draft.fences:
         return
-    inside = Polygon(draft.fence.ring)
+    inside = shapely.intersection_all([area.shape.polygon for area in draft.fences])
     for area in draft.zones:
-        zone = Polygon(area.ring)
+        zone = _within(area.shape)
         beyond = zone.difference(inside).area > _SLIVER_M2
         within = zone.intersection(inside).area > _SLIVER_M2
         if beyond and within and not area.crosses_fence:
-            draft.complain(
-                area.keys,
+            draft.complain_area(
+                area,
                 f"no-fly zone '{area.name}' crosses the fence; move its corners inside, "
                 "or confirm that it is meant with 'crosses_fence: true'",
+                "zone-crosses-fence",
             )
 
 
+def _within(shape: Shape) -> Polygon:
+    if isinstance(shape, Circle):
+        return Polygon(circle_ring(shape.centre, shape.radius_m, outward=False))
+    return shape.polygon
+
+
 def _check_same_places(draft: Draft) -> None:
-    for index, spot in enumerate(draft.waypoints):
-        for other in draft.waypoints[:index]:
-            if math.dist(spot.position, other.position) < _SAME_PLACE_M:
-                draft.complain(spot.keys, f"{spot.label} lies on {other.label}; remove one of them")
-                break
+    if not draft.waypoints:
+        return
+    places = shapely.points([spot.position for spot in draft.waypoints])
+    later, earlier = STRtree(places).query(places, predicate="dwithin", distance=_SAME_PLACE_M)
+    on: dict[int, int] = {}
+    for number, other in zip(later.tolist(), earlier.tolist(), strict=True):
+        if other < number:
+            on[number] = min(other, on.get(number, other))
+    for number, other in sorted(on.items()):
+        spot, before = draft.waypoints[number], draft.waypoints[other]
+        message = f"{spot.label} lies on {before.label}; remove one of them"
+        draft.complain(spot.keys, message, "same-place")
 
 
-def _check_spots(draft: Draft, far: Collection[str]) -> bool:
+def _check_spots(draft: Draft, airspaces: Airspaces, far: Collection[str]) -> bool:
     """Whether home, waypoints and rally points all keep their distance."""
-    planner = draft.planner
-    readable = "planner" not in draft.unread
-    airspace = airspace_of(draft, planner.distance_m if readable else 0.0)
-    spots = [*([draft.home] if draft.home else []), *draft.waypoints, *draft.rally_points]
-    near = [spot for spot in spots if spot.label not in far]
-    wrong = [spot for spot in near if not airspace.point_clear(spot.position)]
-    for spot in wrong:
-        draft.complain(spot.keys, _complaint(spot, airspace, _needs(draft)))
+    margin_m = draft.planner.tracking_margin_m
+    cruise, column = airspaces.cruise.with_margin(margin_m), airspaces.column.with_margin(margin_m)
+    if "planner" in draft.unread:
+        cruise, column = airspaces.cruise.as_drawn(), airspaces.column.as_drawn()
+    landings = [*([draft.home] if draft.home else []), *draft.rally_points]
+    wrong = [
+        (spot, airspace)
+        for spots, airspace in ((landings, column), (draft.waypoints, cruise))
+        for spot in spots
+        if spot.label not in far and not airspace.point_clear(spot.position)
+    ]
+    for spot, airspace in wrong:
+        _complain_of_spot(draft, spot, airspace)
     return not wrong
 
 
-def _complaint(spot: Spot, airspace: Airspace, needs: str) -> str:
+def _complain_of_spot(draft: Draft, spot: Spot, airspace: Airspace) -> None:
     holders = airspace.holders(spot.position)
+    outside, inside, near = _CODES[spot.label.rstrip(" 0123456789")]
     if FENCE in holders:
-        return f"{spot.label} lies outside of the fence; move it inside"
-    if holders:
+        draft.complain(
+            spot.keys, f"{spot.label} lies outside of the fence; move it inside", outside
+        )
+    elif holders:
         zones = " and ".join(f"'{name}'" for name in holders)
-        return f"{spot.label} lies inside no-fly zone {zones}; move it out, to {needs}"
-    distance_m, name = airspace.nearest(spot.position)
-    what = "the fence" if name == FENCE else f"no-fly zone '{name}'"
-    return (
-        f"{spot.label} is {_metres(distance_m)} from {what}, it needs {needs}; "
-        f"move it by {_metres(airspace.clearance_m - distance_m)} or lower planner.clearance_m"
-    )
+        needs = _needs(draft, max(airspace.kept_m(name) for name in holders))
+        message = f"{spot.label} lies inside no-fly zone {zones}; move it out, to {needs}"
+        draft.complain(spot.keys, message, inside)
+    else:
+        spare_m, name = airspace.spare_m(spot.position)
+        kept_m = airspace.kept_m(name)
+        what = "the fence" if name == FENCE else f"no-fly zone '{name}'"
+        own = any(area.name == name and area.clearance_m is not None for area in draft.zones)
+        setting = "its clearance_m" if own else "planner.clearance_m"
+        message = (
+            f"{spot.label} is {_metres(kept_m + spare_m)} from {what}, it needs "
+            f"{_needs(draft, kept_m)}; move it by {_metres(-spare_m)} or lower {setting}"
+        )
+        draft.complain(spot.keys, message, near)
 
 
-def _needs(draft: Draft) -> str:
-    planner = draft.planner
-    return (
-        f"{planner.distance_m:g} m (clearance {planner.clearance_m:g} m + "
-        f"tracking margin {planner.tracking_margin_m:g} m)"
-    )
+def _needs(draft: Draft, kept_m: float) -> str:
+    margin_m = draft.planner.tracking_margin_m
+    return f"{kept_m:g} m (clearance {kept_m - margin_m:g} m + tracking margin {margin_m:g} m)"
 
 
 def _metres(distance_m: float) -> str:
     return f"{distance_m:.2f} m" if distance_m < 1 else f"{distance_m:.1f} m"
 
 
-def _check_ways(draft: Draft) -> None:
+def _check_ways(draft: Draft, airspaces: Airspaces) -> None:
     """A clear way must lead from home to every waypoint (and so from each to every other)."""
     if draft.home is None:
         return
-    regions = Regions(airspace_of(draft, draft.planner.distance_m))
+    regions = Regions(airspaces.cruise.with_margin(draft.planner.tracking_margin_m))
     answers: dict[int | None, str] = {}
     for spot in draft.waypoints:
         region = regions.of(spot.position)
@@ -198,7 +256,9 @@ def _check_ways(draft: Draft) -> None:
         draft.complain(
             spot.keys,
             f"no clear way leads from home to {spot.label}: {answers[region]} at "
-            f"{_needs(draft)}; open a gap, or move or remove the waypoint",
+            f"{_needs(draft, draft.planner.distance_m)}; open a gap, or move or remove the "
+            "waypoint",
+            "waypoint-unreachable",
         )
 
 

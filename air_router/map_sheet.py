@@ -22,7 +22,8 @@ _FLATTEST, _TALLEST = 0.4, 1.8
 def new_sheet(mission: Mission, track: Sequence[Point]) -> tuple[Figure, Axes]:
     """A figure in the proportions of what it shows, with quiet axes in metres."""
     points = [mission.home, *(w.position for w in mission.waypoints), *track, *mission.rally_points]
-    points += mission.fence or [corner for zone in mission.zones for corner in zone.ring]
+    shapes = mission.fences or [zone.shape for zone in mission.zones]
+    points += [corner for shape in shapes for corner in shape.corners]
     west, south, east, north = (float(v) for v in shapely.MultiPoint(points).bounds)
     pad_m = 0.04 * max(east - west, north - south, 50.0)
     west, south, east, north = west - pad_m, south - pad_m, east + pad_m, north + pad_m
@@ -37,7 +38,7 @@ def new_sheet(mission: Mission, track: Sequence[Point]) -> tuple[Figure, Axes]:
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)
     axes.set_aspect("equal")
-    axes.set_facecolor(GROUND if mission.fence is None else BEYOND)
+    axes.set_facecolor(GROUND if not mission.fences else BEYOND)
     axes.tick_params(colors=FAINT, labelsize=7, length=2.5, width=0.5, pad=2)
     axes.set_xlabel("metres east", color=FAINT, fontsize=7, labelpad=2)
     axes.set_ylabel("metres north", color=FAINT, fontsize=7, labelpad=1)

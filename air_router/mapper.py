@@ -33,7 +33,8 @@ class Mapper:
     """Puts camera patches together into one grid and remembers how it grew."""
 
     def __init__(self, mission: Mission) -> None:
-        places = [mission.home, *(w.position for w in mission.waypoints), *(mission.fence or ())]
+        places = [mission.home, *(waypoint.position for waypoint in mission.waypoints)]
+        places += [corner for fence in mission.fences for corner in fence.corners]
         south_west = Point(
             min(p.east_m for p in places) - MARGIN_M, min(p.north_m for p in places) - MARGIN_M
         )

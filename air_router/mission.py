@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
+from air_router.airspaces import Airspaces, FlightWindow, IdleZone, airspaces_of
 from air_router.draft import Draft
 from air_router.errors import MissionFileError
-from air_router.legality import airspace_of, check_geometry, check_team
+from air_router.legality import check_geometry, check_team
 from air_router.mission_file import read_mission
 from air_router.qgc import read_plan
 from air_router.settings import PlannerSettings, Timers
 from geo.airspace import Airspace
 from geo.frame import LocalFrame, Point
-from geo.zone import Ring, Zone
-from mocha_link.document import Document, DocumentError
+from geo.zone import Band, Shape, Zone
+from mocha_link.document import Document, DocumentError, Problem
 
-__all__ = ["Mission", "PlannerSettings", "Timers", "Waypoint", "load_mission"]
+__all__ = [
+    "Mission",
+    "PlannerSettings",
+    "Timers",
+    "Waypoint",
+    "judge",
+    "load_mission",
+    "mission_of",
+    "read_draft",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +50,8 @@ class Mission:
         home: Where the vehicle takes off and lands.
         home_altitude_amsl_m: Height of the ground at home above sea level, if known.
         waypoints: What to explore, in order; numbered 1, 2, 3 ... without gaps.
-        fence: The vehicle stays inside; None if there is none.
-        zones: The vehicle stays outside.
+        fences: The vehicle stays inside of all of them; empty if there is none.
+        zones: All no-fly zones of the file, also those that do not apply to this flight.
         rally_points: Places where the vehicle may land in need.
         altitude_above_home_m: The mission's altitude, for every point that has no other.
         speed_m_s: Cruise speed over ground.
@@ -52,8 +63,16 @@ class Mission:
         world: The file of the simulated world; None without one.
         duration_s: When to come home, counted from take-off; None to stay out.
         battery_reserve: The charge (0..1) at which the vehicle comes home.
-        airspace: Fence and zones, with the clearance that every flown metre keeps.
+        endurance_s: How long a full battery lasts in cruise flight, if that is known.
+        window: When it flies.
+        cruise: The altitudes above home that it flies at, and `planner.vertical_margin_m`.
+        airspace: Fences, and the zones that apply at these altitudes and in that time, with the
+            clearance that every flown metre keeps.
         planning_airspace: The same with the tracking margin on top: what routes are checked with.
+        column_airspace: As `airspace`, with the zones that apply below the cruise altitudes too:
+            for taking off and landing.
+        idle_zones: The zones that are not in `airspace`, and why.
+        notes: What the operator should know.
     """
 
     name: str
@@ -62,7 +81,7 @@ class Mission:
     home: Point
     home_altitude_amsl_m: float | None
     waypoints: tuple[Waypoint, ...]
-    fence: Ring | None
+    fences: tuple[Shape, ...]
     zones: tuple[Zone, ...]
     rally_points: tuple[Point, ...]
     altitude_above_home_m: float
@@ -75,46 +94,77 @@ class Mission:
     world: Path | None
     duration_s: float | None
     battery_reserve: float
+    endurance_s: float | None
+    window: FlightWindow
+    cruise: Band
     airspace: Airspace
     planning_airspace: Airspace
+    column_airspace: Airspace
+    idle_zones: tuple[IdleZone, ...]
+    notes: tuple[Problem, ...]
 
 
-def load_mission(path: Path) -> Mission:
+def load_mission(path: Path, *, start: datetime | None = None) -> Mission:
     """Read and check a mission: a YAML mission file, or a QGroundControl `.plan`.
+
+    Args:
+        path: the file.
+        start: when the vehicle takes off, in UTC; None: soon. Zones that do not apply then are
+            left out of the mission's airspace.
 
     Raises:
         MissionFileError: with every problem of the mission and of its team file.
     """
-    read = read_plan if path.suffix.lower() == ".plan" else _read_yaml
     try:
-        draft = read(path)
+        draft = read_draft(path)
     except DocumentError as error:
         raise MissionFileError(error.problems) from None
-    check_geometry(draft)
-    check_team(draft)
-    if draft.problems or draft.frame is None or draft.home is None:
+    draft.start = start
+    mission = judge(draft)
+    if draft.problems or mission is None:
         raise MissionFileError(draft.problems)
-    return _mission(draft, draft.frame, draft.home.position)
+    return mission
 
 
-def _read_yaml(path: Path) -> Draft:
+def read_draft(path: Path) -> Draft:
+    """What a file says, not yet judged.
+
+    Raises:
+        DocumentError: it cannot be read at all.
+    """
+    if path.suffix.lower() == ".plan":
+        return read_plan(path)
     return read_mission(Document.load(path))
 
 
-def _mission(draft: Draft, frame: LocalFrame, home: Point) -> Mission:
-    airspace = airspace_of(draft, draft.planner.clearance_m)
+def judge(draft: Draft) -> Mission | None:
+    """Note every problem of a draft in it; the mission that it describes, however wrong.
+
+    None if it says too little: the frame or home is missing. Do not fly one with problems.
+    """
+    window = FlightWindow.of(datetime.now(UTC), draft.start, draft.duration_s)
+    airspaces = airspaces_of(draft, window)
+    check_geometry(draft, airspaces)
+    check_team(draft)
+    return mission_of(draft, airspaces, window)
+
+
+def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Mission | None:
+    """The mission of a draft, whether it has problems or not; None without frame or home."""
+    if draft.frame is None or draft.home is None:
+        return None
     return Mission(
         name=draft.name,
         path=draft.document.path,
-        frame=frame,
-        home=home,
+        frame=draft.frame,
+        home=draft.home.position,
         home_altitude_amsl_m=draft.home_altitude_amsl_m,
         waypoints=tuple(
             Waypoint(number, spot.position, spot.altitude_m or draft.altitude_m)
             for number, spot in enumerate(draft.waypoints, start=1)
         ),
-        fence=airspace.fence,
-        zones=airspace.zones,
+        fences=airspaces.cruise.fences,
+        zones=airspaces.zones,
         rally_points=tuple(spot.position for spot in draft.rally_points),
         altitude_above_home_m=draft.altitude_m,
         speed_m_s=draft.speed_m_s,
@@ -126,6 +176,12 @@ def _mission(draft: Draft, frame: LocalFrame, home: Point) -> Mission:
         world=draft.world,
         duration_s=draft.duration_s,
         battery_reserve=draft.battery_reserve,
-        airspace=airspace,
-        planning_airspace=airspace.with_clearance(draft.planner.distance_m),
+        endurance_s=draft.endurance_s,
+        window=window,
+        cruise=airspaces.altitudes,
+        airspace=airspaces.cruise,
+        planning_airspace=airspaces.cruise.with_margin(draft.planner.tracking_margin_m),
+        column_airspace=airspaces.column,
+        idle_zones=airspaces.idle,
+        notes=tuple(draft.notes),
     )

@@ -4,113 +4,33 @@ from __future__ import annotations
 
 import copy
 import json
-from typing import Annotated, Any, Literal, Self
+from datetime import time
+from typing import Any
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import ValidationError
 
+from air_router.altitudes import Altitudes, Limit
 from air_router.draft import Area, Draft, Keys
-from air_router.settings import (
-    DEFAULT_BATTERY_RESERVE,
-    DEFAULT_SPEED_M_S,
-    PlannerKind,
-    PlannerSettings,
-    Timers,
-)
+from air_router.mission_form import AltitudeForm, AreaForm, MissionForm, PeriodForm, ZoneForm
+from air_router.settings import PlannerSettings, Timers
 from geo.airspace import FENCE
 from geo.frame import FrameError, Geodetic, LocalFrame
-from geo.zone import Ring
+from geo.validity import DAYS, Hours, Period, Validity
+from geo.zone import Shape
 from mocha_link.document import Document, DocumentError
 
-_Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
-_Seconds = Annotated[float, Field(gt=0, le=86_400)]
-_Metres = Annotated[float, Field(gt=0, le=10_000)]
-_Altitude = Annotated[float, Field(gt=0, le=10_000, description="metres above home")]
-_TIMERS, _PLANNER = Timers(), PlannerSettings()
+_LISTS = {
+    "waypoints": "position",
+    "fences": "polygon",
+    "no_fly_zones": "polygon",
+    "rally_points": "position",
+}
+"""Sections that are lists, and what a bare list in them is short for."""
 
-
-class _Circle(BaseModel):
-    centre: Annotated[_Pair, Field(description="[latitude, longitude] in degrees")]
-    radius_m: _Metres
-
-
-class _Area(BaseModel):
-    polygon: list[_Pair] | None = None
-    circle: _Circle | None = None
-
-    @model_validator(mode="after")
-    def _one_shape(self) -> Self:
-        if (self.polygon is None) == (self.circle is None):
-            raise ValueError("an area needs either 'polygon' or 'circle'; write exactly one")
-        return self
-
-
-class _Zone(_Area):
-    name: str | None = None
-    crosses_fence: bool = False
-
-
-class _Spot(BaseModel):
-    position: Annotated[_Pair, Field(description="[latitude, longitude] in degrees")]
-
-
-class _Waypoint(_Spot):
-    altitude_m: _Altitude | None = None
-
-
-class _Home(_Spot):
-    altitude_amsl_m: Annotated[float, Field(ge=-500, le=9_000)] | None = None
-
-
-class _Frame(BaseModel):
-    origin: Annotated[_Pair, Field(description="[latitude, longitude] in degrees")]
-
-
-class _Timers(BaseModel):
-    init_s: _Seconds = _TIMERS.init_s
-    explore_s: _Seconds = _TIMERS.explore_s
-    search_s: _Seconds = _TIMERS.search_s
-    communicate_s: _Seconds = _TIMERS.communicate_s
-
-
-class _Planner(BaseModel):
-    clearance_m: Annotated[float, Field(ge=0, le=1_000)] = _PLANNER.clearance_m
-    tracking_margin_m: Annotated[float, Field(ge=0, le=1_000)] = _PLANNER.tracking_margin_m
-    max_edge_m: _Metres = _PLANNER.max_edge_m
-    acceptance_radius_m: Annotated[float, Field(ge=0.5, le=20)] = _PLANNER.acceptance_radius_m
-    kind: PlannerKind = _PLANNER.kind
-
-
-class _Mission(BaseModel):
-    name: str | None = None
-    coordinates: Literal["degrees", "local"] = "degrees"
-    frame: _Frame | None = None
-    home: Annotated[_Home, Field(description="where the vehicle takes off and lands")]
-    altitude_m: _Altitude
-    speed_m_s: Annotated[float, Field(gt=0, le=50)] = DEFAULT_SPEED_M_S
-    waypoints: Annotated[list[_Waypoint], Field(description="what to explore, in order")]
-    fence: Annotated[
-        _Area | None, Field(description="the area to stay in; 'fence: null' if there is none")
-    ]
-    no_fly_zones: Annotated[
-        list[_Zone], Field(description="areas to stay out of; 'no_fly_zones: []' if there are none")
-    ]
-    rally_points: list[_Spot] = []
-    timers: _Timers = _Timers()
-    planner: _Planner = _Planner()
-    uav: str | None = None
-    seek: list[str] = []
-    team: str | None = None
-    world: str | None = None
-    duration_s: _Seconds | None = None
-    battery_reserve: Annotated[float, Field(ge=0, lt=1)] = DEFAULT_BATTERY_RESERVE
-
-
-_LISTS = ("waypoints", "no_fly_zones", "rally_points")
 _STAND_INS: dict[str, Any] = {
     "home": {"position": [0.0, 0.0]},
     "altitude_m": 1.0,
     "waypoints": [],
-    "fence": None,
     "no_fly_zones": [],
 }
 """For mandatory sections that are missing or unreadable, so that the others are still checked."""
@@ -124,12 +44,13 @@ def read_mission(document: Document) -> Draft:
     """
     draft = Draft(document)
     if not isinstance(document.data, dict):
-        draft.complain((), "a mission is a mapping of keys and values; see docs/mission-file.md")
+        message = "a mission is a mapping of keys and values; see docs/mission-file.md"
+        draft.complain((), message, "no-mission")
         return draft
     _write_out(document.data)
     places = {name: list(range(_length(document.data, name))) for name in _LISTS}
     try:
-        model: _Mission | None = document.parse(_Mission)
+        model: MissionForm | None = document.parse(MissionForm)
     except DocumentError as error:
         draft.problems.extend(error.problems)
         model = _salvaged(document.data, draft, places)
@@ -143,7 +64,7 @@ def _write_out(data: dict[Any, Any]) -> None:
     for name, key in (("home", "position"), ("fence", "polygon")):
         if isinstance(data.get(name), list):
             data[name] = {key: data[name]}
-    for name, key in zip(_LISTS, ("position", "polygon", "position"), strict=True):
+    for name, key in _LISTS.items():
         if isinstance(data.get(name), list):
             data[name] = [{key: item} if isinstance(item, list) else item for item in data[name]]
 
@@ -155,12 +76,12 @@ def _length(data: dict[Any, Any], name: str) -> int:
 
 def _salvaged(
     original: dict[Any, Any], draft: Draft, places: dict[str, list[int]]
-) -> _Mission | None:
+) -> MissionForm | None:
     """What is left of a mission when the parts that are wrong are taken out of it."""
     data = copy.deepcopy(original)
     for _ in range(3):  # taking a part out may uncover a problem of what it was in
         try:
-            return _Mission.model_validate_json(json.dumps(data), strict=True, extra="forbid")
+            return MissionForm.model_validate_json(json.dumps(data), strict=True, extra="forbid")
         except ValidationError as error:
             details = error.errors(include_url=False)
         entries: set[tuple[str, int]] = set()
@@ -186,7 +107,7 @@ def _drop(data: Any, keys: tuple[str | int, ...]) -> None:
     data.pop(next((key for key in data if str(key) == keys[-1]), None), None)
 
 
-def _fill(draft: Draft, model: _Mission, places: dict[str, list[int]]) -> None:
+def _fill(draft: Draft, model: MissionForm, places: dict[str, list[int]]) -> None:
     draft.name = model.name or draft.document.path.resolve().parent.name
     draft.altitude_m, draft.speed_m_s = model.altitude_m, model.speed_m_s
     draft.timers = Timers(**model.timers.model_dump())
@@ -195,7 +116,8 @@ def _fill(draft: Draft, model: _Mission, places: dict[str, list[int]]) -> None:
     folder = draft.document.path.parent
     draft.team = None if model.team is None else folder / model.team
     draft.world = None if model.world is None else folder / model.world
-    draft.duration_s, draft.battery_reserve = model.duration_s, model.battery_reserve
+    draft.duration_s, draft.endurance_s = model.duration_s, model.endurance_s
+    draft.battery_reserve = model.battery_reserve
     draft.home_altitude_amsl_m = model.home.altitude_amsl_m
     draft.in_metres = model.coordinates == "local"
     _fill_frame(draft, model)
@@ -213,19 +135,36 @@ def _fill(draft: Draft, model: _Mission, places: dict[str, list[int]]) -> None:
         keys = ("rally_points", index, "position")
         spot = draft.spot(f"rally point {index + 1}", rally_point.position, keys)
         draft.rally_points += [spot] if spot else []
-    if model.fence is not None:
-        ring = _ring(draft, model.fence, "the fence", ("fence",))
-        draft.fence = Area(FENCE, ring, ("fence",)) if ring else None
-        if ring is None:
-            draft.unread.add("fence")
+    _fill_fences(draft, model, places["fences"])
     for index, zone in zip(places["no_fly_zones"], model.no_fly_zones, strict=True):
         keys = ("no_fly_zones", index)
         name = zone.name or f"zone {index + 1}"
-        ring = _ring(draft, zone, f"no-fly zone '{name}'", keys)
-        draft.zones += [Area(name, ring, keys, zone.crosses_fence)] if ring else []
+        shape = _shape(draft, zone, f"no-fly zone '{name}'", keys)
+        draft.zones += [_zone(zone, name, shape, keys)] if shape else []
 
 
-def _fill_frame(draft: Draft, model: _Mission) -> None:
+def _fill_fences(draft: Draft, model: MissionForm, places: list[int]) -> None:
+    given = {"fence", "fences"} & (model.model_fields_set | draft.unread)
+    if not given:
+        message = (
+            "missing key 'fence' (the area to stay in; 'fence: null' if there is none); add it"
+        )
+        draft.complain((), message, "missing-key")
+    elif len(given) > 1:
+        draft.complain(
+            ("fences",), "'fence' and 'fences' are given; list all in 'fences'", "one-fence-key"
+        )
+    areas: list[tuple[AreaForm, Keys]] = [] if model.fence is None else [(model.fence, ("fence",))]
+    areas += [(area, ("fences", i)) for i, area in zip(places, model.fences, strict=True)]
+    for area, keys in areas:
+        shape = _shape(draft, area, "the fence", keys)
+        if shape is None:
+            draft.unread.add("fence")
+        else:
+            draft.fences.append(Area(FENCE, shape, keys))
+
+
+def _fill_frame(draft: Draft, model: MissionForm) -> None:
     keys: Keys
     if draft.unread & {"frame", "coordinates"}:
         return
@@ -235,6 +174,7 @@ def _fill_frame(draft: Draft, model: _Mission) -> None:
         draft.complain(
             ("coordinates",),
             "local coordinates need to know where they are; add frame: {origin: [lat, lon]}",
+            "frame-missing",
         )
         return
     elif "home" not in draft.unread:
@@ -246,12 +186,44 @@ def _fill_frame(draft: Draft, model: _Mission) -> None:
     try:
         draft.frame = LocalFrame(Geodetic(*origin))
     except FrameError as error:
-        draft.complain(keys, f"{keys[0]}: {error}; correct it (latitude comes first)")
+        message = f"{keys[0]}: {error}; correct it (latitude comes first)"
+        draft.complain(keys, message, "not-on-earth")
 
 
-def _ring(draft: Draft, area: _Area, name: str, keys: Keys) -> Ring | None:
+def _shape(draft: Draft, area: AreaForm, name: str, keys: Keys) -> Shape | None:
     if area.circle is not None:
-        centre, radius_m = area.circle.centre, area.circle.radius_m
-        zone = keys != ("fence",)
-        return draft.circle(name, centre, radius_m, (*keys, "circle"), zone=zone)
-    return draft.polygon(name, area.polygon or [], (*keys, "polygon"))
+        return draft.circle(name, area.circle.centre, area.circle.radius_m, (*keys, "circle"))
+    corners, holes = area.polygon or [], area.holes
+    return draft.polygon(name, corners, (*keys, "polygon"), holes, (*keys, "holes"))
+
+
+def _zone(form: ZoneForm, name: str, shape: Shape, keys: Keys) -> Area:
+    return Area(
+        name,
+        shape,
+        keys,
+        crosses_fence=form.crosses_fence,
+        clearance_m=form.clearance_m,
+        altitudes=None if form.altitude is None else _altitudes(form.altitude),
+        validity=None if form.active is None else Validity(tuple(map(_period, form.active))),
+    )
+
+
+def _altitudes(form: AltitudeForm) -> Altitudes:
+    lower, upper = (
+        None if metres is None else Limit(metres, reference or form.reference)
+        for metres, reference in (
+            (form.lower_m, form.lower_reference),
+            (form.upper_m, form.upper_reference),
+        )
+    )
+    return Altitudes(lower, upper)
+
+
+def _period(form: PeriodForm) -> Period:
+    daily: tuple[Hours, ...] = ()
+    if form.days is not None or form.between is not None:
+        days = range(len(DAYS)) if form.days is None else form.days
+        start, end = form.between or (time(0, 0), time(0, 0))
+        daily = (Hours(frozenset(days), start, end),)
+    return Period(form.begin, form.until, daily)

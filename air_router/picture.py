@@ -77,11 +77,12 @@ def draw_mission(
 
 
 def _draw_airspace(axes: Axes, mission: Mission) -> None:
-    if mission.fence is not None:
-        axes.add_patch(_patch(Polygon(mission.fence), facecolor=GROUND, zorder=1))
+    if mission.fences:
+        inside = shapely.intersection_all([fence.polygon for fence in mission.fences])
+        axes.add_patch(_patch(inside, facecolor=GROUND, zorder=1))
         axes.add_patch(
             _patch(
-                Polygon(mission.fence),
+                inside,
                 fill=False,
                 edgecolor=_FENCE,
                 linewidth=1.6,
@@ -89,10 +90,10 @@ def _draw_airspace(axes: Axes, mission: Mission) -> None:
                 label="fence",
             )
         )
-    zones = shapely.union_all([Polygon(zone.ring) for zone in mission.zones])
+    zones = shapely.union_all([zone.polygon for zone in mission.airspace.zones])
     if zones.is_empty:
         return
-    buffers = zones.buffer(mission.planner.clearance_m)
+    buffers = shapely.union_all(mission.airspace.inflated())
     clearance = f"clearance {mission.planner.clearance_m:g} m"
     axes.add_patch(_patch(buffers, facecolor=_ZONE, alpha=0.08, zorder=2))
     axes.add_patch(
@@ -122,7 +123,7 @@ def _draw_airspace(axes: Axes, mission: Mission) -> None:
 
 def _name_zones(axes: Axes, mission: Mission) -> None:
     for zone in mission.zones:
-        middle = _roomiest(Polygon(zone.ring))
+        middle = _roomiest(zone.polygon)
         axes.text(
             middle.east_m,
             middle.north_m,

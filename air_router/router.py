@@ -67,7 +67,7 @@ class Router:
         self._graph = graph
         self._mission = graph.mission
         self._airspace = graph.mission.planning_airspace
-        self._departing = self._airspace.with_clearance(graph.mission.planner.departure_m)
+        self._departing = self._airspace.with_margin(graph.mission.planner.departure_margin_m)
         self._regions: Regions | None = None
 
     def route(
@@ -93,7 +93,7 @@ class Router:
                 return _route(start, points, rule.warnings)
         for out in self._ways_out(start) if rule.cramped else []:
             if rule.allows(out):
-                onward = self._points(target, Departure(self._mission, self._airspace, out, None))
+                onward = self._points(target, Departure(self._airspace, out, None))
                 if onward is not None:
                     return _route(start, [Leg(out), *onward], rule.warnings)
         return self._no_route(start, target, rule)
@@ -107,7 +107,7 @@ class Router:
     def _departures(self, start: Point, stopping: Point | None) -> Iterator[Departure]:
         """With the whole tracking margin, and where that is too much to ask, with half of it."""
         for airspace in (self._airspace, self._departing):
-            yield Departure(self._mission, airspace, start, stopping)
+            yield Departure(airspace, start, stopping)
 
     def _goal(self, goal: Point | int) -> Leg:
         if isinstance(goal, int):
@@ -178,14 +178,15 @@ class Router:
 
     def _bad_goal(self, target: Leg) -> NoRoute:
         holders = self._airspace.holders(target.to)
-        distance_m, name = self._airspace.nearest(target.to)
+        spare_m, name = self._airspace.spare_m(target.to)
         if FENCE in holders:
             return NoRoute("the goal lies outside of the fence", holders)
         if holders:
             return NoRoute(f"the goal lies inside {names_of(holders)}", holders)
+        kept_m = self._airspace.kept_m(name)
         return NoRoute(
-            f"the goal is {distance_m:.1f} m from {names_of((name,))}, "
-            f"routes keep {self._airspace.clearance_m:g} m",
+            f"the goal is {kept_m + spare_m:.1f} m from {names_of((name,))}, "
+            f"routes keep {kept_m:g} m",
             (name,),
         )
 
@@ -194,7 +195,7 @@ class Router:
             self._regions = Regions(self._airspace)
         walls = self._regions.separators(start, target.to)
         if walls:
-            keep = f"{self._airspace.clearance_m:g} m"
+            keep = f"{self._airspace.fence_distance_m:g} m"
             return NoRoute(
                 f"{names_of(walls)} separate start and goal at {keep} of distance", walls
             )

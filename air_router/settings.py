@@ -36,6 +36,10 @@ class PlannerSettings:
             may take.
         max_edge_m: the longest connection between two waypoints of the graph.
         acceptance_radius_m: nearer than this to a waypoint counts as there.
+        vertical_margin_m: how far the vehicle may be off the altitudes that it flies at, when zones
+            are chosen by their altitude limits.
+        terrain_relief_m: how much higher or lower than at home the ground may be, for zones whose
+            limits count from the ground.
         kind: whether routes stay on the waypoint graph or are the shortest there are.
     """
 
@@ -43,6 +47,8 @@ class PlannerSettings:
     tracking_margin_m: float = 1.5
     max_edge_m: float = 100.0
     acceptance_radius_m: float = 2.0
+    vertical_margin_m: float = 5.0
+    terrain_relief_m: float = 20.0
     kind: PlannerKind = "waypoints"
 
     @property
@@ -51,9 +57,9 @@ class PlannerSettings:
         return self.clearance_m + self.tracking_margin_m
 
     @property
-    def departure_m(self) -> float:
-        """What a leg keeps away that starts where the vehicle is, a little off the planned one."""
-        return self.clearance_m + self.tracking_margin_m / 2
+    def departure_margin_m(self) -> float:
+        """The margin of a leg that starts where the vehicle is, a little off the planned one."""
+        return self.tracking_margin_m / 2
 
 
 DEFAULT_SPEED_M_S = 3.5

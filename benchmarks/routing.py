@@ -42,7 +42,7 @@ def measure(*, quick: bool) -> Iterator[dict[str, Any]]:
 
 
 def bare_edges(mission: Any) -> int:
-    zones = shapely.union_all([shapely.Polygon(zone.ring) for zone in mission.zones])
+    zones = shapely.union_all([zone.polygon for zone in mission.zones])
     places = [w.position for w in mission.waypoints]
     lines = [shapely.LineString((a, b)) for a in places for b in places if a < b]
     return int((shapely.distance(lines, zones) >= mission.planner.clearance_m).sum())

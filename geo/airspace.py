@@ -1,30 +1,39 @@
-"""Where a vehicle may be: inside the fence and clear of every no-fly zone.
+"""Where a vehicle may be: inside of every fence and clear of every no-fly zone.
 
-All tests are exact, by distance to the zones and the fence as they were drawn: nothing is rastered
-and no buffer polygon takes part. A place or a leg is clear when it keeps `clearance_m` of distance
-(less a tolerance of a micrometre, so that points computed to lie on the limit count as clear).
+All tests are exact, by distance to the zones and fences as they were drawn: nothing is rastered,
+no buffer polygon takes part, and the distance to a circle is that to its centre less its radius.
+
+The distance to keep from a zone is the zone's own clearance, or else that of the airspace, plus the
+margin of the airspace; from a fence's border it is the airspace's clearance plus the margin. A
+place or a leg is clear when it keeps these distances (less a tolerance of a micrometre, so that
+points computed to lie on the limit count as clear).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from datetime import datetime
 from functools import cached_property
+from typing import cast
 
 import numpy as np
+import numpy.typing as npt
 import shapely
-from shapely import LineString, MultiPoint, Polygon, STRtree
+from shapely import LineString, MultiPoint, STRtree
 from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
+from geo.fence import Fence
 from geo.frame import Point
-from geo.zone import Ring, Zone, checked_ring
+from geo.inflation import mitred, rounded
+from geo.zone import Circle, Outline, Ring, Shape, Zone
 
 __all__ = ["FENCE", "TOLERANCE_M", "Airspace", "Zone"]
 
 FENCE = "fence"
-"""The name that stands for the fence in answers about what is near or in the way."""
+"""The name that stands for the fences in answers about what is near or in the way."""
 
 TOLERANCE_M = 1e-6
 
@@ -32,51 +41,95 @@ _NODE_MARGIN_M = 0.01
 """Corners of detours keep this much more than the clearance, so that legs along a zone's side
 never fail their own test by rounding."""
 
-_ARC_STEPS = 16
-
 _UNFENCED_M = (-1e6, -1e6, 1e6, 1e6)
 """What is drawn of an airspace without a fence."""
 
+_Grown = Callable[[Shape, float], BaseGeometry]
+_Geometries = npt.NDArray[np.object_]
+_Floats = npt.NDArray[np.float64]
+_Flags = npt.NDArray[np.bool_]
+
+_dwithin = cast("Callable[..., _Flags]", shapely.dwithin)
+"""Takes a distance for each pair, which shapely's annotations do not know."""
+
+_dwithin = cast("Callable[..., _Flags]", shapely.dwithin)
+"""Takes a distance for each pair, which shapely's annotations do not know."""
+
 
 class Airspace:
-    """A fence (or none), no-fly zones, and the distance to keep from both.
+    """Fences (or none), no-fly zones, and the distance to keep from both.
 
     Args:
-        fence: the vehicle stays inside of this ring; None if there is no fence.
+        fences: the vehicle stays inside of all of these; None or an empty list: no fence.
         zones: the vehicle stays outside of these; they may overlap and touch.
-        clearance_m: the least distance to any zone and to the fence's border.
+        clearance_m: the least distance to every zone that has no clearance of its own, and to the
+            fences' borders.
+        margin_m: kept on top of every clearance. It may be negative: no distance gets less than 0.
 
     Raises:
-        ZoneError: the fence is not a simple polygon.
-        ValueError: the clearance is negative or not finite.
+        ZoneError: a fence is not a simple polygon.
+        ValueError: the clearance is negative or not finite, or the margin is not a number.
     """
 
-    def __init__(self, fence: Ring | None, zones: Sequence[Zone], clearance_m: float) -> None:
+    def __init__(
+        self,
+        fences: Shape | Ring | Sequence[Shape] | None,
+        zones: Sequence[Zone],
+        clearance_m: float,
+        margin_m: float = 0.0,
+    ) -> None:
         if not 0 <= clearance_m < math.inf:
             raise ValueError(f"a clearance of {clearance_m} m; it must be 0 or more")
-        self.fence = None if fence is None else checked_ring(fence)
+        if not margin_m < math.inf:
+            raise ValueError(f"a margin of {margin_m} m; it must be a finite distance")
+        self.fences = _shapes(fences)
         self.zones = tuple(zones)
         self.clearance_m = clearance_m
-        self._threshold_m = max(clearance_m - TOLERANCE_M, 0.0)
-        self._polygons: tuple[Polygon, ...] = tuple(Polygon(zone.ring) for zone in self.zones)
-        self._tree = STRtree(self._polygons)
-        self._inside = None if self.fence is None else Polygon(self.fence)
-        self._border = None if self._inside is None else self._inside.exterior
-        if self._inside is not None:
-            shapely.prepare([self._inside, self._border])
+        self.margin_m = margin_m
+        self.distances_m = tuple(
+            max((clearance_m if z.clearance_m is None else z.clearance_m) + margin_m, 0.0)
+            for z in self.zones
+        )
+        self.fence_distance_m = max(clearance_m + margin_m, 0.0)
+        self._fences = tuple(Fence(shape) for shape in self.fences)
 
     def __repr__(self) -> str:
-        fence = "no fence" if self.fence is None else f"a fence of {len(self.fence)} corners"
-        return f"Airspace({fence}, {len(self.zones)} zones, clearance {self.clearance_m} m)"
+        return (
+            f"Airspace({len(self.fences)} fences, {len(self.zones)} zones, clearance "
+            f"{self.clearance_m} m, margin {self.margin_m} m)"
+        )
 
     def with_clearance(self, clearance_m: float) -> Airspace:
-        """The same fence and zones with another clearance."""
-        return Airspace(self.fence, self.zones, clearance_m)
+        """The same with another clearance for all that has none of its own."""
+        return Airspace(self.fences, self.zones, clearance_m, self.margin_m)
+
+    def with_margin(self, margin_m: float) -> Airspace:
+        """The same with another margin on top of every clearance."""
+        return Airspace(self.fences, self.zones, self.clearance_m, margin_m)
+
+    def as_drawn(self) -> Airspace:
+        """The same fences and zones, with no distance to keep from them."""
+        return self.with_margin(-math.inf)
 
     def without(self, names: Sequence[str]) -> Airspace:
-        """The airspace without the zones (or the fence) of these names."""
+        """The airspace without the zones (or the fences) of these names."""
         zones = tuple(zone for zone in self.zones if zone.name not in names)
-        return Airspace(None if FENCE in names else self.fence, zones, self.clearance_m)
+        fences = () if FENCE in names else self.fences
+        return Airspace(fences, zones, self.clearance_m, self.margin_m)
+
+    def at(self, low_m: float, high_m: float) -> Airspace:
+        """The airspace with only the zones that apply somewhere in a range above home."""
+        zones = [z for z in self.zones if z.band is None or z.band.meets(low_m, high_m)]
+        return Airspace(self.fences, zones, self.clearance_m, self.margin_m)
+
+    def during(self, start: datetime, end: datetime | None) -> Airspace:
+        """The airspace with only the zones that apply at some time between (None: for ever)."""
+        zones = [
+            zone
+            for zone in self.zones
+            if zone.validity is None or zone.validity.active_between(start, end)
+        ]
+        return Airspace(self.fences, zones, self.clearance_m, self.margin_m)
 
     def point_clear(self, point: Point) -> bool:
         """Whether the vehicle may be here."""
@@ -90,20 +143,22 @@ class Airspace:
         """`leg_clear` from one place to many, in bulk."""
         if not ends:
             return []
-        coordinates = np.empty((len(ends), 2, 2))
-        coordinates[:, 0] = start
-        coordinates[:, 1] = ends
-        lines = shapely.linestrings(coordinates)
-        clear = np.ones(len(ends), dtype=bool)
-        hit, _ = self._tree.query(lines, predicate="dwithin", distance=self._threshold_m)
-        clear[hit] = False
-        if self._inside is not None:
-            clear &= shapely.contains_xy(self._inside, *start)
-            clear &= ~shapely.dwithin(self._border, lines, self._threshold_m)
-        return [
-            bool(answer) if end != start else self.point_clear(start)
-            for answer, end in zip(clear, ends, strict=True)
-        ]
+        there = np.array(ends, dtype=float)
+        clear = self.legs_clear_between(np.broadcast_to(start, there.shape), there)
+        return [bool(answer) for answer in clear]
+
+    def legs_clear_between(self, starts: _Floats, ends: _Floats) -> _Flags:
+        """`leg_clear` of many legs at once; both arrays have a row of (east, north) for each."""
+        lines = _lines(starts, ends)
+        clear = np.ones(len(lines), dtype=bool)
+        for fence in self._fences:
+            clear[clear] = fence.keeps(lines[clear], _threshold(self.fence_distance_m))
+        rest = np.flatnonzero(clear)
+        lines = lines[rest]
+        legs, zones = self._tree.query(lines)
+        close = _dwithin(self._geometries[zones], lines[legs], self._thresholds_m[zones])
+        clear[rest[legs[close]]] = False
+        return clear
 
     def swept_clear(self, points: Sequence[Point]) -> bool:
         """Whether the convex hull of the points is clear.
@@ -116,31 +171,58 @@ class Airspace:
     def blockers(self, start: Point, end: Point) -> tuple[str, ...]:
         """Names of the zones (and `FENCE`) that keep the leg from being clear."""
         leg = _line(start, end)
-        hits = self._tree.query(leg, predicate="dwithin", distance=self._threshold_m)
-        names = [self.zones[index].name for index in sorted(hits)]
-        if not self._within_fence(leg):
+        names = [self.zones[index].name for index in sorted(self._close(leg))]
+        if not self._within_fences(leg):
             names.append(FENCE)
         return tuple(names)
 
     def holders(self, point: Point) -> tuple[str, ...]:
-        """Names of the zones that the point is in, and `FENCE` if it is outside of the fence."""
+        """Names of the zones that the point is in, and `FENCE` if it is outside of a fence."""
         place = ShapelyPoint(point)
-        names = [self.zones[i].name for i in sorted(self._tree.query(place, "intersects"))]
-        if self._inside is not None and not self._inside.covers(place):
+        near = sorted(self._tree.query(place))
+        names = [self.zones[i].name for i in near if self._zone_distance_m(i, place) <= 0]
+        if any(fence.depth_m(place) < 0 for fence in self._fences):
             names.append(FENCE)
         return tuple(names)
 
     def distance_m(self, point: Point) -> float:
         """Distance to the nearest zone or fence border.
 
-        It is negative inside a zone (how deep) and outside of the fence (how far); infinite when
+        It is negative inside a zone (how deep) and outside of a fence (how far); infinite when
         there is neither zone nor fence.
         """
         return self.nearest(point)[0]
 
     def nearest(self, point: Point) -> tuple[float, str]:
         """`distance_m`, and the name of the zone (or `FENCE`) that is so near; "" for nothing."""
-        return min(self._distances(point), default=(math.inf, ""))
+        distances = ((distance_m, name) for distance_m, _, name in self._distances(point))
+        return min(distances, default=(math.inf, ""))
+
+    def spare_m(self, point: Point) -> tuple[float, str]:
+        """How much farther away than it has to be a point is, and from what; negative: too near.
+
+        The least over all zones and fences of the distance to them less the distance to keep.
+        Infinite, and "", when there is neither.
+        """
+        spares = (
+            (distance_m - kept_m, name) for distance_m, kept_m, name in self._distances(point)
+        )
+        return min(spares, default=(math.inf, ""))
+
+    def kept_m(self, name: str) -> float:
+        """The distance to keep from the zones of this name, or from the fences' borders.
+
+        Raises:
+            KeyError: nothing has this name.
+        """
+        kept = [
+            d for zone, d in zip(self.zones, self.distances_m, strict=True) if zone.name == name
+        ]
+        if name == FENCE:
+            kept.append(self.fence_distance_m)
+        if not kept:
+            raise KeyError(name)
+        return max(kept)
 
     def track_distance_m(self, points: Sequence[Point]) -> tuple[float, str]:
         """Closest approach of a polyline, and the name of what it approached.
@@ -152,10 +234,12 @@ class Airspace:
             return math.inf, ""
         track = _line(points[0], points[0]) if len(points) == 1 else LineString(points)
         closest = (math.inf, "")
-        for polygon, zone in zip(self._polygons, self.zones, strict=True):
-            closest = min(closest, (float(polygon.distance(track)), zone.name))
-        if self._border is not None:
-            closest = min(closest, (float(self._border.distance(track)), FENCE))
+        if self.zones:
+            distances = shapely.distance(self._geometries, track) - self._radii_m
+            nearest = int(np.argmin(distances))
+            closest = (max(float(distances[nearest]), 0.0), self.zones[nearest].name)
+        for fence in self._fences:
+            closest = min(closest, (max(fence.distance_m(track), 0.0), FENCE))
         if closest[0] > 0 and not self.holders(points[0]):
             return closest
         return min(closest, *(self.nearest(point) for point in points))
@@ -176,50 +260,106 @@ class Airspace:
 
         For finding places and telling regions apart; the tests above do not use it.
         """
-        return self._free(_rounded)
+        return self._free(rounded)
 
     @cached_property
     def free_mitred(self) -> BaseGeometry:
         """The clear area with few corners; up to a tenth of the clearance too small at corners."""
-        return self._free(_mitred)
+        return self._free(mitred)
 
-    def inflated(self, reach_m: float) -> list[BaseGeometry]:
-        """Every zone, grown by `reach_m` or slightly more, never less; in the order of `zones`."""
-        return [_rounded(polygon, reach_m) for polygon in self._polygons]
+    def inflated(self, extra_m: float = 0.0) -> list[BaseGeometry]:
+        """Every zone, grown by the distance to keep from it and `extra_m`, or slightly more.
 
-    def _free(self, grown: Callable[[Polygon, float], BaseGeometry]) -> BaseGeometry:
-        reach_m = self.clearance_m + _NODE_MARGIN_M
-        if self._inside is not None:
-            inside = grown(self._inside, -reach_m)
-        else:
-            west, south, east, north = _UNFENCED_M
-            inside = shapely.box(west, south, east, north)
-        zones = [grown(polygon, reach_m) for polygon in self._polygons]
-        return inside.difference(shapely.union_all(zones))
+        In the order of `zones`.
+        """
+        reaches = zip(self.zones, self.distances_m, strict=True)
+        return [rounded(zone.shape, distance_m + extra_m) for zone, distance_m in reaches]
 
-    def _clear(self, shape: BaseGeometry) -> bool:
-        hits = self._tree.query(shape, predicate="dwithin", distance=self._threshold_m)
-        return len(hits) == 0 and self._within_fence(shape)
+    @cached_property
+    def _geometries(self) -> _Geometries:
+        """What distances to zones are measured from: polygons, and the centres of circles."""
+        geometries = np.array([_solid(zone.shape) for zone in self.zones], dtype=object)
+        shapely.prepare(geometries)
+        return geometries
 
-    def _within_fence(self, shape: BaseGeometry) -> bool:
-        if self._inside is None or self._border is None:
-            return True
-        # A connected shape that stays away from the border lies on the side of any of its points.
-        first = shapely.get_coordinates(shape)[0]
-        return bool(shapely.contains_xy(self._inside, *first)) and not bool(
-            shapely.dwithin(self._border, shape, self._threshold_m)
+    @cached_property
+    def _radii_m(self) -> _Floats:
+        """What of these distances lies within the zones."""
+        return np.array(
+            [z.shape.radius_m if isinstance(z.shape, Circle) else 0.0 for z in self.zones]
         )
 
-    def _distances(self, point: Point) -> Iterator[tuple[float, str]]:
+    @cached_property
+    def _thresholds_m(self) -> _Floats:
+        """At these distances or less from `_geometries` nothing is clear."""
+        return self._radii_m + [_threshold(distance_m) for distance_m in self.distances_m]
+
+    @cached_property
+    def _tree(self) -> STRtree:
+        """Boxes around all that is not clear because of each zone."""
+        bounds = shapely.bounds(self._geometries)
+        reach_m = self._thresholds_m + TOLERANCE_M
+        west, south, east, north = bounds.reshape(-1, 4).T
+        return STRtree(
+            shapely.box(west - reach_m, south - reach_m, east + reach_m, north + reach_m)
+        )
+
+    def _free(self, grown: _Grown) -> BaseGeometry:
+        clear: BaseGeometry = shapely.box(*_UNFENCED_M)
+        for number, fence in enumerate(self.fences):
+            inside = grown(fence, -(self.fence_distance_m + _NODE_MARGIN_M))
+            clear = clear.intersection(inside) if number else inside
+        reaches = zip(self.zones, self.distances_m, strict=True)
+        zones = [grown(zone.shape, distance_m + _NODE_MARGIN_M) for zone, distance_m in reaches]
+        return clear.difference(shapely.union_all(zones))
+
+    def _clear(self, shape: BaseGeometry) -> bool:
+        return len(self._close(shape)) == 0 and self._within_fences(shape)
+
+    def _close(self, shape: BaseGeometry) -> npt.NDArray[np.intp]:
+        """The numbers of the zones that a shape is too near to."""
+        near = self._tree.query(shape)
+        return near[_dwithin(self._geometries[near], shape, self._thresholds_m[near])]
+
+    def _within_fences(self, shape: BaseGeometry) -> bool:
+        threshold_m = _threshold(self.fence_distance_m)
+        return all(
+            bool(fence.keeps(np.array([shape], dtype=object), threshold_m)[0])
+            for fence in self._fences
+        )
+
+    def _zone_distance_m(self, index: int, place: ShapelyPoint) -> float:
+        shape = self.zones[index].shape
+        distance_m = float(shapely.distance(self._geometries[index], place))
+        if isinstance(shape, Circle):
+            return distance_m - shape.radius_m
+        return distance_m if distance_m > 0 else -float(shape.border.distance(place))
+
+    def _distances(self, point: Point) -> Iterator[tuple[float, float, str]]:
+        """For every zone and fence: the distance (negative beyond it), what to keep, the name."""
         place = ShapelyPoint(point)
-        for polygon, zone in zip(self._polygons, self.zones, strict=True):
-            distance_m = float(polygon.distance(place))
-            if distance_m == 0:
-                distance_m = -float(polygon.exterior.distance(place))
-            yield distance_m, zone.name
-        if self._inside is not None and self._border is not None:
-            distance_m = float(self._border.distance(place))
-            yield (distance_m if self._inside.covers(place) else -distance_m), FENCE
+        for index, zone in enumerate(self.zones):
+            yield self._zone_distance_m(index, place), self.distances_m[index], zone.name
+        for fence in self._fences:
+            yield fence.depth_m(place), self.fence_distance_m, FENCE
+
+
+def _threshold(distance_m: float) -> float:
+    return max(distance_m - TOLERANCE_M, 0.0)
+
+
+def _shapes(fences: Shape | Ring | Sequence[Shape] | None) -> tuple[Shape, ...]:
+    if fences is None:
+        return ()
+    if isinstance(fences, Outline | Circle):
+        return (fences,)
+    if all(isinstance(shape, Outline | Circle) for shape in fences):
+        return tuple(cast("Sequence[Shape]", fences))
+    return (Outline(cast("Ring", tuple(fences))),)
+
+
+def _solid(shape: Shape) -> BaseGeometry:
+    return ShapelyPoint(shape.centre) if isinstance(shape, Circle) else shape.polygon
 
 
 def _line(start: Point, end: Point) -> BaseGeometry:
@@ -227,13 +367,10 @@ def _line(start: Point, end: Point) -> BaseGeometry:
     return LineString((start, end)) if tuple(start) != tuple(end) else ShapelyPoint(start)
 
 
-def _mitred(polygon: Polygon, reach_m: float) -> BaseGeometry:
-    # A mitre limit of 1.1 was measured never to fall short of the reach; bevelled corners do.
-    return polygon.buffer(reach_m, join_style="mitre", mitre_limit=1.1)
-
-
-def _rounded(polygon: Polygon, reach_m: float) -> BaseGeometry:
-    # GEOS rounds the number of steps of an arc, so that a step may be half as long again: the
-    # usual compensation for the chord still falls short, this one does not.
-    step = 1.5 * (math.pi / 2) / _ARC_STEPS
-    return polygon.buffer(reach_m / math.cos(step / 2), quad_segs=_ARC_STEPS)
+def _lines(starts: _Floats, ends: _Floats) -> _Geometries:
+    """`_line` for many."""
+    lines = np.asarray(shapely.linestrings(np.stack([starts, ends], axis=1)), dtype=object)
+    still = (starts == ends).all(axis=1)
+    if still.any():
+        lines[still] = shapely.points(starts[still])
+    return lines

@@ -46,11 +46,11 @@ class Regions:
         """
         if self.of(a) is None or self.of(b) is None or self.connected(a, b):
             return ()
-        names = [FENCE] if self._airspace.fence is not None else []
+        names = [FENCE] if self._airspace.fences else []
         names += [zone.name for zone in self._airspace.zones]
         wall = _wall_between(a, b, self._airspace)
         if wall is not None:
-            shapes = self._airspace.inflated(self._airspace.clearance_m + self._reach_m)
+            shapes = self._airspace.inflated(self._reach_m)
             zones = zip(self._airspace.zones, shapes, strict=True)
             near = {zone.name for zone, shape in zones if shape.intersects(wall)}
             names = [name for name in names if name in near or name == FENCE]
@@ -85,7 +85,8 @@ def _wall_between(a: Point, b: Point, airspace: Airspace) -> Polygon | None:
 
 def _reach_m(airspace: Airspace) -> float:
     """How far a legal place may lie outside of the clear area, which is drawn a bit too small."""
-    return 0.03 + 0.005 * airspace.clearance_m
+    kept_m = max(airspace.fence_distance_m, *airspace.distances_m, 0.0)
+    return 0.04 + 0.005 * kept_m
 
 
 def _side(wall: Polygon, point: Point, reach_m: float) -> int:

@@ -1,38 +1,179 @@
-"""No-fly zones and fences as rings of corners: what makes a ring a valid area."""
+"""No-fly zones and fences: outlines with holes, circles, and what makes them valid areas."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.validation import explain_validity
 
 from geo.frame import Point
+from geo.validity import Validity
 
 Ring = tuple[Point, ...]
 """The corners of a polygon in order, either way around; the last one joins the first."""
 
+_LEAST_AREA_M2 = 1e-6
+_LEAST_SEGMENTS, _MOST_SEGMENTS = 12, 360
+
 
 class ZoneError(ValueError):
-    """A ring that bounds no area: the message says why."""
+    """A shape that bounds no area: the message says why.
+
+    Attributes:
+        code: The same for programs, e.g. `zone-self-intersects`; listed in docs/errors.md.
+        place: Where the border is wrong, if that is at one place.
+    """
+
+    def __init__(self, message: str, code: str, place: Point | None = None) -> None:
+        super().__init__(message)
+        self.code = code
+        self.place = place
 
 
 @dataclass(frozen=True, slots=True)
-class Zone:
-    """A no-fly zone: a simple polygon, possibly concave.
+class Outline:
+    """The area within a ring and outside of its holes; possibly concave.
 
     Raises:
-        ZoneError: as `checked_ring`.
+        ZoneError: as `checked_ring`, or a hole lies outside of the ring, on its border or on
+            another hole.
+    """
+
+    ring: Ring
+    holes: tuple[Ring, ...] = ()
+    polygon: Polygon = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        ring = checked_ring(self.ring)
+        holes = tuple(_checked_hole(number, hole) for number, hole in enumerate(self.holes, 1))
+        polygon = Polygon(ring, holes)
+        if holes and not polygon.is_valid:
+            what, place = _explained(polygon)
+            raise ZoneError(
+                f"its holes must lie within it, apart from each other ({what})",
+                "hole-outside-ring" if "outside" in what else "holes-touch",
+                place,
+            )
+        object.__setattr__(self, "ring", ring)
+        object.__setattr__(self, "holes", holes)
+        object.__setattr__(self, "polygon", polygon)
+
+    @property
+    def corners(self) -> Ring:
+        """All corners, those of holes too."""
+        return (*self.ring, *(corner for hole in self.holes for corner in hole))
+
+    @property
+    def border(self) -> BaseGeometry:
+        """The ring and the rings of the holes, as lines."""
+        return self.polygon.boundary
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """All that is within a radius of a centre. No test ever makes a polygon of it.
+
+    Raises:
+        ZoneError: the centre is not finite, or the radius is not a positive finite number.
+    """
+
+    centre: Point
+    radius_m: float
+    polygon: Polygon = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        centre = _checked_point(self.centre)
+        object.__setattr__(self, "centre", centre)
+        object.__setattr__(self, "polygon", Polygon(circle_ring(centre, self.radius_m)))
+
+    @property
+    def corners(self) -> Ring:
+        """The corners of a polygon around the circle."""
+        return circle_ring(self.centre, self.radius_m)
+
+
+Shape = Outline | Circle
+"""An area on the ground. Of both, `polygon` covers it (a circle's is a little larger than the
+circle; no test uses it) and `corners` are the polygon's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """From a lower to an upper altitude, in metres above home; both may be infinite.
+
+    Raises:
+        ZoneError: a limit is not a number, or the upper one is below the lower one.
+    """
+
+    lower_m: float = -math.inf
+    upper_m: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not self.lower_m <= self.upper_m:
+            raise ZoneError(
+                f"it reaches from {self.lower_m:g} m up to {self.upper_m:g} m; exchange them",
+                "zone-altitudes-inverted",
+            )
+
+    def meets(self, low_m: float, high_m: float) -> bool:
+        """Whether the band has an altitude in common with this range, its ends included."""
+        return self.lower_m <= high_m and low_m <= self.upper_m
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class Zone:
+    """A no-fly zone.
+
+    Attributes:
+        name: What people call it.
+        shape: Where it is; a bare ring is taken as an outline without holes.
+        clearance_m: What the vehicle keeps away from this zone; None: what it keeps from all.
+        band: At which altitudes it applies; None: at all.
+        validity: When it applies; None: always.
+        crosses_fence: It is meant to reach beyond the fence.
+
+    Raises:
+        ZoneError: the ring is not a simple polygon, or the clearance no distance.
     """
 
     name: str
-    ring: Ring
+    shape: Shape
+    clearance_m: float | None
+    band: Band | None
+    validity: Validity | None
+    crosses_fence: bool
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "ring", checked_ring(self.ring))
+    def __init__(  # noqa: PLR0913 - one for each field
+        self,
+        name: str,
+        shape: Shape | Ring,
+        *,
+        clearance_m: float | None = None,
+        band: Band | None = None,
+        validity: Validity | None = None,
+        crosses_fence: bool = False,
+    ) -> None:
+        if clearance_m is not None and not 0 <= clearance_m < math.inf:
+            raise ZoneError(f"a clearance of {clearance_m} m; it must be 0 or more", "out-of-range")
+        for attribute, value in (
+            ("name", name),
+            ("shape", shape if isinstance(shape, Outline | Circle) else Outline(shape)),
+            ("clearance_m", clearance_m),
+            ("band", band),
+            ("validity", validity),
+            ("crosses_fence", crosses_fence),
+        ):
+            object.__setattr__(self, attribute, value)
+
+    @property
+    def polygon(self) -> Polygon:
+        """A polygon that covers the zone: exact for outlines, drawn outward for circles."""
+        return self.shape.polygon
 
 
 def checked_ring(corners: Iterable[Point | Sequence[float]]) -> Ring:
@@ -45,39 +186,55 @@ def checked_ring(corners: Iterable[Point | Sequence[float]]) -> Ring:
     """
     ring: list[Point] = []
     for corner in corners:
-        point = Point(float(corner[0]), float(corner[1]))
-        if not (math.isfinite(point.east_m) and math.isfinite(point.north_m)):
-            raise ZoneError("a corner is not a finite number")
+        point = _checked_point(corner)
         if not ring or point != ring[-1]:
             ring.append(point)
     if len(ring) > 1 and ring[0] == ring[-1]:
         ring.pop()
     if len(set(ring)) < 3:
-        raise ZoneError(f"it has {len(set(ring))} different corners, an area needs 3")
+        count = len(set(ring))
+        corner_word = "corner" if count == 1 else "corners"
+        raise ZoneError(
+            f"it has {count} different {corner_word}, an area needs 3", "zone-too-few-corners"
+        )
     polygon = Polygon(ring)
-    if polygon.convex_hull.area < 1e-6:
-        raise ZoneError("its corners lie on one line, so it has no area")
+    if polygon.convex_hull.area < _LEAST_AREA_M2:
+        raise ZoneError("its corners lie on one line, so it has no area", "zone-no-area")
     if not polygon.is_valid:
-        raise ZoneError(f"its border crosses or touches itself ({explain_validity(polygon)})")
+        what, place = _explained(polygon)
+        raise ZoneError(
+            f"its border crosses or touches itself ({what})", "zone-self-intersects", place
+        )
     return tuple(ring)
 
 
 def circle_ring(
-    centre: Point, radius_m: float, *, outward: bool = True, segments: int = 48
+    centre: Point,
+    radius_m: float,
+    *,
+    outward: bool = True,
+    segments: int = 48,
+    within_m: float | None = None,
 ) -> Ring:
     """A circle as a polygon that lies around it (`outward`, a zone) or within it (a fence).
 
-    With 48 sides the two differ from the circle by 0.2 % of the radius at most.
+    With 48 sides the two differ by 0.2 % of the radius at most; `within_m` asks for as many sides
+    as it takes (12 to 360) to differ by no more than that.
 
     Raises:
         ZoneError: the radius is not a positive finite number.
     """
     if not 0 < radius_m < math.inf:
-        raise ZoneError(f"its radius is {radius_m} m, it must be more than 0")
+        raise ZoneError(f"its radius is {radius_m} m, it must be more than 0", "zone-radius")
+    if within_m is not None:
+        ratio = radius_m / (radius_m + within_m) if outward else 1 - within_m / radius_m
+        widest = math.acos(min(max(ratio, 0.0), 1.0))
+        most = math.pi / widest if widest > 0 else math.inf
+        segments = math.ceil(min(max(most, _LEAST_SEGMENTS), _MOST_SEGMENTS))
     half_step = math.pi / segments
     reach_m = radius_m / math.cos(half_step) if outward else radius_m
     angles = (2 * half_step * step for step in range(segments))
-    return checked_ring(
+    return tuple(
         Point(centre.east_m + reach_m * math.cos(a), centre.north_m + reach_m * math.sin(a))
         for a in angles
     )
@@ -88,3 +245,27 @@ def polygons_of(shape: BaseGeometry) -> list[Polygon]:
     if isinstance(shape, Polygon):
         return [shape] if shape.area > 0 else []
     return [polygon for part in getattr(shape, "geoms", ()) for polygon in polygons_of(part)]
+
+
+def _checked_point(corner: Point | Sequence[float]) -> Point:
+    point = Point(float(corner[0]), float(corner[1]))
+    if not (math.isfinite(point.east_m) and math.isfinite(point.north_m)):
+        raise ZoneError("a corner is not a finite number", "zone-not-finite")
+    return point
+
+
+def _checked_hole(number: int, hole: Ring) -> Ring:
+    try:
+        return checked_ring(hole)
+    except ZoneError as error:
+        raise ZoneError(f"hole {number}: {error}", error.code, error.place) from None
+
+
+def _explained(polygon: Polygon) -> tuple[str, Point | None]:
+    """GEOS' reason why a polygon is not valid, and the place that it names."""
+    reason = explain_validity(polygon)
+    found = re.fullmatch(r"(.*)\[(\S+) (\S+)\]", reason)
+    if found is None:
+        return reason.lower(), None
+    what, east_m, north_m = found.groups()
+    return what.lower(), Point(float(east_m), float(north_m))

@@ -40,6 +40,25 @@ _LIMITS = {
 _LENGTHS = {"too_short": ("at least", "min_length"), "too_long": ("at most", "max_length")}
 
 
+_CODES = {
+    "missing": "missing-key",
+    "extra_forbidden": "unknown-key",
+    "literal_error": "unknown-word",
+    "enum": "unknown-word",
+    "string_pattern_mismatch": "wrong-form",
+    "too_short": "wrong-length",
+    "too_long": "wrong-length",
+    **dict.fromkeys(_WANTED, "wrong-type"),
+    **dict.fromkeys(_LIMITS, "out-of-range"),
+}
+
+
+def code_of(detail: ErrorDetails) -> str:
+    """The code of a pydantic error; a model's own errors may be named in their `type`."""
+    kind = detail["type"]
+    return _CODES.get(kind, kind if "-" in kind else "invalid-value")
+
+
 def as_label(key: Any) -> str:
     """A key as the text that JSON makes of it; how keys of a document are compared."""
     if isinstance(key, bool):
@@ -73,6 +92,8 @@ def complaint(detail: ErrorDetails, model: type[BaseModel]) -> str:
         count = context.get(limit)
         what = f"{name} must have {words} {count} {'entry' if count == 1 else 'entries'}, "
         what += f"found {context.get('actual_length') or 'none'}; change it"
+    elif "-" in kind:  # an error of a model of ours, that says itself what to do
+        what = f"{name}: {detail['msg']}"
     elif kind == "value_error":
         what = f"{name}: {context.get('error', detail['msg'])}"
     return what

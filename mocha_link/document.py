@@ -9,14 +9,14 @@ from __future__ import annotations
 import json
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import pydantic
 import yaml
 
-from mocha_link.complaint import Key, as_label, complaint
+from mocha_link.complaint import Key, as_label, code_of, complaint
 from mocha_link.errors import MochaLinkError
 
 if TYPE_CHECKING:
@@ -33,15 +33,35 @@ _MAPPING, _SEQUENCE = _TAG + "map", _TAG + "seq"
 
 @dataclass(frozen=True, slots=True, order=True)
 class Problem:
-    """One thing wrong with a file; ``str()`` is ``path:line:column: message`` (both 1-based)."""
+    """One thing wrong with a file.
+
+    ``str()`` is ``path:line:column: message [code]``; line and column count from 1.
+
+    Attributes:
+        code: What kind of problem it is, for programs and for docs/errors.md.
+        keys: The way to the value in its document, where that is known.
+    """
 
     path: Path
     line: int
     column: int
     message: str
+    code: str = ""
+    keys: tuple[Key, ...] = field(default=(), compare=False)
 
     def __str__(self) -> str:
-        return f"{self.path}:{self.line}:{self.column}: {self.message}"
+        code = f" [{self.code}]" if self.code else ""
+        return f"{self.path}:{self.line}:{self.column}: {self.message}{code}"
+
+    def as_json(self) -> dict[str, Any]:
+        """What ``--json`` prints of it."""
+        return {
+            "path": str(self.path),
+            "line": self.line,
+            "column": self.column,
+            "code": self.code,
+            "message": self.message,
+        }
 
 
 class DocumentError(MochaLinkError):
@@ -97,14 +117,24 @@ class Document:
                 raw = file.read(MAX_BYTES + 1)
         except OSError as error:
             reason = error.strerror or type(error).__name__
-            raise _one(path, 1, 1, f"cannot read the file: {reason}; check the path") from None
+            raise _one(
+                path, 1, 1, f"cannot read the file: {reason}; check the path", "unreadable"
+            ) from None
         if len(raw) > MAX_BYTES:
-            raise _one(path, 1, 1, f"larger than {MAX_BYTES} bytes; split the file or thin it out")
+            raise _one(
+                path,
+                1,
+                1,
+                f"larger than {MAX_BYTES} bytes; split the file or thin it out",
+                "too-large",
+            )
         try:
             text = raw.decode("utf-8-sig")
         except UnicodeDecodeError as error:
             line, column = _line_column(raw[: error.start])
-            raise _one(path, line, column, "not UTF-8 text; save the file as UTF-8") from None
+            raise _one(
+                path, line, column, "not UTF-8 text; save the file as UTF-8", "not-utf8"
+            ) from None
         return cls.from_text(text, path)
 
     @classmethod
@@ -118,12 +148,16 @@ class Document:
             mark = error.problem_mark or error.context_mark
             line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
             what = " ".join(filter(None, (error.context, error.problem))) or "not readable"
-            raise _one(path, line, column, f"not valid YAML: {what}; correct it") from None
+            raise _one(
+                path, line, column, f"not valid YAML: {what}; correct it", "not-yaml"
+            ) from None
         except yaml.reader.ReaderError as error:
             line, column = _line_column(text[: error.position].encode())
-            raise _one(path, line, column, "control character in the text; remove it") from None
+            raise _one(
+                path, line, column, "control character in the text; remove it", "not-yaml"
+            ) from None
         except RecursionError:
-            raise _one(path, 1, 1, "nested too deeply; flatten it") from None
+            raise _one(path, 1, 1, "nested too deeply; flatten it", "too-deep") from None
         if plain.problems:
             raise DocumentError(plain.problems)
         return cls(path, root, data)
@@ -138,9 +172,13 @@ class Document:
         value, key = self._find(keys)
         return _mark(key or value)
 
-    def problem(self, keys: Sequence[Key], message: str) -> Problem:
+    def node(self, *keys: Key) -> yaml.Node | None:
+        """The YAML node of the value at a key path, or of its nearest parent."""
+        return self._find(keys)[0]
+
+    def problem(self, keys: Sequence[Key], message: str, code: str = "") -> Problem:
         """A problem with the value at a key path, for checks that a model cannot do."""
-        return Problem(self.path, *self.place(*keys), message)
+        return Problem(self.path, *self.place(*keys), message, code, tuple(keys))
 
     def parse(self, model: type[M]) -> M:
         """The document as a pydantic model, strictly: no text for a number, no unknown key.
@@ -160,7 +198,8 @@ class Document:
                 missing = detail["type"] == "missing"
                 keys = detail["loc"][:-1] if missing else detail["loc"]
                 place = self.place_of_key(*keys) if unknown else self.place(*keys)
-                problems.append(Problem(self.path, *place, complaint(detail, model)))
+                message, code = complaint(detail, model), code_of(detail)
+                problems.append(Problem(self.path, *place, message, code, tuple(keys)))
             raise DocumentError(problems) from None
 
     def _find(self, keys: Sequence[Key]) -> tuple[yaml.Node | None, yaml.Node | None]:
@@ -189,14 +228,15 @@ class _Plain:
     def value(self, node: yaml.Node) -> Any:
         self._count += 1
         if id(node) in self._open:
-            raise DocumentError([self._problem(node, "an alias inside its own anchor; remove it")])
+            message = "an alias inside its own anchor; remove it"
+            raise DocumentError([self._problem(node, message, "yaml-feature")])
         if self._count > MAX_VALUES:
             message = f"more than {MAX_VALUES} values; split the file or thin it out"
-            raise DocumentError([self._problem(node, message)])
+            raise DocumentError([self._problem(node, message, "too-large")])
         self._open.add(id(node))
         try:
             if isinstance(node, yaml.CollectionNode) and node.tag not in (_MAPPING, _SEQUENCE):
-                self._add(node, _strange(node))
+                self._add(node, _strange(node), "yaml-feature")
                 return None
             if isinstance(node, yaml.MappingNode):
                 return self._mapping(node)
@@ -211,16 +251,26 @@ class _Plain:
         first_line: dict[str, int] = {}
         for key_node, value_node in node.value:
             if key_node.tag == _TAG + "merge":
-                self._add(key_node, "merge keys (<<) are not read; write the keys out")
+                self._add(
+                    key_node, "merge keys (<<) are not read; write the keys out", "yaml-feature"
+                )
                 continue
             if not isinstance(key_node, yaml.ScalarNode):
-                self._add(key_node, "a key must be a word, not a list or a mapping; rename it")
+                self._add(
+                    key_node,
+                    "a key must be a word, not a list or a mapping; rename it",
+                    "wrong-type",
+                )
                 continue
             key = self._scalar(key_node)
             label = as_label(key)
             if label in first_line:
                 where = first_line[label]
-                self._add(key_node, f"key '{label}' is already on line {where}; remove one")
+                self._add(
+                    key_node,
+                    f"key '{label}' is already on line {where}; remove one",
+                    "repeated-key",
+                )
                 continue
             first_line[label] = key_node.start_mark.line + 1
             result[key] = self.value(value_node)
@@ -230,14 +280,14 @@ class _Plain:
         try:
             return _scalar(node)
         except ValueError as error:
-            self._add(node, str(error))
+            self._add(node, str(error), "wrong-value")
             return None
 
-    def _add(self, node: yaml.Node, message: str) -> None:
-        self.problems.append(self._problem(node, message))
+    def _add(self, node: yaml.Node, message: str, code: str) -> None:
+        self.problems.append(self._problem(node, message, code))
 
-    def _problem(self, node: yaml.Node, message: str) -> Problem:
-        return Problem(self.path, *_mark(node), message)
+    def _problem(self, node: yaml.Node, message: str, code: str) -> Problem:
+        return Problem(self.path, *_mark(node), message, code)
 
 
 def _whole(text: str) -> int:
@@ -286,8 +336,8 @@ def _line_column(before: bytes) -> tuple[int, int]:
     return line, column
 
 
-def _one(path: Path, line: int, column: int, message: str) -> DocumentError:
-    return DocumentError([Problem(path, line, column, message)])
+def _one(path: Path, line: int, column: int, message: str, code: str) -> DocumentError:
+    return DocumentError([Problem(path, line, column, message, code)])
 
 
 class _Dumper(yaml.SafeDumper):

@@ -95,7 +95,8 @@ def crew_of(mission: Mission, team: Team) -> Crew:
 
 def make_world(mission: Mission, team: Team, crew: Crew, plan: WorldPlan) -> World:
     """The pure world of a mission: robots at the start of their patrols."""
-    corners = [*(mission.fence or ()), *(w.position for w in mission.waypoints), mission.home]
+    corners = [corner for fence in mission.fences for corner in fence.corners]
+    corners += [*(waypoint.position for waypoint in mission.waypoints), mission.home]
     settings = Settings(
         frame=mission.frame,
         vehicle=crew.vehicle,

@@ -18,7 +18,7 @@ from pydantic import BaseModel, Field, model_validator
 from air_router.mapper import MARGIN_M
 from air_router.mission import Mission
 from geo.frame import FrameError, Point
-from geo.zone import Ring, ZoneError, checked_ring
+from geo.zone import Circle, Ring, Shape, ZoneError, checked_ring
 from mocha_link.document import Document, DocumentError, Problem
 from sitl.camera import Camera
 from sitl.default_patrols import default_patrols
@@ -171,7 +171,7 @@ class _Reader:
 
     def _scene(self) -> Scene:
         terrain = self.model.terrain
-        buildings = tuple(zone.ring for zone in self.mission.zones)
+        buildings = tuple(_ground_ring(zone.shape) for zone in self.mission.zones)
         if terrain.buildings is not None:
             buildings = self._rings(terrain.buildings, ("terrain", "buildings"))
         return Scene(
@@ -242,3 +242,7 @@ class _Reader:
 
     def _complain(self, keys: Keys, message: str) -> None:
         self.problems.append(self.document.problem(keys, message))
+
+
+def _ground_ring(shape: Shape) -> Ring:
+    return shape.corners if isinstance(shape, Circle) else shape.ring

@@ -71,7 +71,7 @@ def test_check_gives_problems_to_scripts_too(capsys, tmp_path):
     for problem, line in zip(answer["problems"], err.splitlines(), strict=True):
         assert problem["path"] == str(path)
         where = f"{path}:{problem['line']}:{problem['column']}: "
-        assert line == where + problem["message"]
+        assert line == f"{where}{problem['message']} [{problem['code']}]"
         assert lines[problem["line"] - 1]
 
 

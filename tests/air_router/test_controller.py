@@ -146,7 +146,7 @@ def test_with_position_noise_every_waypoint_is_visited_and_no_leg_commanded_twic
 def test_a_robot_over_a_zone_is_waited_for_beside_it(pretend):
     flight = pretend(radius_m=200.0)
     inside = Point(
-        *(sum(axis) / len(axis) for axis in zip(*flight.mission.zones[0].ring, strict=True))
+        *(sum(axis) / len(axis) for axis in zip(*flight.mission.zones[0].shape.ring, strict=True))
     )
     assert flight.mission.airspace.distance_m(inside) < 0
     flight.robots = {"callisto": inside}
@@ -338,7 +338,7 @@ def island(pretend):
         home=Point(0.0, 0.0),
         waypoints=(Waypoint(1, Point(0.0, 50.0), 40.0),),
         airspace=airspace,
-        planning_airspace=airspace.with_clearance(6.5),
+        planning_airspace=airspace.with_margin(1.5),
     )
     flight.take_off()
     flight.give(RobotPose("io", Point(150.0, 150.0), 1.0, "callisto"))

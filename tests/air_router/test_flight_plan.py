@@ -43,7 +43,7 @@ def test_items_and_nodes_correspond(plan):
 
 
 def test_the_fence_goes_on_board_as_polygons_that_know_their_size(plan, pennovation):
-    rings = [pennovation.fence, *(zone.ring for zone in pennovation.zones)]
+    rings = [pennovation.fences[0].ring, *(zone.shape.ring for zone in pennovation.zones)]
     assert len(plan.fence) == sum(len(ring) for ring in rings)
     at = 0
     for number, ring in enumerate(rings):

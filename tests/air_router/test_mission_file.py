@@ -8,8 +8,9 @@ import pytest
 
 from air_router.errors import MissionFileError
 from air_router.mission import load_mission
-from air_router.mission_file import _Frame, _Mission, _Planner, _Timers
+from air_router.mission_form import FrameForm, MissionForm, PlannerForm, TimersForm
 from air_router.settings import PlannerSettings, Timers
+from geo.zone import Band
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 
@@ -40,7 +41,11 @@ def write(folder, text):
 def problems(folder, text):
     with pytest.raises(MissionFileError) as caught:
         load_mission(write(folder, text))
-    return [str(p).removeprefix(f"{folder}/mission.yaml:") for p in caught.value.problems]
+    assert all(re.fullmatch(r"[a-z]+(-[a-z]+)+", p.code) for p in caught.value.problems)
+    return [
+        str(p).removeprefix(f"{folder}/mission.yaml:").removesuffix(f" [{p.code}]")
+        for p in caught.value.problems
+    ]
 
 
 def changed(*changes):
@@ -60,9 +65,10 @@ def test_a_small_mission_with_defaults(tmp_path):
     assert mission.waypoints[2].position == (-50, 50)
     assert [zone.name for zone in mission.zones] == ["hall", "mast"]
     assert mission.timers == Timers(180, 120, 45, 20)
-    assert mission.planner == PlannerSettings(5, 1.5, 100, 2)
+    assert mission.planner == PlannerSettings()
     assert mission.airspace.clearance_m == 5
-    assert mission.planning_airspace.clearance_m == 6.5
+    assert mission.planning_airspace.distances_m == (6.5, 6.5)
+    assert mission.planning_airspace.fence_distance_m == 6.5
     assert (mission.team, mission.uav, mission.seek, mission.duration_s) == (None, None, (), None)
     assert mission.frame.to_geodetic(mission.home) == pytest.approx((38.5, -98.5))
 
@@ -79,7 +85,7 @@ def test_degrees_are_relative_to_home_unless_the_file_says_otherwise(tmp_path):
     assert mission.name == tmp_path.name
     assert mission.home == (0, 0)
     assert mission.waypoints[0].position == pytest.approx((0, 55.6), abs=0.1)
-    assert mission.fence is None
+    assert mission.fences == ()
     moved = load_mission(write(tmp_path, text + "frame: {origin: [47.001, 8.0]}\n"))
     assert moved.home == pytest.approx((0, -111.2), abs=0.1)
 
@@ -151,7 +157,7 @@ def test_the_shipped_missions_are_in_order(name):
             "[-20, 40], [20, 40]]",
             (
                 "13:27: no-fly zone 'hall' cannot be an area: its border crosses or touches itself "
-                "(Self-intersection[0 30]); draw it again"
+                "(self-intersection) near 0.00, 30.00; draw it again"
             ),
         ),
         (
@@ -322,14 +328,20 @@ def test_longitude_before_latitude_is_noticed(tmp_path):
 
 def test_the_documented_examples_load_and_the_table_has_every_key(tmp_path):
     text = (MISSIONS.parent / "docs" / "mission-file.md").read_text()
-    shortest, areas = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+    shortest, areas, glider = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
     assert len(load_mission(write(tmp_path, shortest)).waypoints) == 2
     longer = shortest.replace("fence: null\nno_fly_zones: []\n", areas)
     assert len(load_mission(write(tmp_path, longer)).zones) == 2
-    documented = set(re.findall(r"^\| \**`([a-z_.]+)`", text, re.MULTILINE))
+    timed = shortest.replace("no_fly_zones: []\n", glider)
+    (zone,) = load_mission(write(tmp_path, timed)).zones
+    assert (zone.clearance_m, zone.band) == (20, Band(10, 320))
+    assert len(zone.validity.periods) == 2
+    documented = set(
+        re.findall(r"^\| \**`([a-z_.]+)`", text.partition("## Areas")[0], re.MULTILINE)
+    )
     nested = {"frame", "timers", "planner"}
-    known = set(_Mission.model_fields) - nested
+    known = set(MissionForm.model_fields) - nested
     for name in nested:
-        inner = {"frame": _Frame, "timers": _Timers, "planner": _Planner}[name]
+        inner = {"frame": FrameForm, "timers": TimersForm, "planner": PlannerForm}[name]
         known |= {f"{name}.{key}" for key in inner.model_fields}
     assert documented == known

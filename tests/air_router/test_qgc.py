@@ -77,8 +77,12 @@ def test_the_real_plan():
     mission = load_mission(DATA / "pennovation.plan")
     assert mission.name == "pennovation"
     assert len(mission.waypoints) == 39
-    assert (len(mission.fence), len(mission.zones), len(mission.rally_points)) == (16, 8, 5)
-    assert [len(zone.ring) for zone in mission.zones] == [11, 6, 5, 7, 4, 6, 4, 4]
+    assert (len(mission.fences[0].ring), len(mission.zones), len(mission.rally_points)) == (
+        16,
+        8,
+        5,
+    )
+    assert [len(zone.shape.ring) for zone in mission.zones] == [11, 6, 5, 7, 4, 6, 4, 4]
     assert mission.altitude_above_home_m == 40
     assert mission.speed_m_s == 3.5
     assert mission.home_altitude_amsl_m == pytest.approx(6.742, abs=1e-3)
@@ -88,7 +92,7 @@ def test_the_real_plan():
         assert mine.position == pytest.approx(tuple(theirs.position), abs=0.02)
         assert mine.altitude_above_home_m == theirs.altitude_above_home_m
     for mine, theirs in zip(same.zones, mission.zones, strict=True):
-        for a, b in zip(mine.ring, theirs.ring, strict=True):
+        for a, b in zip(mine.shape.ring, theirs.shape.ring, strict=True):
             assert a == pytest.approx(tuple(b), abs=0.02)
 
 
@@ -150,7 +154,6 @@ def put(data, *keys):
         (("mission", "items", None), "4:16: missing list 'items'"),
         (("geoFence", "polygons", None), "missing list 'polygons'"),
         (("geoFence", "polygons", 0, "inclusion", None), "'inclusion' must be true (a fence)"),
-        (("geoFence", "polygons", 0, "inclusion", True), "a second fence (inclusion area)"),
         (("geoFence", "polygons", 0, "version", 7), "'polygons[0]' has version 7, read is 1"),
         (("geoFence", "polygons", 0, "polygon", 0, [47]), "'polygon[0][1]' must be a number"),
         (("geoFence", "circles", 0, "circle", "radius", -1), "the fence cannot be an area"),

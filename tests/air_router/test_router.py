@@ -25,8 +25,8 @@ class Judge:
     """Clearances by plain shapely, knowing nothing of the code under test."""
 
     def __init__(self, mission):
-        self.zones = union_all([Polygon(zone.ring) for zone in mission.zones])
-        self.fence = Polygon(mission.fence)
+        self.zones = union_all([zone.polygon for zone in mission.zones])
+        self.fence = mission.fences[0].polygon
         self.limit_m = mission.planner.distance_m - 1e-6
 
     def distance_m(self, shape):

@@ -41,8 +41,8 @@ FENCED = ring((-100, -100), (100, -100), (100, 100), (-100, 100))
 
 def judge(airspace):
     """An independent exact test: distances of plain shapely geometries."""
-    zones = union_all([Polygon(zone.ring) for zone in airspace.zones])
-    fence = None if airspace.fence is None else Polygon(airspace.fence)
+    zones = union_all([zone.polygon for zone in airspace.zones])
+    fence = None if not airspace.fences else airspace.fences[0].polygon
     limit_m = airspace.clearance_m - 1e-6
 
     def clear(a, b):
@@ -61,8 +61,8 @@ def length_m(path):
 def optimum_m(airspace, start, end):
     """Brute force: every vertex of rounded buffers, every pair of them."""
     reach_m = airspace.clearance_m * 1.0111 + 1e-4
-    zones = union_all([Polygon(zone.ring) for zone in airspace.zones])
-    fence = Polygon(airspace.fence)
+    zones = union_all([zone.polygon for zone in airspace.zones])
+    fence = airspace.fences[0].polygon
     inner = fence.buffer(-reach_m, quad_segs=8)
     free = inner.difference(union_all([z.buffer(reach_m, quad_segs=8) for z in get_parts(zones)]))
     corners = np.unique(np.vstack([get_coordinates(free), [start, end]]), axis=0)

@@ -63,7 +63,7 @@ def problems_of(text: str, model: type[BaseModel] | None = None) -> list[str]:
     with pytest.raises(DocumentError) as caught:
         read()
     assert str(caught.value) == "\n".join(map(str, caught.value.problems))
-    return [str(problem) for problem in caught.value.problems]
+    return [str(p).removesuffix(f" [{p.code}]") for p in caught.value.problems]
 
 
 def test_values_and_places():

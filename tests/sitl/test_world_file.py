@@ -87,7 +87,7 @@ def test_the_shipped_worlds_fit_the_vehicles_map(name, request):
 
 def test_without_a_file_robots_patrol_legal_places_far_apart(pennovation):
     plan = load_world(None, pennovation, ROBOTS, seed=7)
-    ground = pennovation.airspace.with_clearance(0.0)
+    ground = pennovation.airspace.as_drawn()
     for robot in plan.patrols.values():
         for start, end in robot.patrol.legs():
             assert ground.leg_clear(start, end)

@@ -17,6 +17,7 @@ from air_router.mission import load_mission
 from air_router.px4 import Px4Vehicle
 from air_router.px4_plan import _download, upload_plan
 from air_router.vehicle import FlightMode, ItemReached, PlanReplaced, Telemetry
+from geo.airspace import Airspace
 from geo.frame import Point
 from geo.zone import Zone
 
@@ -142,13 +143,18 @@ def test_every_verb_is_confirmed_by_the_vehicle(mission, udp_port):
     run(mission, udp_port, script)
 
 
+def with_zones(mission, *zones):
+    airspace = Airspace(mission.fences, zones, mission.planner.clearance_m)
+    return dataclasses.replace(mission, zones=zones, airspace=airspace)
+
+
 @pytest.mark.usefixtures("vehicle")
 def test_a_stored_plan_that_cannot_be_flown_is_refused(mission, udp_port, monkeypatch):
     monkeypatch.setattr(px4_plan, "FEASIBLE_S", 1.0)  # twenty seconds of the vehicle
     east_m, north_m = mission.waypoints[4].position
     corners = [(-3, -3), (3, -3), (3, 3), (-3, 3)]
     hidden = Zone("new", tuple(Point(east_m + x, north_m + y) for x, y in corners))
-    drawn = dataclasses.replace(mission, zones=(*mission.zones[1:], hidden))
+    drawn = with_zones(mission, *mission.zones[1:], hidden)
 
     async def script(vehicle):
         await vehicle.connect()
@@ -164,7 +170,7 @@ def test_a_fence_with_too_many_points_says_how_many_px4_takes(mission, udp_port)
         Point(50 + 10 * math.cos(turn / 8 * math.pi), 50 + 10 * math.sin(turn / 8 * math.pi))
         for turn in range(16)
     ]
-    drawn = dataclasses.replace(mission, zones=(*mission.zones, Zone("round", tuple(ring))))
+    drawn = with_zones(mission, *mission.zones, Zone("round", tuple(ring)))
 
     async def script(vehicle):
         await vehicle.connect()

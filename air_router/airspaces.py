@@ -1,0 +1,146 @@
+"""Which zones apply to a mission: where it cruises, where it climbs and lands, and which not.
+
+The vehicle cruises between the lowest and the highest altitude of the mission, and what it may be
+off them (`planner.vertical_margin_m`). Below that it is in the column: it takes off, lands, or
+returns, and heeds every zone from the ground up.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from air_router.altitudes import HomeAltitudeError
+from air_router.draft import Area, Draft
+from geo.airspace import Airspace
+from geo.validity import Validity
+from geo.zone import Band, Zone, ZoneError
+
+LAUNCH_WAIT = timedelta(hours=1)
+"""A mission whose start is not given starts within so much from now."""
+
+COMING_HOME = timedelta(minutes=10)
+"""What it may take to come home and land, after `duration_s`."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightWindow:
+    """From when to when the vehicle may be in the air; without `end`, for ever."""
+
+    start: datetime
+    end: datetime | None
+
+    @classmethod
+    def of(cls, now: datetime, start: datetime | None, duration_s: float | None) -> FlightWindow:
+        """The window of a flight that starts at `start`, or soon after `now`."""
+        first = now if start is None else start
+        if duration_s is None:
+            return cls(first, None)
+        wait = LAUNCH_WAIT if start is None else timedelta(0)
+        return cls(first, first + wait + timedelta(seconds=duration_s) + COMING_HOME)
+
+    def __str__(self) -> str:
+        end = "on" if self.end is None else f"to {self.end:%Y-%m-%d %H:%M}"
+        return f"{self.start:%Y-%m-%d %H:%M} {end} UTC"
+
+
+@dataclass(frozen=True, slots=True)
+class IdleZone:
+    """A zone that the mission need not keep away from where it cruises, and why.
+
+    `below` says that it is heeded below the cruise altitudes all the same.
+    """
+
+    zone: Zone
+    reason: str
+    below: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Airspaces:
+    """The airspaces of a mission; see the module.
+
+    Attributes:
+        zones: All zones of the mission, in the file's order.
+        cruise: What applies where the mission flies, with its clearance.
+        column: What applies from the ground to there.
+        idle: The zones that are not in `cruise`.
+        altitudes: The cruise altitudes, margin included, in metres above home.
+    """
+
+    zones: tuple[Zone, ...]
+    cruise: Airspace
+    column: Airspace
+    idle: tuple[IdleZone, ...]
+    altitudes: Band
+
+
+def airspaces_of(draft: Draft, window: FlightWindow) -> Airspaces:
+    """The airspaces of a draft. An altitude limit that cannot be read is taken for none."""
+    altitudes = cruise_altitudes(draft)
+    zones = tuple(_zone(area, draft) for area in draft.zones)
+    fences = [area.shape for area in draft.fences]
+    everything = Airspace(fences, zones, draft.planner.clearance_m)
+    active = everything.during(window.start, window.end)
+    column = active.at(-math.inf, altitudes.upper_m)
+    cruise = active.at(altitudes.lower_m, altitudes.upper_m)
+    heeded, below = {id(zone) for zone in cruise.zones}, {id(zone) for zone in column.zones}
+    in_time = {id(zone) for zone in active.zones}
+    idle = []
+    for zone in zones:
+        if id(zone) not in in_time and zone.validity is not None:
+            idle.append(IdleZone(zone, _out_of_time(zone.validity, window)))
+        elif id(zone) not in heeded and zone.band is not None:
+            reason = _out_of_height(zone.band, altitudes)
+            idle.append(IdleZone(zone, reason, below=id(zone) in below))
+    return Airspaces(zones, cruise, column, tuple(idle), altitudes)
+
+
+def cruise_altitudes(draft: Draft) -> Band:
+    """From the lowest to the highest altitude flown, and the margin on both sides."""
+    flown_m = [draft.altitude_m, *(s.altitude_m for s in draft.waypoints if s.altitude_m)]
+    margin_m = draft.planner.vertical_margin_m
+    return Band(min(flown_m) - margin_m, max(flown_m) + margin_m)
+
+
+def band_of(area: Area, draft: Draft) -> Band | None:
+    """Where an area applies, in metres above home; None: everywhere.
+
+    Raises:
+        HomeAltitudeError, ZoneError: as `Altitudes.band`.
+    """
+    if area.altitudes is None:
+        return None
+    return area.altitudes.band(draft.home_altitude_amsl_m, draft.planner.terrain_relief_m)
+
+
+def _zone(area: Area, draft: Draft) -> Zone:
+    try:
+        band = band_of(area, draft)
+    except (HomeAltitudeError, ZoneError):
+        band = None
+    return Zone(
+        area.name,
+        area.shape,
+        clearance_m=area.clearance_m,
+        band=band,
+        validity=area.validity,
+        crosses_fence=area.crosses_fence,
+    )
+
+
+def _out_of_time(validity: Validity, window: FlightWindow) -> str:
+    return f"applies {validity}, the flight is from {window}"
+
+
+def _out_of_height(band: Band, altitudes: Band) -> str:
+    parts = []
+    if math.isfinite(band.lower_m):
+        parts.append(f"from {band.lower_m:g} m")
+    if math.isfinite(band.upper_m):
+        parts.append(f"up to {band.upper_m:g} m")
+    return (
+        f"applies {' '.join(parts)} above home, the mission flies at "
+        f"{altitudes.lower_m:g} to {altitudes.upper_m:g} m, its vertical margin included"
+    )

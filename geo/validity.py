@@ -1,0 +1,107 @@
+"""When a zone applies: periods, and within them days of the week and hours. All times are UTC."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, time, timedelta
+from typing import NamedTuple
+
+DAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
+"""The days of the week as files name them; a day's number is its place, Monday is 0."""
+
+_MIDNIGHT = time(0, 0)
+_WEEK = timedelta(days=8)
+"""A span of time that has every hour of every day of the week in it."""
+
+
+class Hours(NamedTuple):
+    """Hours of some days of the week.
+
+    `end` at or before `start` is on the next day; midnight to midnight is the whole day.
+    """
+
+    days: frozenset[int]
+    start: time
+    end: time
+
+
+@dataclass(frozen=True, slots=True)
+class Period:
+    """From `start` to `end` (None: without limit), at the `daily` hours (none: at all hours).
+
+    Raises:
+        ValueError: a time has no time zone or one other than UTC, or the end is before the start.
+    """
+
+    start: datetime | None = None
+    end: datetime | None = None
+    daily: tuple[Hours, ...] = ()
+
+    def __post_init__(self) -> None:
+        for moment in (self.start, self.end):
+            if moment is not None and moment.utcoffset() != timedelta(0):
+                raise ValueError(f"{moment} is not in UTC")
+        if self.start is not None and self.end is not None and self.end < self.start:
+            raise ValueError(f"it ends at {self.end:%F %H:%M}, before it starts")
+
+    def meets(self, start: datetime, end: datetime | None) -> bool:
+        """Whether some moment of the period lies from `start` to `end`, both included."""
+        first = start if self.start is None else max(start, self.start)
+        ends = [moment for moment in (end, self.end) if moment is not None]
+        last = min(ends, default=None)
+        if last is not None and last < first:
+            return False
+        if not self.daily:
+            return True
+        if last is None or last - first >= _WEEK:
+            return any(hours.days for hours in self.daily)
+        day = first.date() - timedelta(days=1)
+        while day <= last.date():
+            if any(_meets_on(day, hours, first, last) for hours in self.daily):
+                return True
+            day += timedelta(days=1)
+        return False
+
+    def __str__(self) -> str:
+        words = []
+        if self.start is not None:
+            words.append(f"from {self.start:%Y-%m-%d %H:%M}")
+        if self.end is not None:
+            words.append(f"until {self.end:%Y-%m-%d %H:%M}")
+        hours = [_hours_words(hours) for hours in self.daily]
+        return ", ".join([" ".join(words), *hours] if words else hours) or "always"
+
+
+@dataclass(frozen=True, slots=True)
+class Validity:
+    """The periods during which a zone applies; it does when any of them does."""
+
+    periods: tuple[Period, ...]
+
+    def active_between(self, start: datetime, end: datetime | None) -> bool:
+        """Whether the zone applies at any moment from `start` to `end` (None: without end).
+
+        Cautious: a period that only touches the time counts.
+        """
+        return any(period.meets(start, end) for period in self.periods)
+
+    def __str__(self) -> str:
+        return "; ".join(map(str, self.periods)) + " UTC"
+
+
+def _meets_on(day: date, hours: Hours, first: datetime, last: datetime) -> bool:
+    if day.weekday() not in hours.days:
+        return False
+    start = datetime.combine(day, hours.start, UTC)
+    end = datetime.combine(day, hours.end, UTC)
+    if hours.end <= hours.start:
+        end += timedelta(days=1)
+    return start <= last and first <= end
+
+
+def _hours_words(hours: Hours) -> str:
+    names = [DAYS[day][:3] for day in sorted(hours.days)]
+    days = "daily" if len(names) == len(DAYS) else " ".join(names)
+    if hours.start == hours.end == _MIDNIGHT:
+        return days
+    return f"{days} {hours.start:%H:%M}-{hours.end:%H:%M}"
