@@ -1,0 +1,36 @@
+"""What a file format cannot say of a mission: told when the mission is written into it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Loss:
+    """Something that was not carried over.
+
+    Attributes:
+        what: What of the mission, in words.
+        message: What became of it.
+        code: The same for programs.
+    """
+
+    what: str
+    message: str
+    code: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.message} [{self.code}]"
+
+
+@dataclass(slots=True)
+class Losses:
+    """The losses of one conversion, each told once."""
+
+    entries: list[Loss] = field(default_factory=list)
+
+    def add(self, what: str, message: str, code: str) -> None:
+        """Note a loss."""
+        loss = Loss(what, message, code)
+        if loss not in self.entries:
+            self.entries.append(loss)

@@ -1,0 +1,244 @@
+"""What zones in files have in common: where they lie in degrees, how tall, when, and their place.
+
+Formats differ in their words; readers of JSON formats share how positions and rings are checked.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from air_router.altitudes import Altitudes
+from air_router.draft import Keys, Source
+from air_router.json_document import JsonDocument
+from geo.frame import Geodetic
+from geo.validity import Validity
+from mocha_link.document import Problem
+
+MAX_RADIUS_M = 1_000_000.0
+MAX_ALTITUDE_M = 100_000.0
+
+MapRing = tuple[Geodetic, ...]
+"""The corners of an outline in degrees; the last one joins the first."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapOutline:
+    """An area on the map with holes in it."""
+
+    ring: MapRing
+    holes: tuple[MapRing, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class MapCircle:
+    """A circle on the map."""
+
+    centre: Geodetic
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class FileZone:
+    """A no-fly zone as a file has it.
+
+    Attributes:
+        name: What the file calls it.
+        shape: Where it is, in degrees.
+        source: The file.
+        keys: Where the zone stands in it.
+        clearance_m: What to keep away from it; None: what the mission keeps from all.
+        altitudes: Where it applies; None: at every altitude.
+        validity: When it applies; None: always.
+    """
+
+    name: str
+    shape: MapOutline | MapCircle
+    source: Source
+    keys: Keys
+    clearance_m: float | None = None
+    altitudes: Altitudes | None = None
+    validity: Validity | None = None
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Line and column of the zone in its file."""
+        here = self.source.problem(self.keys, "", "")
+        return here.line, here.column
+
+
+@dataclass(slots=True)
+class ZoneReading:
+    """What has been read from a file so far.
+
+    Attributes:
+        source: The file.
+        kind: Its format, in words.
+        zones: Its zones.
+        problems: What is wrong with it.
+        notes: What was left out or read with caution, though nothing is wrong with it.
+    """
+
+    source: Source
+    kind: str
+    zones: list[FileZone] = field(default_factory=list)
+    problems: list[Problem] = field(default_factory=list)
+    notes: list[Problem] = field(default_factory=list)
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.source.path
+
+    def complain(self, keys: Keys, message: str, code: str) -> None:
+        """Note a problem."""
+        self.problems.append(self.source.problem(keys, message, code))
+
+    def note(self, keys: Keys, message: str, code: str) -> None:
+        """Note what the operator should know."""
+        self.notes.append(self.source.problem(keys, message, code))
+
+    def add(
+        self,
+        name: str,
+        shapes: list[tuple[Keys, MapOutline | MapCircle]],
+        *,
+        clearance_m: float | None = None,
+        altitudes: Altitudes | None = None,
+        validity: Validity | None = None,
+    ) -> None:
+        """Add a zone; one of several shapes becomes as many, with a number behind the name."""
+        for number, (keys, shape) in enumerate(shapes, start=1):
+            numbered = name if len(shapes) == 1 else f"{name}, part {number}"
+            self.zones.append(
+                FileZone(numbered, shape, self.source, keys, clearance_m, altitudes, validity)
+            )
+
+
+class JsonReader:
+    """Reads values of a JSON document, noting what is wrong with them."""
+
+    def __init__(self, document: JsonDocument, kind: str) -> None:
+        self.document = document
+        self.reading = ZoneReading(document, kind)
+
+    def at(self, *keys: str | int) -> Any:
+        """The value at a key path, None if there is none."""
+        value = self.document.data
+        for key in keys:
+            try:
+                value = value[key]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return value
+
+    def entries(self, keys: Keys, what: str) -> list[Any]:
+        """A list; empty, with a problem noted, if it is something else."""
+        value = self.at(*keys)
+        if isinstance(value, list):
+            return value
+        self.wrong(keys, f"{what} must be a list")
+        return []
+
+    def number(self, keys: Keys, what: str, lowest: float, highest: float) -> float | None:
+        """A number in a range; None, with a problem noted, if it is something else."""
+        value = self.at(*keys)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.wrong(keys, f"{what} must be a number")
+            return None
+        if not lowest <= value <= highest:
+            message = f"{what} must be from {lowest:g} to {highest:g}, found {value:.10g}"
+            self.reading.complain(keys, f"{message}; correct it", "out-of-range")
+            return None
+        return float(value)
+
+    def choice(self, keys: Keys, what: str, choices: Mapping[str, Any]) -> Any:
+        """What one of these words (in capitals or not) stands for; None, with a problem noted."""
+        value = self.at(*keys)
+        if isinstance(value, str) and value.upper() in choices:
+            return choices[value.upper()]
+        self.wrong(keys, f"{what} must be one of {', '.join(choices)}")
+        return None
+
+    def position(self, keys: Keys) -> Geodetic | None:
+        """A place given as [longitude, latitude], perhaps with an altitude behind."""
+        value = self.at(*keys)
+        if not isinstance(value, list) or len(value) < 2:
+            self.wrong(keys, "a place must be [longitude, latitude]")
+            return None
+        if any(isinstance(part, bool) or not isinstance(part, int | float) for part in value[:2]):
+            self.wrong(keys, "a place must be two numbers, [longitude, latitude]")
+            return None
+        longitude_deg, latitude_deg = float(value[0]), float(value[1])
+        if abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180:
+            return Geodetic(latitude_deg, longitude_deg)
+        swapped = abs(longitude_deg) <= 90 and abs(latitude_deg) <= 180
+        advice = "exchange them (longitude comes first)" if swapped else "correct it"
+        self.reading.complain(
+            keys, f"there is no longitude {value[0]:.10g}, latitude {value[1]:.10g}; {advice}",
+            "not-on-earth",
+        )  # fmt: skip
+        return None
+
+    def outline(self, keys: Keys) -> MapOutline | None:
+        """A polygon's rings, the first around it, the others around its holes."""
+        rings = [
+            self._ring((*keys, index))
+            for index in range(len(self.entries(keys, "a polygon's coordinates")))
+        ]
+        if not rings and self.at(*keys) == []:
+            self.reading.complain(keys, "a polygon without a ring; draw it again", "too-few")
+        first, *holes = rings or [None]
+        read = tuple(hole for hole in holes if hole is not None)
+        return MapOutline(first, read) if first and len(read) == len(holes) else None
+
+    def circle(self, keys: Keys, radius_keys: Keys) -> MapCircle | None:
+        """A place and a radius in metres."""
+        centre = self.position(keys)
+        radius_m = self.number(radius_keys, "the radius in metres", 0.001, MAX_RADIUS_M)
+        return None if centre is None or radius_m is None else MapCircle(centre, radius_m)
+
+    def wrong(self, keys: Keys, message: str) -> None:
+        """Complain about a value of the wrong kind, or its absence."""
+        value = self.at(*keys)
+        found = "nothing" if value is None else json.dumps(value, ensure_ascii=False)[:40]
+        code = "missing-key" if value is None else "wrong-type"
+        self.reading.complain(keys, f"{message}, found {found}; correct it", code)
+
+    def _ring(self, keys: Keys) -> MapRing | None:
+        count = len(self.entries(keys, "a polygon's ring"))
+        places = [self.position((*keys, index)) for index in range(count)]
+        ring = [place for place in places if place is not None]
+        if len(ring) < count or not isinstance(self.at(*keys), list):
+            return None
+        if len(ring) > 1 and ring[0] == ring[-1]:
+            ring.pop()
+        if len(set(ring)) < 3:
+            message = f"a ring has {len(set(ring))} different corners, an area needs 3"
+            self.reading.complain(keys, f"{message}; draw it again", "too-few-corners")
+            return None
+        return tuple(ring)
+
+
+def utc(text: Any) -> datetime:
+    """A moment with its time zone, as UTC.
+
+    Raises:
+        ValueError: it is none, or has no time zone.
+    """
+    if not isinstance(text, str) or len(text) > 40:
+        raise ValueError("it is no date and time")
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        raise ValueError(f"'{text}' is no date and time like 2026-11-20T08:00:00Z") from None
+    if moment.tzinfo is None:
+        raise ValueError(f"'{text}' has no time zone; add Z for UTC")
+    try:
+        return moment.astimezone(UTC)
+    except OverflowError:
+        raise ValueError(f"'{text}' is out of all calendars") from None
