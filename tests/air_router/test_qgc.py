@@ -7,6 +7,7 @@ import pytest
 
 from air_router.errors import MissionFileError
 from air_router.mission import load_mission
+from air_router.qgc import read_plan
 
 DATA = Path(__file__).parents[1] / "data"
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -132,11 +133,12 @@ def put(data, *keys):
 @pytest.mark.parametrize(
     ("keys", "expected"),
     [
-        (("fileType", "Mission"), '1:1: not a QGroundControl plan: "fileType" is not "Plan"'),
+        (("fileType", "Mission"), '2:17: not a QGroundControl plan: "fileType" is not "Plan"'),
         (("version", 2), "3:16: the plan has version 2, read is 1"),
-        (("geoFence", "version", 1), "72:20: 'geoFence' has version 1, read is 2"),
-        (("geoFence", None), "1:1: missing section 'geoFence'"),
-        (("rallyPoints", None), "1:1: missing section 'rallyPoints'"),
+        (("mission", "version", 1), "5:20: 'mission' has version 1, read is 2"),
+        (("mission", None), "1:1: missing section 'mission'"),
+        (("geoFence", []), "71:17: missing section 'geoFence'"),
+        (("rallyPoints", 3), "missing section 'rallyPoints'"),
         (("mission", "plannedHomePosition", None), "4:16: missing key 'plannedHomePosition'"),
         (("mission", "plannedHomePosition", 0, 95), "6:32: home: latitude 95.0 is not within"),
         (
@@ -144,13 +146,19 @@ def put(data, *keys):
             "'plannedHomePosition[0]' must be a number, found",
         ),
         (("mission", "hoverSpeed", 0), "11:23: the speed must be more than 0"),
-        (("mission", "items", 1, "command", 82), "29:28: item 1: command 82 is not read yet"),
-        (("mission", "items", 0, "command", 20), "15:28: item 0: command 20 is not read yet"),
-        (("mission", "items", 1, "frame", 10), "30:26: altitude frame 10 is not read yet"),
+        (("mission", "items", 1, "command", 94), "29:28: command 94 is not read yet"),
+        (("mission", "items", 1, "command", 31002), "29:28: command 31002 is not read yet"),
+        (("mission", "items", 1, "command", "x"), "29:28: an item's command must be a whole"),
+        (("mission", "items", 0, "command", 20), "15:28: the plan returns or lands before this"),
+        (("mission", "items", 1, "frame", 10), "30:26: the height of the terrain here is not in"),
+        (("mission", "items", 1, "frame", 2), "30:26: altitude frame 2 is not read"),
+        (("mission", "plannedHomePosition", 2, None), "an altitude above the sea, and home has"),
         (("mission", "items", 1, "params", 6, 0), "38:21: the altitude is 0 m above home"),
         (("mission", "items", 1, "params", 5, "?"), "37:21: 'params[5]' must be a number, found"),
         (("mission", "items", 1, "params", 4, 97), "36:21: waypoint 1: latitude 97.0 is not"),
-        (("mission", "items", 1, "type", "ComplexItem"), '28:25: item 1: "ComplexItem" is not'),
+        (("mission", "items", 1, "type", "Item"), "28:25: an item must be a SimpleItem or a"),
+        (("mission", "items", 1, 7), "an item must be a SimpleItem or a ComplexItem, found 7"),
+        (("mission", "hoverSpeed", 51), "11:23: the speed must be more than 0 and at most 50"),
         (("mission", "items", None), "4:16: missing list 'items'"),
         (("geoFence", "polygons", None), "missing list 'polygons'"),
         (("geoFence", "polygons", 0, "inclusion", None), "'inclusion' must be true (a fence)"),
@@ -170,27 +178,132 @@ def test_what_is_not_understood_is_refused_with_its_place(tmp_path, keys, expect
     assert any(expected in problem for problem in found), found
 
 
-def test_one_speed_only(tmp_path):
+def speed(speed_m_s, kind=1):
+    return {"type": "SimpleItem", "command": 178, "frame": 2, "params": [kind, speed_m_s, -1]}
+
+
+def test_the_slowest_speed_is_flown(tmp_path):
     data = plan()
-    for speed_m_s in (3, 3, -1):
-        item = {"type": "SimpleItem", "command": 178, "frame": 2, "params": [1, speed_m_s, -1]}
-        data["mission"]["items"].insert(0, item)
-    assert load_mission(write(tmp_path, data)).speed_m_s == 3
-    data["mission"]["items"][1]["params"][1] = 6
-    assert "speeds change from 6 to 3 m/s; leave one speed item" in problems(tmp_path, data)[0]
-    data["mission"]["items"][1]["params"][0] = 0
+    data["mission"]["items"][:0] = [speed(3), speed(3), speed(-1)]
+    mission = load_mission(write(tmp_path, data))
+    assert (mission.speed_m_s, mission.notes) == (3, ())
+    data["mission"]["items"].insert(3, speed(2.5))
+    mission = load_mission(write(tmp_path, data))
+    assert mission.speed_m_s == 2.5
+    assert notes(mission) == ["speeds-differ"]
+    data["mission"]["items"][3] = speed(2.5, kind=0)
     assert "of type 0; write a ground speed" in problems(tmp_path, data)[0]
+
+
+def notes(mission):
+    return [note.code for note in mission.notes]
+
+
+def test_what_other_programs_leave_out_is_noted(tmp_path):
+    data = plan()
+    del data["rallyPoints"], data["geoFence"]
+    mission = load_mission(write(tmp_path, data))
+    assert (mission.fences, mission.zones, mission.rally_points) == ((), (), ())
+    assert notes(mission) == ["no-section", "no-section"]
+    assert "no section 'geoFence': there is no fence" in mission.notes[0].message
+
+
+@pytest.mark.parametrize("version", [None, 1])
+def test_a_fence_that_qgroundcontrol_drops_without_a_word_is_read_and_noted(tmp_path, version):
+    data = plan()
+    put(data, "geoFence", "version", version)
+    del data["geoFence"]["polygons"]
+    mission = load_mission(write(tmp_path, data))
+    assert (len(mission.fences), len(mission.zones)) == (1, 1)
+    assert notes(mission) == ["plan-version"]
+    assert "QGroundControl itself drops the whole section" in mission.notes[0].message
+    data["geoFence"]["polygon"] = [{"lat": 47.0, "lon": 8.0}]
+    assert "drew it years ago is not read" in problems(tmp_path, data)[0]
+
+
+def test_several_inclusions_are_all_kept_to(tmp_path):
+    data = plan()
+    box = [[46.998, 7.998], [46.998, 8.002], [47.0008, 8.002], [47.0008, 7.998]]
+    data["geoFence"]["polygons"].append({"version": 1, "inclusion": True, "polygon": box})
+    data["geoFence"]["breachReturn"] = [47.0, 8.0, 50]
+    mission = load_mission(write(tmp_path, data))
+    assert len(mission.fences) == 2
+    assert len(mission.zones) == 2
+    assert notes(mission) == ["not-flown"]
+    data["mission"]["items"][1]["params"][4] = 47.0009
+    assert any("outside of the fence" in problem for problem in problems(tmp_path, data))
+
+
+@pytest.mark.parametrize("command", [17, 18, 19, 31, 82])
+def test_splines_and_loiters_are_flown_as_waypoints(tmp_path, command):
+    data = plan()
+    data["mission"]["items"][1]["command"] = command
+    mission = load_mission(write(tmp_path, data))
+    assert len(mission.waypoints) == 2
+    assert notes(mission) == ["flown-as-waypoint"]
+    assert str(mission.notes[0]).startswith(f"{tmp_path}/town.plan:29:28: waypoint 1 is command")
+
+
+def test_cameras_and_jumps_stay_in_the_file(tmp_path):
+    data = plan()
+    for command in (206, 177, 206, 93, 2000, 4501):
+        item = {"type": "SimpleItem", "command": command, "frame": 2, "params": [1] * 7}
+        data["mission"]["items"].insert(2, item)
+    mission = load_mission(write(tmp_path, data))
+    assert len(mission.waypoints) == 2
+    assert [note.message.split(" stays")[0] for note in mission.notes] == [
+        "command 4501", "command 2000", "command 93", "command 206 (2 times)", "command 177"
+    ]  # fmt: skip
+
+
+def test_a_landing_elsewhere_is_told(tmp_path):
+    data = plan()
+    data["mission"]["items"][3] = waypoint(47.0003, 8.0006, altitude=0, command=21)
+    assert notes(load_mission(write(tmp_path, data))) == ["lands-at-home"]
+
+
+def test_altitudes_above_terrain_count_from_the_sea(tmp_path):
+    data = plan()
+    data["mission"]["items"][1] |= {"frame": 10, "AMSLAltAboveTerrain": 533.5}
+    mission = load_mission(write(tmp_path, data))
+    assert mission.waypoints[0].altitude_above_home_m == 33.5
+
+
+def test_a_waypoint_that_lies_on_another_is_visited_once(tmp_path):
+    data = plan()
+    data["mission"]["items"].insert(3, waypoint(47.0005, 8.0))
+    mission = load_mission(write(tmp_path, data))
+    assert len(mission.waypoints) == 2
+    assert notes(mission) == ["waypoint-twice"]
+    assert "lies on waypoint 1: visited once" in mission.notes[0].message
+
+
+def test_surveys_are_flown_by_their_embedded_items():
+    draft = read_plan(DATA / "files" / "survey.plan")
+    assert draft.problems == []
+    assert len(draft.waypoints) == 11
+    inner = ("mission", "items", 2, "TransectStyleComplexItem", "Items", 0, "params", 4)
+    assert draft.waypoints[1].keys == inner
+    assert [note.code for note in draft.notes] == [
+        "flown-as-waypoint", "survey-waypoints", "survey-waypoints", "not-flown", "not-flown",
+        "not-flown", "not-flown", "not-flown", "not-flown",
+    ]  # fmt: skip
+    assert len(draft.fences) == 3
+    assert [zone.name for zone in draft.zones] == ["zone 1", "zone 2"]
+    mission = load_mission(DATA / "files" / "survey.plan")
+    assert len(mission.waypoints) == 11
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ('{"fileType": "Plan",}', "1:2"),
-        ("", "1:1: not valid JSON"),
+        ('{"fileType": "Plan",}', "1:20: not valid JSON: a comma before '}'; remove it"),
+        ("", "1:1: not valid JSON: found the end of the file"),
         ("[1, 2]", '1:1: not a QGroundControl plan: "fileType" is not "Plan"'),
-        ('{"fileType": "Plan"}', "1:1: missing section 'geoFence'"),
+        ('{"fileType": "Plan"}', "1:1: missing section 'mission'"),
         ('{"a": 1, "a": 2}', "1:10: key 'a' is already on line 1"),
-        ("[" * 50_000, "1:1: nested too deeply"),
+        ("[" * 50_000, "1:61: nested more than 60 deep"),
+        ('{"fileType": "Plan", "x": NaN}', "1:27: not valid JSON at 'NaN}'"),
     ],
 )
 def test_what_is_no_plan_at_all(tmp_path, text, expected):
