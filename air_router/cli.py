@@ -1,11 +1,11 @@
-"""The command line: `air-router check | plan | fly | sim`. Each command is a module of its own."""
+"""The command line: `air-router check | plan | preflight | fly | sim`, each in its module."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 
-from air_router import check, command_line, fly, plan, sim
+from air_router import check, command_line, fly, plan, preflight_command, sim
 
 _EXIT_CODES = """\
 exit codes:
@@ -22,7 +22,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "air-router",
         "Fly PX4 missions around no-fly zones, and seek robots to exchange data with.",
         _EXIT_CODES,
-        (check, plan, fly, sim),
+        (check, plan, preflight_command, fly, sim),
     )
     return command_line.run(parser, argv)
 

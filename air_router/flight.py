@@ -11,7 +11,7 @@ import logging
 import math
 import os
 import signal
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -36,9 +36,10 @@ from air_router.flight_plan import FlightPlan
 from air_router.graph import WaypointGraph
 from air_router.ledger import Ledger, RobotAccount
 from air_router.mapper import Mapper, receive_patches
-from air_router.milestones import HOME_TOLERANCE_M
 from air_router.motions import MotionSender
 from air_router.navigator import REACTION_S
+from air_router.preflight import PreflightRefusedError, Verdict
+from air_router.preflight_survey import Survey
 from air_router.router import Router
 from air_router.status import StatusLine, flight_line
 from air_router.vehicle import FlightMode, LinkSilent, Telemetry, VehicleEvent
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
     from air_router.gossip import Gossip
     from air_router.mission import Mission
     from air_router.recorder import Recorder
-    from air_router.vehicle import Vehicle
+    from air_router.vehicle import Vehicle, VehicleInfo
     from geo.frame import Point
 
 _log = logging.getLogger(__name__)
@@ -89,6 +90,7 @@ class Flight:
         status: What the operator sees.
         camera: Endpoint of the camera's patches, None without a camera.
         arm: Arm and start; otherwise wait for the pilot to do it.
+        survey: Looks at everything before the flight; None: nothing but the mission's router.
     """
 
     def __init__(  # noqa: PLR0913 - the parts that a flight is put together from
@@ -104,6 +106,7 @@ class Flight:
         status: StatusLine,
         camera: str | None = None,
         arm: bool = False,
+        survey: Callable[[Router], Survey] | None = None,
     ) -> None:
         self._mission = mission
         self._vehicle = vehicle
@@ -116,6 +119,7 @@ class Flight:
         self._arm = arm
         self._plan = FlightPlan.of(mission)
         self.router = Router(WaypointGraph(mission))
+        self._survey = Survey(mission, self.router) if survey is None else survey(self.router)
         self.controller = Controller(mission, self._plan, self.router, seek)
         self.ledger = Ledger(mission, mapper, {name: RobotAccount() for name in seek})
         self._finish: asyncio.Future[tuple[str, ExitCode]]
@@ -179,7 +183,7 @@ class Flight:
         info = await self._vehicle.connect()
         self._status.say(f"{info.autopilot} {info.version}, system {info.system_id}")
         self._vehicle.subscribe(self._on_vehicle)
-        self._check_start(await self._first)
+        await self._preflight(info, await self._first)
         self._admitted = True
         self._gossip.start(self._on_event)
         await self._vehicle.upload(self._plan)
@@ -188,20 +192,18 @@ class Flight:
             f"{len(self._plan.fence)} fence vertices"
         )
 
-    def _check_start(self, telemetry: Telemetry) -> None:
+    async def _preflight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
         """Refuse what cannot become a safe flight."""
-        if telemetry.in_air:
-            raise RefusedError("the vehicle is flying; land it, then start the mission")
-        if telemetry.armed:
-            raise RefusedError("the vehicle is armed; disarm it, then start the mission")
-        away_m = math.dist(telemetry.position, self._mission.home)
-        if away_m > HOME_TOLERANCE_M:
-            raise RefusedError(
-                f"the vehicle stands {away_m:.0f} m from the mission's home; bring it there, "
-                "or put home where it stands"
-            )
-        if not self.router.check_leg(telemetry.position, self._mission.home):
-            raise RefusedError("the way up from where the vehicle stands to home is not clear")
+        card = await self._survey.card(self._vehicle, info, telemetry)
+        self._recorder.write(
+            "flight", self._clock.boot_s(), {"type": "Preflight", **card.as_json()}
+        )
+        if not card.ready:
+            raise PreflightRefusedError(card)
+        good = sum(check.verdict is Verdict.GOOD for check in card.checks)
+        self._status.say(f"pre-flight: {good} of {len(card.checks)} lines are good")
+        for line in card.lines(all_of_them=False):
+            self._status.say(line)
 
     def _check_still(self, *, armed: bool = False) -> None:
         """Refuse to start what the pilot has started while we got ready."""

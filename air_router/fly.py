@@ -19,6 +19,7 @@ from air_router.flight import Flight, FlightResult
 from air_router.gossip import Gossip
 from air_router.mapper import Mapper
 from air_router.mission import load_mission
+from air_router.preflight_survey import Survey
 from air_router.px4 import Px4Vehicle
 from air_router.recorder import Recorder
 from air_router.report import write_report
@@ -68,14 +69,7 @@ def fly(mission: Mission, options: FlyOptions) -> FlightResult:
     """Fly a mission to its end; the exceptions say why one did not start."""
     if options.duration_s is not None:
         mission = dataclasses.replace(mission, duration_s=options.duration_s)
-    team_path = options.team or mission.team
-    if team_path is None:
-        raise RefusedError(
-            f"{mission.path}: names no team file, so there is nobody to talk to; "
-            "add `team: team.yaml` to it or say --team FILE"
-        )
-    team = Team.load(team_path)
-    uav = mission.uav or only_uav(team)
+    team, uav = team_of(mission, options.team)
     try:
         return _fly(mission, options, team, uav)
     except _UNUSABLE as error:
@@ -100,8 +94,23 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             status=StatusLine(),
             camera=options.camera,
             arm=options.arm,
+            survey=lambda router: Survey(
+                mission, router, team=team, uav=uav, log_dir=options.log_dir
+            ),
         )
         return asyncio.run(flight.run())
+
+
+def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
+    """The team to talk to, and the name that the mission's UAV has in it."""
+    path = path or mission.team
+    if path is None:
+        raise RefusedError(
+            f"{mission.path}: names no team file, so there is nobody to talk to; "
+            "add `team: team.yaml` to it or say --team FILE"
+        )
+    team = Team.load(path)
+    return team, mission.uav or only_uav(team)
 
 
 def only_uav(team: Team) -> str:
@@ -130,6 +139,18 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         epilog="example: air-router fly missions/pennovation/mission.yaml "
         "--connect udpin://0.0.0.0:14540",
     )
+    add_vehicle_arguments(parser)
+    parser.add_argument(
+        "--camera", metavar="URL", help="ZeroMQ endpoint that publishes map patches, tcp://..."
+    )
+    parser.add_argument("--arm", action="store_true", help="arm and take off, once confirmed")
+    parser.add_argument("--yes", action="store_true", help="confirm --arm without being asked")
+    add_flight_arguments(parser)
+    parser.set_defaults(run=run)
+
+
+def add_vehicle_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `fly` and `preflight` have in common."""
     parser.add_argument(
         "--connect",
         metavar="URL",
@@ -140,13 +161,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "--sysid", type=_system_id, default=1, metavar="N", help="its MAVLink system id (default 1)"
     )
     parser.add_argument("--team", type=Path, metavar="FILE", help="team file (the mission's)")
-    parser.add_argument(
-        "--camera", metavar="URL", help="ZeroMQ endpoint that publishes map patches, tcp://..."
-    )
-    parser.add_argument("--arm", action="store_true", help="arm and take off, once confirmed")
-    parser.add_argument("--yes", action="store_true", help="confirm --arm without being asked")
-    add_flight_arguments(parser)
-    parser.set_defaults(run=run)
 
 
 def add_flight_arguments(parser: argparse.ArgumentParser) -> None:

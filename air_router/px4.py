@@ -10,7 +10,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from mavsdk.plugins.action.action import Action, ActionResult
@@ -22,7 +23,8 @@ from air_router.errors import ArmingRefusedError, NotConfirmedError
 from air_router.mavsdk_bridge import call, message
 from air_router.px4_connection import Px4Connection
 from air_router.px4_health import arming_problems
-from air_router.px4_plan import clear_fence, upload_plan
+from air_router.px4_inspection import inspect
+from air_router.px4_plan import clear_fence, compare_plan, upload_plan
 from air_router.px4_telemetry import Px4Telemetry
 from air_router.vehicle import FlightMode, LinkSilent, Vehicle, VehicleEvent, VehicleInfo
 
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
 
     from air_router.clock import VehicleClock
     from air_router.flight_plan import FlightPlan
+    from air_router.inspection import Inspection
     from air_router.mission import Mission
     from geo.frame import Point
 
@@ -38,7 +41,12 @@ _log = logging.getLogger(__name__)
 
 AUTOPILOT: Final = 1  # MAV_COMP_ID_AUTOPILOT1
 SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512  # MAV_CMD
-GLOBAL_POSITION_INT, AUTOPILOT_VERSION, HOME_POSITION = 33, 148, 242  # message ids
+GPS_RAW_INT, GLOBAL_POSITION_INT, POSITION_TARGET_GLOBAL_INT = 24, 33, 87  # message ids
+AUTOPILOT_VERSION, HOME_POSITION = 148, 242
+RATES_HZ: Final = MappingProxyType(
+    {GLOBAL_POSITION_INT: 10.0, POSITION_TARGET_GLOBAL_INT: 2.0, GPS_RAW_INT: 2.0}
+)
+"""How often we want what PX4 sends so often that reading it takes our time."""
 
 ANSWER_S: Final = 5.0
 """Wall-clock limit for a command's answer; on the ground these take milliseconds."""
@@ -46,9 +54,11 @@ ANSWER_S: Final = 5.0
 CONFIRM_S: Final = 3.0
 """Wall-clock limit for a command to show: modes appear with the next HEARTBEAT, at 1 Hz."""
 
+ONCE_S: Final = 1.5
+"""Wall-clock limit for what is asked for at the beginning, and can be done without."""
+
 ATTEMPTS: Final = 3
 SILENT_S: Final = 3.0
-POSITION_RATE_HZ: Final = 10.0
 HEALTH_S: Final = 60.0
 NOTICE: Final = 5
 TEXT_LIMIT: Final = 50
@@ -92,11 +102,12 @@ class Px4Vehicle(Vehicle):
         self._geofence = Geofence(system)
         self._direct = MavlinkDirect(system)
         self._telemetry.listen(self._direct, self._connection.system_id)
-        await self._command(SET_MESSAGE_INTERVAL, GLOBAL_POSITION_INT, 1e6 / POSITION_RATE_HZ)
-        await self._command(REQUEST_MESSAGE, HOME_POSITION)
-        await self._command(REQUEST_MESSAGE, AUTOPILOT_VERSION)
-        await self._connection.heard(self._telemetry.complete, "positions")
-        await self._shows(lambda: None not in (self._telemetry.version, self._telemetry.home))
+        wishes = [(SET_MESSAGE_INTERVAL, what, 1e6 / hz) for what, hz in RATES_HZ.items()]
+        wishes += [(REQUEST_MESSAGE, what, 0.0) for what in (HOME_POSITION, AUTOPILOT_VERSION)]
+        await asyncio.gather(*(self._wish(*wish) for wish in wishes))
+        telemetry = self._telemetry
+        await self._connection.heard(telemetry.complete, "positions")
+        await self._shows(lambda: None not in (telemetry.version, telemetry.home), ONCE_S)
         self._watch = asyncio.create_task(self._watch_silence())
         return VehicleInfo(
             system_id=self._connection.system_id,
@@ -110,6 +121,17 @@ class Px4Vehicle(Vehicle):
         """See `Vehicle.subscribe`."""
         self._callback = callback
         self._telemetry.subscribe(callback)
+
+    async def inspect(self, parameters: Sequence[str]) -> Inspection:
+        """See `Vehicle.inspect`; a vehicle that is just being switched on is given some seconds."""
+        return await inspect(
+            self._system, self._direct, self._telemetry, self._connection.system_id, parameters
+        )
+
+    async def recognise(self, plan: FlightPlan) -> None:
+        """See `Vehicle.recognise`."""
+        await compare_plan(self._raw, self._telemetry, plan)
+        self._telemetry.guard_plan()
 
     async def upload(self, plan: FlightPlan) -> None:
         """See `Vehicle.upload`: fence first, so that the mission is judged against it."""
@@ -252,12 +274,20 @@ class Px4Vehicle(Vehicle):
         async with asyncio.timeout(limit_s):
             await self._telemetry.wait_for(condition)
 
-    async def _shows(self, condition: Callable[[], bool]) -> bool:
+    async def _shows(self, condition: Callable[[], bool], limit_s: float = CONFIRM_S) -> bool:
         try:
-            await self._shown(condition, CONFIRM_S)
+            await self._shown(condition, limit_s)
         except TimeoutError:
             return False
         return True
+
+    async def _wish(self, command: int, *params: float) -> None:
+        """Ask for a message or its rate; without it things go on, only less well."""
+        try:
+            async with asyncio.timeout(ONCE_S):
+                await self._command(command, *params)
+        except (NotConfirmedError, TimeoutError):
+            _log.info("command %d %s was not answered", command, params)
 
     async def _command(self, command: int, *params: float) -> None:
         """Send a COMMAND_LONG and wait for its answer, whatever that says."""

@@ -15,6 +15,7 @@ from mavsdk.exceptions import MavsdkError
 from mavsdk.mavsdk import Configuration, Mavsdk
 
 from air_router.errors import NoVehicleError
+from air_router.mavlink_elsewhere import USUAL_PORTS, advice, listen
 from air_router.mavsdk_bridge import route_log
 
 if TYPE_CHECKING:
@@ -23,10 +24,18 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 COMPANION_COMPONENT: Final = 191
-FIND_S: Final = 10.0
+FIND_S: Final = 5.0
 """Wall-clock limit for the first heartbeat: an autopilot sends one every second."""
 
-DATA_S: Final = 20.0
+OTHERS_S: Final = 1.5
+"""Where several vehicles send to one port: time for the wanted one to be heard as well."""
+
+ELSEWHERE_S: Final = 1.5
+"""For how long other ports are listened on when nothing is heard."""
+
+DATA_S: Final = 4.0
+"""Wall-clock limit for positions, which come tens of times a second."""
+
 _URL = re.compile(r"(udpin|udpout|tcpin|tcpout|serial|serial_flowcontrol)://(\S+)")
 
 
@@ -63,19 +72,30 @@ class Px4Connection:
             self._mavsdk.add_any_connection_with_handle(self._url)
         except (MavsdkError, ConnectionError) as error:
             raise self._in_use(error) from None
-        system = await self._first_autopilot(self._mavsdk)
-        found_id = system.get_system_id()
-        if found_id != self.system_id:
-            raise NoVehicleError(
-                f"{self._url}: the vehicle has system id {found_id}, not {self.system_id}; "
-                f"if it is the right one, say --sysid {found_id}"
-            )
+        system = await self._wanted(self._mavsdk, await self._first_autopilot(self._mavsdk))
         if system.autopilot_type() != Autopilot.PX4:
             raise NoVehicleError(
                 f"{self._url}: the autopilot is {system.autopilot_type().name}, not PX4; "
                 "only PX4 is flown"
             )
         return system
+
+    async def _wanted(self, mavsdk: Mavsdk, first: System) -> System:
+        """The system that was asked for, where several send here."""
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + OTHERS_S
+        if first.get_system_id() == self.system_id:
+            return first
+        while loop.time() < end_s:
+            for other in mavsdk.get_systems():
+                if other.get_system_id() == self.system_id and other.has_autopilot():
+                    return other
+            await asyncio.sleep(0.05)
+        found_id = first.get_system_id()
+        raise NoVehicleError(
+            f"{self._url}: the vehicle has system id {found_id}, not {self.system_id}; "
+            f"if it is the right one, say --sysid {found_id}"
+        )
 
     async def heard(self, condition: Callable[[], bool], what: str) -> None:
         """Wait until `condition` holds, once a second of nothing is not yet a fault."""
@@ -128,6 +148,7 @@ class Px4Connection:
         if system is not None:
             return system
         others = [other.get_system_id() for other in mavsdk.get_systems()]
+        others = [other for other in others if other]
         if others:
             raise NoVehicleError(
                 f"{self._url}: MAVLink comes from system {others[0]}, but no autopilot's "
@@ -137,4 +158,13 @@ class Px4Connection:
             f"{self._url}: nothing heard within {FIND_S:.0f} s; is the vehicle on, and does it "
             "send here? PX4 sends to port 14540 + instance of its own machine and keeps to the "
             "first partner that answers it: restart it if another program was there before"
+            f"{await self._elsewhere()}"
         )
+
+    async def _elsewhere(self) -> str:
+        """Whether MAVLink arrives at another of PX4's ports."""
+        if not self._url.startswith("udpin://"):
+            return ""
+        here = int(self._url.rpartition(":")[2])
+        found = advice(*await listen([p for p in USUAL_PORTS if p != here], ELSEWHERE_S))
+        return f" ({found})" if found else ""

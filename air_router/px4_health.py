@@ -18,16 +18,22 @@ _LOOK_S: Final = 0.2
 
 async def arming_problems(system: System) -> str:
     """What stands in the way of arming, to add to an error; empty if the autopilot does not say."""
+    problems = await reported_problems(system, REPORT_S)
+    return f" ({'; '.join(problems)})" if problems else ""
+
+
+async def reported_problems(system: System, limit_s: float) -> tuple[str, ...]:
+    """The same as a list, empty if the autopilot does not say within a wall-clock limit."""
     events = Events(system)
     try:
-        async with asyncio.timeout(REPORT_S):
+        async with asyncio.timeout(limit_s):
             while not (problems := _reported(events)):  # noqa: ASYNC110 - once, and then it ends
                 await asyncio.sleep(_LOOK_S)
     except TimeoutError:
-        return ""
+        return ()
     finally:
         events.destroy()
-    return f" ({'; '.join(problems)})"
+    return tuple(problems)
 
 
 def _reported(events: Events) -> list[str]:

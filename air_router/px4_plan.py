@@ -7,6 +7,7 @@ in MISSION_CURRENT.mission_state. So what is on board is read back, compared, an
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from typing import TYPE_CHECKING, Any, Final
 
 from mavsdk.plugins.geofence.geofence import Geofence, GeofenceResult
@@ -42,15 +43,25 @@ async def upload_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan
     Raises:
         PlanRefusedError: not taken, not the same when read back, or judged infeasible.
     """
+    telemetry.forget_words()
     if plan.fence:  # MAVSDK uploads no empty one: that is what `clear_fence` is for
         await _upload("the fence", raw.upload_geofence_async, plan.fence, FENCE, telemetry)
     await _upload("the mission", raw.upload_mission_async, plan.items, MISSION, telemetry)
+    await compare_plan(raw, telemetry, plan)
+    await _feasible(telemetry, len(plan.items))
+
+
+async def compare_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan) -> None:
+    """Read fence and items back and compare.
+
+    Raises:
+        PlanRefusedError: what is on board is another plan.
+    """
     fence = await _download("the fence", raw.download_geofence_async, telemetry)
     # PX4 gives fence vertices back in a global frame of its choice: they have no altitude.
     _compare("the fence", [_fence_vertex(v) for v in plan.fence], [_fence_vertex(v) for v in fence])
     items = await _download("the mission", raw.download_mission_async, telemetry)
     _compare("the mission", list(plan.items), items)
-    await _feasible(telemetry, len(plan.items))
 
 
 async def clear_fence(geofence: Geofence, telemetry: Px4Telemetry) -> None:
@@ -111,18 +122,21 @@ async def _feasible(telemetry: Px4Telemetry, total: int) -> None:
     fresh = telemetry.mission_reports + 2
 
     def judged() -> bool:
-        if telemetry.mission_reports < fresh:
+        if telemetry.mission_reports < fresh or telemetry.item_total != total:
             return False
-        return telemetry.item_total == total and telemetry.mission_state > MISSION_INVALID
+        return telemetry.mission_state > MISSION_INVALID or bool(telemetry.refusals)
 
-    try:
+    with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(FEASIBLE_S):
             await telemetry.wait_for(judged)
-    except TimeoutError:
-        raise PlanRefusedError(
-            f"PX4 stored the mission but finds that it cannot be flown{telemetry.said()}; "
-            "its reason is in the ground station's messages"
-        ) from None
+    if telemetry.mission_state > MISSION_INVALID and telemetry.item_total == total:
+        return
+    reasons = "; ".join(dict.fromkeys(telemetry.refusals))
+    why = f": {reasons}" if reasons else telemetry.said()
+    raise PlanRefusedError(
+        f"PX4 stored the mission but finds that it cannot be flown{why}"
+        + ("" if why else "; its reason is in the ground station's messages")
+    )
 
 
 def _compare(what: str, sent: list[PlanItem], on_board: list[PlanItem]) -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import struct
 import time
 from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
+from air_router.inspection import GpsFix
 from air_router.mavsdk_bridge import subscribe
+from air_router.px4_events import WARNING, ArmingReports, Px4Event
 from air_router.px4_mode import flight_mode
 from air_router.vehicle import FlightMode, ItemReached, PlanReplaced, Telemetry, VehicleEvent
 from geo.frame import FrameError
@@ -28,7 +31,11 @@ IN_AIR: Final = frozenset({2, 3, 4})  # MAV_LANDED_STATE: in air, taking off, la
 PREARM_GOOD: Final = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 MISSION_INVALID: Final = 1  # MISSION_STATE_NO_MISSION: none on board, or none that can be flown
 UNKNOWN_TOTAL: Final = 65535
+UNKNOWN: Final = 65535  # of a field of 16 bits
 AUTOPILOT: Final = 1
+INT32, REAL32 = 6, 9  # MAV_PARAM_TYPE; PX4 has no others
+TARGETED: Final = frozenset({FlightMode.MISSION, FlightMode.HOLD})
+_REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_invalid_")
 
 
 class Px4Telemetry:
@@ -46,6 +53,13 @@ class Px4Telemetry:
         self._guarding = False
         self._last_reached: tuple[int, int | None] | None = None
         self._position: Point | None = None
+        self._target: Point | None = None
+        self._unix: tuple[float, float] | None = None
+        self.reports = ArmingReports()
+        self.refusals: list[str] = []
+        self.parameters: dict[str, float] = {}
+        self.gps: GpsFix | None = None
+        self.voltage_v: float | None = None
         self.time_s = 0.0
         self.altitude_m = 0.0
         self.altitude_amsl_m = 0.0
@@ -80,6 +94,10 @@ class Px4Telemetry:
             "MISSION_CURRENT": self._on_mission_current,
             "MISSION_ITEM_REACHED": self._on_item_reached,
             "STATUSTEXT": self._on_text,
+            "EVENT": self._on_event,
+            "PARAM_VALUE": self._on_parameter,
+            "GPS_RAW_INT": self._on_gps,
+            "POSITION_TARGET_GLOBAL_INT": self._on_target,
             "AUTOPILOT_VERSION": self._on_version,
         }
         for name, handler in handlers.items():
@@ -100,6 +118,18 @@ class Px4Telemetry:
     def said(self) -> str:
         """The autopilot's last words, to add to an error."""
         return f' (it says: "{"; ".join(self._texts)}")' if self._texts else ""
+
+    def unix_s(self) -> float | None:
+        """The vehicle's own Unix time now, None until it told it."""
+        if self._unix is None:
+            return None
+        unix_s, heard_s = self._unix
+        return unix_s + time.monotonic() - heard_s
+
+    def forget_words(self) -> None:
+        """Something new is asked of the autopilot: what it said before is not about that."""
+        self._texts.clear()
+        self.refusals.clear()
 
     @property
     def plan_guarded(self) -> bool:
@@ -132,6 +162,8 @@ class Px4Telemetry:
             failsafe=self.failsafe,
             battery=self.battery,
             item=self.item,
+            fix=self.gps is None or self.gps.good,
+            target=self._target if self.mode in TARGETED else None,
         )
 
     def _only_autopilot(
@@ -168,6 +200,7 @@ class Px4Telemetry:
     def _on_current_mode(self, fields: dict[str, Any]) -> None:
         before, self.mode = self.mode, flight_mode(fields["custom_mode"])
         if self.mode is not before:
+            self._target = None  # it was the other mode's
             self._emit_snapshot()  # at once: it may be the pilot's, and a command about to leave
 
     def _on_position(self, fields: dict[str, Any]) -> None:
@@ -191,11 +224,14 @@ class Px4Telemetry:
     def _on_sys_status(self, fields: dict[str, Any]) -> None:
         remaining = fields["battery_remaining"]
         self.battery = None if remaining is None or remaining < 0 else remaining / 100
+        voltage_mv = fields["voltage_battery"]
+        self.voltage_v = None if voltage_mv in {None, UNKNOWN} else voltage_mv / 1e3
         self.health_good = bool(fields["onboard_control_sensors_health"] & PREARM_GOOD)
 
     def _on_system_time(self, fields: dict[str, Any]) -> None:
         if fields["time_unix_usec"] > 0:
             self._clock.heard_unix(fields["time_unix_usec"] / 1e6, fields["time_boot_ms"] / 1e3)
+            self._unix = (fields["time_unix_usec"] / 1e6, time.monotonic())
 
     def _on_home(self, fields: dict[str, Any]) -> None:
         try:
@@ -231,6 +267,40 @@ class Px4Telemetry:
         text = str(fields["text"]).rstrip("\t\0 ")
         self._texts.append(text)
         _log.info("PX4: %s", text)
+
+    def _on_event(self, fields: dict[str, Any]) -> None:
+        event = Px4Event.of(fields)
+        self.reports.take(event)
+        if event.level > WARNING or event.is_check:
+            return
+        text = event.text
+        _log.info("PX4: %s", text)
+        self._texts.append(text)
+        if (event.name or "").startswith(_REFUSALS):
+            self.refusals.append(text)
+
+    def _on_parameter(self, fields: dict[str, Any]) -> None:
+        value = fields["param_value"]
+        if value is None:
+            return  # the bits of a negative whole number, which are no number as a float
+        if fields["param_type"] == INT32:
+            (value,) = struct.unpack("<i", struct.pack("<f", value))
+        self.parameters[str(fields["param_id"]).rstrip("\0")] = float(value)
+
+    def _on_gps(self, fields: dict[str, Any]) -> None:
+        satellites = fields["satellites_visible"]
+        accuracy_mm = fields.get("h_acc") or 0
+        self.gps = GpsFix(
+            kind=fields["fix_type"],
+            satellites=None if satellites in {None, 255} else satellites,
+            accuracy_m=accuracy_mm / 1e3 if accuracy_mm else None,
+        )
+
+    def _on_target(self, fields: dict[str, Any]) -> None:
+        try:
+            self._target = self._frame.to_local(fields["lat_int"] / 1e7, fields["lon_int"] / 1e7)
+        except FrameError:
+            self._target = None  # far away: at 0, 0 when it has none
 
     def _on_version(self, fields: dict[str, Any]) -> None:
         number = fields["flight_sw_version"]

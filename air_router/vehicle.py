@@ -7,12 +7,13 @@ metres above home; times are seconds on the vehicle's own clock.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
 from air_router.flight_plan import FlightPlan
+from air_router.inspection import Inspection
 from geo.frame import Point
 
 
@@ -43,6 +44,8 @@ class Telemetry:
         failsafe: The autopilot acts on a failsafe of its own.
         battery: Remaining charge from 0 to 1, None when unknown.
         item: Sequence number of the plan item it flies to, None when unknown.
+        fix: The satellite receiver has a position; True also while it says nothing of itself.
+        target: Where it flies to or hovers, by its own word; None when unknown.
     """
 
     time_s: float
@@ -56,6 +59,8 @@ class Telemetry:
     failsafe: bool = False
     battery: float | None = None
     item: int | None = None
+    fix: bool = True
+    target: Point | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +110,7 @@ class Vehicle(Protocol):
 
     Raises:
         NoVehicleError: from `connect`, with a diagnosis.
-        PlanRefusedError: from `upload`, when what is on board is not what was sent.
+        PlanRefusedError: from `upload` and `recognise`, when what is on board is not what was sent.
         ArmingRefusedError: from `arm`, with the autopilot's reasons.
         NotConfirmedError: when a command was sent and the vehicle did not follow.
     """
@@ -116,8 +121,14 @@ class Vehicle(Protocol):
     def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
         """Hand every event to `callback`, in order, on the event loop."""
 
+    async def inspect(self, parameters: Sequence[str]) -> Inspection:
+        """Ask for what a pre-flight check looks at, with these parameters."""
+
     async def upload(self, plan: FlightPlan) -> None:
         """Put nodes and fence on board and read both back."""
+
+    async def recognise(self, plan: FlightPlan) -> None:
+        """Make sure that this plan is on board already, in flight too, without changing it."""
 
     async def arm(self) -> None:
         """Arm, waiting for the autopilot's health first."""

@@ -24,6 +24,7 @@ from air_router.controller import Controller
 from air_router.events import CommandConfirmed, CommandFailed, Request, RobotPath, RobotPose
 from air_router.flight_plan import FlightPlan
 from air_router.graph import WaypointGraph
+from air_router.inspection import GpsFix, Inspection
 from air_router.mission import load_mission
 from air_router.router import Router
 from air_router.vehicle import FlightMode, Telemetry, Vehicle, VehicleInfo
@@ -242,6 +243,7 @@ class PretendVehicle(Vehicle):
         self.verbs = []
         self.announced = []
         self.plan = None
+        self.inspection = Inspection(gps=GpsFix(3, 14, 0.8), battery=1.0)
         self.failures = {}  # verb -> errors to raise, one after the other
         self.on_step = lambda: None
         self._running = None
@@ -254,8 +256,16 @@ class PretendVehicle(Vehicle):
         self.callback = callback
         self._running = asyncio.get_running_loop().create_task(self._run())
 
+    async def inspect(self, parameters):
+        self._fail("inspect")
+        return self.inspection
+
     async def upload(self, plan):
         self._fail("upload")
+        self.plan = plan
+
+    async def recognise(self, plan):
+        self._fail("recognise")
         self.plan = plan
 
     async def arm(self):

@@ -17,7 +17,9 @@ from air_router.errors import (
     RefusedError,
 )
 from air_router.flight import LOST_S, Flight
+from air_router.inspection import Inspection
 from air_router.mapper import Mapper
+from air_router.preflight import PreflightRefusedError
 from air_router.recorder import Recorder
 from air_router.report import table
 from air_router.status import StatusLine
@@ -101,7 +103,7 @@ def test_a_flight_from_connecting_to_landing(rig):
     flight = rig()
     result = flight.run()
     assert (result.outcome, result.exit_code) == ("done", ExitCode.DONE)
-    assert flight.vehicle.verbs[:4] == ["connect", "upload", "arm", "start"]
+    assert flight.vehicle.verbs[:5] == ["connect", "inspect", "upload", "arm", "start"]
     assert flight.vehicle.verbs[-2:] == ["land", "close"]
     assert flight.gossip.closed
     report = result.report
@@ -242,7 +244,7 @@ def test_ctrl_c_on_the_ground_commands_nothing(rig):
         lambda: os.kill(os.getpid(), signal.SIGINT),
     )
     assert flight.run().exit_code == ExitCode.INTERRUPTED
-    assert flight.vehicle.verbs == ["connect", "upload", "close"]
+    assert flight.vehicle.verbs == ["connect", "inspect", "upload", "close"]
 
 
 @pytest.mark.parametrize(
@@ -277,7 +279,18 @@ def test_a_vehicle_that_is_not_ready_is_refused_before_anything_is_uploaded(rig,
         setattr(flight.vehicle.airframe, name, value)
     with pytest.raises(RefusedError, match=said):
         flight.run()
-    assert flight.vehicle.verbs == ["connect", "close"]
+    assert "upload" not in flight.vehicle.verbs
+    assert flight.vehicle.verbs[-1] == "close"
+
+
+def test_a_red_line_of_the_pre_flight_card_refuses_before_anything_is_uploaded(rig):
+    flight = rig()
+    flight.vehicle.inspection = Inspection(healthy=False, problems=("no GPS fix; wait",))
+    with pytest.raises(PreflightRefusedError, match="not ready to arm; no GPS fix; wait") as caught:
+        flight.run()
+    assert caught.value.exit_code == ExitCode.REFUSED
+    assert flight.vehicle.verbs == ["connect", "inspect", "close"]
+    assert '"Preflight"' in flight.recorder.path.read_text()
 
 
 def test_nothing_is_decided_on_a_vehicle_that_is_refused(rig):

@@ -158,7 +158,7 @@ def test_a_stored_plan_that_cannot_be_flown_is_refused(mission, udp_port, monkey
 
     async def script(vehicle):
         await vehicle.connect()
-        with pytest.raises(PlanRefusedError, match="cannot be flown"):
+        with pytest.raises(PlanRefusedError, match="be flown: plan item 8 lies in a no-fly"):
             await vehicle.upload(FlightPlan.of(drawn))
 
     run(mission, udp_port, script)
@@ -239,3 +239,17 @@ def test_a_mission_without_a_fence_takes_the_one_before_off_board(mission, udp_p
 def test_the_plan_holds_every_fence_vertex(mission):
     kinds = {item.command for item in FlightPlan.of(mission).fence}
     assert kinds == {Command.FENCE_INCLUSION, Command.FENCE_EXCLUSION}
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_a_plan_is_recognised_without_changing_it(mission, udp_port):
+    plan = FlightPlan.of(mission)
+
+    async def script(vehicle):
+        await vehicle.connect()
+        with pytest.raises(PlanRefusedError, match="0 are on board"):
+            await vehicle.recognise(plan)
+        await vehicle.upload(plan)
+        await vehicle.recognise(plan)
+
+    run(mission, udp_port, script)

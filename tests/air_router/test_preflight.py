@@ -1,0 +1,212 @@
+import dataclasses
+
+import pytest
+
+from air_router import preflight
+from air_router.graph import WaypointGraph
+from air_router.inspection import GpsFix, Inspection
+from air_router.preflight import Card, Check, PreflightRefusedError, Verdict
+from air_router.preflight_parameters import NAMES, parameters, straight_return
+from air_router.router import Router
+from air_router.vehicle import FlightMode, Telemetry, VehicleInfo
+from geo.frame import Point
+
+GOOD, LOOK, BAD = Verdict.GOOD, Verdict.LOOK, Verdict.BAD
+WANTED = {
+    "GF_ACTION": 2,
+    "GF_SOURCE": 0,
+    "NAV_ACC_RAD": 2.0,
+    "MPC_ACC_HOR": 3.0,
+    "MPC_JERK_AUTO": 4.0,
+    "MPC_XY_VEL_MAX": 12.0,
+    "COM_RC_OVERRIDE": 1,
+    "NAV_DLL_ACT": 0,
+    "NAV_RCL_ACT": 2,
+    "COM_OBC_LOSS_T": 5.0,
+    "COM_LOW_BAT_ACT": 3,
+    "BAT_CRIT_THR": 0.07,
+    "COM_DISARM_PRFLT": 10.0,
+    "MIS_TKO_LAND_REQ": 0,
+    "RTL_RETURN_ALT": 60.0,
+}
+
+
+HOME = Point(0.0, 0.0)
+
+
+def info(version="1.17.0", home=HOME):
+    return VehicleInfo(1, "PX4", version, home, 6.7)
+
+
+def telemetry(**changes):
+    values = {"time_s": 1.0, "position": Point(0.0, 0.0), "altitude_m": 0.0} | changes
+    return Telemetry(**{"mode": FlightMode.HOLD} | values)
+
+
+@pytest.fixture(scope="session")
+def router(pennovation):
+    return Router(WaypointGraph(pennovation))
+
+
+@pytest.mark.parametrize(
+    ("version", "verdict"),
+    [
+        ("1.17.0", GOOD),
+        ("1.18.0", GOOD),
+        ("1.16.1", LOOK),
+        ("1.13.3", BAD),
+        ("of unknown version", LOOK),
+    ],
+)
+def test_versions(version, verdict):
+    assert preflight.vehicle(info(version)).verdict is verdict
+
+
+def test_a_vehicle_that_flies_or_is_armed_is_left_alone():
+    assert preflight.standing(telemetry()).verdict is GOOD
+    flying = preflight.standing(telemetry(in_air=True, armed=True))
+    assert (flying.verdict, "flying" in flying.found) == (BAD, True)
+    assert "armed" in preflight.standing(telemetry(armed=True)).found
+
+
+def test_the_place(pennovation, router):
+    def check(position=None, home=None):
+        at = telemetry(position=position or pennovation.home)
+        return preflight.place(pennovation, router, info(home=home or pennovation.home), at)
+
+    assert check().verdict is GOOD
+    away = Point(pennovation.home.east_m + 40.0, pennovation.home.north_m)
+    assert "40 m from the mission's home" in check(position=away).found
+    outside = check(home=Point(5000.0, 0.0))
+    assert outside.verdict is BAD
+    assert "outside the fence" in outside.found
+    nowhere = preflight.place(
+        pennovation, router, info(home=None), telemetry(position=pennovation.home)
+    )
+    assert nowhere.verdict is LOOK
+
+
+def test_health_says_why_not():
+    (check,) = preflight.health(Inspection(healthy=False, problems=("no fix", "no compass")))
+    assert check.verdict is BAD
+    assert check.advice == "no fix; no compass"
+    (silent,) = preflight.health(Inspection(healthy=False))
+    assert "ground station" in silent.advice
+    assert preflight.health(Inspection(warnings=("low",)))[0].verdict is LOOK
+    assert preflight.health(Inspection())[0].verdict is GOOD
+
+
+@pytest.mark.parametrize(
+    ("fix", "verdict"),
+    [
+        (None, LOOK),
+        (GpsFix(1, 0), BAD),
+        (GpsFix(2, 5), BAD),
+        (GpsFix(3, 5), BAD),
+        (GpsFix(3, 8, 1.0), LOOK),
+        (GpsFix(3, 14, 5.0), LOOK),
+        (GpsFix(3, 14, 0.8), GOOD),
+        (GpsFix(6, None, None), GOOD),
+    ],
+)
+def test_gps(fix, verdict):
+    assert preflight.gps(fix).verdict is verdict
+
+
+def test_clocks():
+    now_s = 1.8e9
+    assert preflight.clock(Inspection(unix_s=now_s + 1.0), now_s).verdict is GOOD
+    assert preflight.clock(Inspection(unix_s=now_s + 60.0), now_s).verdict is LOOK
+    assert preflight.clock(Inspection(), now_s).verdict is LOOK
+    assert preflight.clock(Inspection(), 1000.0).verdict is BAD
+
+
+@pytest.mark.parametrize(
+    ("free", "verdict"), [(None, LOOK), (10**6, BAD), (2 * 10**8, LOOK), (10**10, GOOD)]
+)
+def test_disk(free, verdict):
+    assert preflight.disk(free).verdict is verdict
+
+
+def test_the_team():
+    assert preflight.peers({"io": True, "europa": True}).verdict is GOOD
+    away = preflight.peers({"io": True, "europa": False})
+    assert (away.verdict, away.found) == (LOOK, "europa: not reachable now")
+    assert preflight.peers({}).verdict is LOOK
+
+
+def test_parameters_as_wanted(pennovation):
+    assert set(WANTED) == set(NAMES)
+    (check,) = parameters(pennovation, WANTED)
+    assert (check.verdict, check.found) == (GOOD, "15 of 15 are as wanted")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "verdict"),
+    [
+        ("GF_ACTION", 0, BAD),
+        ("GF_ACTION", 3, LOOK),
+        ("GF_ACTION", 4, BAD),
+        ("GF_ACTION", 99, LOOK),
+        ("NAV_ACC_RAD", 30.0, LOOK),
+        ("MPC_ACC_HOR", 1.0, BAD),
+        ("MPC_JERK_AUTO", 2.0, LOOK),
+        ("MPC_XY_VEL_MAX", 1.0, LOOK),
+        ("COM_RC_OVERRIDE", 2, LOOK),
+        ("NAV_DLL_ACT", 2, LOOK),
+        ("NAV_DLL_ACT", 5, BAD),
+        ("BAT_CRIT_THR", 0.3, BAD),
+        ("COM_DISARM_PRFLT", -1.0, LOOK),
+        ("RTL_RETURN_ALT", 5.0, LOOK),
+    ],
+)
+def test_a_parameter_that_is_not_as_wanted_says_what_it_should_be_and_why(
+    pennovation, name, value, verdict
+):
+    first, last = parameters(pennovation, WANTED | {name: value})
+    assert (first.name, first.verdict) == (name, verdict)
+    assert first.advice.startswith("set it to ")
+    assert last.found == "14 of 15 are as wanted"
+
+
+def test_parameters_that_are_not_told(pennovation):
+    first, last = parameters(pennovation, WANTED | {"GF_ACTION": None})
+    assert (first.verdict, first.found) == (LOOK, "not told: GF_ACTION")
+    assert last.found == "14 of 15 are as wanted"
+
+
+def test_the_autopilot_s_own_return_knows_no_zones(pennovation):
+    check = straight_return(pennovation)
+    assert check.verdict is LOOK
+    assert any(zone.name in check.found for zone in pennovation.zones)
+    alone = dataclasses.replace(pennovation, waypoints=())
+    assert straight_return(alone).verdict is GOOD
+
+
+CARD = Card(
+    (
+        Check("GPS", GOOD, "fix"),
+        Check("disk", LOOK, "no log", "keep one"),
+        Check("health", BAD, "not ready", "no compass"),
+    )
+)
+
+
+def test_the_card_on_paper_and_for_scripts():
+    assert not CARD.ready
+    assert CARD.lines() == [
+        "ok    GPS     fix",
+        "look  disk    no log\n              -> keep one",
+        "stop  health  not ready\n              -> no compass",
+    ]
+    assert CARD.lines(all_of_them=False)[0].startswith("look")
+    assert "\x1b[31mstop\x1b[0m" in CARD.lines(coloured=True)[2]
+    assert CARD.as_json()["checks"][1] == {
+        "name": "disk",
+        "verdict": "look",
+        "found": "no log",
+        "advice": "keep one",
+    }
+    assert str(PreflightRefusedError(CARD)) == (
+        "not ready to fly:\n  health: not ready; no compass"
+    )
