@@ -1,0 +1,206 @@
+"""A clear area cut into triangles: which lie next to each other, and which hold a point.
+
+The triangles are a constrained Delaunay triangulation: its corners are those of the area's border,
+so every corner that a shortest path can turn at is a vertex, and no triangle crosses the border.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely import Polygon
+
+from geo.frame import Point
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.intp]
+
+ON_M = 1e-6
+"""A point so near to a triangle counts as in it: points computed to lie on a border hardly do."""
+
+_REFLEX = math.pi + 1e-9
+
+
+Place = tuple[float, float]
+Entry = tuple[int, int, int, int, int]
+"""A side of a triangle, seen by who comes in over it: its left, its right and the opposite vertex,
+and the entries into the next triangles over the sides left-opposite and opposite-right (-1: none).
+"""
+
+
+class Mesh:
+    """The triangles of an area.
+
+    Entry `3 * t + k` leads into triangle `t`. Entries and vertices are plain lists, which Python
+    reads faster than arrays.
+
+    Args:
+        parts: the connected parts of the area; they touch in single points at most.
+
+    Attributes:
+        entries: every side of every triangle as an `Entry`.
+        back: for every side of a triangle, the entry into the neighbour behind it; -1: border.
+        places, east_m, north_m: the vertices.
+        corner: whether paths turn at a vertex: the area takes more than half of the way around it.
+        part: for every triangle, the number of the part that it belongs to.
+    """
+
+    def __init__(self, parts: Sequence[Polygon]) -> None:
+        cut = shapely.constrained_delaunay_triangles(np.array(parts, dtype=object))
+        pieces, part = shapely.get_parts(cut, return_index=True)
+        outlines = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3]
+        triangles, east_m, north_m = _vertices(outlines)
+        back, left, right = _neighbours(triangles, len(east_m))
+        self.part = part
+        self.back: list[int] = back.tolist()
+        self.east_m: list[float] = east_m.tolist()
+        self.north_m: list[float] = north_m.tolist()
+        self.places = list(zip(self.east_m, self.north_m, strict=True))
+        sides = (np.roll(triangles, -step, axis=1).ravel().tolist() for step in range(3))
+        self.entries: list[Entry] = list(zip(*sides, left.tolist(), right.tolist(), strict=True))
+        self.corner: list[bool] = _reflex(triangles, east_m, north_m).tolist()
+        border = np.flatnonzero(back < 0)
+        ends = np.roll(triangles, -1, axis=1).ravel()[border]
+        self._border_part = part[border // 3]
+        self._border = np.stack([east_m, north_m], axis=1)[
+            np.stack([triangles.ravel()[border], ends])
+        ]
+        self._index = _Cells(east_m[triangles], north_m[triangles])
+
+    def __len__(self) -> int:
+        return len(self.part)
+
+    def holding(self, point: Point) -> list[int]:
+        """The triangles that a point is in: several where it lies on a side or on a vertex."""
+        places, found = self.places, []
+        for triangle in self._index.near(*point):
+            one, two, three, _, _ = self.entries[3 * triangle]
+            a, b, c = places[one], places[two], places[three]
+            if _beside(a, b, point) and _beside(b, c, point) and _beside(c, a, point):
+                found.append(triangle)
+        return found
+
+    def part_of(self, point: Point) -> int | None:
+        """The number of the part that a point lies in; None if it is outside of the area."""
+        held = self.holding(point)
+        return int(self.part[held[0]]) if held else None
+
+    def nearest(self, point: Point, part: int | None = None) -> tuple[float, Point, int]:
+        """The place on the border (of one part) nearest to a point: how far, where, which part.
+
+        Raises:
+            ValueError: the area (or that part of it) is empty.
+        """
+        starts, ends, parts = *self._border, self._border_part
+        if part is not None:
+            mine = parts == part
+            starts, ends, parts = starts[mine], ends[mine], parts[mine]
+        if not len(starts):
+            raise ValueError("an empty area has no border")
+        along = ends - starts
+        share = ((np.array(point) - starts) * along).sum(axis=1) / (along**2).sum(axis=1)
+        places = starts + along * np.clip(share, 0, 1)[:, None]
+        away_m = np.hypot(*(places - point).T)
+        best = int(np.argmin(away_m))
+        return float(away_m[best]), Point(*places[best].tolist()), int(parts[best])
+
+
+def _vertices(outlines: Floats) -> tuple[Integers, Floats, Floats]:
+    """The vertices of each triangle, anticlockwise, and the places of all vertices."""
+    flat = np.ascontiguousarray(outlines).reshape(-1, 2).view(np.complex128).ravel()
+    places, triangles = np.unique(flat, return_inverse=True)
+    triangles = triangles.reshape(-1, 3)
+    a, b, c = outlines[:, 0], outlines[:, 1], outlines[:, 2]
+    clockwise = _cross(*(b - a).T, *(c - a).T) < 0
+    triangles[clockwise] = triangles[clockwise][:, ::-1]
+    return triangles, np.ascontiguousarray(places.real), np.ascontiguousarray(places.imag)
+
+
+def _neighbours(triangles: Integers, vertices: int) -> tuple[Integers, Integers, Integers]:
+    """For every side the entry behind it, and those behind the two sides that follow.
+
+    The side of entry `h` runs from its left to its right vertex with the triangle on its left
+    hand; the neighbour's side there runs the other way.
+    """
+    starts = triangles.ravel()
+    ends = np.roll(triangles, -1, axis=1).ravel()
+    keys, wanted = starts * vertices + ends, ends * vertices + starts
+    order = np.argsort(keys)
+    found = np.minimum(np.searchsorted(keys, wanted, sorter=order), max(len(keys) - 1, 0))
+    back = np.where(keys[order[found]] == wanted, order[found], -1)
+    sides = back.reshape(-1, 3)
+    # From `left` to `right` to `ahead` and back: the second side is on the right, the third left.
+    return back, np.roll(sides, -2, axis=1).ravel(), np.roll(sides, -1, axis=1).ravel()
+
+
+def _reflex(triangles: Integers, east_m: Floats, north_m: Floats) -> npt.NDArray[np.bool_]:
+    """Around which vertices the triangles span more than half a turn."""
+    east, north = east_m[triangles], north_m[triangles]
+    to_next = np.roll(east, -1, axis=1) - east, np.roll(north, -1, axis=1) - north
+    to_last = np.roll(east, -2, axis=1) - east, np.roll(north, -2, axis=1) - north
+    dot = to_next[0] * to_last[0] + to_next[1] * to_last[1]
+    angles = np.arctan2(_cross(*to_next, *to_last), dot)
+    return np.bincount(triangles.ravel(), angles.ravel(), minlength=len(east_m)) > _REFLEX
+
+
+class _Cells:
+    """Which triangles reach into which square of a grid, so that few are asked for a point.
+
+    The grid spans the middle of the vertices; what lies beyond counts as in its outermost squares.
+    """
+
+    def __init__(self, east_m: Floats, north_m: Floats) -> None:
+        self._side = max(1, math.isqrt(len(east_m)))
+        self._west_m, self._step_east_m = self._span(east_m)
+        self._south_m, self._step_north_m = self._span(north_m)
+        first_column = self._columns(east_m.min(axis=1) - ON_M)
+        first_row = self._rows(north_m.min(axis=1) - ON_M)
+        wide = self._columns(east_m.max(axis=1) + ON_M) - first_column + 1
+        high = self._rows(north_m.max(axis=1) + ON_M) - first_row + 1
+        counts = wide * high
+        who = np.repeat(np.arange(len(counts)), counts)
+        nth = np.arange(len(who)) - np.repeat(np.cumsum(counts) - counts, counts)
+        cells = (first_row[who] + nth // wide[who]) * self._side + first_column[who]
+        cells += nth % wide[who]
+        self._members = who[np.argsort(cells, kind="stable")].astype(np.int32)
+        counted = np.bincount(cells, minlength=self._side**2)
+        self._ends: list[int] = [0, *np.cumsum(counted).tolist()]
+
+    def near(self, east_m: float, north_m: float) -> list[int]:
+        """The triangles that reach into the square of a point."""
+        last = self._side - 1
+        column = min(max((east_m - self._west_m) / self._step_east_m, 0.0), last)
+        row = min(max((north_m - self._south_m) / self._step_north_m, 0.0), last)
+        cell = int(row) * self._side + int(column)
+        near: list[int] = self._members[self._ends[cell] : self._ends[cell + 1]].tolist()
+        return near
+
+    def _span(self, values_m: Floats) -> tuple[float, float]:
+        if not values_m.size:
+            return 0.0, 1.0
+        low_m, high_m = np.quantile(values_m, (0.02, 0.98)).tolist()
+        return low_m, (high_m - low_m) / self._side or 1.0
+
+    def _columns(self, values_m: Floats) -> Integers:
+        return self._squares((values_m - self._west_m) / self._step_east_m)
+
+    def _rows(self, values_m: Floats) -> Integers:
+        return self._squares((values_m - self._south_m) / self._step_north_m)
+
+    def _squares(self, steps: Floats) -> Integers:
+        return np.clip(steps, 0, self._side - 1).astype(np.intp)
+
+
+def _beside(start: Place, end: Place, point: Point) -> bool:
+    """Whether a point is on the left hand of a line, or as good as on it."""
+    along_e, along_n = end[0] - start[0], end[1] - start[1]
+    hand = along_e * (point[1] - start[1]) - along_n * (point[0] - start[0])
+    return hand >= -ON_M * math.hypot(along_e, along_n)
+
+
+def _cross(a_east: Floats, a_north: Floats, b_east: Floats, b_north: Floats) -> Floats:
+    return a_east * b_north - a_north * b_east
