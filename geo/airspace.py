@@ -25,7 +25,7 @@ from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
-from geo.fence import Fence
+from geo.fence import PREPARED_FROM, Fence
 from geo.frame import Point
 from geo.inflation import mitred, rounded
 from geo.zone import Circle, Outline, Ring, Shape, Zone
@@ -279,7 +279,7 @@ class Airspace:
     def _geometries(self) -> _Geometries:
         """What distances to zones are measured from: polygons, and the centres of circles."""
         geometries = np.array([_solid(zone.shape) for zone in self.zones], dtype=object)
-        shapely.prepare(geometries)
+        shapely.prepare([g for g in geometries if shapely.get_num_coordinates(g) > PREPARED_FROM])
         return geometries
 
     @cached_property

@@ -1,8 +1,8 @@
 """The local frame of a mission: metres east and north of an origin on the WGS-84 ellipsoid.
 
 The projection is azimuthal equidistant: distances and directions from the origin are exact, and
-distances between any two points within 5 km of it are right to better than a millimetre, also at
-UTM zone borders, at high latitudes and on the antimeridian.
+distances between any two points within 5 km of it are right to better than a millimetre (within
+10 km: five), anywhere on Earth: at UTM zone borders, on the antimeridian and at the poles.
 """
 
 from __future__ import annotations
@@ -12,7 +12,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import ArrayLike
 from pyproj import Transformer
+
+Floats = npt.NDArray[np.float64]
 
 _FARTHEST_M = 19_000_000.0
 """Beyond this (almost the antipode) the projection has no meaning."""
@@ -59,6 +64,33 @@ class LocalFrame:
                 f"{latitude_deg}, {longitude_deg} lies too far from the origin {self.origin}"
             )
         return Point(east_m, north_m)
+
+    def to_local_many(self, latitudes_deg: ArrayLike, longitudes_deg: ArrayLike) -> Floats:
+        """`to_local` of many places: an array with a row (east, north) in metres for each."""
+        latitudes, longitudes = np.broadcast_arrays(
+            np.asarray(latitudes_deg, dtype=float), np.asarray(longitudes_deg, dtype=float)
+        )
+        legal = (np.abs(latitudes) <= 90) & (np.abs(longitudes) <= 180)
+        for index in np.flatnonzero(~legal)[:1]:
+            _check(float(latitudes[index]), float(longitudes[index]))
+        to_local, _ = _transformers(*self.origin)
+        places = np.stack(to_local.transform(longitudes, latitudes), axis=-1)
+        for index in np.flatnonzero(~np.isfinite(places).all(axis=-1))[:1]:
+            self.to_local(float(latitudes[index]), float(longitudes[index]))
+        return places
+
+    def to_geodetic_many(self, points: ArrayLike) -> Floats:
+        """`to_geodetic` of rows (east, north): an array with a row (latitude, longitude) each."""
+        places = np.asarray(points, dtype=float).reshape(-1, 2)
+        legal = np.hypot(*places.T) < _FARTHEST_M
+        for index in np.flatnonzero(~legal)[:1]:
+            self.to_geodetic(Point(*places[index].tolist()))
+        _, to_geodetic = _transformers(*self.origin)
+        longitudes, latitudes = to_geodetic.transform(*places.T)
+        longitudes = np.where(
+            np.abs(longitudes) > 180, longitudes - np.copysign(360, longitudes), longitudes
+        )
+        return np.stack([latitudes, longitudes], axis=-1)
 
     def to_geodetic(self, point: Point) -> Geodetic:
         """Latitude and longitude in degrees, of a place given in metres east and north."""

@@ -4,19 +4,12 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely import LineString, Polygon
+from shapely import Polygon
 
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
-from geo.zone import Zone, ZoneError, checked_ring, circle_ring
-
-
-def ring(*corners):
-    return tuple(Point(*corner) for corner in corners)
-
-
-def box(name, west, south, east, north):
-    return Zone(name, ring((west, south), (east, south), (east, north), (west, north)))
+from geo.zone import Zone
+from tests.geo.shapes import box, place, ring
 
 
 def airspace(*zones, fence=None, clearance_m=5.0):
@@ -153,57 +146,12 @@ def test_holders_say_what_one_is_in():
     assert space.without([FENCE]).holders(P(0, 200)) == ()
 
 
-@pytest.mark.parametrize(
-    ("corners", "reason"),
-    [
-        ([(0, 0), (10, 0)], "2 different corners"),
-        ([(0, 0), (10, 0), (0, 0), (10, 0)], "2 different corners"),
-        ([(0, 0), (10, 0), (20, 0)], "on one line"),
-        ([(0, 0), (100, 100), (100, 0), (0, 30)], "crosses or touches itself"),
-        ([(0, 0), (10, 0), (math.nan, 5)], "not a finite number"),
-        ([(0, 0), (10, 0), (math.inf, 5)], "not a finite number"),
-        ([], "0 different corners"),
-    ],
-)
-def test_rings_without_an_area_are_refused(corners, reason):
-    with pytest.raises(ZoneError, match=reason):
-        Zone("z", tuple(Point(*corner) for corner in corners))
-
-
-def test_repeated_and_closing_corners_are_harmless():
-    assert checked_ring([(0, 0), (0, 0), (9, 0), (9, 9), (9, 9), (0, 0)]) == ring(
-        (0, 0), (9, 0), (9, 9)
-    )
-
-
-@pytest.mark.parametrize("radius_m", [0.5, 30, 2000])
-def test_circles_are_never_too_small_as_zones_nor_too_large_as_fences(radius_m):
-    centre = P(3, 4)
-    zone = Polygon(circle_ring(centre, radius_m))
-    fence = Polygon(circle_ring(centre, radius_m, outward=False))
-    for step in range(360):
-        a = math.radians(step)
-        on_circle = P(3 + radius_m * math.cos(a), 4 + radius_m * math.sin(a))
-        assert zone.distance(LineString([centre, on_circle])) == 0
-        assert zone.buffer(1e-9).covers(LineString([centre, on_circle]))
-    assert all(math.dist(centre, c) <= radius_m + 1e-9 for c in fence.exterior.coords)
-    assert all(math.dist(centre, c) <= radius_m * 1.0025 for c in zone.exterior.coords)
-
-
-@pytest.mark.parametrize("radius_m", [0, -1, math.nan, math.inf])
-def test_circles_without_a_radius_are_refused(radius_m):
-    with pytest.raises(ZoneError, match="radius"):
-        circle_ring(P(0, 0), radius_m)
-
-
 @pytest.mark.parametrize("clearance_m", [-1, math.nan, math.inf])
 def test_a_clearance_is_a_distance(clearance_m):
     with pytest.raises(ValueError, match="clearance"):
         airspace(clearance_m=clearance_m)
 
 
-coordinate = st.floats(-90, 90).map(lambda value: round(value, 3))
-place = st.builds(Point, coordinate, coordinate)
 triangle = st.tuples(place, place, place).filter(lambda t: Polygon(t).area > 1)
 
 
