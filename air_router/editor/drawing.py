@@ -1,0 +1,203 @@
+"""Edits of a mission, as changes of its file's text; the same for YAML and for plans."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+from air_router.draft import Keys
+from air_router.editor import edits
+from air_router.editor.edits import Edit, EditError
+from air_router.editor.rendering import DEGREE_DECIMALS, METRE_DECIMALS, Digits, degrees, metres
+from air_router.editor.sketch import Corners, Handle, Pair, Region, Sketch
+from air_router.editor.source import Source
+from air_router.editor.splice import Splice
+from geo.frame import FrameError, Geodetic, LocalFrame, Point
+
+_LEAST_CORNERS = 3
+
+
+class Drawing(ABC):
+    """A mission's text, what can be taken hold of in it, and how edits change it.
+
+    Attributes:
+        settable: whether `SetNumber` and `Rename` are possible in this kind of file.
+    """
+
+    settable: ClassVar[bool]
+
+    def __init__(self, source: Source, sketch: Sketch) -> None:
+        self.source = source
+        self.sketch = sketch
+        self._handles = {handle.keys: handle for handle in sketch.handles()}
+        self._regions = {region.keys: region for region in sketch.regions}
+        self._rings = {ring.keys: ring for region in sketch.regions for ring in region.rings}
+
+    def splices(self, edit: Edit) -> list[Splice]:  # noqa: C901, PLR0911 - one line per edit
+        """The pieces of the text that an edit changes.
+
+        Raises:
+            EditError: the mission has no such part, or would not survive.
+            SourceError: the text is written in a way that cannot be edited here.
+        """
+        match edit:
+            case edits.Move():
+                return self._moved(self._handle(edit.keys), self.pair(edit.to))
+            case edits.Shift():
+                return self._shifted(self._region(edit.keys), edit.origin, edit.to)
+            case edits.Resize():
+                return self._resized(edit)
+            case edits.AddCorner():
+                return self._corner_added(self._ring(edit.keys), edit)
+            case edits.AddWaypoint():
+                return self.waypoint_added(edit)
+            case edits.AddRallyPoint():
+                return self.rally_point_added(edit)
+            case edits.AddArea():
+                return self.area_added(edit)
+            case edits.Remove():
+                return self._removed(edit.keys)
+            case edits.Rename():
+                return self.renamed(self._region(edit.keys), edit.name)
+            case edits.SetAltitude():
+                return self.altitude_set(self._handle(edit.keys), edit.altitude_m)
+            case edits.SetNumber():
+                return self.number_set(edit.name, edit.value)
+
+    @abstractmethod
+    def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:
+        """Insert a waypoint."""
+
+    @abstractmethod
+    def rally_point_added(self, edit: edits.AddRallyPoint) -> list[Splice]:
+        """Add a rally point."""
+
+    @abstractmethod
+    def area_added(self, edit: edits.AddArea) -> list[Splice]:
+        """Add a zone or a fence."""
+
+    @abstractmethod
+    def renamed(self, region: Region, name: str) -> list[Splice]:
+        """Give an area another name."""
+
+    @abstractmethod
+    def altitude_set(self, handle: Handle, altitude_m: float | None) -> list[Splice]:
+        """Give a waypoint another altitude."""
+
+    @abstractmethod
+    def number_set(self, name: str, value: float) -> list[Splice]:
+        """Change one of the mission's numbers."""
+
+    # Places
+
+    @property
+    def decimals(self) -> int:
+        """How fine the file's pairs are."""
+        return METRE_DECIMALS if self.sketch.in_metres else DEGREE_DECIMALS
+
+    def pair(self, place: Pair) -> Pair:
+        """Latitude and longitude as the file's pair."""
+        return self._frame().to_local(*place) if self.sketch.in_metres else place
+
+    def digits(self, place: Pair) -> list[Digits]:
+        """Latitude and longitude as the file would write them."""
+        return [(metres if self.sketch.in_metres else degrees)(value) for value in self.pair(place)]
+
+    def geodetic(self, pair: Pair) -> Pair | None:
+        """The file's pair as latitude and longitude; None if it is not on Earth."""
+        try:
+            if self.sketch.in_metres:
+                return self._frame().to_geodetic(Point(*pair))
+        except (EditError, FrameError):
+            return None
+        return pair if abs(pair[0]) <= 90 and abs(pair[1]) <= 180 else None
+
+    def _frame(self) -> LocalFrame:
+        if self.sketch.origin is None:
+            raise EditError("the mission's frame is not known; write frame.origin first")
+        try:
+            return LocalFrame(Geodetic(*self.sketch.origin))
+        except FrameError as error:
+            raise EditError(f"frame.origin: {error}; correct it first") from None
+
+    # Edits that are the same in every file
+
+    def _moved(self, handle: Handle, pair: Pair) -> list[Splice]:
+        return [
+            *self.source.number(handle.first, pair[0], self.decimals),
+            *self.source.number(handle.second, pair[1], self.decimals),
+        ]
+
+    def _shifted(self, region: Region, origin: Pair, to: Pair) -> list[Splice]:
+        handles = [corner for ring in region.rings for corner in ring.corners]
+        handles += [region.circle.centre] if region.circle else []
+        try:
+            frame = LocalFrame(Geodetic(*to))
+            start = frame.to_local(*origin)
+            splices = []
+            for handle in handles:
+                here = self.geodetic(handle.pair)
+                if here is None:
+                    raise EditError(f"{region.name} has a corner that is not on Earth")
+                point = frame.to_local(*here)
+                east_m, north_m = point.east_m - start.east_m, point.north_m - start.north_m
+                there = frame.to_geodetic(Point(east_m, north_m))
+                splices += self._moved(handle, self.pair(there))
+        except FrameError as error:
+            raise EditError(f"{region.name} cannot be moved there: {error}") from None
+        return splices
+
+    def _resized(self, edit: edits.Resize) -> list[Splice]:
+        region = self._region(edit.keys)
+        if region.circle is None:
+            raise EditError(f"{region.name} is no circle")
+        decimals = 1 if edit.radius_m >= 1 else METRE_DECIMALS
+        return self.source.number(region.circle.radius_keys, edit.radius_m, decimals)
+
+    def _corner_added(self, ring: Corners, edit: edits.AddCorner) -> list[Splice]:
+        if edit.index > len(ring.corners):
+            raise EditError(f"the ring has only {len(ring.corners)} corners")
+        return self.source.insert(ring.keys, edit.index, self.digits(edit.at))
+
+    def _removed(self, keys: Keys) -> list[Splice]:
+        if keys in self._regions:
+            region = self._regions[keys]
+            if region.entry is None:
+                return self.fence_removed(region)
+            return self.source.remove(region.entry)
+        handle = self._handle(keys)
+        if handle.entry is None:
+            raise EditError("this cannot be removed; move it instead")
+        ring = self._rings.get(keys[:-1])
+        if ring and len(ring.corners) <= _LEAST_CORNERS:
+            raise EditError("an area needs three corners; remove the whole area instead")
+        if len(self.sketch.waypoints) == 1 and handle is self.sketch.waypoints[0]:
+            raise EditError("a mission needs a waypoint; move it instead")
+        return self.source.remove(handle.entry)
+
+    def fence_removed(self, region: Region) -> list[Splice]:
+        """Remove a fence that is no entry of a list."""
+        raise EditError(f"the {region.name} is removed by hand: write 'fence: null'")
+
+    def _handle(self, keys: Keys) -> Handle:
+        if keys not in self._handles:
+            raise EditError("the mission has no such place any more")
+        return self._handles[keys]
+
+    def _region(self, keys: Keys) -> Region:
+        if keys not in self._regions:
+            raise EditError("the mission has no such area any more")
+        return self._regions[keys]
+
+    def _ring(self, keys: Keys) -> Corners:
+        if keys not in self._rings:
+            raise EditError("the mission has no such border any more")
+        return self._rings[keys]
+
+    def unused_name(self) -> str:
+        """A name for a new zone."""
+        names = {region.name for region in self.sketch.regions}
+        number = sum(not region.is_fence for region in self.sketch.regions) + 1
+        while f"zone {number}" in names:
+            number += 1
+        return f"zone {number}"

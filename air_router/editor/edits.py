@@ -1,0 +1,141 @@
+"""What the page may ask to be changed; checked like anything that comes over a socket."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from air_router.errors import AirRouterError
+
+_Key = Annotated[str, Field(max_length=64)] | Annotated[int, Field(ge=0, le=1_000_000)]
+_Keys = Annotated[tuple[_Key, ...], Field(min_length=1, max_length=16)]
+_Latitude = Annotated[float, Field(ge=-90, le=90)]
+_Longitude = Annotated[float, Field(ge=-180, le=180)]
+_Place = tuple[_Latitude, _Longitude]
+_Radius = Annotated[float, Field(gt=0, le=10_000)]
+_Index = Annotated[int, Field(ge=0, le=1_000_000)]
+
+
+class EditError(AirRouterError):
+    """What was asked for cannot be done to the mission; the message says why."""
+
+
+class _Edit(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Move(_Edit):
+    """Move a place, a corner or a circle's centre."""
+
+    do: Literal["move"]
+    keys: _Keys
+    to: _Place
+
+
+class Shift(_Edit):
+    """Move a whole area by as much as from one place to another."""
+
+    do: Literal["shift"]
+    keys: _Keys
+    origin: _Place
+    to: _Place
+
+
+class Resize(_Edit):
+    """Give a circle another radius."""
+
+    do: Literal["resize"]
+    keys: _Keys
+    radius_m: _Radius
+
+
+class AddCorner(_Edit):
+    """Insert a corner into a ring, before the one that has the index."""
+
+    do: Literal["add_corner"]
+    keys: _Keys
+    index: _Index
+    at: _Place
+
+
+class AddWaypoint(_Edit):
+    """Insert a waypoint; with `index` waypoints before it."""
+
+    do: Literal["add_waypoint"]
+    index: _Index
+    at: _Place
+
+
+class AddRallyPoint(_Edit):
+    """Add a rally point."""
+
+    do: Literal["add_rally_point"]
+    at: _Place
+
+
+class AddArea(_Edit):
+    """Add a no-fly zone or a fence: a polygon, or a circle around the only place."""
+
+    do: Literal["add_area"]
+    fence: bool = False
+    corners: Annotated[tuple[_Place, ...], Field(min_length=1, max_length=500)]
+    radius_m: _Radius | None = None
+
+
+class Remove(_Edit):
+    """Remove a place, a corner or an area."""
+
+    do: Literal["remove"]
+    keys: _Keys
+
+
+class Rename(_Edit):
+    """Give a no-fly zone another name."""
+
+    do: Literal["rename"]
+    keys: _Keys
+    name: Annotated[str, Field(min_length=1, max_length=80)]
+
+
+class SetAltitude(_Edit):
+    """Give a waypoint an altitude of its own, in metres above home; None: the mission's."""
+
+    do: Literal["set_altitude"]
+    keys: _Keys
+    altitude_m: Annotated[float, Field(gt=0, le=10_000)] | None
+
+
+class SetNumber(_Edit):
+    """Change one of the mission's numbers."""
+
+    do: Literal["set_number"]
+    name: Literal["altitude_m", "speed_m_s", "clearance_m", "tracking_margin_m", "max_edge_m"]
+    value: Annotated[float, Field(ge=0, le=10_000)]
+
+
+Edit = (
+    Move
+    | Shift
+    | Resize
+    | AddCorner
+    | AddWaypoint
+    | AddRallyPoint
+    | AddArea
+    | Remove
+    | Rename
+    | SetAltitude
+    | SetNumber
+)
+
+_ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="do")])
+
+
+def read_edit(json: str) -> Edit:
+    """An edit from JSON. Raises EditError."""
+    try:
+        return _ADAPTER.validate_json(json)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        where = ".".join(map(str, first["loc"])) or "the message"
+        raise EditError(f"not an edit: {where}: {first['msg']}") from None

@@ -1,0 +1,90 @@
+"""What a mission's text comes to: its problems, its graph, and how its legs can be flown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+
+from air_router.draft import Draft
+from air_router.editor.manuscript import Manuscript
+from air_router.graph import WaypointGraph
+from air_router.mission import Mission, judge
+from air_router.router import Route, Router
+from geo.frame import Point
+
+_MOST_ROUTES = 300
+"""So many ways around are looked for while somebody drags; the rest are shown as unknown."""
+
+
+class Way(StrEnum):
+    """How the operator's leg from one waypoint to the next is flown."""
+
+    STRAIGHT = "straight"
+    AROUND = "around"
+    BLOCKED = "blocked"
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorLeg:
+    """From a node to the next in the operator's order, over `points` (both ends included)."""
+
+    start: int
+    end: int
+    way: Way
+    points: tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """A draft with its problems noted, and what could be planned with it all the same.
+
+    `mission`, `graph` and `router` are None if the text says too little for them.
+    """
+
+    draft: Draft
+    mission: Mission | None
+    graph: WaypointGraph | None
+    router: Router | None
+    legs: tuple[OperatorLeg, ...]
+
+    @classmethod
+    def of(cls, manuscript: Manuscript) -> Judgement:
+        """Judge a text."""
+        draft = manuscript.draft()
+        mission = judge(draft)
+        if mission is None or "planner" in draft.unread:
+            return cls(draft, None, None, None, ())
+        graph = WaypointGraph(mission)
+        router = Router(graph)
+        return cls(draft, mission, graph, router, tuple(_legs(mission, graph, router)))
+
+    def length_m(self) -> float:
+        """Of all legs that can be flown."""
+        flown = (leg.points for leg in self.legs if leg.way is not Way.BLOCKED)
+        return sum(math.dist(a, b) for points in flown for a, b in pairwise(points))
+
+
+def _legs(mission: Mission, graph: WaypointGraph, router: Router) -> Iterator[OperatorLeg]:
+    airspace = mission.planning_airspace
+    routes = 0
+    nodes = sorted(graph.positions)  # home, then the waypoints in their order
+    clear = {node: airspace.point_clear(graph.position(node)) for node in nodes}
+    for start, end in pairwise(nodes):
+        ends = graph.position(start), graph.position(end)
+        if not (clear[start] and clear[end]):
+            yield OperatorLeg(start, end, Way.BLOCKED, ends)
+        elif airspace.leg_clear(*ends):
+            yield OperatorLeg(start, end, Way.STRAIGHT, ends)
+        elif routes == _MOST_ROUTES:
+            yield OperatorLeg(start, end, Way.AROUND, ends)
+        else:
+            routes += 1
+            route = router.route(ends[0], end)
+            if isinstance(route, Route):
+                points = (ends[0], *(leg.to for leg in route.legs))
+                yield OperatorLeg(start, end, Way.AROUND, points)
+            else:
+                yield OperatorLeg(start, end, Way.BLOCKED, ends)

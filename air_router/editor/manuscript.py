@@ -1,0 +1,85 @@
+"""A mission file's text, as it would be saved now: what it says, and what an edit makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from air_router.draft import Draft
+from air_router.editor import edits
+from air_router.editor.drawing import Drawing
+from air_router.editor.edits import Edit, EditError
+from air_router.editor.plan_drawing import PlanDrawing
+from air_router.editor.splice import spliced
+from air_router.editor.yaml_drawing import YamlDrawing
+from air_router.json_document import JsonDocument, json_from_text
+from air_router.mission_file import read_mission
+from air_router.qgc import plan_draft
+from mocha_link.document import Document, DocumentError
+
+_BY_HAND = "this cannot be done here, as the file is written; edit it by hand"
+
+
+@dataclass(frozen=True, slots=True)
+class Manuscript:
+    """A text that can be read. Never changes: an edit makes another one."""
+
+    path: Path
+    text: str
+    document: Document
+    drawing: Drawing
+
+    @classmethod
+    def read(cls, text: str, path: Path) -> Manuscript:
+        """The text of a mission file, its path names it and says its kind.
+
+        Raises:
+            DocumentError: it is not readable YAML or JSON.
+        """
+        if _is_plan(path):
+            plan = json_from_text(text, path)
+            return cls(path, text, plan, PlanDrawing(text, plan))
+        document = Document.from_text(text, path)
+        return cls(path, text, document, YamlDrawing(text, document))
+
+    def draft(self) -> Draft:
+        """What the text says, not yet judged."""
+        if isinstance(self.document, JsonDocument):
+            return plan_draft(self.document)
+        return read_mission(self.document)
+
+    def edited(self, edit: Edit) -> Manuscript:
+        """The text after an edit.
+
+        Raises:
+            EditError: there is no such part, or the file is written in a way that has no place for
+                the change; the text is as it was.
+            SourceError: likewise.
+        """
+        try:
+            new = Manuscript.read(spliced(self.text, self.drawing.splices(edit)), self.path)
+        except (DocumentError, ValueError):
+            raise EditError(_BY_HAND) from None
+        before = sum(1 for _ in self.drawing.sketch.handles())
+        after = sum(1 for _ in new.drawing.sketch.handles())
+        if after - before != self._more(edit):
+            raise EditError(_BY_HAND)
+        return new
+
+    def _more(self, edit: Edit) -> int:
+        """How many handles an edit adds."""
+        match edit:
+            case edits.AddCorner() | edits.AddWaypoint() | edits.AddRallyPoint():
+                return 1
+            case edits.AddArea():
+                return len(edit.corners)
+            case edits.Remove():
+                prefix = edit.keys
+                handles = self.drawing.sketch.handles()
+                return -sum(handle.keys[: len(prefix)] == prefix for handle in handles)
+            case _:
+                return 0
+
+
+def _is_plan(path: Path) -> bool:
+    return path.suffix.lower() == ".plan"

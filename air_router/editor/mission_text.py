@@ -1,0 +1,145 @@
+"""The mission's file on the disk: read, watched, and replaced as a whole or not at all."""
+
+from __future__ import annotations
+
+import codecs
+import contextlib
+import hashlib
+import os
+import stat
+import tempfile
+from pathlib import Path
+
+from air_router.errors import AirRouterError
+from mocha_link.document import MAX_BYTES, DocumentError, Problem
+
+
+class SaveError(AirRouterError):
+    """The file could not be written; it is as it was."""
+
+
+class ChangedOnDiskError(SaveError):
+    """Somebody else has changed, or removed, the file since it was read."""
+
+
+class MissionText:
+    """A file whose text is edited. Links are followed: the file they lead to is replaced."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._digest = b""
+        self._mark = False
+
+    def read(self) -> str:
+        """The file's text, line breaks as they are; from now on this is what it should be.
+
+        Raises:
+            DocumentError: it cannot be read, is too large or not UTF-8.
+        """
+        raw = self._raw()
+        try:
+            text = raw.removeprefix(codecs.BOM_UTF8).decode()
+        except UnicodeDecodeError:
+            raise self._unreadable("not UTF-8 text; save the file as UTF-8") from None
+        self._mark = raw.startswith(codecs.BOM_UTF8)
+        self._digest = hashlib.sha256(raw).digest()
+        return text
+
+    def forget(self) -> None:
+        """What is in the file now was not taken over: from now on it counts as changed."""
+        self._digest = b""
+
+    def changed(self) -> bool:
+        """Whether the file is another one than was read or written last."""
+        try:
+            return hashlib.sha256(self._raw()).digest() != self._digest
+        except DocumentError:
+            return True
+
+    def write(self, text: str, *, overwrite: bool = False) -> None:
+        """Replace the file in one step; readers see the old or the new one, never a part.
+
+        Args:
+            text: what shall be in it.
+            overwrite: replace what somebody else has written meanwhile.
+
+        Raises:
+            ChangedOnDiskError: the file was changed by somebody else.
+            SaveError: it cannot be written.
+        """
+        target = self.path.resolve()
+        raw = (codecs.BOM_UTF8 if self._mark else b"") + text.encode()
+        if len(raw) > MAX_BYTES:
+            raise SaveError(f"the mission is larger than {MAX_BYTES} bytes; thin it out")
+        try:
+            self._replace(target, raw, overwrite=overwrite)
+        except OSError as error:
+            raise SaveError(
+                f"cannot write {target}: {error.strerror or type(error).__name__}; nothing is lost "
+                "here, save again when the reason is gone"
+            ) from None
+        self._digest = hashlib.sha256(raw).digest()
+
+    def keep_aside(self, text: str) -> Path:
+        """Write what was not saved into a file beside; gives its path. Raises SaveError."""
+        aside = MissionText(self.path.with_name(f"{self.path.name}.unsaved"))
+        aside.write(text, overwrite=True)
+        return aside.path
+
+    def _replace(self, target: Path, raw: bytes, *, overwrite: bool) -> None:
+        descriptor, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+        temporary = Path(name)
+        try:
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(raw)
+                file.flush()
+                os.fchmod(file.fileno(), _mode(target))
+                os.fsync(file.fileno())
+            if not overwrite:
+                self._check_unchanged()
+            temporary.replace(target)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
+        _sync_folder(target.parent)
+
+    def _check_unchanged(self) -> None:
+        if self.changed():
+            raise ChangedOnDiskError(
+                f"{self.path.name} was changed on the disk meanwhile; load it again, "
+                "or overwrite it"
+            )
+
+    def _raw(self) -> bytes:
+        try:
+            with self.path.open("rb") as file:
+                raw = file.read(MAX_BYTES + 1)
+        except OSError as error:
+            reason = error.strerror or type(error).__name__
+            raise self._unreadable(f"cannot read the file: {reason}; check the path") from None
+        if len(raw) > MAX_BYTES:
+            raise self._unreadable(f"larger than {MAX_BYTES} bytes; thin it out")
+        return raw
+
+    def _unreadable(self, message: str) -> DocumentError:
+        return DocumentError([Problem(self.path, 1, 1, message)])
+
+
+def _mode(target: Path) -> int:
+    """The permissions that the file has; those of a new file if it is gone."""
+    try:
+        return stat.S_IMODE(target.stat().st_mode)
+    except FileNotFoundError:
+        mask = os.umask(0)
+        os.umask(mask)
+        return 0o666 & ~mask
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the new name last; not every file system can, and the data are safe already."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

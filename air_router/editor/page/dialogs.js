@@ -1,0 +1,51 @@
+// Questions that must be answered before something is done.
+
+import { byId, element } from "./element.js";
+
+const KEYS = [
+  ["Drag", "moves waypoints, home, rally points; of a selected zone its corners, radius or the whole"],
+  ["Right click, Del", "removes a waypoint, a corner or a zone"],
+  ["Dashed dots", "insert a corner: click or drag them"],
+  ["Arrow keys", "move what is selected by 1 m; Shift: 10 m, Alt: 10 cm"],
+  ["Tab, Enter", "go from place to place, and select"],
+  ["N, Shift+N", "next and previous waypoint"],
+  ["W Z C R P", "waypoints, zone, circle, rally point, route"],
+  ["Ctrl+Z, Ctrl+Shift+Z", "undo and redo"],
+  ["Ctrl+S", "saves the file; comments stay"],
+  ["F, Esc", "show everything; let go"],
+];
+
+/** Ask a question. @param {string} title @param {string} text
+ *  @param {{label: string, value: string, main?: boolean}[]} choices
+ *  @returns {Promise<string>} the value of the choice, "" for none */
+export function question(title, text, choices) {
+  const buttons = choices.map(({ label, value, main }) => {
+    const button = element("button", { textContent: label, value, className: main ? "main" : "" });
+    button.addEventListener("click", () => byId("question").close(value));
+    return button;
+  });
+  return open(title, [element("p", { textContent: text })], buttons);
+}
+
+/** Say how the page is used. @returns {Promise<string>} */
+export function help() {
+  const list = element("dl");
+  for (const [key, what] of KEYS) {
+    list.append(element("dt", { textContent: key }), element("dd", { textContent: what }));
+  }
+  const close = element("button", { textContent: "Close", className: "main" });
+  close.addEventListener("click", () => byId("question").close(""));
+  return open("Editing", [list], [close]);
+}
+
+/** @param {string} title @param {Node[]} body @param {Node[]} buttons @returns {Promise<string>} */
+function open(title, body, buttons) {
+  const dialog = byId("question");
+  const row = element("div", { className: "row" }, ...buttons);
+  dialog.replaceChildren(element("h2", { textContent: title }), ...body, row);
+  dialog.returnValue = "";
+  dialog.showModal();
+  return new Promise((resolve) => {
+    dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true });
+  });
+}

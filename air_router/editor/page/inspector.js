@@ -1,0 +1,107 @@
+// What is selected, in words and numbers.
+
+import { byId, element, numberField } from "./element.js";
+import { label } from "./places.js";
+import { cornersOf } from "./selection.js";
+import { same } from "./store.js";
+
+export class Inspector {
+  /** @param {import("./store.js").Store} store @param {import("./selection.js").Selection} selection */
+  constructor(store, selection) {
+    this.store = store;
+    this.selection = selection;
+    this.box = byId("inspector");
+    selection.addEventListener("change", () => this.show());
+  }
+
+  show() {
+    if (this.box.contains(document.activeElement) && document.activeElement.tagName === "INPUT") {
+      if (this.shown === JSON.stringify(this.selection.now)) return; // somebody writes in it
+    }
+    this.shown = JSON.stringify(this.selection.now);
+    const { now } = this.selection;
+    const { state } = this.store;
+    this.box.hidden = !now || !state;
+    this.box.replaceChildren();
+    if (!now || !state) return;
+    const place = state.places.find((one) => same(one.keys, now.keys));
+    const area = state.areas.find((one) => now.area && same(one.keys, now.area));
+    if (place) this.place(place, state);
+    else if (area) this.area(area, now);
+  }
+
+  /** @param {import("./store.js").Place} place @param {import("./store.js").State} state */
+  place(place, state) {
+    this.head(label(place));
+    this.at(place.at);
+    const { settings } = state;
+    if (place.kind === "waypoint") {
+      const set = (altitude) => this.store.edit({ do: "set_altitude", keys: place.keys, altitude_m: altitude });
+      this.box.append(
+        numberField("Altitude above home, m", place.altitude_m, set, String(settings.altitude_m)),
+      );
+      if (place.altitude_m !== null && settings.settable) {
+        this.row(["Mission's altitude", () => set(null)]);
+      }
+    }
+    if (place.removable) this.row(["Remove", () => this.remove(place.keys), "danger"]);
+  }
+
+  /** @param {import("/page/airspace.js").Area} area @param {import("./selection.js").Selected} now */
+  area(area, now) {
+    const corner = cornersOf(area).find((one) => same(one.keys, now.keys));
+    this.head(area.fence ? "Fence" : "No-fly zone");
+    if (!area.fence && this.store.state.settings.settable) {
+      const input = element("input", { className: "words", value: area.name, maxLength: 80 });
+      input.addEventListener("change", () => {
+        if (input.value.trim()) this.store.edit({ do: "rename", keys: area.keys, name: input.value.trim() });
+      });
+      this.box.append(element("label", { className: "field" }, element("span", { textContent: "Name" }), input));
+    }
+    if (area.circle) {
+      const resize = (radius) => this.store.edit({ do: "resize", keys: area.keys, radius_m: radius });
+      this.box.append(numberField("Radius, m", area.circle.radius_m, resize));
+    } else {
+      const count = cornersOf(area).length;
+      const which = corner ? `corner ${now.keys.at(-1) + 1} of ${count}` : `${count} corners`;
+      this.box.append(element("p", { textContent: `${which}; click a dashed dot to insert one` }));
+    }
+    if (corner) this.at(corner.at);
+    for (const note of area.notes) this.box.append(element("p", { textContent: note }));
+    const buttons = [];
+    if (corner && !area.circle) buttons.push(["Remove corner", () => this.remove(corner.keys), "danger"]);
+    if (area.removable) {
+      buttons.push([area.fence ? "Remove fence" : "Remove zone", () => this.remove(area.keys), "danger"]);
+    }
+    if (buttons.length) this.row(...buttons);
+  }
+
+  /** @param {string} title */
+  head(title) {
+    const close = element("button", { textContent: "✕", title: "Close (Esc)" });
+    close.setAttribute("aria-label", "Close");
+    close.addEventListener("click", () => this.selection.choose(null));
+    this.box.append(element("h2", {}, title, close));
+  }
+
+  /** @param {number[]} at */
+  at(at) {
+    this.box.append(element("p", { textContent: at.map((degrees) => degrees.toFixed(7)).join(", ") }));
+  }
+
+  /** @param {...any} buttons label, what it does, and perhaps a class */
+  row(...buttons) {
+    const row = element("div", { className: "row" });
+    for (const [text, act, className = ""] of buttons) {
+      const button = element("button", { textContent: text, className });
+      button.addEventListener("click", act);
+      row.append(button);
+    }
+    this.box.append(row);
+  }
+
+  /** @param {import("./store.js").Keys} keys */
+  remove(keys) {
+    this.store.edit({ do: "remove", keys });
+  }
+}

@@ -1,0 +1,217 @@
+// The edit page: puts its parts together.
+
+import { AirspaceLayer } from "/page/airspace.js";
+import { addBackdrop, createMap } from "/page/map.js";
+import { startTheme, switchTheme } from "/page/theme.js";
+import { Corners } from "./corners.js";
+import { help, question } from "./dialogs.js";
+import { byId, element } from "./element.js";
+import { Inspector } from "./inspector.js";
+import { startKeyboard } from "./keyboard.js";
+import { Legs } from "./legs.js";
+import { Panel } from "./panel.js";
+import { Places } from "./places.js";
+import { Selection } from "./selection.js";
+import { Store, same } from "./store.js";
+import { Tools } from "./tools.js";
+
+const L = globalThis.L;
+const TOAST_MS = 6000;
+
+startTheme();
+const map = createMap(byId("map"));
+const store = new Store();
+const selection = new Selection();
+const legs = new Legs(map);
+const tools = new Tools(map, store, selection, legs);
+const places = new Places(map, store, selection, tools);
+const airspace = new AirspaceLayer(map, pressed);
+const corners = new Corners(map, store, selection);
+const inspector = new Inspector(store, selection);
+const panel = new Panel(store, visit);
+let fitted = false;
+let toastTimer = 0;
+
+/** A click on an area. @param {import("/page/airspace.js").Area} area @param {any} event */
+function pressed(area, event) {
+  if (tools.tool !== "select") return; // the map takes it
+  L.DomEvent.stop(event);
+  if (!area.keys) return;
+  if (event.type === "contextmenu") {
+    if (area.removable) store.edit({ do: "remove", keys: area.keys });
+  } else {
+    selection.choose({ sort: "area", keys: area.keys, area: area.keys });
+  }
+}
+
+/** How much of the map the panels cover. @returns {any} padding for Leaflet */
+function padding() {
+  const small = innerWidth <= 760;
+  return small
+    ? { paddingTopLeft: [60, 80], paddingBottomRight: [20, innerHeight * 0.34] }
+    : { paddingTopLeft: [80, 100], paddingBottomRight: [360, 50] };
+}
+
+/** Show the whole mission. */
+function fit() {
+  const { state } = store;
+  if (!state) return;
+  const points = state.places.map((place) => place.at);
+  for (const area of state.areas) {
+    points.push(...area.rings.flatMap((ring) => ring.corners));
+    if (area.circle) {
+      points.push(...boundsOf(area.circle));
+    }
+  }
+  if (points.length) map.fitBounds(L.latLngBounds(points).pad(0.02), { ...padding(), maxZoom: 21 });
+}
+
+/** @param {{centre: number[], radius_m: number}} circle @returns {any[]} two corners */
+function boundsOf({ centre, radius_m: radius }) {
+  const box = L.latLng(centre).toBounds(2 * radius);
+  return [box.getSouthWest(), box.getNorthEast()];
+}
+
+/** Show something and select it.
+ *  @param {import("./store.js").Keys | null} keys @param {number[][]} at */
+function visit(keys, at) {
+  if (at.length) {
+    const zoom = at.length === 1 ? Math.max(map.getZoom(), 19) : 21;
+    map.fitBounds(L.latLngBounds(at).pad(0.3), { ...padding(), maxZoom: zoom });
+  }
+  if (keys && store.state) selection.find(store.state, keys);
+}
+
+/** @param {string} text @param {{label: string, act: () => void} | null} [action] */
+function say(text, action = null) {
+  clearTimeout(toastTimer);
+  const hint = byId("hint");
+  hint.hidden = !text;
+  hint.replaceChildren(text);
+  if (action) {
+    const button = element("button", { textContent: action.label });
+    button.addEventListener("click", () => {
+      hint.hidden = true;
+      action.act();
+    });
+    hint.append(button);
+  }
+}
+
+/** A message that goes away. @param {string} text @param {any} [action] */
+function toast(text, action) {
+  say(text, action);
+  toastTimer = setTimeout(() => tools.choose(tools.tool), TOAST_MS);
+}
+
+/** @param {import("./store.js").State} state */
+function show(state) {
+  selection.check(state);
+  map.options.gridOrigin = state.places.find((place) => place.kind === "home")?.at;
+  if (!fitted) {
+    fitted = true;
+    map.setView([0, 0], 2, { animate: false });
+    fit();
+  }
+  const { settings } = state;
+  document.title = `${state.dirty ? "• " : ""}${settings.name}`;
+  byId("name").textContent = settings.name;
+  byId("file").textContent = state.file;
+  byId("file").classList.toggle("dirty", state.dirty);
+  byId("facts").textContent = facts(state);
+  byId("save").disabled = !state.dirty;
+  button("undo", state.undo, "Undo", "Ctrl+Z");
+  button("redo", state.redo, "Redo", "Ctrl+Shift+Z");
+  airspace.show(state.areas);
+  legs.show(state);
+  places.show(state.places);
+  corners.show();
+  inspector.show();
+  panel.show(state);
+  markAreas();
+  if (tools.chosen.length === 2) tools.showRoute();
+}
+
+/** @param {import("./store.js").State} state @returns {string} */
+function facts({ settings, places: all }) {
+  const count = all.filter((place) => place.kind === "waypoint").length;
+  const minutes = settings.time_s === null ? "" : `, about ${Math.ceil(settings.time_s / 60)} min`;
+  return `· ${count} waypoints, ${(settings.length_m / 1000).toFixed(2)} km${minutes}`;
+}
+
+/** @param {string} id @param {string | null} what @param {string} name @param {string} key */
+function button(id, what, name, key) {
+  byId(id).disabled = what === null;
+  byId(id).title = `${name}${what ? ` ${what}` : ""} (${key})`;
+}
+
+function markAreas() {
+  for (const { shape, area } of airspace.drawn.values()) {
+    const chosen = selection.now !== null && same(selection.now.area, area.keys);
+    shape.getElement()?.classList.toggle("selected", chosen);
+  }
+}
+
+async function save(options = {}) {
+  try {
+    await store.link.ask({ ask: "save", ...options });
+    toast(store.state?.problems.some((one) => !one.note) ? "Saved as a draft, with its problems." : "Saved.");
+  } catch (error) {
+    await unsaved(error, options);
+  }
+}
+
+/** @param {any} error @param {object} options */
+async function unsaved(error, options) {
+  if (error.kind === "unconfirmed") {
+    const choices = [{ label: "Go on editing", value: "" }, { label: "Save the draft", value: "save", main: true }];
+    if (await question("Save with problems?", error.message, choices)) {
+      await save({ ...options, confirmed: true });
+    }
+  } else if (error.kind === "changed") {
+    const choices = [
+      { label: "Cancel", value: "" },
+      { label: "Load it, lose my changes", value: "reload" },
+      { label: "Overwrite it", value: "overwrite", main: true },
+    ];
+    const choice = await question("The file has changed", error.message, choices);
+    if (choice === "overwrite") await save({ ...options, overwrite: true });
+    if (choice === "reload") await store.ask("reload");
+  } else {
+    toast(error.message);
+  }
+}
+
+store.addEventListener("state", (event) => show(/** @type {any} */ (event).detail));
+store.addEventListener("setting", (event) => {
+  const { backdrop } = /** @type {any} */ (event).detail;
+  if (backdrop && !document.querySelector(".leaflet-backdrop-pane img")) addBackdrop(map, backdrop);
+});
+store.addEventListener("disk", (event) => {
+  if (!(/** @type {any} */ (event).detail.changed)) return;
+  const reload = { label: "Load it", act: () => store.ask("reload") };
+  say("The file was changed by another program.", reload);
+});
+store.addEventListener("refused", (event) => {
+  const { detail } = /** @type {any} */ (event);
+  if (detail.kind !== "gone") toast(detail.message);
+  if (store.state) places.show(store.state.places);
+  corners.show();
+});
+store.addEventListener("connected", (event) => {
+  byId("gone").hidden = /** @type {any} */ (event).detail;
+});
+tools.addEventListener("hint", (event) => say(/** @type {any} */ (event).detail));
+tools.addEventListener("chosen", () => places.mark());
+selection.addEventListener("change", markAreas);
+map.on("mousemove", ({ latlng }) => {
+  byId("pointer").textContent = `${latlng.lat.toFixed(7)}, ${latlng.lng.toFixed(7)}`;
+});
+byId("undo").addEventListener("click", () => store.ask("undo"));
+byId("redo").addEventListener("click", () => store.ask("redo"));
+byId("theme").addEventListener("click", switchTheme);
+byId("help").addEventListener("click", help);
+byId("fit").addEventListener("click", fit);
+byId("save").addEventListener("click", () => save());
+byId("parts").addEventListener("toggle", () => store.state && panel.list(store.state));
+startKeyboard({ store, selection, tools, places, map, save, fit, help });

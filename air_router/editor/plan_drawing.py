@@ -1,0 +1,122 @@
+"""Edits of QGroundControl plans."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from air_router.editor import edits
+from air_router.editor.drawing import Drawing
+from air_router.editor.edits import EditError
+from air_router.editor.json_nodes import json_nodes
+from air_router.editor.plan_sketch import (
+    CIRCLES,
+    ITEMS,
+    POLYGONS,
+    RALLY_POINTS,
+    WAYPOINT,
+    sketch_plan,
+)
+from air_router.editor.rendering import METRE_DECIMALS, Digits, metres
+from air_router.editor.sketch import Handle, Region, as_number
+from air_router.editor.source import Source
+from air_router.editor.splice import Splice
+from mocha_link.document import Document
+
+_RELATIVE_FRAME = 3
+_RELATIVE_FRAMES = (3, 6)
+_DEFAULT_ALTITUDE_M = 30.0
+
+
+class PlanDrawing(Drawing):
+    """A `.plan` file; keys are written in the order of the alphabet, as QGroundControl does."""
+
+    settable: ClassVar[bool] = False
+
+    def __init__(self, text: str, document: Document) -> None:
+        self._data = document.data
+        super().__init__(Source(text, json_nodes(text), json=True), sketch_plan(document.data))
+
+    def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:
+        """Insert a simple item behind the waypoint before it, at the same altitude."""
+        waypoints = self.sketch.waypoints
+        if edit.index > len(waypoints):
+            raise EditError(f"the mission has only {len(waypoints)} waypoints")
+        items = self._data["mission"]["items"]
+        if edit.index:
+            position = self._position(waypoints[edit.index - 1]) + 1
+        elif waypoints:
+            position = self._position(waypoints[0])
+        else:
+            position = len(items)
+        neighbour = waypoints[max(edit.index - 1, 0)] if waypoints else None
+        altitude_m = self._relative_altitude_m(neighbour) or _DEFAULT_ALTITUDE_M
+        used = [item.get("doJumpId") for item in items if isinstance(item, dict)]
+        latitude, longitude = self.digits(edit.at)
+        item = {
+            "AMSLAltAboveTerrain": None,
+            "Altitude": metres(altitude_m),
+            "AltitudeMode": 1,
+            "autoContinue": True,
+            "command": WAYPOINT,
+            "doJumpId": max((n for n in used if isinstance(n, int)), default=0) + 1,
+            "frame": _RELATIVE_FRAME,
+            "params": [0, 0, 0, None, latitude, longitude, metres(altitude_m)],
+            "type": "SimpleItem",
+        }
+        return self.source.insert(ITEMS, position, item)
+
+    def rally_point_added(self, edit: edits.AddRallyPoint) -> list[Splice]:
+        """Add a point at home's altitude, which is what they count from."""
+        if not self.source.has(*RALLY_POINTS):
+            raise EditError("the plan has no list of rally points; save it with QGroundControl")
+        index = self.source.length(*RALLY_POINTS)
+        return self.source.insert(RALLY_POINTS, index, [*self.digits(edit.at), Digits("0")])
+
+    def area_added(self, edit: edits.AddArea) -> list[Splice]:
+        """Add an inclusion or exclusion polygon or circle."""
+        keys = POLYGONS if edit.radius_m is None else CIRCLES
+        if not self.source.has(*keys):
+            raise EditError("the plan has no list of fences; save it with QGroundControl")
+        corners = [self.digits(corner) for corner in edit.corners]
+        area: Mapping[str, Any] = {"inclusion": edit.fence, "polygon": corners, "version": 1}
+        if edit.radius_m is not None:
+            circle = {"center": corners[0], "radius": metres(edit.radius_m, 1)}
+            area = {"circle": circle, "inclusion": edit.fence, "version": 1}
+        return self.source.insert(keys, self.source.length(*keys), area)
+
+    def renamed(self, region: Region, name: str) -> list[Splice]:
+        """Plans have no names for their areas."""
+        raise EditError(f"{region.name} cannot be called '{name}': plans have no names for areas")
+
+    def altitude_set(self, handle: Handle, altitude_m: float | None) -> list[Splice]:
+        """Write the altitude, and QGroundControl's copy of it."""
+        if handle.entry is None or handle not in self.sketch.waypoints:
+            raise EditError("only waypoints have altitudes of their own")
+        if altitude_m is None:
+            raise EditError("in a plan every waypoint has its own altitude")
+        if self._relative_altitude_m(handle) is None:
+            raise EditError("its altitude does not count from home; edit it in QGroundControl")
+        splices = self.source.number((*handle.entry, "params", 6), altitude_m, METRE_DECIMALS)
+        if as_number(self._item(handle).get("Altitude")) is not None:
+            splices += self.source.number((*handle.entry, "Altitude"), altitude_m, METRE_DECIMALS)
+        return splices
+
+    def number_set(self, name: str, value: float) -> list[Splice]:
+        """Plans keep their numbers elsewhere."""
+        raise EditError(f"{name} = {value:g} cannot be set here; edit it in QGroundControl")
+
+    def _position(self, handle: Handle) -> int:
+        """A waypoint's place among the items."""
+        return int(handle.keys[len(ITEMS)])
+
+    def _item(self, handle: Handle) -> dict[str, Any]:
+        item: dict[str, Any] = self._data["mission"]["items"][self._position(handle)]
+        return item
+
+    def _relative_altitude_m(self, handle: Handle | None) -> float | None:
+        if handle is None:
+            return None
+        item = self._item(handle)
+        relative = item.get("frame") in _RELATIVE_FRAMES
+        return as_number(item["params"][6]) if relative else None

@@ -1,0 +1,201 @@
+"""The edit page's server: takes edits from browsers, answers with the new state of the mission."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from typing import Any
+
+from aiohttp import web
+
+from air_router.editor.backdrop import Backdrop
+from air_router.editor.edits import EditError, read_edit
+from air_router.editor.mission_text import ChangedOnDiskError, SaveError
+from air_router.editor.session import Session, StaleError, UnconfirmedError
+from air_router.errors import AirRouterError
+from air_router.web.assets import Assets
+from air_router.web.guard import Guard
+from air_router.web.outbox import Outbox
+from air_router.web.site import Site, as_json
+from mocha_link.document import DocumentError
+
+_LOG = logging.getLogger(__name__)
+_WATCH_S = 1.0
+_MOST_WAITING = 200
+
+_REFUSALS = {
+    StaleError: "stale",
+    UnconfirmedError: "unconfirmed",
+    ChangedOnDiskError: "changed",
+    SaveError: "unsaved",
+    DocumentError: "unreadable",
+}
+
+
+class EditorServer:
+    """Serves one session to any number of pages; all of them see the same mission."""
+
+    def __init__(self, session: Session, *, token: str | None, backdrop: Backdrop | None) -> None:
+        self._session = session
+        self._token = token
+        self._backdrop = backdrop
+        self._requests: asyncio.Queue[tuple[Outbox, str]] = asyncio.Queue(_MOST_WAITING)
+        self._changed_on_disk = False
+        self._state = self._shown()
+        self._site: Site
+
+    async def run(self, host: str, port: int, ready: Callable[[str], None]) -> None:
+        """Serve until cancelled; `ready` is told the page's address.
+
+        Raises:
+            ServeError: the address cannot be served on.
+        """
+        self._site = self._make_site(host)
+        with ThreadPoolExecutor(1, "air-router edit") as worker:
+            async with self._site.serving(host, port) as address, asyncio.TaskGroup() as tasks:
+                ready(address)
+                tasks.create_task(self._work(worker))
+                tasks.create_task(self._watch(worker))
+
+    def _make_site(self, host: str) -> Site:
+        assets = Assets()
+        assets.add("air_router.web", "page", "/page/")
+        assets.add("air_router.editor", "page", "/edit/")
+        guard = Guard(host, self._token)
+        site = Site(guard, assets, "/edit/index.html", self._receive, self._welcome)
+        if self._backdrop is not None:
+            site.app.add_routes([web.get("/backdrop", self._picture)])
+        return site
+
+    async def _picture(self, request: web.Request) -> web.StreamResponse:
+        del request
+        if self._backdrop is None:
+            raise web.HTTPNotFound
+        return web.FileResponse(self._backdrop.path, headers={"Content-Type": self._backdrop.kind})
+
+    def _welcome(self, outbox: Outbox) -> None:
+        backdrop = self._backdrop.view() if self._backdrop else None
+        outbox.post("setting", as_json({"type": "setting", "backdrop": backdrop}))
+        outbox.post("state", self._state)
+        outbox.post("disk", as_json({"type": "disk", "changed": self._changed_on_disk}))
+
+    def _receive(self, outbox: Outbox, text: str) -> None:
+        try:
+            self._requests.put_nowait((outbox, text))
+        except asyncio.QueueFull:
+            outbox.post(
+                "busy",
+                as_json(
+                    {
+                        "type": "refused",
+                        "id": None,
+                        "kind": "busy",
+                        "why": "too much at a time; slow down",
+                    }
+                ),
+            )
+
+    async def _work(self, worker: ThreadPoolExecutor) -> None:
+        """Do what is asked for, one after the other."""
+        loop = asyncio.get_running_loop()
+        while True:
+            outbox, text = await self._requests.get()
+            answer, state = await loop.run_in_executor(worker, self._answered, text)
+            if state is not None:
+                self._state = state
+                self._site.tell_all("state", state)
+            outbox.post(f"answer {answer['id']}", as_json(answer))
+
+    async def _watch(self, worker: ThreadPoolExecutor) -> None:
+        """Tell the pages when somebody else has changed the file."""
+        loop = asyncio.get_running_loop()
+        while True:
+            await asyncio.sleep(_WATCH_S)
+            changed = await loop.run_in_executor(worker, self._session.changed_on_disk)
+            if changed != self._changed_on_disk:
+                self._changed_on_disk = changed
+                self._site.tell_all("disk", as_json({"type": "disk", "changed": changed}))
+
+    def _shown(self) -> str:
+        return as_json({"type": "state", **self._session.view()})
+
+    def _answered(self, text: str) -> tuple[dict[str, Any], str | None]:
+        """The answer to a request, and the mission's state if it has changed."""
+        before = self._session.revision, self._session.dirty
+        start_s = time.perf_counter()
+        answer = self._answer(text)
+        _LOG.debug("%.1f ms for %s", (time.perf_counter() - start_s) * 1000, text[:200])
+        changed = before != (self._session.revision, self._session.dirty)
+        return answer, self._shown() if changed else None
+
+    def _answer(self, text: str) -> dict[str, Any]:
+        """The answer to one request, whatever it is."""
+        number = None
+        try:
+            request = json.loads(text)
+            if not isinstance(request, dict):
+                raise EditError("not a request")  # noqa: TRY301
+            number = request.get("id") if isinstance(request.get("id"), int) else None
+            return {"type": "done", "id": number, **self._do(request)}
+        except (AirRouterError, DocumentError) as error:
+            kinds = (kind for cause, kind in _REFUSALS.items() if isinstance(error, cause))
+            kind = next(kinds, "edit")
+            return {"type": "refused", "id": number, "kind": kind, "why": str(error)}
+        except (ValueError, RecursionError):
+            return {"type": "refused", "id": number, "kind": "edit", "why": "not a request"}
+        except Exception:  # noqa: BLE001 - a fault of ours must not cost anybody's work
+            _LOG.exception("a request of the page failed: %s", text[:500])
+            why = "this failed, the mission is as it was; see the program's log"
+            return {"type": "refused", "id": number, "kind": "fault", "why": why}
+
+    def _do(self, request: dict[str, Any]) -> dict[str, Any]:
+        session = self._session
+        match request.get("ask"):
+            case "edit":
+                revision, gesture = request.get("revision"), request.get("gesture")
+                session.edit(
+                    read_edit(json.dumps(request.get("edit"))),
+                    revision=revision if isinstance(revision, int) else None,
+                    gesture=gesture if isinstance(gesture, str) else None,
+                )
+            case "undo":
+                session.undo()
+            case "redo":
+                session.redo()
+            case "save":
+                session.save(
+                    confirmed=request.get("confirmed") is True,
+                    overwrite=request.get("overwrite") is True,
+                )
+                _LOG.info("saved")
+            case "reload":
+                session.reload()
+            case "route":
+                start, end = request.get("start"), request.get("end")
+                if not (isinstance(start, int) and isinstance(end, int)):
+                    raise EditError("a route leads from one waypoint's number to another's")
+                return {"route": session.route(start, end)}
+            case _:
+                raise EditError("the page asks for something that is not known; load it again")
+        return {}
+
+
+async def serve_until(
+    server: EditorServer, host: str, port: int, ready: Callable[[str], None], end: asyncio.Event
+) -> None:
+    """Serve until the event is set. Raises ServeError."""
+    serving = asyncio.create_task(server.run(host, port, ready))
+    ending = asyncio.create_task(end.wait())
+    await asyncio.wait((serving, ending), return_when=asyncio.FIRST_COMPLETED)
+    ending.cancel()
+    if not serving.done():
+        serving.cancel()
+        with suppress(asyncio.CancelledError):
+            await serving
+    else:
+        await serving

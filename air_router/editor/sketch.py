@@ -1,0 +1,184 @@
+"""What of a mission can be taken hold of: every place, corner and radius that its file spells out.
+
+Read leniently from the bare data, before anything is judged: a zone that crosses itself, or a
+waypoint on another continent, can still be seen and dragged back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from air_router.draft import Keys
+
+Pair = tuple[float, float]
+"""As the file has it: degrees (latitude first), or metres east and north."""
+
+
+@dataclass(frozen=True, slots=True)
+class Handle:
+    """A pair of numbers that can be moved.
+
+    Attributes:
+        keys: Its name.
+        first: Where the first number stands (latitude, or metres east).
+        second: Where the second one stands.
+        pair: Both.
+        entry: What is removed with it; None if it cannot be removed.
+    """
+
+    keys: Keys
+    first: Keys
+    second: Keys
+    pair: Pair
+    entry: Keys | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """A circle: its centre, and where its radius stands."""
+
+    keys: Keys
+    centre: Handle
+    radius_keys: Keys
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Corners:
+    """A ring of corners, of an area or of a hole in it."""
+
+    keys: Keys
+    corners: tuple[Handle, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A fence or a no-fly zone. `entry` is what is removed with it, None if that must not be."""
+
+    keys: Keys
+    name: str
+    is_fence: bool
+    rings: tuple[Corners, ...] = ()
+    circle: Round | None = None
+    entry: Keys | None = None
+
+
+@dataclass(slots=True)
+class Sketch:
+    """Everything in a mission's file that can be moved; `origin` is that of metres, in degrees."""
+
+    home: Handle | None = None
+    waypoints: list[Handle] = field(default_factory=list)
+    rally_points: list[Handle] = field(default_factory=list)
+    regions: list[Region] = field(default_factory=list)
+    in_metres: bool = False
+    origin: Pair | None = None
+
+    def handles(self) -> Iterator[Handle]:
+        """All of them."""
+        yield from [self.home] if self.home else []
+        yield from self.waypoints
+        yield from self.rally_points
+        for region in self.regions:
+            for ring in region.rings:
+                yield from ring.corners
+            if region.circle:
+                yield region.circle.centre
+
+
+def sketch_yaml(data: Any) -> Sketch:
+    """A sketch of a YAML mission's data."""
+    sketch = Sketch()
+    if not isinstance(data, dict):
+        return sketch
+    frame = data.get("frame")
+    origin = as_pair(frame.get("origin")) if isinstance(frame, dict) else None
+    sketch.home = _spot(data.get("home"), ("home",), removable=False)
+    sketch.in_metres = data.get("coordinates") == "local"
+    sketch.origin = origin or (None if sketch.in_metres or not sketch.home else sketch.home.pair)
+    sketch.waypoints = _spots(data, "waypoints")
+    sketch.rally_points = _spots(data, "rally_points")
+    if data.get("fence") is not None:
+        sketch.regions.append(_region(data["fence"], ("fence",), "fence", None, is_fence=True))
+    for index, value in enumerate(_items(data, "fences")):
+        fence: Keys = ("fences", index)
+        sketch.regions.append(_region(value, fence, "fence", fence, is_fence=True))
+    for index, value in enumerate(_items(data, "no_fly_zones")):
+        name = value.get("name") if isinstance(value, dict) else None
+        name = name if isinstance(name, str) else f"zone {index + 1}"
+        keys: Keys = ("no_fly_zones", index)
+        sketch.regions.append(_region(value, keys, name, keys, is_fence=False))
+    return sketch
+
+
+def as_pair(value: Any) -> Pair | None:
+    """The first two numbers of a list; None if it has none."""
+    if not isinstance(value, list) or len(value) < 2:
+        return None
+    first, second = as_number(value[0]), as_number(value[1])
+    return None if first is None or second is None else (first, second)
+
+
+def as_number(value: Any) -> float | None:
+    """A finite number; None if it is something else."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        return float(value) if math.isfinite(value) else None
+    except OverflowError:
+        return None
+
+
+def handle_of(value: Any, keys: Keys, entry: Keys | None = None) -> Handle | None:
+    """A handle of a list that begins with a pair."""
+    pair = as_pair(value)
+    return Handle(keys, (*keys, 0), (*keys, 1), pair, entry) if pair else None
+
+
+def ring_of(value: Any, keys: Keys) -> Corners | None:
+    """The corners of a list of pairs; None if it is none."""
+    if not isinstance(value, list):
+        return None
+    corners = [handle_of(pair, (*keys, i), (*keys, i)) for i, pair in enumerate(value)]
+    known = tuple(corner for corner in corners if corner)
+    return Corners(keys, known) if len(known) == len(value) else None
+
+
+def round_of(value: Any, keys: Keys, *, centre: str, radius: str) -> Round | None:
+    """A circle, its parts under these names."""
+    if not isinstance(value, dict):
+        return None
+    handle = handle_of(value.get(centre), (*keys, centre))
+    radius_m = as_number(value.get(radius))
+    if handle is None or radius_m is None:
+        return None
+    return Round(keys, handle, (*keys, radius), radius_m)
+
+
+def _items(data: dict[Any, Any], name: str) -> list[Any]:
+    value = data.get(name)
+    return value if isinstance(value, list) else []
+
+
+def _spots(data: dict[Any, Any], name: str) -> list[Handle]:
+    spots = (_spot(v, (name, i), removable=True) for i, v in enumerate(_items(data, name)))
+    return [spot for spot in spots if spot is not None]
+
+
+def _spot(value: Any, keys: Keys, *, removable: bool) -> Handle | None:
+    if isinstance(value, dict):
+        value = value.get("position")
+    return handle_of(value, (*keys, "position"), keys if removable else None)
+
+
+def _region(value: Any, keys: Keys, name: str, entry: Keys | None, *, is_fence: bool) -> Region:
+    area = {"polygon": value} if isinstance(value, list) else value
+    if not isinstance(area, dict):
+        return Region(keys, name, is_fence, entry=entry)
+    rings = [ring_of(area.get("polygon"), (*keys, "polygon"))]
+    rings += [ring_of(h, (*keys, "holes", i)) for i, h in enumerate(_items(area, "holes"))]
+    circle = round_of(area.get("circle"), (*keys, "circle"), centre="centre", radius="radius_m")
+    return Region(keys, name, is_fence, tuple(r for r in rings if r), circle, entry)

@@ -1,0 +1,320 @@
+"""What the page shows of a mission, in degrees: everything that it draws, as plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from shapely import Point as ShapelyPoint
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from air_router.draft import Area, Keys
+from air_router.editor.drawing import Drawing
+from air_router.editor.judgement import Judgement
+from air_router.editor.sketch import Handle, Region
+from air_router.mission import Mission
+from air_router.router import Route
+from geo.frame import FrameError, LocalFrame, Point
+from geo.zone import Circle, Shape, polygons_of
+from mocha_link.document import Problem
+
+_QUARTER = 8
+"""Segments of a quarter circle in buffers; they are only looked at."""
+
+_DECIMALS = 7
+_MOST_EDGES = 20_000
+_MOST_CACHED = 4_000
+
+Degrees = list[float]
+Rings = list[list[Degrees]]
+
+
+class Viewer:
+    """Makes views; remembers the buffers of shapes that did not change."""
+
+    def __init__(self) -> None:
+        self._buffers: dict[tuple[LocalFrame, Shape, float], list[Rings]] = {}
+
+    def view(self, drawing: Drawing, judgement: Judgement) -> dict[str, Any]:
+        """Everything that the page draws."""
+        problems = sorted(set(judgement.draft.problems)), sorted(set(judgement.draft.notes))
+        marks = _Marks(drawing)
+        shown = [marks.problem(problem, note=False) for problem in problems[0]]
+        wrong = {tuple(keys) for entry in shown if (keys := entry["feature"])}
+        shown += [marks.problem(problem, note=True) for problem in problems[1]]
+        return {
+            "places": list(_places(drawing, judgement, wrong)),
+            "areas": list(self._areas(drawing, judgement, wrong)),
+            "graph": _graph(judgement),
+            "legs": _legs(judgement),
+            "problems": shown,
+            "settings": _settings(drawing, judgement),
+        }
+
+    def _areas(
+        self, drawing: Drawing, judgement: Judgement, wrong: set[Keys]
+    ) -> Iterable[dict[str, Any]]:
+        draft = judgement.draft
+        areas = {area.keys: area for area in (*draft.fences, *draft.zones) if area.place is None}
+        for region in drawing.sketch.regions:
+            area = areas.get(region.keys)
+            yield {
+                **_region(drawing, region),
+                "wrong": any(keys[: len(region.keys)] == region.keys for keys in wrong),
+                "notes": _notes(area, judgement.mission),
+                "buffers": self._kept(judgement, area, is_fence=region.is_fence),
+            }
+        for area in (area for area in draft.zones if area.place is not None):
+            if draft.frame is not None:  # from another file: to be seen, not to be edited
+                yield {
+                    "keys": None,
+                    "name": area.name,
+                    "fence": False,
+                    "outline": _outlines(draft.frame, area.shape.polygon),
+                    "rings": [],
+                    "circle": None,
+                    "wrong": False,
+                    "notes": _notes(area, judgement.mission),
+                    "buffers": self._kept(judgement, area, is_fence=False),
+                }
+
+    def _kept(
+        self, judgement: Judgement, area: Area | None, *, is_fence: bool
+    ) -> list[list[Rings]]:
+        """How far to keep away, at least and when planning; as polygons with holes."""
+        draft = judgement.draft
+        if area is None or draft.frame is None or "planner" in draft.unread:
+            return []
+        planner = draft.planner
+        clearance_m = planner.clearance_m if area.clearance_m is None else area.clearance_m
+        kept_m = (clearance_m, clearance_m + planner.tracking_margin_m)
+        sign = -1 if is_fence else 1
+        return [self._buffer(draft.frame, area.shape, sign * distance_m) for distance_m in kept_m]
+
+    def _buffer(self, frame: LocalFrame, shape: Shape, distance_m: float) -> list[Rings]:
+        key = (frame, shape, distance_m)
+        if key not in self._buffers:
+            if len(self._buffers) >= _MOST_CACHED:
+                self._buffers.clear()
+            if isinstance(shape, Circle):
+                radius_m = max(shape.radius_m + distance_m, 0.0)
+                grown = ShapelyPoint(shape.centre).buffer(radius_m, quad_segs=4 * _QUARTER)
+            else:
+                grown = shape.polygon.buffer(distance_m, quad_segs=_QUARTER)
+            self._buffers[key] = _outlines(frame, grown)
+        return self._buffers[key]
+
+
+def route_view(judgement: Judgement, start: int, end: int) -> dict[str, Any]:
+    """The route between two nodes (0: home), or why there is none."""
+    graph, router = judgement.graph, judgement.router
+    if graph is None or router is None:
+        return {"reason": "the mission cannot be planned yet; correct its problems first"}
+    if start not in graph.positions or end not in graph.positions:
+        return {"reason": "the mission has no such waypoint any more"}
+    mission = graph.mission
+    if not mission.planning_airspace.point_clear(graph.position(start)):
+        return {"reason": f"{_node_name(start)} is not a legal place"}
+    route = router.route(graph.position(start), end)
+    if not isinstance(route, Route):
+        return {"reason": route.reason}
+    points = [graph.position(start), *(leg.to for leg in route.legs)]
+    closest_m, closest_to = mission.airspace.track_distance_m(points)
+    return {
+        "points": [_degrees(mission.frame, point) for point in points],
+        "nodes": [start, *(leg.node for leg in route.legs)],
+        "length_m": round(route.length_m, 1),
+        "time_s": round(route.length_m / mission.speed_m_s),
+        "closest_m": round(closest_m, 1) if closest_to else None,
+        "closest_to": closest_to or None,
+    }
+
+
+class _Marks:
+    """Finds what a problem is about, and where to look."""
+
+    def __init__(self, drawing: Drawing) -> None:
+        self._places: dict[Keys, list[Degrees]] = {}
+        for handle in drawing.sketch.handles():
+            self._places[handle.keys] = _known([drawing.geodetic(handle.pair)])
+            if handle.entry:
+                self._places[handle.entry] = self._places[handle.keys]
+        self._names = {handle.entry: handle.keys for handle in drawing.sketch.handles()}
+        for region in drawing.sketch.regions:
+            corners = [corner for ring in region.rings for corner in ring.corners]
+            corners += [region.circle.centre] if region.circle else []
+            places = _known(drawing.geodetic(corner.pair) for corner in corners)
+            self._places[region.keys] = places
+
+    def problem(self, problem: Problem, *, note: bool) -> dict[str, Any]:
+        """A problem, with the keys of what is wrong on the map and the places to zoom to."""
+        keys = next(
+            (
+                problem.keys[:count]
+                for count in range(len(problem.keys), 0, -1)
+                if problem.keys[:count] in self._places
+            ),
+            None,
+        )
+        return {
+            "code": problem.code,
+            "message": problem.message,
+            "file": problem.path.name,
+            "line": problem.line,
+            "column": problem.column,
+            "note": note,
+            "feature": None if keys is None else list(self._names.get(keys, keys)),
+            "at": [] if keys is None else self._places[keys],
+        }
+
+
+def _places(drawing: Drawing, judgement: Judgement, wrong: set[Keys]) -> Iterable[dict[str, Any]]:
+    sketch, draft = drawing.sketch, judgement.draft
+    spots = {spot.keys: spot for spot in draft.waypoints}
+    numbers = {spot.keys: number for number, spot in enumerate(draft.waypoints, start=1)}
+    kinds = [("home", [sketch.home] if sketch.home else []), ("waypoint", sketch.waypoints)]
+    for kind, handles in [*kinds, ("rally", sketch.rally_points)]:
+        for index, handle in enumerate(handles, start=1):
+            at = drawing.geodetic(handle.pair)
+            if at is None:
+                continue
+            spot = spots.get(handle.keys)
+            yield {
+                "keys": list(handle.keys),
+                "kind": kind,
+                "index": index,
+                "node": 0 if kind == "home" else numbers.get(handle.keys),
+                "at": list(at),
+                "altitude_m": spot.altitude_m if spot else None,
+                "wrong": handle.keys in wrong,
+                "removable": handle.entry is not None,
+            }
+    own = {handle.keys for handle in sketch.waypoints}
+    for spot in draft.waypoints:  # out of surveys: to be seen, not to be edited
+        if spot.keys not in own and draft.frame is not None:
+            yield {
+                "keys": None,
+                "kind": "waypoint",
+                "index": numbers[spot.keys],
+                "node": numbers[spot.keys],
+                "at": _degrees(draft.frame, spot.position),
+                "altitude_m": spot.altitude_m,
+                "wrong": spot.keys in wrong,
+                "removable": False,
+            }
+
+
+def _region(drawing: Drawing, region: Region) -> dict[str, Any]:
+    rings = [
+        {"keys": list(ring.keys), "corners": corners}
+        for ring in region.rings
+        if len(corners := _corners(drawing, ring.corners)) == len(ring.corners)
+    ]
+    circle = None
+    if region.circle and (centre := drawing.geodetic(region.circle.centre.pair)):
+        circle = {
+            "keys": list(region.circle.centre.keys),
+            "centre": list(centre),
+            "radius_m": region.circle.radius_m,
+        }
+    return {
+        "keys": list(region.keys),
+        "name": region.name,
+        "fence": region.is_fence,
+        "removable": region.entry is not None,
+        "rings": rings,
+        "circle": circle,
+        "outline": None,
+    }
+
+
+def _corners(drawing: Drawing, corners: Iterable[Handle]) -> list[Degrees]:
+    return _known(drawing.geodetic(corner.pair) for corner in corners)
+
+
+def _known(places: Iterable[tuple[float, float] | None]) -> list[Degrees]:
+    return [list(place) for place in places if place is not None]
+
+
+def _notes(area: Area | None, mission: Mission | None) -> list[str]:
+    """What is special about an area."""
+    notes = []
+    if area is not None and area.clearance_m is not None:
+        notes.append(f"clearance {area.clearance_m:g} m")
+    if area is not None and mission is not None:
+        notes += [idle.reason for idle in mission.idle_zones if idle.zone.name == area.name]
+    return notes
+
+
+def _graph(judgement: Judgement) -> dict[str, Any]:
+    graph = judgement.graph
+    if graph is None:
+        return {"edges": [], "detours": [], "cut": False}
+    detours = list(graph.detours)
+    straight = [[a, b] for a, b in graph.graph.edges if not graph.via(a, b)]
+    frame = graph.mission.frame
+    return {
+        "edges": straight[:_MOST_EDGES],
+        "detours": [
+            [
+                _degrees(frame, point)
+                for point in (graph.position(a), *graph.via(a, b), graph.position(b))
+            ]
+            for a, b in detours[:_MOST_EDGES]
+        ],
+        "cut": len(straight) > _MOST_EDGES,
+    }
+
+
+def _legs(judgement: Judgement) -> list[dict[str, Any]]:
+    mission = judgement.mission
+    if mission is None:
+        return []
+    return [
+        {
+            "from": leg.start,
+            "to": leg.end,
+            "way": leg.way.value,
+            "points": [_degrees(mission.frame, point) for point in leg.points],
+        }
+        for leg in judgement.legs
+    ]
+
+
+def _settings(drawing: Drawing, judgement: Judgement) -> dict[str, Any]:
+    draft, length_m = judgement.draft, judgement.length_m()
+    return {
+        "name": draft.name,
+        "settable": drawing.settable,
+        "altitude_m": draft.altitude_m,
+        "speed_m_s": draft.speed_m_s,
+        "clearance_m": draft.planner.clearance_m,
+        "tracking_margin_m": draft.planner.tracking_margin_m,
+        "max_edge_m": draft.planner.max_edge_m,
+        "length_m": round(length_m),
+        "time_s": round(length_m / draft.speed_m_s) if draft.speed_m_s > 0 else None,
+    }
+
+
+def _outlines(frame: LocalFrame, geometry: BaseGeometry) -> list[Rings]:
+    """Polygons with holes, in degrees."""
+    return [
+        [[_degrees(frame, Point(*xy)) for xy in ring.coords] for ring in _rings(polygon)]
+        for polygon in polygons_of(geometry)
+    ]
+
+
+def _rings(polygon: Polygon) -> Iterable[Any]:
+    return (polygon.exterior, *polygon.interiors)
+
+
+def _degrees(frame: LocalFrame, point: Point) -> Degrees:
+    try:
+        return [round(value, _DECIMALS) for value in frame.to_geodetic(point)]
+    except FrameError:
+        return [round(value, _DECIMALS) for value in frame.origin]
+
+
+def _node_name(node: int) -> str:
+    return f"waypoint {node}" if node else "home"

@@ -1,0 +1,111 @@
+"""Keeps other people's web pages, and other people, out of ours.
+
+A page on the internet can make a browser send requests to this machine, and by rebinding its name
+in the DNS even read the answers. So requests must name this server as their host, and what a page
+sends must come from a page of ours. On an address that other machines reach, a token is asked for.
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import secrets
+from collections.abc import Awaitable, Callable
+from urllib.parse import urlsplit
+
+from aiohttp import web
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+TOKEN = "token"  # noqa: S105 - the name of it
+_HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'self'; img-src 'self' data: blob:; object-src 'none'; base-uri 'none'; "
+        "form-action 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cache-Control": "no-cache",
+}
+_LOCAL_NAMES = ("localhost", "127.0.0.1", "::1")
+
+
+class Guard:
+    """Decides who is let in.
+
+    Attributes:
+        token: what others must know; None where only this machine can connect.
+    """
+
+    def __init__(self, host: str, token: str | None = None) -> None:
+        self._host = host
+        self._local = is_loopback(host)
+        self.token = token or (None if self._local else secrets.token_urlsafe(16))
+
+    @web.middleware
+    async def middleware(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Let a request in, or refuse it."""
+        if not self._meant_for_us(request):
+            raise web.HTTPForbidden(text="this server is not the one that the request names\n")
+        if not _from_our_page(request):
+            raise web.HTTPForbidden(text="the request comes from another site's page\n")
+        if self.token is not None and not self._knows_token(request):
+            raise web.HTTPUnauthorized(text="open the address that the program printed\n")
+        if self.token is not None and TOKEN in request.query and request.method == "GET":
+            return self._welcome(request, self.token)
+        return await handler(request)
+
+    def _meant_for_us(self, request: web.Request) -> bool:
+        """Whether the Host header names an address that this server may have.
+
+        Behind a token any name will do: a rebound name does not have the cookie.
+        """
+        if not self._local:
+            return True
+        name = urlsplit(f"//{request.headers.get('Host', '')}").hostname
+        return name is not None and (name in _LOCAL_NAMES or name == self._host)
+
+    def _knows_token(self, request: web.Request) -> bool:
+        token = (self.token or "").encode()
+        given = (request.query.get(TOKEN, ""), request.cookies.get(_cookie(request), ""))
+        return any(hmac.compare_digest(word.encode(), token) for word in given)
+
+    @staticmethod
+    def _welcome(request: web.Request, token: str) -> web.Response:
+        """Keep the token as a cookie, and out of the address bar."""
+        answer = web.Response(status=303, headers={"Location": request.path})
+        answer.set_cookie(_cookie(request), token, httponly=True, samesite="Strict", path="/")
+        return answer
+
+
+async def add_headers(request: web.Request, response: web.StreamResponse) -> None:
+    """What browsers shall not do with our answers."""
+    del request
+    for name, value in _HEADERS.items():
+        response.headers.setdefault(name, value)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches the address."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _cookie(request: web.Request) -> str:
+    """A name of its own for each port: cookies do not know ports."""
+    port = urlsplit(f"//{request.headers.get('Host', '')}").port
+    return f"air_router_{port or 80}"
+
+
+def _from_our_page(request: web.Request) -> bool:
+    """Whether a page that sent this is ours; programs that are no browser say nothing."""
+    origin = request.headers.get("Origin")
+    if origin is not None:
+        return urlsplit(origin).netloc == request.headers.get("Host")
+    return request.method in ("GET", "HEAD") or "Sec-Fetch-Site" not in request.headers

@@ -1,0 +1,139 @@
+"""A web server for one page: on this machine only unless told otherwise, and guarded."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+from aiohttp import WSMsgType, web
+
+from air_router.errors import AirRouterError
+from air_router.web.assets import Assets
+from air_router.web.guard import TOKEN, Guard, add_headers
+from air_router.web.outbox import Outbox
+
+MAX_MESSAGE_BYTES = 64 * 1024
+MAX_PAGES = 32
+_HEARTBEAT_S = 20.0
+_SHUTDOWN_S = 1.0
+
+Receive = Callable[[Outbox, str], None]
+"""Takes what a page has sent."""
+
+
+class ServeError(AirRouterError):
+    """The page cannot be served where it should be."""
+
+
+class Site:
+    """The page's files, and a socket to every browser that shows it.
+
+    `receive` takes a text from a page, `welcome` tells a new page what there is; both are called
+    in the server's event loop and must be quick.
+    """
+
+    def __init__(
+        self,
+        guard: Guard,
+        assets: Assets,
+        start: str,
+        receive: Receive,
+        welcome: Callable[[Outbox], None],
+    ) -> None:
+        self._guard = guard
+        self._assets = assets
+        self._start = start
+        self._receive = receive
+        self._welcome = welcome
+        self._outboxes: set[Outbox] = set()
+        self._sockets: set[web.WebSocketResponse] = set()
+        self.app = web.Application(
+            middlewares=[guard.middleware], client_max_size=MAX_MESSAGE_BYTES
+        )
+        self.app.on_response_prepare.append(add_headers)
+        self.app.on_shutdown.append(self._hang_up)
+        self.app.add_routes(
+            [web.get("/", self._index), web.get("/socket", self._talk), *assets.routes()]
+        )
+
+    def tell_all(self, kind: str, text: str) -> None:
+        """Send a text to every page; one of its kind that still waits is replaced."""
+        for outbox in self._outboxes:
+            outbox.post(kind, text)
+
+    @asynccontextmanager
+    async def serving(self, host: str, port: int) -> AsyncIterator[str]:
+        """Serve while in the context; gives the page's address. Port 0 takes a free one.
+
+        Raises:
+            ServeError: the address is taken, or none of this machine's.
+        """
+        runner = web.AppRunner(
+            self.app, access_log=None, shutdown_timeout=_SHUTDOWN_S, handle_signals=False
+        )
+        await runner.setup()
+        try:
+            site = web.TCPSite(runner, host, port)
+            try:
+                await site.start()
+            except (OSError, OverflowError) as error:
+                reason = getattr(error, "strerror", None) or str(error)
+                raise ServeError(
+                    f"cannot serve the page on {host}:{port}: {reason}; choose another --port, "
+                    "or 0 for a free one"
+                ) from None
+            yield self._address(host, runner.addresses[0][1])
+        finally:
+            await runner.cleanup()
+
+    def _address(self, host: str, port: int) -> str:
+        name = f"[{host}]" if ":" in host else host
+        token = f"?{TOKEN}={self._guard.token}" if self._guard.token else ""
+        return f"http://{name}:{port}/{token}"
+
+    async def _index(self, request: web.Request) -> web.Response:
+        return await self._assets.page(self._start, request)
+
+    async def _talk(self, request: web.Request) -> web.StreamResponse:
+        if len(self._sockets) >= MAX_PAGES:
+            raise web.HTTPServiceUnavailable(text="too many pages are open; close one\n")
+        socket = web.WebSocketResponse(
+            heartbeat=_HEARTBEAT_S, max_msg_size=MAX_MESSAGE_BYTES, compress=False
+        )
+        if not socket.can_prepare(request):
+            raise web.HTTPBadRequest(text="this address is for the page's socket\n")
+        self._sockets.add(socket)
+        try:
+            await socket.prepare(request)
+            await self._converse(socket)
+        finally:
+            self._sockets.discard(socket)
+        return socket
+
+    async def _converse(self, socket: web.WebSocketResponse) -> None:
+        outbox = Outbox(socket)
+        self._outboxes.add(outbox)
+        sending = asyncio.create_task(outbox.run())
+        try:
+            self._welcome(outbox)
+            async for message in socket:
+                if message.type is not WSMsgType.TEXT:
+                    break
+                self._receive(outbox, message.data)
+        finally:
+            self._outboxes.discard(outbox)
+            sending.cancel()
+            await asyncio.gather(sending, return_exceptions=True)
+
+    async def _hang_up(self, app: web.Application) -> None:
+        del app
+        for socket in list(self._sockets):
+            await socket.close()
+
+
+def as_json(message: dict[str, Any]) -> str:
+    """A message as the pages read it."""
+    return json.dumps(message, separators=(",", ":"), allow_nan=False)
