@@ -10,7 +10,8 @@ from typing import Any, NamedTuple, Protocol
 
 from air_router.altitudes import Altitudes
 from air_router.settings import DEFAULT_BATTERY_RESERVE, PlannerSettings, Timers
-from geo.frame import FrameError, LocalFrame, Point
+from geo.degree_lines import dense_ring
+from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.validity import Validity
 from geo.zone import Circle, Outline, Ring, Shape, ZoneError
 from mocha_link.document import Problem
@@ -179,13 +180,20 @@ class Draft:
             return None
 
     def _ring(self, name: str, corners: Sequence[Sequence[float]], keys: Keys) -> Ring | None:
-        points = []
+        if not self.in_metres and self.frame is not None and corners:
+            places = [Geodetic(float(corner[0]), float(corner[1])) for corner in corners]
+            try:
+                points = self.frame.to_local_many(*zip(*dense_ring(places), strict=True))
+                return tuple(Point(east_m, north_m) for east_m, north_m in points.tolist())
+            except FrameError:
+                pass  # the corner that is wrong is told below
+        spots = []
         for index, corner in enumerate(corners):
             spot = self.spot(f"{name}, corner {index + 1}", corner, (*keys, index))
             if spot is None:
                 return None
-            points.append(spot.position)
-        return tuple(points)
+            spots.append(spot)
+        return tuple(spot.position for spot in spots)
 
     def _words(self, place: Point) -> str:
         if self.in_metres or self.frame is None:

@@ -13,6 +13,7 @@ from air_router.altitudes import Altitudes, Limit
 from air_router.draft import Area, Draft, Keys
 from air_router.mission_form import AltitudeForm, AreaForm, MissionForm, PeriodForm, ZoneForm
 from air_router.settings import PlannerSettings, Timers
+from air_router.zone_files import add_zones
 from geo.airspace import FENCE
 from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.validity import DAYS, Hours, Period, Validity
@@ -23,9 +24,10 @@ _LISTS = {
     "waypoints": "position",
     "fences": "polygon",
     "no_fly_zones": "polygon",
+    "no_fly_files": "file",
     "rally_points": "position",
 }
-"""Sections that are lists, and what a bare list in them is short for."""
+"""Sections that are lists, and what a bare list (of files, a bare path) in them is short for."""
 
 _STAND_INS: dict[str, Any] = {
     "home": {"position": [0.0, 0.0]},
@@ -65,8 +67,9 @@ def _write_out(data: dict[Any, Any]) -> None:
         if isinstance(data.get(name), list):
             data[name] = {key: data[name]}
     for name, key in _LISTS.items():
+        bare = str if key == "file" else list
         if isinstance(data.get(name), list):
-            data[name] = [{key: item} if isinstance(item, list) else item for item in data[name]]
+            data[name] = [{key: item} if isinstance(item, bare) else item for item in data[name]]
 
 
 def _length(data: dict[Any, Any], name: str) -> int:
@@ -141,6 +144,8 @@ def _fill(draft: Draft, model: MissionForm, places: dict[str, list[int]]) -> Non
         name = zone.name or f"zone {index + 1}"
         shape = _shape(draft, zone, f"no-fly zone '{name}'", keys)
         draft.zones += [_zone(zone, name, shape, keys)] if shape else []
+    for index, listed in zip(places["no_fly_files"], model.no_fly_files, strict=True):
+        add_zones(draft, folder / listed.file, ("no_fly_files", index, "file"), listed.allow)
 
 
 def _fill_fences(draft: Draft, model: MissionForm, places: list[int]) -> None:

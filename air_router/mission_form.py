@@ -131,6 +131,13 @@ class ZoneForm(AreaForm):
     active: Annotated[list[PeriodForm], Field(min_length=1)] | None = None
 
 
+class ZoneFileForm(BaseModel):
+    """A file with more zones."""
+
+    file: str
+    allow: list[str] = []
+
+
 class SpotForm(BaseModel):
     """A place."""
 
@@ -192,6 +199,7 @@ class MissionForm(BaseModel):
         list[ZoneForm],
         Field(description="areas to stay out of; 'no_fly_zones: []' if there are none"),
     ]
+    no_fly_files: list[ZoneFileForm] = []
     rally_points: list[SpotForm] = []
     timers: TimersForm = TimersForm()
     planner: PlannerForm = PlannerForm()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -22,7 +21,8 @@ from air_router.zone_ed269 import read_ed269
 from air_router.zone_ed318 import is_ed318, read_ed318
 from air_router.zone_geojson import read_geojson
 from air_router.zone_kml import read_kml
-from air_router.zone_reading import FileZone, MapCircle, MapRing, ZoneReading
+from air_router.zone_reading import FileZone, MapCircle, ZoneReading
+from geo.degree_lines import dense_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.zone import Circle, Outline, Shape, ZoneError
 from mocha_link.document import DocumentError, Problem
@@ -36,9 +36,6 @@ OPEN_REACH_M: Final = 50_000.0
 no mission reaches farther."""
 
 _DEGREE_M: Final = 111_000.0
-_STEP_M: Final = 1_000.0
-"""Longer sides of zones get corners in between: a side that is straight on the map in degrees is
-bent on the ground."""
 
 
 def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
@@ -105,7 +102,7 @@ def place_zone(zone: FileZone, frame: LocalFrame) -> Shape:
     if isinstance(zone.shape, MapCircle):
         return Circle(frame.to_local(*zone.shape.centre), zone.shape.radius_m)
     ring, *holes = (
-        tuple(frame.to_local(*corner) for corner in _dense(ring))
+        tuple(Point(*place) for place in frame.to_local_many(*zip(*dense_ring(ring), strict=True)))
         for ring in (zone.shape.ring, *zone.shape.holes)
     )
     return Outline(ring, tuple(holes))
@@ -241,20 +238,3 @@ def _corners(zone: FileZone) -> NDArray[np.float64]:
 def _turned(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     turned = corners[:, ::-1]
     return turned if np.abs(turned[:, 0]).max() <= 90 else turned[:0]
-
-
-def _dense(ring: MapRing) -> list[Geodetic]:
-    """The ring with corners in between on long sides, on the straight line in degrees."""
-    dense: list[Geodetic] = []
-    for start, end in pairwise((*ring, ring[0])):
-        lat_deg = end.latitude_deg - start.latitude_deg
-        lon_deg = (end.longitude_deg - start.longitude_deg + 180) % 360 - 180
-        east_m = lon_deg * math.cos(math.radians(start.latitude_deg)) * _DEGREE_M
-        length_m = math.hypot(lat_deg * _DEGREE_M, east_m)
-        steps = min(max(math.ceil(length_m / _STEP_M), 1), 100)
-        dense.append(start)
-        for step in range(1, steps):
-            share = step / steps
-            lon = (start.longitude_deg + share * lon_deg + 180) % 360 - 180
-            dense.append(Geodetic(start.latitude_deg + share * lat_deg, lon))
-    return dense
