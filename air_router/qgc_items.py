@@ -14,6 +14,8 @@ from air_router.draft import Draft, Keys, Spot
 from air_router.qgc_values import PlanValues, shown
 
 SAME_PLACE_M: Final = 0.1
+NOT_FLOWN: Final = "not-flown"
+"""The code of notes about items that only the plan's file keeps."""
 _AMSL_FRAMES, _RELATIVE_FRAMES, _TERRAIN_FRAMES = (0, 5), (3, 6), (10, 11)
 _GROUND_SPEED = 1
 _FASTEST_M_S: Final = 50.0

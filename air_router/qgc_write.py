@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from air_router.chart import corners_of
 from air_router.draft import Area, Draft
 from air_router.losses import Losses
 from air_router.qgc_edit import MISSION_FRAME, PlanEdit, simple_item
 from air_router.qgc_items import MavCommand
+from air_router.settings import PlannerSettings, Timers
 from geo.frame import Geodetic, LocalFrame
-from geo.zone import Circle, Ring
+from geo.zone import Circle
 
 _PX4, _MULTIROTOR = 12, 2
 _GROUND_SPEED: Final = 1.0
@@ -33,7 +35,7 @@ def plan_of(draft: Draft, losses: Losses) -> dict[str, Any]:
         add_area(edit, area, frame, losses, inclusion=False)
     for spot in draft.rally_points:
         edit.add_rally_point(frame.to_geodetic(spot.position))
-    _tell_settings(draft, losses)
+    tell_settings(draft, losses, "a plan")
     return edit.data
 
 
@@ -46,9 +48,9 @@ def add_area(
     if isinstance(shape, Circle):
         edit.add_circle(frame.to_geodetic(shape.centre), shape.radius_m, inclusion=inclusion)
     else:
-        edit.add_polygon(_degrees(shape.ring, frame), inclusion=inclusion)
+        edit.add_polygon(corners_of(shape.ring, frame), inclusion=inclusion)
         for hole in shape.holes if inclusion else ():
-            edit.add_polygon(_degrees(hole, frame), inclusion=False)
+            edit.add_polygon(corners_of(hole, frame), inclusion=False)
         if shape.holes and not inclusion:
             losses.add(what, "its holes are closed: a plan's zones have none", "holes-closed")
     if area.altitudes is not None:
@@ -107,20 +109,18 @@ def _add_items(edit: PlanEdit, draft: Draft, frame: LocalFrame, home: Geodetic) 
     items.append(end)
 
 
-def _tell_settings(draft: Draft, losses: Losses) -> None:
+def tell_settings(draft: Draft, losses: Losses, where: str) -> None:
+    """Note the settings of a mission that only a mission file has."""
     for what, given in (
-        ("timers and planner", True),
+        ("timers", draft.timers != Timers()),
+        ("planner", draft.planner != PlannerSettings()),
         ("team", draft.team is not None),
         ("world", draft.world is not None),
         ("seek", bool(draft.seek)),
         ("duration_s", draft.duration_s is not None),
     ):
         if given:
-            losses.add(what, "a plan does not have it; keep the mission file", "settings-lost")
-
-
-def _degrees(ring: Ring, frame: LocalFrame) -> list[Geodetic]:
-    return [frame.to_geodetic(corner) for corner in ring]
+            losses.add(what, f"{where} has none; keep the mission file", "settings-lost")
 
 
 def _is_number_name(name: str) -> bool:

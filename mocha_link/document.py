@@ -346,6 +346,16 @@ class _Dumper(yaml.SafeDumper):
     yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
 
 
-def as_yaml(data: Any) -> str:
-    """Plain values as YAML text that `Document.from_text` reads back as they are."""
-    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
+def as_yaml(data: Any, *, short_in_line: bool = False) -> str:
+    """Plain values as YAML text that `Document.from_text` reads back as they are.
+
+    With `short_in_line`, lists and mappings that hold no others are written on one line.
+    """
+    return yaml.dump(
+        data,
+        Dumper=_Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=None if short_in_line else False,
+        width=100,
+    )
