@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mocha_link.clock import Instant
     from mocha_link.intake import Verify
     from mocha_link.payload import Trailer
+    from mocha_link.sync import Frame
     from mocha_link.team import Team, Topic
 
 MAX_HEADERS = 65_536
@@ -100,12 +101,12 @@ class ClientSession:
         self._ask(step, now, GHEAD)
         return step
 
-    def reply(self, parts: Sequence[bytes], now: Instant) -> Step:
+    def reply(self, parts: Sequence[Frame], now: Instant) -> Step:
         """Take in the body parts of a reply (a good one has one part)."""
         step = Step()
-        frame = parts[0] if len(parts) == 1 else b""
+        frame: Frame = parts[0] if len(parts) == 1 else b""
         self.bytes_in += sum(map(len, parts))
-        asked = self._asked.pop(frame[:ID_BYTES], None)
+        asked = self._asked.pop(bytes(frame[:ID_BYTES]), None)
         if asked is None or self.over:
             step.refusals.append("a reply to nothing that was asked")
             if not self.over:  # the connection is ours alone, so the peer is no node
@@ -116,7 +117,7 @@ class ClientSession:
         body = frame[ID_BYTES:]
         if code == GHEAD:
             self._listed_s = self._fetched_s = now.steady_s
-            self._list(step, body, now)
+            self._list(step, bytes(body), now)
         elif header is not None:
             self._fetched_s = now.steady_s
             self._fetched_bytes += len(frame)
@@ -186,7 +187,7 @@ class ClientSession:
         found.sort(key=lambda each: each[0])
         self._wanted.extend(header for _, header in found)
 
-    def _store(self, step: Step, header: Header, body: bytes, now: Instant) -> None:
+    def _store(self, step: Step, header: Header, body: Frame, now: Instant) -> None:
         known = self._team.by_ids(header.robot_id, header.topic_id)
         if body == SERRM or known is None:
             return  # replaced at the peer meanwhile; the next list has the newer one
@@ -204,7 +205,7 @@ class ClientSession:
                 MessageStored(self.peer, now.unix_s, robot.name, topic.name, header, len(body))
             )
 
-    def _check(self, header: Header, body: bytes, topic: Topic) -> Trailer | None:
+    def _check(self, header: Header, body: Frame, topic: Topic) -> Trailer | None:
         payload.check_type(body, topic)
         trailer = payload.check(body)
         if trailer and trailer.stamp_ms % WRAP_MS != header.wrapped_ms:

@@ -44,12 +44,13 @@ class Record:
     `stamp_ms` is when the robot published it, Unix milliseconds below 2**47 that agree with the
     header modulo 65536 s; `received_s` is when we got or made it. `inferred` says that the stamp
     was guessed from the header by our clock, as that of an original node has to be: if the clock
-    was wrong, it is wrong by a multiple of 65536 s, and comparisons bear with that.
+    was wrong, it is wrong by a multiple of 65536 s, and comparisons bear with that. `body` is a
+    read-only view if it came in a buffer of its own.
     """
 
     header: Header
     priority: int
-    body: bytes
+    body: bytes | memoryview
     stamp_ms: int
     received_s: float
     inferred: bool = False

@@ -21,6 +21,7 @@ _MIN_PIECE = 64  # a smaller one is not worth its head
 _DONE_BYTES = sync.LETTER_BYTES + letters.DONE_BYTES
 # What would take less than this share of a frame is left for the next one rather than cut in two.
 _SMALL_SHARE = 4
+_ROOMY = 16_384  # larger frames need not be full, so nothing is cut in two once half is used
 _FEW = 8  # new ones are put in their place one by one
 _BEGUN = 1 << 64  # in a rank
 
@@ -83,11 +84,18 @@ class Feed:
 
         None: nothing to say now.
         """
+        parts = self.next_parts(room, prefix)
+        if parts is None:
+            return None
+        return bytes(parts[0]) if len(parts) == 1 else b"".join(parts)
+
+    def next_parts(self, room: int, prefix: bytes = b"") -> list[sync.Frame] | None:
+        """The same, with large data as parts of their own."""
         room -= len(prefix)
         if self.over or self._round < 0:
             return None
         if self._outbox:
-            return prefix + self._letter(room)
+            return [prefix + self._letter(room)]
         if self.done:
             return None
         if self._database.sequence != self._sequence and not self._unknown:
@@ -95,13 +103,13 @@ class Feed:
         left = room
         if self._budget:
             left = min(room, self._budget + self._free - self.bytes - _DONE_BYTES)
-        frame = self._chunks(left, prefix) if self._queue else None
-        if frame is not None:
-            self.bytes += len(frame) - len(prefix)
-            return frame
+        parts = self._chunks(left, prefix) if self._queue else None
+        if parts is not None:
+            self.bytes += sum(map(len, parts)) - len(prefix)
+            return parts
         if self._queue or not (self._unknown or self._asked):
             self._end()
-            return prefix + self._letter(room)
+            return [prefix + self._letter(room)]
         return None
 
     def _receive_opening(self, letter: sync.Letter) -> None:
@@ -259,7 +267,7 @@ class Feed:
         self.done = True
         self._outbox.append((sync.DONE, done.encode(), 0))
 
-    def _chunks(self, room: int, prefix: bytes) -> bytes | None:
+    def _chunks(self, room: int, prefix: bytes) -> list[sync.Frame] | None:
         """As much of the queue as fits; None if nothing does."""
         room -= sync.CHUNKS_BYTES
         most = room
@@ -284,7 +292,7 @@ class Feed:
                     room -= needed
                     self._finish(long)
                     continue
-                if needed <= most // _SMALL_SHARE:
+                if needed <= most // _SMALL_SHARE or (most > _ROOMY and room < most // 2):
                     break
             if room < sync.PIECE.size + _MIN_PIECE or len(pieces) == sync.MAX_CHUNKS:
                 break
@@ -293,7 +301,7 @@ class Feed:
             return None
         place = (self._round, self._number)
         self._number += 1
-        return sync.chunks_frame(place, wholes, pieces, data + tail, prefix)
+        return sync.chunks_parts(place, wholes, pieces, data + tail, prefix)
 
     def _piece(
         self, long: int, record: Record, room: int, pieces: list[bytes], data: list[sync.Frame]

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from mocha_link.server import Route
     from mocha_link.signature import Signer
     from mocha_link.step import Step
+    from mocha_link.sync import Frame
     from mocha_link.team import Team, Topic
 
 TIMEOUT_S = 5.0
@@ -194,11 +195,11 @@ class Gossip:
         """The connection on which the peer pulls, if it does."""
         return self._servers[peer].route
 
-    def supply(self, peer: str) -> tuple[Route, bytes] | None:
-        """The next frame of a sync for a connection of the peer; None: nothing to send now."""
+    def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
+        """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""
         supplied = self._servers[peer].supply()
         if supplied:
-            self._book.count(peer, bytes_out=len(supplied[1]))
+            self._book.count(peer, bytes_out=sum(map(len, supplied[1])))
         return supplied
 
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
@@ -207,7 +208,7 @@ class Gossip:
         self._after_server(peer, now)
         return known
 
-    def reply(self, peer: str, parts: Sequence[bytes], now: Instant) -> None:
+    def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Take in what came back on the connection to a peer."""
         pull = self._pulls.get(peer)
         if pull:

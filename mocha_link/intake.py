@@ -16,7 +16,7 @@ from mocha_link.sync import FrameError
 from mocha_link.terms import difference
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from mocha_link.acquaintance import Acquaintance
     from mocha_link.clock import Instant
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mocha_link.shelf import Shelf
     from mocha_link.team import Robot, Team, Topic
 
-    Verify = Callable[[Header, bytes, Trailer | None], None]
+    Verify = Callable[[Header, sync.Frame, Trailer | None], None]
 
 ROOM = 65_536
 MAX_LISTED = 512  # long ids in an OPEN; beyond that digests are shorter
@@ -103,18 +103,18 @@ class Intake:
         self._now_s = now.unix_s
         return Step(frames=self._opening(self._knowledge()))
 
-    def receive(self, frame: sync.Frame, now: Instant) -> Step:
-        """Take in a frame of the peer; a bad one is refused."""
+    def receive(self, frame: sync.Frame, now: Instant, more: Sequence[sync.Frame] = ()) -> Step:
+        """Take in a frame of the peer, `more` if it has further parts; a bad one is refused."""
         step = Step()
         if self.over or self.rejection:
             return step
-        self.bytes += len(frame)
+        self.bytes += len(frame) + sum(map(len, more))
         self._now_s = now.unix_s
         try:
             if len(frame) and frame[0] == sync.CHUNKS:
-                self._chunks(frame, now, step)
+                self._chunks(sync.read_chunks(frame, more), now, step)
             else:
-                self._letter(frame, step)
+                self._letter(frame if not more else b"", step)  # letters have one part
         except FrameError as error:
             _refuse(step, str(error))
             self._damaged += 1
@@ -205,19 +205,14 @@ class Intake:
                 longs += [record_id(r) for r in self._database.headers_in(robot_id, group)]
         return letters.Answer(robot_id, groups, longs)
 
-    def _chunks(self, frame: sync.Frame, now: Instant, step: Step) -> None:
-        chunks = sync.read_chunks(frame)
+    def _chunks(self, chunks: sync.Chunks, now: Instant, step: Step) -> None:
         if chunks.round == self._round and not self._count(chunks.number):
             return
-        data, at = chunks.data, 0
-        for long, size in chunks.wholes:
-            end = at + size
-            self._message(long, bytes(data[at:end]), now, step)
-            at = end
+        contents = chunks.contents()
+        for long, _ in chunks.wholes:
+            self._message(long, sync.own(next(contents)), now, step)
         for piece in chunks.pieces:
-            end = at + piece[-1]
-            self._piece(piece, data[at:end], now, step)
-            at = end
+            self._piece(piece, next(contents), now, step)
 
     def _count(self, number: int) -> bool:
         """Note that a frame of this round has come; whether it is the first time."""
@@ -258,7 +253,7 @@ class Intake:
             self._begun.discard(long)
             self._message(long, body, now, step)
 
-    def _message(self, long: int, body: bytes, now: Instant, step: Step) -> None:
+    def _message(self, long: int, body: sync.Frame, now: Instant, step: Step) -> None:
         known = self._topic(long)
         if known is None:
             _refuse(step, _unknown(long))
@@ -332,7 +327,7 @@ def _unknown(long: int) -> str:
     return f"message {long:016x}: no such robot or topic in the team, or an impossible time"
 
 
-def _proven(body: bytes, topic: Topic, stamp_ms: int) -> Trailer | None:
+def _proven(body: sync.Frame, topic: Topic, stamp_ms: int) -> Trailer | None:
     """The trailer of a body that is as its maker made it, as far as can be told."""
     trailer = payload.check(body)
     if trailer is None:

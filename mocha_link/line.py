@@ -12,9 +12,10 @@ from zmq.utils.monitor import parse_monitor_message
 
 from mocha_link import kernel, payload, zmtp
 from mocha_link.curve import protect_contact
+from mocha_link.zmtp import Part
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from mocha_link.keys import PublicKey, SecretKey
 
@@ -23,8 +24,8 @@ MAX_REPLY_BYTES = payload.MAX_BYTES + 1024 * 1024
 # Requests leave so long after our handshake even if the peer's has not come: see `zmtp`.
 EAGER_S = 0.015
 
-_READ_BYTES = 256 * 1024
-_READS = 16  # in a row, so that no peer starves the others
+_READ_BYTES = 64 * 1024
+_TURN_BYTES = 4 * 1024 * 1024  # in a row, so that no peer starves the others
 _MAX_ANSWERS = 1024 * 1024  # to heartbeats
 _QUEUE_REPLIES = 16
 _LINGER_MS = 300
@@ -68,7 +69,7 @@ class Line(Protocol):
     def send(self, frame: bytes) -> None:
         """Send a request."""
 
-    def replies(self) -> Iterable[list[bytes]]:
+    def replies(self) -> Iterable[Sequence[Part]]:
         """The body parts of the replies since the last call."""
 
     def rtt_s(self) -> float | None:
@@ -163,7 +164,7 @@ class TcpLine:
             with contextlib.suppress(OSError):
                 self._flush()
 
-    def replies(self) -> Iterable[list[bytes]]:
+    def replies(self) -> Iterable[Sequence[Part]]:
         """The body parts of the replies since the last call."""
         return self._protocol.replies()
 
@@ -222,21 +223,26 @@ class TcpLine:
         self._answers = 0
 
     def _read(self) -> bool:
-        arrived = False
-        for _ in range(_READS):
+        taken = 0
+        while taken < _TURN_BYTES:
+            room = self._protocol.room()
             try:
-                data = self._socket.recv(_READ_BYTES)
+                if room is None:
+                    data = self._socket.recv(_READ_BYTES)
+                    count = len(data)
+                else:
+                    count = self._socket.recv_into(room)
             except BlockingIOError:
-                return arrived
-            if not data:
+                break
+            if not count:
                 raise ConnectionResetError(0, "the peer closed the connection")
-            arrived = True
-            answers = self._protocol.receive(data)
+            taken += count
+            answers = self._protocol.receive(data) if room is None else self._protocol.filled(count)
             self._answers += len(answers)
             if self._answers > _MAX_ANSWERS:
                 raise zmtp.ZmtpError("the peer does not read the answers that it asks for")
             self._out += answers
-        return arrived
+        return taken > 0
 
     def _fail(self, error: Exception) -> None:
         handshaking = self._connected_s is not None and not self._protocol.ready
@@ -255,6 +261,11 @@ class TcpLine:
             self.failure = f"cannot connect to {host}:{port}: {error.args[-1]}"
         else:
             self.failure = "the peer closed the connection"
+
+
+def _content(frame: zmq.Frame) -> Part:
+    """What is in a frame of libzmq; copied only if it is small, so that it keeps nothing else."""
+    return frame.bytes if len(frame) < zmtp.OWN_BYTES else frame.buffer.toreadonly()
 
 
 class CurveLine:
@@ -330,13 +341,14 @@ class CurveLine:
         except zmq.Again:
             self._full = True
 
-    def replies(self) -> Iterator[list[bytes]]:
+    def replies(self) -> Iterator[Sequence[Part]]:
         """The body parts of the replies since the last call."""
         while True:
             try:
-                parts = self._socket.recv_multipart(zmq.NOBLOCK)
+                frames = self._socket.recv_multipart(zmq.NOBLOCK, copy=False)
             except zmq.Again:
                 return
+            parts = [_content(each) for each in frames]
             yield parts[1:] if parts[0] == b"" else parts
 
     def rtt_s(self) -> float | None:

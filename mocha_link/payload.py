@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
     from mocha_link.team import Topic
 
+Body = bytes | memoryview
+
 MAX_BYTES = 64 * 1024 * 1024
 PREFIX = 2
 STAMPS_MS = 2**47
@@ -106,14 +108,14 @@ def check_size(data: bytes) -> None:
         raise PayloadError(f"{size} bytes; at most {MAX_BYTES} can be sent: split the message")
 
 
-def dtype_of(body: bytes) -> int:
+def dtype_of(body: Body) -> int:
     """The type id in a body. Raises PayloadError."""
     if len(body) <= PREFIX:
         raise PayloadError(f"a body of {len(body)} bytes holds no message")
     return body[0]
 
 
-def check_type(body: bytes, topic: Topic) -> None:
+def check_type(body: Body, topic: Topic) -> None:
     """Raise PayloadError unless a body is of the type that the topic has in our team file."""
     if dtype_of(body) != topic.dtype:
         raise PayloadError(
@@ -122,7 +124,7 @@ def check_type(body: bytes, topic: Topic) -> None:
         )
 
 
-def unpack(body: bytes, limit: int = MAX_BYTES) -> bytes:
+def unpack(body: Body, limit: int = MAX_BYTES) -> bytes:
     """The data in a body, decompressed to at most `limit` bytes. Raises PayloadError.
 
     Only reads: what came from outside goes through `check` once, before it is kept.
@@ -130,12 +132,12 @@ def unpack(body: bytes, limit: int = MAX_BYTES) -> bytes:
     return _decompress(body, _frame(body), limit)
 
 
-def trailer(body: bytes) -> Trailer | None:
+def trailer(body: Body) -> Trailer | None:
     """What the trailer says, if there is one; unproven before `check`. Raises PayloadError."""
     return _trailer(body, _frame(body).end)
 
 
-def statement(body: bytes) -> bytes:
+def statement(body: Body) -> bytes:
     """What the signature of a body with a trailer covers of it. Raises PayloadError."""
     end = _frame(body).end
     found = _trailer(body, end)
@@ -145,7 +147,7 @@ def statement(body: bytes) -> bytes:
     return _statement(view[:PREFIX], found.stamp_ms, view[PREFIX:end])
 
 
-def check(body: bytes, limit: int = MAX_BYTES) -> Trailer | None:
+def check(body: Body, limit: int = MAX_BYTES) -> Trailer | None:
     """Verify everything in a body but the signature; its trailer, if it has one.
 
     It takes about twice the size of the data in memory, at most `limit`, or 255 times the size of
@@ -169,7 +171,7 @@ def _statement(prefix: bytes | memoryview, stamp_ms: int, frame: bytes | memoryv
     return bytes(prefix) + stamp_ms.to_bytes(6, "big") + hashlib.sha256(frame).digest()
 
 
-def _trailer(body: bytes, at: int) -> Trailer | None:
+def _trailer(body: Body, at: int) -> Trailer | None:
     start = body[at : at + len(MAGIC)]
     if start != MAGIC:
         # What is nearly the magic was it before a fault. What is not is not for us to read.
@@ -192,7 +194,7 @@ def _trailer(body: bytes, at: int) -> Trailer | None:
     return Trailer(stamp_ms, signature or None)
 
 
-def _frame(body: bytes) -> _Frame:
+def _frame(body: Body) -> _Frame:
     """Walk over the blocks of the LZ4 frame in a body without unpacking them."""
     dtype_of(body)
     try:
@@ -201,7 +203,7 @@ def _frame(body: bytes) -> _Frame:
         raise PayloadError("ends within its LZ4 frame") from None
 
 
-def _walk(body: bytes) -> _Frame:
+def _walk(body: Body) -> _Frame:
     if body[PREFIX : PREFIX + 4] != _FRAME_MAGIC:
         raise PayloadError("not an LZ4 frame: it does not begin like one")
     flags, kind = body[PREFIX + 4], body[PREFIX + 5] >> 4 & 7
@@ -231,7 +233,7 @@ def _walk(body: bytes) -> _Frame:
     return _Frame(at, size, most)
 
 
-def _decompress(body: bytes, frame: _Frame, limit: int) -> bytes:
+def _decompress(body: Body, frame: _Frame, limit: int) -> bytes:
     size = frame.size
     if size is not None and size > limit:
         raise PayloadError(f"unpacks to more than {limit} bytes")

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from mocha_link.keys import SecretKey
     from mocha_link.server import Route
+    from mocha_link.sync import Frame
     from mocha_link.team import Robot
 
 MAX_REQUEST_BYTES = 65_536 + 1024
@@ -66,7 +67,7 @@ class Port:
     ) -> None:
         self.peer = peer
         self.caller: tuple[str, int] | None = None
-        self._stuck: tuple[Route, bytes] | None = None
+        self._stuck: tuple[Route, list[Frame]] | None = None
         self._late: dict[Route, _Late] = {}
         number = me.port_for(peer)
         self.socket = context.socket(zmq.ROUTER)
@@ -163,12 +164,12 @@ class Port:
         except zmq.ZMQError:
             pass
 
-    def push(self, route: Route, frame: bytes) -> None:
+    def push(self, route: Route, parts: list[Frame]) -> None:
         """Send a frame of a sync, or keep it until `flush` gets it out."""
         try:
-            self.socket.send_multipart([*route, frame], flags=zmq.NOBLOCK)
+            self.socket.send_multipart([*route, *parts], flags=zmq.NOBLOCK)
         except zmq.Again:
-            self._stuck = (route, frame)
+            self._stuck = (route, parts)
         except zmq.ZMQError:
             pass  # the peer is gone; it comes again and asks for what is missing
 
@@ -178,9 +179,9 @@ class Port:
         What is for another connection than `route` goes: that one sleeps, the peer has a new one.
         """
         if self._stuck:
-            (to, frame), self._stuck = self._stuck, None
+            (to, parts), self._stuck = self._stuck, None
             if to == route:
-                self.push(to, frame)
+                self.push(to, parts)
         return self._stuck is None
 
     def cast(self, packet: bytes) -> None:

@@ -102,6 +102,7 @@ class ServerSession:
         request_id, code = frame[:ID_BYTES], frame[ID_BYTES : ID_BYTES + CODE_BYTES]
         argument = frame[ID_BYTES + CODE_BYTES :]
         events: list[LinkEvent] = []
+        body: bytes | memoryview
         self._late.asked(code)
         if len(parts) != 1:
             body = SERRM
@@ -160,7 +161,7 @@ class ServerSession:
         self._listed_s = now.steady_s
         return self._late.sort(self._database.header_list())
 
-    def _data(self, argument: bytes, now: Instant) -> bytes:
+    def _data(self, argument: bytes, now: Instant) -> bytes | memoryview:
         try:
             record = self._database.get(Header.parse(argument))
         except HeaderError:

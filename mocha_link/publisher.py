@@ -146,7 +146,7 @@ class Publisher:
         return last is None or not 0 <= now_s - last < interval_s
 
 
-def _stamp_after(earlier: Record, now_s: float, data: bytes) -> int:
+def _stamp_after(earlier: Record, now_s: float, data: bytes | memoryview) -> int:
     """The stamp that follows a message from before a restart.
 
     If the clock is behind it, others may hold still later ones of which we know nothing, each a

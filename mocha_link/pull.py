@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mocha_link.database import Database
     from mocha_link.intake import Verify
     from mocha_link.shelf import Shelf
+    from mocha_link.sync import Frame
     from mocha_link.team import Team
 
 Path = Literal["original", "zmq", "udp"]
@@ -154,25 +155,29 @@ class Pull:
             step.packets += self._cast(now)
         return step
 
-    def reply(self, parts: Sequence[bytes], now: Instant) -> Step:
-        """Take in the body parts of a reply on the connection (a good one has one part)."""
-        frame = parts[0] if len(parts) == 1 else b""
+    def reply(self, parts: Sequence[Frame], now: Instant) -> Step:
+        """Take in the body parts of a reply on the connection.
+
+        A good one has one part; only frames of a sync may have more.
+        """
+        frame: Frame = parts[0] if parts else b""
         if self.path == "original":
             return self._reply_of_original(parts, now)
         if frame[:ID_BYTES] != self._id:
             return self._refuse("a reply to nothing that was asked", now)
-        if frame[ID_BYTES:] == SERRM:
+        if frame[ID_BYTES:] == SERRM and len(parts) == 1:
             return self._reply_of_refusal(now)
         if self._refused:
             self.path = "original"
             return self._reply_of_original(parts, now)
         first, self.path = self.path is None, "zmq"
-        step = self._take(memoryview(frame)[ID_BYTES:], now)
+        step = self._take(memoryview(frame)[ID_BYTES:], now, parts[1:])
         if first and step.refusals:
             broken = self.fail("what answers there is not a node", now)
             return Step(events=broken.events, refusals=step.refusals)
         step.frames = [request(self._id, SYNCF, each) for each in step.frames]
-        if self._credit.take(len(frame), now.steady_s, self._memory.rtt_s) and not self.over:
+        size = sum(map(len, parts))
+        if self._credit.take(size, now.steady_s, self._memory.rtt_s) and not self.over:
             step.frames.append(request(self._id, SYNCC, self._credit.grant))
         return step
 
@@ -283,7 +288,7 @@ class Pull:
         self.progress(now)
         return Step()
 
-    def _reply_of_original(self, parts: Sequence[bytes], now: Instant) -> Step:
+    def _reply_of_original(self, parts: Sequence[Frame], now: Instant) -> Step:
         step = self._session.reply(parts, now)
         self.alive_s = self._session.alive_s
         self.over, self.broken = self._session.over, self._session.broken
@@ -305,11 +310,11 @@ class Pull:
     def _next_frame(self, _room: int) -> bytes | None:
         return self._outbox.popleft() if self._outbox else None
 
-    def _take(self, frame: bytes | memoryview, now: Instant) -> Step:
+    def _take(self, frame: Frame, now: Instant, more: Sequence[Frame] = ()) -> Step:
         self.progress(now)
         self._first_s = self._first_s or now.steady_s
         self._last_s = now.steady_s
-        step = self._intake.receive(frame, now)
+        step = self._intake.receive(frame, now, more)
         if self._intake.rejection:
             step.events += self.fail(self._intake.rejection, now).events
         elif self._intake.over and not self.over:

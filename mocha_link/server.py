@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from mocha_link.acquaintance import Acquaintance
     from mocha_link.clock import Instant
     from mocha_link.database import Database
+    from mocha_link.sync import Frame
 
 FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
 LINGER_S = 2.0  # so long our last packets are repeated to a peer that has said END
@@ -149,8 +150,8 @@ class Server:
         """The connection of the sync, if it has one."""
         return self._sync.route if self._sync else None
 
-    def supply(self) -> tuple[Route, bytes] | None:
-        """The next frame for a connection, if the peer has credit left for one."""
+    def supply(self) -> tuple[Route, list[Frame]] | None:
+        """The next frame for a connection, in parts, if the peer has credit left for one."""
         sync = self._sync
         if sync is None or sync.route is None:
             return None
@@ -162,11 +163,11 @@ class Server:
         room = sync.allowed - sync.sent
         if room <= 0:
             return None
-        frame = sync.feed.next(min(sync.chunk, max(room, MIN_ROOM + ID_BYTES)), sync.id)
-        if frame is None:
+        parts = sync.feed.next_parts(min(sync.chunk, max(room, MIN_ROOM + ID_BYTES)), sync.id)
+        if parts is None:
             return None
-        sync.sent += len(frame)
-        return sync.route, frame
+        sync.sent += sum(map(len, parts))
+        return sync.route, parts
 
     def poke(self, now: Instant) -> None:
         """A new contact begins."""

@@ -33,7 +33,7 @@ class Partial:
         self.total = total
         self.held = 0
         self._starts: list[int] = []
-        self._segments: list[bytearray] = []
+        self._segments: list[bytearray | memoryview] = []
 
     @property
     def cost(self) -> int:
@@ -41,7 +41,7 @@ class Partial:
         return self.held + _ENTRY_COST + _SEGMENT_COST * len(self._segments)
 
     def add(self, offset: int, data: memoryview) -> None:
-        """Take in a piece, which must lie within the whole."""
+        """Take in a piece, which must lie within the whole. A large one is kept as it is."""
         starts, segments = self._starts, self._segments
         end = offset + len(data)
         place = bisect_right(starts, offset)  # of the first segment behind the offset
@@ -54,11 +54,15 @@ class Partial:
             upto = min(end, starts[place]) if place < len(starts) else end
             count = upto - offset
             if count:
-                if before_end == offset and len(segments[place - 1]) < _BLOCK_BYTES:
-                    segments[place - 1] += data[:count]
+                piece = data[:count]
+                last = segments[place - 1] if before_end == offset else None
+                if isinstance(last, bytearray) and len(last) < _BLOCK_BYTES:
+                    last += piece
                 else:
+                    whole = len(piece.obj)  # type: ignore[arg-type]
+                    is_alone = count >= _BLOCK_BYTES and count * 8 >= whole * 7
                     starts.insert(place, offset)
-                    segments.insert(place, bytearray(data[:count]))
+                    segments.insert(place, piece if is_alone else bytearray(piece))
                     place += 1
                 self.held += count
                 data = data[count:]

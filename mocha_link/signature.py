@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mocha_link.keys import SecretKey
-    from mocha_link.payload import Trailer
+    from mocha_link.payload import Body, Trailer
     from mocha_link.team import Robot, Team, Topic
 
 _PURPOSE = b"mocha-link message 1\0"
@@ -54,7 +54,7 @@ class Verifier:
         self._keys = {name: public_key(robot) for name, robot in team.robots.items()}
 
     def verify(
-        self, header: Header, body: bytes, trailer: Trailer | None, *, handed_by: str
+        self, header: Header, body: Body, trailer: Trailer | None, *, handed_by: str
     ) -> None:
         """Accept a message that a peer handed us; `trailer` is what `payload.check` returned.
 

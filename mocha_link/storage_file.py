@@ -288,5 +288,5 @@ def _knowledge(peer: str, *row: Any) -> Knowledge:
     return known
 
 
-def _checksum(number: int, fields: Sequence[object], body: bytes) -> int:
+def _checksum(number: int, fields: Sequence[object], body: bytes | memoryview) -> int:
     return zlib.crc32(body, zlib.crc32(_CHECKED.pack(number, *fields)))

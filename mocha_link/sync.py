@@ -11,11 +11,14 @@ from __future__ import annotations
 
 import struct
 import zlib
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.payload import MAX_BYTES, STAMPS_MS
 from mocha_link.shelf import Partial
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
 
 OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS = range(1, 9)  # kinds of frames
 ROUNDS = 8  # OPENs of one pull
@@ -23,6 +26,8 @@ MAX_LETTER_BYTES = 1024 * 1024
 MIN_PART_BYTES = 200  # of a letter, but for the last part
 MAX_BODY_BYTES = MAX_BYTES + 1024 * 1024  # incompressible data, and what may stand behind it
 MAX_CHUNKS = 65_535  # of each sort in one frame
+LARGE_BYTES = 32_768  # data from this size on are parts of their own, where frames have parts
+MAX_LARGE = 48  # of them in one frame
 STAMP_MASK = (1 << 48) - 1
 
 _LETTER = struct.Struct(">BIBII")  # kind, checksum, round, offset, total
@@ -112,7 +117,7 @@ class Letters:
 class Chunks(NamedTuple):
     """A frame of chunks, `number` of its round.
 
-    `data` has the whole messages one after another, then the pieces.
+    `data` has the whole messages one after another, then the pieces; `more` goes on with them.
     """
 
     round: int
@@ -120,6 +125,55 @@ class Chunks(NamedTuple):
     wholes: list[tuple[int, int]]  # long id, size
     pieces: list[tuple[int, int, int, int]]  # long id, size of the whole, offset, size
     data: memoryview
+    more: tuple[memoryview, ...] = ()
+
+    def contents(self) -> Iterator[memoryview]:
+        """The data of each whole message, then of each piece; copied only across parts."""
+        parts = [self.data, *self.more]
+        sizes = [size for _, size in self.wholes] + [piece[-1] for piece in self.pieces]
+        index = at = 0
+        for size in sizes:
+            found: list[memoryview] = []
+            missing = size
+            while missing:
+                piece = parts[index][at : at + missing]
+                found.append(piece)
+                missing -= len(piece)
+                at += len(piece)
+                if at == len(parts[index]):
+                    index, at = index + 1, 0
+            yield found[-1] if len(found[-1]) == size else memoryview(b"".join(found))
+
+
+def chunks_parts(
+    place: tuple[int, int],
+    wholes: list[bytes],
+    pieces: list[bytes],
+    data: list[Frame],
+    prefix: bytes = b"",
+) -> list[Frame]:
+    """A frame of chunks: its round and number, packed WHOLEs and PIECEs, and their data.
+
+    `prefix` goes before it. Large data are parts of their own, so that nobody has to copy them.
+    """
+    head = struct.pack(">BIHH", *place, len(wholes), len(pieces))
+    covered = b"".join((head, *wholes, *pieces))
+    checksum = zlib.crc32(covered, CHUNKS)
+    parts: list[Frame] = []
+    small: list[Frame] = [prefix, struct.pack(">BI", CHUNKS, checksum), covered]
+    left = MAX_LARGE
+    for each in data:
+        if len(each) < LARGE_BYTES or not left:
+            small.append(each)
+            continue
+        left -= 1
+        if small:
+            parts.append(b"".join(small))
+            small = []
+        parts.append(each)
+    if small:
+        parts.append(b"".join(small))
+    return parts
 
 
 def chunks_frame(
@@ -129,18 +183,21 @@ def chunks_frame(
     data: list[Frame],
     prefix: bytes = b"",
 ) -> bytes:
-    """A frame of chunks: its round and number, packed WHOLEs and PIECEs, and their data.
-
-    `prefix` goes before it.
-    """
-    head = struct.pack(">BIHH", *place, len(wholes), len(pieces))
-    covered = b"".join((head, *wholes, *pieces))
-    checksum = zlib.crc32(covered, CHUNKS)
-    return b"".join((prefix, struct.pack(">BI", CHUNKS, checksum), covered, *data))
+    """The same in one part."""
+    parts = chunks_parts(place, wholes, pieces, data, prefix)
+    return bytes(parts[0]) if len(parts) == 1 else b"".join(parts)
 
 
-def read_chunks(frame: Frame) -> Chunks:
-    """Read a frame of chunks. Raises FrameError."""
+def own(view: Frame) -> Frame:
+    """The same bytes, as something that does not keep much more than them in memory."""
+    whole = view.obj if isinstance(view, memoryview) else view
+    if len(view) >= LARGE_BYTES and len(view) * 8 >= len(whole) * 7:  # type: ignore[arg-type]
+        return view
+    return bytes(view)
+
+
+def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
+    """Read a frame of chunks that may be in several parts. Raises FrameError."""
     if len(frame) < CHUNKS_BYTES:
         raise FrameError(f"a frame of {len(frame)} bytes")
     kind, checksum, round_, number, whole_count, piece_count = _CHUNKS.unpack_from(frame)
@@ -159,9 +216,10 @@ def read_chunks(frame: Frame) -> Chunks:
         if offset + length > total or not length or not is_body(long, total):
             raise FrameError(f"a piece of {length} bytes at {offset} of {total}")
         size += length
-    if size != len(frame) - end:
-        raise FrameError(f"chunks of {size} bytes in a frame with {len(frame) - end}")
-    return Chunks(round_, number, wholes, pieces, view[end:])
+    room = len(frame) - end + sum(map(len, more))
+    if size != room:
+        raise FrameError(f"chunks of {size} bytes in a frame with {room}")
+    return Chunks(round_, number, wholes, pieces, view[end:], tuple(map(memoryview, more)))
 
 
 def is_body(long: int, total: int) -> bool:

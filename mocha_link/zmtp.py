@@ -21,7 +21,10 @@ _GREETING = _SIGNATURE + b"\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
 _MORE, _LONG, _COMMAND = 1, 2, 4
 _READY = b"\x05READY"
 _SHORT = 256
-_MAX_PARTS = 8
+_MAX_PARTS = 128
+OWN_BYTES = 16_384  # bodies from this size on get a buffer of their own
+_LEAST_BYTES = 1_024
+_GROWTH = 16  # a buffer has room for so many times what has arrived of it
 _MAX_WAITING = 16_384  # replies that nobody has fetched: far more than are ever under way
 
 
@@ -45,11 +48,47 @@ class ZmtpError(MochaLinkError):
     """What came is not the answering end of a ZeroMQ connection that we can use."""
 
 
+Part = bytes | memoryview
+
+
+class _Large:
+    """A body under way, in a buffer that grows with what arrives, not with what is announced."""
+
+    def __init__(self, flags: int, length: int, begin: memoryview) -> None:
+        self.flags = flags
+        self._length = length
+        self._have = len(begin)
+        self._buffer = bytearray(self._room_for(self._have))
+        self._buffer[: self._have] = begin
+
+    def _room_for(self, have: int) -> int:
+        return min(self._length, max(have * _GROWTH, _LEAST_BYTES))
+
+    def room(self) -> memoryview:
+        """What is free of the buffer."""
+        if self._have == len(self._buffer):
+            grown = bytearray(self._room_for(self._have))
+            grown[: self._have] = self._buffer
+            self._buffer = grown
+        return memoryview(self._buffer)[self._have :]
+
+    def add(self, count: int) -> bool:
+        """So many bytes are in `room`; whether that is all."""
+        self._have += count
+        return self._have == self._length
+
+    @property
+    def body(self) -> memoryview:
+        """All of it."""
+        return memoryview(self._buffer).toreadonly()
+
+
 class Connection:
     """Turns requests into bytes and bytes into replies; one per TCP connection.
 
     `hello` is to be sent first, without waiting for anything. Requests may follow when the other
-    side is `ready`.
+    side is `ready`. Parts of replies are bytes; large ones are read-only views of all of a buffer
+    that nobody else has.
     """
 
     hello = _HELLO
@@ -59,11 +98,9 @@ class Connection:
         self._max_bytes = max_bytes
         self._buffer = bytearray()
         self._greeted = False
-        self._parts: list[bytes] = []
-        self._messages: deque[list[bytes]] = deque()
-        self._large: list[bytes] = []
-        self._missing = 0
-        self._flags = 0
+        self._parts: list[Part] = []
+        self._messages: deque[list[Part]] = deque()
+        self._large: _Large | None = None
 
     @staticmethod
     def request(body: bytes) -> bytes:
@@ -75,12 +112,17 @@ class Connection:
 
         Raises ZmtpError; the connection is of no use then.
         """
-        if self._missing:
-            data = self._fill(data)
-            if not data:
-                return b""
-        self._buffer += data
         answer = bytearray()
+        view = memoryview(data)
+        while self._large and view:
+            room = self._large.room()
+            count = min(len(room), len(view))
+            room[:count] = view[:count]
+            view = view[count:]
+            self._filled(count, answer)
+        if not view:
+            return bytes(answer)
+        self._buffer += view
         position = 0 if self._greeted else self._greet()
         while self._greeted:
             start = position
@@ -99,12 +141,11 @@ class Connection:
             if flags > _MORE | _LONG | _COMMAND or length > self._max_bytes:
                 raise ZmtpError(f"a frame with flags {flags:#x} and {length} bytes")
             if size - position < length:
-                if length < _SHORT:
+                if length < OWN_BYTES:
                     position = start
                     break
                 # A large body is not gathered in the buffer: that would copy it again and again.
-                self._large = [bytes(self._buffer[position:])]
-                self._missing, self._flags = length - (size - position), flags
+                self._large = _Large(flags, length, memoryview(self._buffer)[position:])
                 position = size
                 break
             self._take(flags, bytes(self._buffer[position : position + length]), answer)
@@ -112,7 +153,20 @@ class Connection:
         del self._buffer[:position]
         return bytes(answer)
 
-    def replies(self) -> deque[list[bytes]]:
+    def room(self) -> memoryview | None:
+        """Where the next bytes of a large body belong; None if none is under way.
+
+        Who receives them there says how many with `filled`, which spares a copy.
+        """
+        return self._large.room() if self._large else None
+
+    def filled(self, count: int) -> bytes:
+        """Take in what was received in `room`; as `receive`."""
+        answer = bytearray()
+        self._filled(count, answer)
+        return bytes(answer)
+
+    def replies(self) -> deque[list[Part]]:
         """The replies since the last call: the body parts of each (a good one has one)."""
         messages, self._messages = self._messages, deque()
         return messages
@@ -135,18 +189,15 @@ class Connection:
         self._greeted = True
         return len(_GREETING)
 
-    def _fill(self, data: bytes) -> bytes:
-        """Add to the large body that is under way; what remains of the data."""
-        piece, rest = data[: self._missing], data[self._missing :]
-        self._large.append(piece)
-        self._missing -= len(piece)
-        if not self._missing:
-            body, self._large = b"".join(self._large), []
-            self._take(self._flags, body, bytearray())
-        return rest
+    def _filled(self, count: int, answer: bytearray) -> None:
+        large = self._large
+        if large and large.add(count):
+            self._large = None
+            self._take(large.flags, large.body, answer)
 
-    def _take(self, flags: int, body: bytes, answer: bytearray) -> None:
+    def _take(self, flags: int, body: Part, answer: bytearray) -> None:
         if flags & _COMMAND:
+            body = bytes(body)
             if body.startswith(_READY):
                 self.ready = True
             elif body.startswith(b"\x05ERROR"):

@@ -212,7 +212,8 @@ class Ether:
                     supplied = node.supply(peer)
                     if supplied:
                         busy = True
-                        self._answer(name, *supplied)
+                        route, parts = supplied
+                        self._answer(name, route, b"".join(parts))
 
     def _do(self, name: str, action: Action) -> None:
         peer = action.peer

@@ -182,7 +182,8 @@ class Meeting:
         supplied = node.supply(peer)
         if supplied is None:
             return False
-        self._give_back(name, peer, *supplied)
+        route, parts = supplied
+        self._give_back(name, peer, route, b"".join(parts))
         return True
 
     def _give_back(self, name: str, peer: str, route: tuple[bytes, ...], frame: bytes) -> None:

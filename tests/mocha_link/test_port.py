@@ -138,7 +138,7 @@ def test_a_reply_to_a_peer_that_is_gone_is_dropped(port, titan, clients):
     for _ in range(100):
         port.reply(route, LARGE)
     port.reply((b"nobody", b""), b"reply")
-    port.push((b"nobody", b""), b"frame")
+    port.push((b"nobody", b""), [b"frame"])
     assert port.flush((b"nobody", b""))
 
 
@@ -222,7 +222,7 @@ def stuck(port: Port, titan: Robot, clients: Clients) -> tuple[zmq.Socket, tuple
     sent = 0
     while port.flush(route):
         assert sent < 1000, "it takes everything"
-        port.push(route, sent.to_bytes(4) + LARGE)
+        port.push(route, [sent.to_bytes(4) + LARGE])
         sent += 1
     assert sent > QUEUE_REPLIES
     return client, route, sent
@@ -417,7 +417,7 @@ def test_a_closed_port_is_free_when_its_context_is_gone(titan, clients):
             client.send_multipart([b"", b"?"])
             route, _ = next_request(port)
             for _ in range(50):
-                port.push(route, LARGE)
+                port.push(route, [LARGE])
         context.term()
         client.close(0)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 
 import pytest
@@ -22,7 +23,7 @@ from mocha_link.letters import (
     VersionError,
     Wish,
 )
-from mocha_link.sync import FrameError
+from mocha_link.sync import LARGE_BYTES, FrameError
 
 U64 = st.integers(0, 2**64 - 1)
 LONG = st.builds(sync.long_id, st.integers(0, 255), st.integers(0, 255), st.integers(0, 2**47 - 1))
@@ -142,7 +143,7 @@ def chunks(rng: random.Random) -> tuple[bytes, int]:
     )
     assert frame[:6] == b"prefix"
     read = sync.read_chunks(frame[6:])
-    assert read == (2, 9, wholes, pieces, b"".join(data))
+    assert read == (2, 9, wholes, pieces, b"".join(data), ())
     assert read == sync.read_chunks(memoryview(frame)[6:])
     return frame[6:], len(frame) - 6 - len(read.data)
 
@@ -227,6 +228,46 @@ def test_of_another_versions_hello_only_that_is_read():
     assert hello == (Reception.UNREADABLE, 0, VERSION + 1)
     with pytest.raises(FrameError, match="a reception of sort 9"):
         Hello.decode(b"\x09" + Hello().encode()[1:])
+
+
+SIZES = st.lists(
+    st.sampled_from((1, 100, LARGE_BYTES - 1, LARGE_BYTES, 2 * LARGE_BYTES)), max_size=9
+)
+
+
+@settings(deadline=None, max_examples=50)
+@given(SIZES, SIZES, st.integers(0, 99))
+def test_large_data_are_parts_of_their_own(whole_sizes, piece_sizes, seed):
+    """However it is cut then, the same comes out; a part that is one message is not copied."""
+    rng = random.Random(seed)
+    wholes = [(sync.long_id(1, n % 256, n), size) for n, size in enumerate(whole_sizes)]
+    pieces = [(sync.long_id(2, n % 256, n), 1 << 20, 5, size) for n, size in enumerate(piece_sizes)]
+    data = [rng.randbytes(size) for size in whole_sizes + piece_sizes]
+    packed = [sync.WHOLE.pack(*each) for each in wholes], [sync.PIECE.pack(*e) for e in pieces]
+    parts = sync.chunks_parts((0, 1), *packed, data, b"prefix")
+    assert b"".join(parts) == sync.chunks_frame((0, 1), *packed, data, b"prefix")
+    large = [each for each in data if len(each) >= LARGE_BYTES]
+    assert [each for each in parts if any(each is one for one in large)] == large
+    read = sync.read_chunks(parts[0][6:], parts[1:])
+    assert list(read.contents()) == data
+    kept = [sync.own(each) for each in read.contents()]
+    assert [each for each in kept if isinstance(each, memoryview)] == large
+    assert all(each.obj in large for each in kept if isinstance(each, memoryview))
+    whole = b"".join(parts)[6:]
+    head = len(whole) - sum(map(len, data))
+    cuts = sorted(rng.choices(range(head, len(whole) + 1), k=5))
+    again = [whole[a:b] for a, b in itertools.pairwise([0, *cuts, len(whole)])]
+    assert list(sync.read_chunks(again[0], again[1:]).contents()) == data
+    with pytest.raises(FrameError):
+        sync.read_chunks(again[0], [*again[1:], b"x"])
+
+
+def test_a_frame_has_so_many_parts_at_most():
+    data = [bytes(LARGE_BYTES)] * 100
+    wholes = [sync.WHOLE.pack(n, LARGE_BYTES) for n in range(100)]
+    parts = sync.chunks_parts((0, 0), wholes, [], data)
+    assert len(parts) == sync.MAX_LARGE + 2
+    assert list(sync.read_chunks(parts[0], parts[1:]).contents()) == data
 
 
 @settings(deadline=None, max_examples=300)

@@ -215,7 +215,7 @@ def test_libzmq_takes_our_answers_to_its_heartbeats():
         (GREETING + READY + b"\x08\0", "a frame with flags 0x8"),
         (GREETING + READY + b"\2" + (LIMIT + 1).to_bytes(8), f"{LIMIT + 1} bytes"),
         (GREETING + READY + b"\2" + b"\xff" * 8, "bytes"),
-        (GREETING + READY + b"\1\1a" * 9, "too many parts"),
+        (GREETING + READY + b"\1\1a" * 129, "too many parts"),
     ],
 )
 def test_what_is_no_node(data, why):
@@ -312,6 +312,26 @@ def test_empty_replies_do_not_fill_the_memory():
     _, most = memory_bytes(lambda: results.append(outcome(connection, [noise])[1]))
     assert results == ["more replies at once than anybody asks for"]
     assert most < 16_000_000
+
+
+def test_a_large_body_is_received_where_it_stays():
+    """In a buffer of its own, which has at most 16 times the bytes that have come."""
+    connection, body, at = ready(), bytes(range(256)) * 4096, 0
+    connection.receive(b"\2" + len(body).to_bytes(8) + body[:7])
+    at, rooms = 7, []
+    while (room := connection.room()) is not None:
+        count = min(len(room), 100_000)
+        rooms.append((at, at + len(room)))
+        room[:count] = body[at : at + count]
+        assert connection.filled(count) == b""
+        at += count
+    ((reply,),) = connection.replies()
+    assert reply == body
+    assert reply.readonly
+    assert len(reply.obj) == len(body)
+    assert all(end <= max(16 * begin, 1024) for begin, end in rooms)
+    assert connection.receive(b"\0\3end") == b""
+    assert list(connection.replies()) == [[b"end"]]
 
 
 def test_large_bodies_are_not_copied_again_and_again():
