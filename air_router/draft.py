@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from air_router.altitudes import Altitudes
 from air_router.settings import DEFAULT_BATTERY_RESERVE, PlannerSettings, Timers
@@ -26,10 +26,6 @@ class Source(Protocol):
     @property
     def path(self) -> Path:
         """The file."""
-
-    @property
-    def data(self) -> Any:
-        """Its plain values."""
 
     def problem(self, keys: Sequence[str | int], message: str, code: str) -> Problem:
         """A problem with the value at these keys."""
@@ -115,7 +111,7 @@ class Draft:
     problems: list[Problem] = field(default_factory=list)
     notes: list[Problem] = field(default_factory=list)
 
-    def complain(self, keys: Keys, message: str, code: str = "invalid-value") -> None:
+    def complain(self, keys: Keys, message: str, code: str) -> None:
         """Note a problem with the value at these keys."""
         self.problems.append(self.document.problem(keys, message, code))
 

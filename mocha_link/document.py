@@ -46,12 +46,11 @@ class Problem:
     line: int
     column: int
     message: str
-    code: str = ""
+    code: str
     keys: tuple[Key, ...] = field(default=(), compare=False)
 
     def __str__(self) -> str:
-        code = f" [{self.code}]" if self.code else ""
-        return f"{self.path}:{self.line}:{self.column}: {self.message}{code}"
+        return f"{self.path}:{self.line}:{self.column}: {self.message} [{self.code}]"
 
     def as_json(self) -> dict[str, Any]:
         """What ``--json`` prints of it."""
@@ -176,7 +175,7 @@ class Document:
         """The YAML node of the value at a key path, or of its nearest parent."""
         return self._find(keys)[0]
 
-    def problem(self, keys: Sequence[Key], message: str, code: str = "") -> Problem:
+    def problem(self, keys: Sequence[Key], message: str, code: str) -> Problem:
         """A problem with the value at a key path, for checks that a model cannot do."""
         return Problem(self.path, *self.place(*keys), message, code, tuple(keys))
 

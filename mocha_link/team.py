@@ -358,28 +358,32 @@ def _problems(document: Document, model: _TeamModel) -> Iterator[Problem]:
         for index, topic in enumerate(kind.topics):
             keys = ("kinds", name, "topics", index, "name")
             if topic.name in seen:
-                yield document.problem(keys, f"topic '{topic.name}' is listed twice; remove one")
+                message = f"topic '{topic.name}' is listed twice; remove one"
+                yield document.problem(keys, message, "named-twice")
             seen[topic.name] = index
             count += 1
             if topic.aggregate and not topic.min_interval_s:
                 message = "aggregate needs min_interval_s: the seconds of messages that go together"
-                yield document.problem(("kinds", name, "topics", index, "aggregate"), message)
+                where = ("kinds", name, "topics", index, "aggregate")
+                yield document.problem(where, message, "aggregate-without-interval")
             if topic.aggregate and original:
                 message = (
                     f"the original node of {original} ends over messages that go together; "
                     "remove aggregate"
                 )
-                yield document.problem(("kinds", name, "topics", index, "aggregate"), message)
+                where = ("kinds", name, "topics", index, "aggregate")
+                yield document.problem(where, message, "not-for-original-nodes")
     if count > IDS:
-        yield document.problem(["kinds"], f"{count} topics, at most {IDS} fit; remove some")
+        message = f"{count} topics, at most {IDS} fit; remove some"
+        yield document.problem(["kinds"], message, "too-many")
     for name, robot in model.robots.items():
         if robot.kind not in model.kinds:
             kinds = ", ".join(model.kinds) or "none"
             message = f"no kind '{robot.kind}' under kinds; use one of {kinds}, or add it"
-            yield document.problem(["robots", name, "kind"], message)
+            yield document.problem(["robots", name, "kind"], message, "unknown-kind")
         if robot.key and robot.original:
             message = "an original node knows no keys; remove key, or original"
-            yield document.problem(["robots", name, "key"], message)
+            yield document.problem(["robots", name, "key"], message, "not-for-original-nodes")
         yield from _client_problems(document, model, name, robot)
         yield from _port_problems(document, model, name, robot)
 
@@ -392,13 +396,15 @@ def _client_problems(
         if client is None:
             continue  # a port that stays unused
         if client in robot.clients[:index]:
-            yield document.problem(keys, f"'{client}' is listed twice; remove one")
+            message = f"'{client}' is listed twice; remove one"
+            yield document.problem(keys, message, "named-twice")
         elif client not in model.robots:
             names = ", ".join(sorted(model.robots))
-            yield document.problem(keys, f"no robot '{client}' under robots; use one of {names}")
+            message = f"no robot '{client}' under robots; use one of {names}"
+            yield document.problem(keys, message, "unknown-robot")
         elif name not in model.robots[client].clients:
             message = f"'{client}' does not list '{name}'; add it to the clients of {client}"
-            yield document.problem(keys, message)
+            yield document.problem(keys, message, "client-one-sided")
 
 
 def _port_problems(
@@ -407,7 +413,8 @@ def _port_problems(
     keys = ("robots", name, "base_port")
     last = robot.base_port + len(robot.clients) - 1
     if last > 65535:
-        yield document.problem(keys, f"the last port would be {last}; use a lower base_port")
+        message = f"the last port would be {last}; use a lower base_port"
+        yield document.problem(keys, message, "port-too-high")
     for other_name, other in model.robots.items():
         if other_name == name:
             break  # each pair once, reported at the later robot
@@ -421,4 +428,4 @@ def _port_problems(
                 f"ports {robot.base_port} to {last} overlap those of {other_name} at the same "
                 f"address ({other.base_port} to {other_last}); use {other_last + 1} or more"
             )
-            yield document.problem(keys, message)
+            yield document.problem(keys, message, "ports-overlap")

@@ -144,7 +144,8 @@ class _Converter:
         count = 0
         for kind, topics in self._items(document, (), "kinds of robots"):
             if not isinstance(topics, list):
-                self._refuse(document, (kind,), f"'{kind}' must be a list of topics")
+                message = f"'{kind}' must be a list of topics"
+                self._refuse(document, (kind,), message, "wrong-type")
                 continue
             names: set[str] = set()
             made = []
@@ -157,7 +158,7 @@ class _Converter:
                 name = self._text(document, (*keys, "msg_topic"), fields["msg_topic"])
                 if name in names:
                     message = f"topic '{name}' is listed twice; remove one"
-                    self._refuse(document, (*keys, "msg_topic"), message)
+                    self._refuse(document, (*keys, "msg_topic"), message, "named-twice")
                 names.add(name)
                 made.append(
                     {
@@ -170,12 +171,13 @@ class _Converter:
                 )
             yield kind, made
         if count > IDS:
-            self._refuse(document, (), f"{count} topics, at most {IDS} have ids; remove some")
+            message = f"{count} topics, at most {IDS} have ids; remove some"
+            self._refuse(document, (), message, "too-many")
 
     def _priority(self, keys: tuple[Key, ...], value: object) -> str:
         if not isinstance(value, str) or value not in PRIORITIES:
             message = f"unknown priority {_shown(value)}; use one of {', '.join(PRIORITIES)}"
-            self._refuse(self._topic_file, (*keys, "msg_priority"), message)
+            self._refuse(self._topic_file, (*keys, "msg_priority"), message, "unknown-word")
             return "none"
         return PRIORITIES[value]
 
@@ -191,13 +193,13 @@ class _Converter:
                 isinstance(address, str) and address for address in addresses
             ):
                 message = f"'{name}' must have a MAC-address: a list of addresses in quotes"
-                self._refuse(document, (name, "MAC-address"), message)
+                self._refuse(document, (name, "MAC-address"), message, "wrong-type")
                 addresses = []
             ids = [*addresses, fields.get("computed-IP-address")]
             text = ",".join(one for one in ids if isinstance(one, str) and one)
             while len(text) > MAX_RADIO_ID:
                 message = "too many addresses; the last is left out"
-                self._note(document, (name, "MAC-address"), message)
+                self._note(document, (name, "MAC-address"), message, "left-out")
                 text = text.rpartition(",")[0]
             yield name, text or None
 
@@ -208,12 +210,14 @@ class _Converter:
         users: dict[str, str] = {}
         robots = list(self._items(document, (), "robots"))
         if len(robots) > IDS:
-            self._refuse(document, (), f"{len(robots)} robots, at most {IDS} have ids; remove some")
+            message = f"{len(robots)} robots, at most {IDS} have ids; remove some"
+            self._refuse(document, (), message, "too-many")
         for name, robot in robots:
             keys = (name,)
             if not _NAME.fullmatch(name):
                 message = f"'{name}' must be up to 64 characters without spaces, / and :; rename it"
-                self._problems.append(Problem(document.path, *document.place_of_key(name), message))
+                place = document.place_of_key(name)
+                self._problems.append(Problem(document.path, *place, message, "wrong-form"))
             needed = tuple(key for key in ROBOT_KEYS if radios or key != "using-radio")
             fields = self._fields(document, keys, robot, ROBOT_KEYS, needed)
             if fields is None:
@@ -223,20 +227,19 @@ class _Converter:
                 message = (
                     f"no '{kind}' in {self._topic_file.path}; use one of {', '.join(kinds) or '-'}"
                 )
-                self._refuse(document, (name, "node-type"), message)
+                self._refuse(document, (name, "node-type"), message, "unknown-kind")
             radio = str(fields.get("using-radio"))
             if radios and radio not in radios:
                 message = f"no radio '{radio}' in the radio file; correct it, or add it there"
-                self._refuse(document, (name, "using-radio"), message)
+                self._refuse(document, (name, "using-radio"), message, "unknown-radio")
             elif radios and radio in users:
                 message = f"{users[radio]} has this radio as well; others cannot tell them apart"
-                self._note(document, (name, "using-radio"), message)
+                self._note(document, (name, "using-radio"), message, "radio-shared")
             users[radio] = name
             clients = fields["clients"]
             if not isinstance(clients, list):
-                self._refuse(
-                    document, (name, "clients"), "clients must be a list; write [] for none"
-                )
+                message = "clients must be a list; write [] for none"
+                self._refuse(document, (name, "clients"), message, "wrong-type")
                 clients = []
             address = self._text(document, (name, "IP-address"), fields["IP-address"], _HOST)
             port = self._port((name, "base-port"), fields["base-port"])
@@ -249,7 +252,7 @@ class _Converter:
             port = 0
         if port not in range(1, 65536):
             message = f"base-port must be 1 to 65535, found {_shown(value)}; correct it"
-            self._refuse(self._robot_file, keys, message)
+            self._refuse(self._robot_file, keys, message, "out-of-range")
             return 1
         return int(port)
 
@@ -267,7 +270,8 @@ class _Converter:
             elif name not in (client, *robots[client].clients):
                 reason = f"'{client}' does not list '{name}', so the two never sync"
             if reason:
-                self._note(self._robot_file, keys, f"{reason}; its port stays unused")
+                message = f"{reason}; its port stays unused"
+                self._note(self._robot_file, keys, message, "left-out")
             made.append(None if reason else client)
         while made and made[-1] is None:
             made.pop()
@@ -280,7 +284,7 @@ class _Converter:
             last = robot.base_port + len(robot.clients) - 1
             if last > 65535:
                 message = f"the last port would be {last}; use a lower base-port"
-                self._refuse(self._robot_file, keys, message)
+                self._refuse(self._robot_file, keys, message, "port-too-high")
             for other_name, other in before:
                 end = other.base_port + len(other.clients) - 1
                 if (
@@ -292,7 +296,7 @@ class _Converter:
                         f"ports {robot.base_port} to {last} overlap those of {other_name} at the "
                         f"same address ({other.base_port} to {end}); use {end + 1} or more"
                     )
-                    self._refuse(self._robot_file, keys, message)
+                    self._refuse(self._robot_file, keys, message, "ports-overlap")
             before.append((name, robot))
 
     def _items(
@@ -300,13 +304,13 @@ class _Converter:
     ) -> Iterator[tuple[str, Any]]:
         """The entries of a mapping that has names as keys."""
         if not isinstance(document.data, dict) or not document.data:
-            self._refuse(document, keys, f"the file must be a mapping of {what}")
+            self._refuse(document, keys, f"the file must be a mapping of {what}", "wrong-type")
             return
         for name, value in document.data.items():
             if not isinstance(name, str):
                 message = f"the name {_shown(name)} is no text; put it in quotes"
                 place = document.place_of_key(*keys, name)
-                self._problems.append(Problem(document.path, *place, message))
+                self._problems.append(Problem(document.path, *place, message, "wrong-type"))
                 continue
             yield name, value
 
@@ -320,16 +324,17 @@ class _Converter:
     ) -> dict[str, Any] | None:
         """A mapping that has all the keys that are needed; None if it is not."""
         if not isinstance(value, dict):
-            self._refuse(document, keys, f"must be a mapping with {', '.join(needed)}")
+            message = f"must be a mapping with {', '.join(needed)}"
+            self._refuse(document, keys, message, "wrong-type")
             return None
         for key in value:
             if key not in known:
                 place = document.place_of_key(*keys, key)
                 message = f"'{key}' is not read by the original nodes"
-                self._notices.append(Problem(document.path, *place, message))
+                self._notices.append(Problem(document.path, *place, message, "not-read"))
         missing = [key for key in needed if key not in value]
         for key in missing:
-            self._refuse(document, keys, f"missing key '{key}'; add it")
+            self._refuse(document, keys, f"missing key '{key}'; add it", "missing-key")
         return None if missing else value
 
     def _text(
@@ -340,18 +345,20 @@ class _Converter:
         pattern: re.Pattern[str] | None = None,
     ) -> str:
         if not isinstance(value, str) or not value or len(value) > MAX_TEXT:
-            self._refuse(document, keys, f"'{keys[-1]}' must be text, found {_shown(value)}")
+            message = f"'{keys[-1]}' must be text, found {_shown(value)}"
+            self._refuse(document, keys, message, "wrong-type")
             return ""
         if pattern and not pattern.fullmatch(value):
             wanted = "package/Type" if pattern is _TYPE else "an IPv4 address or a host name"
-            self._refuse(document, keys, f"'{keys[-1]}' must be {wanted}, found {_shown(value)}")
+            message = f"'{keys[-1]}' must be {wanted}, found {_shown(value)}"
+            self._refuse(document, keys, message, "wrong-form")
         return value
 
-    def _refuse(self, document: Document, keys: tuple[Key, ...], message: str) -> None:
-        self._problems.append(document.problem(keys, message))
+    def _refuse(self, document: Document, keys: tuple[Key, ...], message: str, code: str) -> None:
+        self._problems.append(document.problem(keys, message, code))
 
-    def _note(self, document: Document, keys: tuple[Key, ...], message: str) -> None:
-        self._notices.append(document.problem(keys, message))
+    def _note(self, document: Document, keys: tuple[Key, ...], message: str, code: str) -> None:
+        self._notices.append(document.problem(keys, message, code))
 
 
 def _shown(value: object) -> str:

@@ -27,7 +27,7 @@ def other_readings(document: Document) -> Iterator[Problem]:
         mark = getattr(error, "problem_mark", None)
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
         message = f"the original nodes cannot read this: {str(error).partition(chr(10))[0]}"
-        yield Problem(document.path, line, column, message)
+        yield Problem(document.path, line, column, message, "read-otherwise")
         return
     yield from _differences(document, (), document.data, theirs)
 
@@ -40,11 +40,12 @@ def _differences(
             if type(mine) is not type(other) or mine != other:
                 place = document.place_of_key(*keys, mine)
                 message = f"the original nodes read '{other}' here; put the key in quotes"
-                yield Problem(document.path, *place, message)
+                yield Problem(document.path, *place, message, "read-otherwise")
                 return
             yield from _differences(document, (*keys, mine), ours[mine], theirs[mine])
     elif isinstance(ours, list) and isinstance(theirs, list):
         for index, (mine, other) in enumerate(zip(ours, theirs, strict=True)):
             yield from _differences(document, (*keys, index), mine, other)
     elif type(ours) is not type(theirs) or ours != theirs:
-        yield document.problem(keys, f"the original nodes read '{theirs}' here; put it in quotes")
+        message = f"the original nodes read '{theirs}' here; put it in quotes"
+        yield document.problem(keys, message, "read-otherwise")

@@ -190,7 +190,8 @@ class _Reader:
         keys: Keys = ("robots", name)
         if name not in robots:
             known = ", ".join(robots) or "none"
-            self._complain(keys, f"no ground robot '{name}' in the team; use one of {known}")
+            message = f"no ground robot '{name}' in the team; use one of {known}"
+            self._complain(keys, message, "unknown-robot")
             return None
         points = self._points(robot.patrol, (*keys, "patrol"))
         if len(points) < len(robot.patrol):
@@ -203,6 +204,7 @@ class _Reader:
                 self._complain(
                     (*keys, "patrol"),
                     f"the patrol of {name} drives through {what}; lead it around",
+                    "patrol-through-building",
                 )
         return PatrolPlan(patrol, robot.speed_m_s, robot.start_m)
 
@@ -220,7 +222,8 @@ class _Reader:
             try:
                 rings.append(checked_ring(points))
             except ZoneError as error:
-                self._complain((*keys, index), f"cannot be an area: {error}; draw it again")
+                message = f"cannot be an area: {error}; draw it again"
+                self._complain((*keys, index), message, error.code)
         return tuple(rings)
 
     def _points(self, pairs: Iterable[list[float]], keys: Keys) -> tuple[Point, ...]:
@@ -229,7 +232,8 @@ class _Reader:
             try:
                 points.append(self._point(first, second))
             except FrameError as error:
-                self._complain((*keys, index), f"{error}; correct it (latitude comes first)")
+                message = f"{error}; correct it (latitude comes first)"
+                self._complain((*keys, index), message, "not-on-earth")
         return tuple(points)
 
     def _point(self, first: float, second: float) -> Point:
@@ -240,8 +244,8 @@ class _Reader:
             raise FrameError(f"{first}, {second} lies more than 100 km from the mission")
         return point
 
-    def _complain(self, keys: Keys, message: str) -> None:
-        self.problems.append(self.document.problem(keys, message))
+    def _complain(self, keys: Keys, message: str, code: str) -> None:
+        self.problems.append(self.document.problem(keys, message, code))
 
 
 def _ground_ring(shape: Shape) -> Ring:

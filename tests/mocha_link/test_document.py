@@ -66,6 +66,43 @@ def problems_of(text: str, model: type[BaseModel] | None = None) -> list[str]:
     return [str(p).removesuffix(f" [{p.code}]") for p in caught.value.problems]
 
 
+def code_of(text: str, model: type[BaseModel] | None = None) -> list[str]:
+    with pytest.raises(DocumentError) as caught:
+        Document.from_text(text, PATH).parse(model or Survey)
+    return [problem.code for problem in caught.value.problems]
+
+
+def test_every_problem_has_a_code():
+    text = (
+        'name: 7\naltitude_m: "60"\nkind: sloow\nspeed: 3\n'
+        "points:\n  - {east_m: 1, nort_m: 2}\n  - 5\nby_name: {a: {east_m: 1}}\n"
+    )
+    assert code_of(text) == [
+        "wrong-type",
+        "wrong-type",
+        "unknown-word",
+        "unknown-key",
+        "missing-key",
+        "unknown-key",
+        "wrong-type",
+        "missing-key",
+    ]
+    assert code_of("names: {}\npair: [1, 2, 3]", Few) == ["wrong-length", "wrong-length"]
+    assert code_of("name: a\naltitude_m: -1") == ["out-of-range"]
+    for broken, code in {
+        "a: 1\na: 2": "repeated-key",
+        "a: [": "not-yaml",
+        "a: \x01": "not-yaml",
+        "a: &b [*b]": "yaml-feature",
+        "a: !!set {}": "yaml-feature",
+        "<<: {}": "yaml-feature",
+        "[1]: 2": "wrong-type",
+        "a: .inf": "wrong-value",
+        "[" * 5000: "too-deep",
+    }.items():
+        assert code_of(broken) == [code], broken
+
+
 def test_values_and_places():
     document = Document.from_text(TEXT, PATH)
     assert document.data["points"] == [{"east_m": 1, "north_m": 2}, {"east_m": 3, "north_m": 4.5}]
@@ -76,8 +113,18 @@ def test_values_and_places():
     assert document.place_of_key("points", 1, "north_m") == (7, 5)
     assert document.place("points", 1, "up_m") == document.place("points", 1) == (6, 5)
     assert document.place("points", 9) == document.place("points")
-    assert document.problem(["kind"], "bad; fix") == Problem(PATH, 3, 7, "bad; fix")
-    assert str(document.problem(["kind"], "bad; fix")) == "fleet.yaml:3:7: bad; fix"
+    problem = document.problem(["kind"], "bad; fix", "too-bad")
+    assert problem == Problem(PATH, 3, 7, "bad; fix", "too-bad")
+    assert problem.keys == ("kind",)
+    assert str(problem) == "fleet.yaml:3:7: bad; fix [too-bad]"
+    assert problem.as_json() == {
+        "path": "fleet.yaml",
+        "line": 3,
+        "column": 7,
+        "code": "too-bad",
+        "message": "bad; fix",
+    }
+    assert document.node("kind").value == "slow"
 
 
 def test_parse_fills_tuples_and_enums():

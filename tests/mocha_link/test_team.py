@@ -52,7 +52,9 @@ def team(text: str = TEXT) -> Team:
 def problems(text: str) -> list[str]:
     with pytest.raises(DocumentError) as caught:
         team(text)
-    return str(caught.value).splitlines()
+    found = caught.value.problems
+    assert str(caught.value) == "\n".join(map(str, found))
+    return [str(problem).removesuffix(f" [{problem.code}]") for problem in found]
 
 
 def test_ids_are_the_original_ones():

@@ -88,7 +88,8 @@ def test_every_oddity(files):
     # A, Z, B, B, C with the repetition
     dtypes = {topic.type: topic.dtype for kind in team.kinds.values() for topic in kind}
     assert dtypes == {"a_msgs/A": 0, "a_msgs/Z": 1, "b_msgs/B": 2, "c_msgs/C": 4}
-    notices = [str(notice).partition(".yaml:")[2] for notice in result.notices]
+    notices = [f"{n.line}:{n.column}: {n.message}" for n in result.notices]
+    assert {n.code for n in result.notices} == {"left-out", "radio-shared", "not-read"}
     assert notices == [
         "2:28: 'ghost' is no robot here; its port stays unused",
         "4:13: '12' is no robot here; its port stays unused",
