@@ -40,7 +40,7 @@ class MissionText:
         try:
             text = raw.removeprefix(codecs.BOM_UTF8).decode()
         except UnicodeDecodeError:
-            raise self._unreadable("not UTF-8 text; save the file as UTF-8") from None
+            raise self._unreadable("not UTF-8 text; save the file as UTF-8", "not-utf8") from None
         self._mark = raw.startswith(codecs.BOM_UTF8)
         self._digest = hashlib.sha256(raw).digest()
         return text
@@ -70,7 +70,9 @@ class MissionText:
         target = self.path.resolve()
         raw = (codecs.BOM_UTF8 if self._mark else b"") + text.encode()
         if len(raw) > MAX_BYTES:
-            raise SaveError(f"the mission is larger than {MAX_BYTES} bytes; thin it out")
+            raise SaveError(
+                f"the mission is larger than {MAX_BYTES} bytes; thin it out", "too-large"
+            )
         try:
             self._replace(target, raw, overwrite=overwrite)
         except OSError as error:
@@ -116,13 +118,15 @@ class MissionText:
                 raw = file.read(MAX_BYTES + 1)
         except OSError as error:
             reason = error.strerror or type(error).__name__
-            raise self._unreadable(f"cannot read the file: {reason}; check the path") from None
+            raise self._unreadable(
+                f"cannot read the file: {reason}; check the path", "unreadable"
+            ) from None
         if len(raw) > MAX_BYTES:
-            raise self._unreadable(f"larger than {MAX_BYTES} bytes; thin it out")
+            raise self._unreadable(f"larger than {MAX_BYTES} bytes; thin it out", "too-large")
         return raw
 
-    def _unreadable(self, message: str) -> DocumentError:
-        return DocumentError([Problem(self.path, 1, 1, message)])
+    def _unreadable(self, message: str, code: str) -> DocumentError:
+        return DocumentError([Problem(self.path, 1, 1, message, code)])
 
 
 def _mode(target: Path) -> int:
