@@ -70,9 +70,7 @@ class MissionText:
         target = self.path.resolve()
         raw = (codecs.BOM_UTF8 if self._mark else b"") + text.encode()
         if len(raw) > MAX_BYTES:
-            raise SaveError(
-                f"the mission is larger than {MAX_BYTES} bytes; thin it out", "too-large"
-            )
+            raise SaveError(f"the mission is larger than {MAX_BYTES} bytes; thin it out")
         try:
             self._replace(target, raw, overwrite=overwrite)
         except OSError as error:
