@@ -130,7 +130,14 @@ def word(text: Any) -> str:
     plain = str(text)
     if _PLAIN.fullmatch(plain) and Document.from_text(plain, Path("word")).data == plain:
         return plain
-    return _quoted(plain)
+    return '"' + "".join(map(_escaped, plain)) + '"'
+
+
+def _escaped(letter: str) -> str:
+    """A letter within YAML's double quotes."""
+    if letter in '"\\':
+        return "\\" + letter
+    return letter if letter.isprintable() else f"\\U{ord(letter):08x}"
 
 
 def _quoted(text: str) -> str:
