@@ -47,7 +47,7 @@ def bytes_of(path: Path, max_bytes: int) -> bytes:
     except OSError as error:
         reason = error.strerror or type(error).__name__
         message = f"cannot read the file: {reason}; check the path"
-        raise _one(path, 1, 1, message, "cannot-read") from None
+        raise _one(path, 1, 1, message, "unreadable") from None
     if len(raw) > max_bytes:
         message = f"larger than {max_bytes} bytes; cut out the part that the mission needs"
         raise _one(path, 1, 1, message, "too-large")

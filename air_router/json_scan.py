@@ -107,7 +107,7 @@ class _Scanner:
         if key in keys:
             line = self._text.count("\n", 0, keys[key]) + 1
             message = f"key '{key[:40]}' is already on line {line}; remove one"
-            raise JsonError(start, message, "duplicate-key")
+            raise JsonError(start, message, "repeated-key")
         keys[key] = start
         start, kind = self._token()
         if kind != ":":

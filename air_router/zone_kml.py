@@ -175,7 +175,9 @@ class _Reader:
             ring.pop()
         if len(set(ring)) < 3:
             message = f"a ring has {len(set(ring))} different corners, an area needs 3"
-            self.reading.complain(coordinates.keys, f"{message}; draw it again", "too-few-corners")
+            self.reading.complain(
+                coordinates.keys, f"{message}; draw it again", "zone-too-few-corners"
+            )
             return None
         return tuple(ring)
 
@@ -197,7 +199,9 @@ class _Reader:
                 return None
             places.append((Geodetic(latitude_deg, longitude_deg), altitude_m))
         if not places:
-            self.reading.complain(element.keys, "no coordinates; draw it again", "too-few-corners")
+            self.reading.complain(
+                element.keys, "no coordinates; draw it again", "zone-too-few-corners"
+            )
             return None
         return places
 

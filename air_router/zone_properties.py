@@ -76,7 +76,9 @@ def _limit(
         reference = Reference(word) if word is not None else Reference.HOME
     except ValueError:
         choices = ", ".join(Reference)
-        complain(key, f"'{key}' must be one of {choices}, found {word!r}; correct it", "bad-choice")
+        complain(
+            key, f"'{key}' must be one of {choices}, found {word!r}; correct it", "wrong-value"
+        )
         return None
     return None if metres is None else Limit(metres, reference)
 
@@ -111,7 +113,7 @@ def _validity(active: Any, complain: Complain) -> Validity | None:
         try:
             periods.append(_period(entry))
         except ValueError as error:
-            complain("active", f"'active': {error}; correct it", "bad-time")
+            complain("active", f"'active': {error}; correct it", "not-a-time")
     return Validity(tuple(periods)) if periods else None
 
 

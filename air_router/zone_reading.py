@@ -191,7 +191,9 @@ class JsonReader:
             for index in range(len(self.entries(keys, "a polygon's coordinates")))
         ]
         if not rings and self.at(*keys) == []:
-            self.reading.complain(keys, "a polygon without a ring; draw it again", "too-few")
+            self.reading.complain(
+                keys, "a polygon without a ring; draw it again", "zone-too-few-corners"
+            )
         first, *holes = rings or [None]
         read = tuple(hole for hole in holes if hole is not None)
         return MapOutline(first, read) if first and len(read) == len(holes) else None
@@ -219,7 +221,7 @@ class JsonReader:
             ring.pop()
         if len(set(ring)) < 3:
             message = f"a ring has {len(set(ring))} different corners, an area needs 3"
-            self.reading.complain(keys, f"{message}; draw it again", "too-few-corners")
+            self.reading.complain(keys, f"{message}; draw it again", "zone-too-few-corners")
             return None
         return tuple(ring)
 
