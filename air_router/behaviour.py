@@ -40,6 +40,7 @@ class Signal(Enum):
     ARRIVED = "above home"
     GROUNDED = "landed and disarmed"
     TAKEN_OVER = "the pilot or the autopilot changed the mode"
+    RESUMED = "the operator asks to go on"
 
 
 class UnexpectedSignalError(Exception):
@@ -69,6 +70,7 @@ TRANSITIONS: Final = MappingProxyType(
         (State.HOME, Signal.ARRIVED): State.LAND,
         (State.LAND, Signal.GROUNDED): State.DONE,
         (State.PASSIVE, Signal.GROUNDED): State.DONE,
+        (State.PASSIVE, Signal.RESUMED): State.EXPL,
         # From anywhere in the air: home on the word of duration, battery or operator; hands off
         # when somebody else flies; done when the ground has the vehicle.
         **{

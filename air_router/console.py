@@ -12,11 +12,13 @@ from typing import Final, TextIO
 
 from air_router.events import Request
 
-WORDS: Final = MappingProxyType({"home": Request.COME_HOME})
+WORDS: Final = MappingProxyType({"home": Request.COME_HOME, "resume": Request.RESUME})
 """What can be typed, followed by Enter."""
 
-SIGNALS: Final = MappingProxyType({signal.SIGUSR1: Request.COME_HOME})
-"""What another terminal or a service manager can send: `kill -USR1 PID`."""
+SIGNALS: Final = MappingProxyType(
+    {signal.SIGUSR1: Request.COME_HOME, signal.SIGUSR2: Request.RESUME}
+)
+"""What another terminal or a service manager can send: `kill -USR1 PID`, `kill -USR2 PID`."""
 
 
 @contextlib.contextmanager

@@ -6,34 +6,28 @@ the discrete-event world, and a recorded flight replays to the same decisions.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from air_router.actions import (
     Action,
-    Announce,
     Finish,
     FlyToNode,
     HoldHere,
     LandHere,
-    Motion,
     PublishMap,
     StateChanged,
     Taker,
 )
 from air_router.behaviour import EXPLORING, Signal, State, knows, next_state
-from air_router.custody import Custody
 from air_router.events import CommandConfirmed, CommandFailed, Event, Request, RobotPath, RobotPose
 from air_router.exchange import Exchange
-from air_router.exploration import Exploration
-from air_router.flight_plan import HOME_NODE
+from air_router.journeys import RETRY_S, Journeys
 from air_router.launch import Launch
 from air_router.milestones import Silence, TakeOff, reason_to_return, take_off
-from air_router.navigator import Goal, Navigator, Progress
-from air_router.schedule import Schedule
-from air_router.search import Search
+from air_router.navigator import Progress
 from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced, Telemetry
+from air_router.watch import Sign, Watch, why_not_resumed
 from mocha_link.metrics import SyncEnded, SyncStarted
 
 if TYPE_CHECKING:
@@ -41,17 +35,8 @@ if TYPE_CHECKING:
     from air_router.mission import Mission
     from air_router.router import Router
 
-FOLLOW_M: Final = 8.0
-"""A robot that has moved so far from where we hover (or search) is followed."""
 
-RETRY_S: Final = 3.0
-"""Pause before something that could not be done is tried again."""
-
-SEEK_AGAIN_S: Final = 10.0
-"""Pause before the robots are gone through again when none of them could be sought."""
-
-
-class Controller:
+class Controller(Journeys):
     """Flies one mission.
 
     Args:
@@ -59,28 +44,30 @@ class Controller:
         plan: The plan on board, for the autopilot's item numbers.
         router: Routes over the mission's graph.
         seek: Names of the robots to seek, in order.
+        patient: Somebody else arms: if it is disarmed again on the ground, wait on.
     """
 
     def __init__(
-        self, mission: Mission, plan: FlightPlan, router: Router, seek: tuple[str, ...]
+        self,
+        mission: Mission,
+        plan: FlightPlan,
+        router: Router,
+        seek: tuple[str, ...],
+        *,
+        patient: bool = False,
     ) -> None:
-        self._mission = mission
+        super().__init__(mission, router, seek)
         self._plan = plan
-        self.navigator = Navigator(mission, router)
-        self.state = State.READY
         self._left = State.READY
-        self.robot: str | None = None
-        self.telemetry: Telemetry | None = None
-        self.exploration = Exploration(mission.waypoints)
-        self.search = Search(mission, seek, self.exploration)
-        self.custody = Custody()
-        self._schedule = Schedule(mission.timers)
         self._launch = Launch()
+        self._watch = Watch(mission, plan)
+        self._patient = patient
+        self._plan_is_ours = True
+        self._giving_up: str | None = None
         self._taken_by: Taker | None = None
         self._silence = Silence()
         self._exchange = Exchange()
         self._come_home_why: str | None = None
-        self._actions: list[Action] = []
 
     # What others read.
 
@@ -95,12 +82,6 @@ class Controller:
         if self.state is State.READY:
             return self._launch.handed_over
         return self.state not in {State.PASSIVE, State.DONE}
-
-    def objection(self, motion: Motion, now_s: float) -> str | None:
-        """Why a motion that was decided a moment ago must not be commanded now; None if it may."""
-        if motion is not self.custody.pending or self.telemetry is None:
-            return "it was called off"
-        return self.navigator.objection(motion, self.telemetry, now_s)
 
     # What happens.
 
@@ -119,7 +100,7 @@ class Controller:
         if self._launch.note(telemetry):
             self.custody.assume(FlightMode.MISSION)
         if self._launch.over(telemetry) and knows(self.state, Signal.GROUNDED):
-            self._signal(Signal.GROUNDED)
+            self._grounded()
             return
         if self.in_charge and self.custody.taken(telemetry):
             who = Taker.FAILSAFE if telemetry.failsafe else Taker.PILOT
@@ -127,12 +108,31 @@ class Controller:
             return
         if self.state is State.READY:
             self._watch_takeoff(telemetry)
-        elif self.in_charge:
+        elif self.in_charge and self._fit(telemetry):
             self.exploration.passing(telemetry.position, self._schedule.now_s)
             self._check_end(telemetry)
             self._check_timer()
             self._advance(self.navigator.update(telemetry))
             self._check_retry(telemetry)
+
+    def _fit(self, telemetry: Telemetry) -> bool:
+        """Whether the mission may go on: no breach, nobody else's orders, and a position."""
+        if self._giving_up is not None:
+            return False
+        finding = self._watch.look(telemetry, self.custody)
+        match finding.sign:
+            case Sign.STRANGER:
+                self._taken_over(Taker.PILOT, finding.words)
+            case Sign.BREACH:
+                self._giving_up = f"{finding.words} is not resumed by itself"
+                self._command(HoldHere(finding.words))
+            case Sign.LOST:
+                self._hold(finding.words)
+                self._say(finding.words)
+            case Sign.BACK:
+                self._say(finding.words)
+                self._schedule.retry_in(0.0)
+        return finding.sign in {Sign.GOOD, Sign.BACK}
 
     def _on_item(self, event: ItemReached) -> None:
         if self.telemetry is None or not self.in_charge:
@@ -169,18 +169,23 @@ class Controller:
 
     def _on_confirmed(self, event: CommandConfirmed) -> None:
         self.custody.confirmed(event.action)
+        self._give_up()
 
     def _on_failed(self, event: CommandFailed) -> None:
         if self.custody.failed(event.action):
+            self._give_up()
             self._say(f"the vehicle did not follow: {event.reason}")
             self._schedule.retry_in(RETRY_S)
 
     def _on_request(self, request: Request) -> None:
         if request is Request.COME_HOME:
             self._come_home("the operator's word")
+        elif self.state in {State.READY, State.PASSIVE}:
+            self._resume()
 
     def _on_plan_replaced(self, _event: PlanReplaced) -> None:
         why = "the plan on board was replaced"
+        self._plan_is_ours = False
         if self.state is State.READY and self.telemetry is not None and not self.telemetry.armed:
             self._launch.stayed_why = why
             self._signal(Signal.GROUNDED)
@@ -231,15 +236,6 @@ class Controller:
             self._say(f"no way to {aim.robot}: {self._refusal()}")
         self._no_target()
 
-    def _no_target(self) -> None:
-        self.robot = None
-        self.navigator.stop()
-        if self.exploration.remaining:
-            self._signal(Signal.NO_TARGET)
-        else:
-            self._hold("no robot can be sought from here")
-            self._schedule.retry_in(SEEK_AGAIN_S)
-
     def _enter_comm(self) -> None:
         self._exchange = Exchange(self.robot)
         self._actions.append(PublishMap())
@@ -255,6 +251,7 @@ class Controller:
         self._command(LandHere())
 
     def _enter_passive(self) -> None:
+        self._giving_up = None
         self.navigator.stop()
         self.custody.release()
 
@@ -286,6 +283,35 @@ class Controller:
         elif stage is TakeOff.MISPLACED and self.custody.pending is None:
             self._say("holding: Mission was chosen low and away from home; land, and start there")
             self._command(HoldHere(stage.value))
+        elif self._launch.stuck(telemetry) and self.custody.pending is None:
+            self._come_home("the climb does not go on")
+
+    def _grounded(self) -> None:
+        if self._patient and self.state is State.READY and self._launch.again():
+            self._say("disarmed before take-off: waiting on")
+        else:
+            self._signal(Signal.GROUNDED)
+
+    def _resume(self) -> None:
+        """Go on with a flight that was given away, or that a companion before us has left."""
+        telemetry = self.telemetry
+        why = why_not_resumed(self._mission, telemetry)
+        if why is None and not self._plan_is_ours:
+            why = "another plan is on board: start the flight anew with --resume"
+        if why is not None or telemetry is None:
+            self._say(f"not resumed: {why}")
+            return
+        self._say("resumed: the mission goes on from here")
+        self._launch.resumed(self._schedule.now_s)
+        self._taken_by = None
+        self.custody.assume(telemetry.mode)
+        self._signal(Signal.AIRBORNE if self.state is State.READY else Signal.RESUMED)
+
+    def _give_up(self) -> None:
+        """Once it was told to hold after a breach: hands off."""
+        if self._giving_up is not None and self.custody.pending is None:
+            why, self._giving_up = self._giving_up, None
+            self._taken_over(Taker.PILOT, why)
 
     def _taken_over(self, who: Taker, why: str) -> None:
         if knows(self.state, Signal.TAKEN_OVER):
@@ -327,100 +353,3 @@ class Controller:
             self._explore()
         else:
             self._advance(self.navigator.again(telemetry))
-
-    # Flying.
-
-    def _advance(self, motion: Motion | None) -> None:
-        """Command the next motion, and act on where the journey stands."""
-        if motion is not None:
-            self._command(motion)
-        progress = self.navigator.progress
-        if progress is Progress.ARRIVED:
-            self._arrived()
-        elif progress is Progress.STRANDED:
-            self._stranded()
-
-    def _arrived(self) -> None:
-        goal = self.navigator.goal
-        if self.state in EXPLORING:
-            self.exploration.visited()
-            self._explore()
-        elif self.state is State.SEARCH and not self._schedule.running:
-            self._schedule.start()
-            self._say(f"at the search position of {self.robot}")
-        elif self.state is State.HOME and goal is not None and goal.node == HOME_NODE:
-            self._signal(Signal.ARRIVED)
-
-    def _stranded(self) -> None:
-        refusal = self._refusal()
-        if self.state in EXPLORING:
-            self._say(f"waypoint {self.exploration.leave_out()} left out: {refusal}")
-            self._explore()
-        elif self.state is State.SEARCH:
-            self._say(f"no way to {self.robot}: {refusal}")
-            self._no_target()
-        elif not self._schedule.retrying:
-            self._hold(refusal)
-            self._schedule.retry_in(RETRY_S)
-
-    def _explore(self) -> None:
-        """Fly to the waypoint whose turn it is, or say that none is left."""
-        exploration, refusals = self.exploration, []
-        mark = exploration.mark()
-        while exploration.remaining:
-            motion = self._plan_to(exploration.goal)
-            if self.navigator.progress is Progress.FLYING:
-                break
-            if self.navigator.progress is Progress.STRANDED:
-                refusals.append(f"waypoint {exploration.leave_out()} left out: {self._refusal()}")
-            else:
-                exploration.visited()
-                mark = exploration.mark()
-        if refusals and not exploration.remaining:
-            # All can be reached from home, or the mission would not fly: it is this place.
-            exploration.back_to(mark)
-            self.navigator.stop()
-            self._hold(f"no waypoint can be reached from here: {self._refusal()}")
-            self._schedule.retry_in(RETRY_S)
-            return
-        for refusal in refusals:
-            self._say(refusal)
-        if exploration.remaining:
-            self._advance(motion)
-        else:
-            self._signal(Signal.EXPLORED)
-
-    def _follow(self, *, force: bool = False) -> None:
-        """Hover over (or search at) the robot's newest position once it has moved away."""
-        over = None if self.robot is None else self.search.over(self.robot)
-        if over is None:
-            return
-        (hover, beside_m), goal = over, self.navigator.goal
-        if not force and goal is not None and math.dist(goal.position, hover.position) < FOLLOW_M:
-            return
-        if beside_m > 0:
-            self._say(f"no hovering over {self.robot}: waiting {beside_m:.0f} m beside it")
-        self._advance(self._plan_to(hover))
-
-    def _go_home(self) -> None:
-        self._advance(self._plan_to(Goal(self._mission.home, HOME_NODE)))
-
-    def _plan_to(self, goal: Goal) -> Motion | None:
-        assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
-        return self.navigator.go(goal, self.telemetry)
-
-    def _hold(self, why: str) -> None:
-        """Stop, unless that is what the vehicle was told last."""
-        if not isinstance(self.custody.last, HoldHere):
-            self._command(HoldHere(why))
-
-    def _command(self, motion: Motion) -> None:
-        self.custody.commanded(motion)
-        self._actions.append(motion)
-
-    def _refusal(self) -> str:
-        refusal = self.navigator.refusal
-        return refusal.reason if refusal is not None else "no clear way"
-
-    def _say(self, text: str) -> None:
-        self._actions.append(Announce(text))

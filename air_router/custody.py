@@ -54,11 +54,12 @@ class Custody:
         self._modes = frozenset()
 
     def taken(self, telemetry: Telemetry) -> bool:
-        """Whether the vehicle in the air flies in a mode that we did not ask for.
+        """Whether the vehicle in the air flies in a mode that we did not ask for, or by a failsafe.
 
-        On the ground the autopilot changes its mode by itself, when it disarms.
+        A failsafe may act in the very mode that we asked for: a fence holds a vehicle that hovers
+        in Hold. On the ground the autopilot changes its mode by itself, when it disarms.
         """
-        return telemetry.in_air and telemetry.mode not in self._modes
+        return telemetry.in_air and (telemetry.failsafe or telemetry.mode not in self._modes)
 
 
 def mode_of(motion: Motion) -> FlightMode:

@@ -41,6 +41,7 @@ class Request(Enum):
     """What the operator can ask for."""
 
     COME_HOME = "come home"
+    RESUME = "go on with the mission"
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,8 +30,8 @@ from air_router.actions import (
 from air_router.behaviour import State
 from air_router.console import listening
 from air_router.controller import Controller
-from air_router.errors import AirRouterError, ExitCode, RefusedError
-from air_router.events import Event
+from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, RefusedError
+from air_router.events import Event, Request
 from air_router.flight_plan import FlightPlan
 from air_router.graph import WaypointGraph
 from air_router.ledger import Ledger, RobotAccount
@@ -91,6 +91,7 @@ class Flight:
         camera: Endpoint of the camera's patches, None without a camera.
         arm: Arm and start; otherwise wait for the pilot to do it.
         survey: Looks at everything before the flight; None: nothing but the mission's router.
+        resume: Go on with a flight that is under way, instead of beginning one.
     """
 
     def __init__(  # noqa: PLR0913 - the parts that a flight is put together from
@@ -107,6 +108,7 @@ class Flight:
         camera: str | None = None,
         arm: bool = False,
         survey: Callable[[Router], Survey] | None = None,
+        resume: bool = False,
     ) -> None:
         self._mission = mission
         self._vehicle = vehicle
@@ -117,10 +119,13 @@ class Flight:
         self._status = status
         self._camera = camera
         self._arm = arm
+        self._resume = resume
         self._plan = FlightPlan.of(mission)
         self.router = Router(WaypointGraph(mission))
         self._survey = Survey(mission, self.router) if survey is None else survey(self.router)
-        self.controller = Controller(mission, self._plan, self.router, seek)
+        self.controller = Controller(
+            mission, self._plan, self.router, seek, patient=not (arm or resume)
+        )
         self.ledger = Ledger(mission, mapper, {name: RobotAccount() for name in seek})
         self._finish: asyncio.Future[tuple[str, ExitCode]]
         self._first: asyncio.Future[Telemetry]
@@ -164,7 +169,9 @@ class Flight:
         self._start(self._motions.run())
         if self._camera is not None:
             self._start(receive_patches(self._camera, self._mapper.paint))
-        if self._arm:
+        if self._resume:
+            self._go_on()
+        elif self._arm:
             self._check_still()
             await self._vehicle.arm()
             self._check_still(armed=True)
@@ -183,14 +190,45 @@ class Flight:
         info = await self._vehicle.connect()
         self._status.say(f"{info.autopilot} {info.version}, system {info.system_id}")
         self._vehicle.subscribe(self._on_vehicle)
-        await self._preflight(info, await self._first)
-        self._admitted = True
-        self._gossip.start(self._on_event)
+        telemetry = await self._first
+        if telemetry.in_air:
+            await self._find_flight(telemetry)
+            return
+        if self._resume:
+            raise RefusedError("nothing to resume: the vehicle is on the ground")
+        await self._preflight(info, telemetry)
+        self._admit()
         await self._vehicle.upload(self._plan)
         self._status.say(
             f"on board and read back: {len(self._plan.items)} plan items, "
             f"{len(self._plan.fence)} fence vertices"
         )
+
+    def _admit(self) -> None:
+        self._admitted = True
+        self._gossip.start(self._on_event)
+
+    async def _find_flight(self, telemetry: Telemetry) -> None:
+        """A vehicle in the air: a flight of this mission, perhaps, that lost its companion."""
+        mode = telemetry.mode.value
+        try:
+            await self._vehicle.recognise(self._plan)
+        except PlanRefusedError as error:
+            raise RefusedError(
+                f"the vehicle is flying ({mode} mode), and not with this mission on board "
+                f"({error}); land it, then start the mission"
+            ) from None
+        found = f"the vehicle is flying ({mode} mode) with this mission on board"
+        if not self._resume:
+            raise RefusedError(f"{found}; land it, or say --resume to go on with the flight")
+        self._status.say(found)
+        self._admit()
+        self._on_event(telemetry)
+
+    def _go_on(self) -> None:
+        self._on_event(Request.RESUME)
+        if self.controller.state is State.READY:
+            raise RefusedError("the flight is not resumed, and left as it is")
 
     async def _preflight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
         """Refuse what cannot become a safe flight."""

@@ -51,6 +51,7 @@ class FlyOptions:
         team: Team file, None for the mission's own.
         camera: Endpoint of the camera's patches; metrics: endpoint to serve the links' metrics at.
         keys: The folder with the UAV's secret, if the team has a key for it.
+        resume: Go on with a flight that is under way.
         duration_s: Come home after so long in the air, None for the mission's own.
     """
 
@@ -62,6 +63,7 @@ class FlyOptions:
     keys: Path | None = None
     duration_s: float | None = None
     arm: bool = False
+    resume: bool = False
     log_dir: Path | None = None
 
 
@@ -94,6 +96,7 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             status=StatusLine(),
             camera=options.camera,
             arm=options.arm,
+            resume=options.resume,
             survey=lambda router: Survey(
                 mission, router, team=team, uav=uav, log_dir=options.log_dir
             ),
@@ -143,7 +146,13 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--camera", metavar="URL", help="ZeroMQ endpoint that publishes map patches, tcp://..."
     )
-    parser.add_argument("--arm", action="store_true", help="arm and take off, once confirmed")
+    begin = parser.add_mutually_exclusive_group()
+    begin.add_argument("--arm", action="store_true", help="arm and take off, once confirmed")
+    begin.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with a flight of this mission that is in the air",
+    )
     parser.add_argument("--yes", action="store_true", help="confirm --arm without being asked")
     add_flight_arguments(parser)
     parser.set_defaults(run=run)
@@ -209,6 +218,7 @@ def run(arguments: argparse.Namespace) -> int:
             keys=arguments.keys,
             duration_s=arguments.duration,
             arm=arguments.arm,
+            resume=arguments.resume,
             log_dir=arguments.log_dir,
         ),
     )

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from air_router.vehicle import FlightMode
 
 if TYPE_CHECKING:
     from air_router.vehicle import Telemetry
+
+CLIMB_S: Final = 20.0
+PROGRESS_M: Final = 0.5
+"""A climb that gains less than this in that time does not go on; PX4 takes off at 1.5 m/s."""
 
 
 @dataclass(slots=True)
@@ -26,6 +30,7 @@ class Launch:
     stayed_why: str = "disarmed"
     _flew: bool = False
     _was_armed: bool = False
+    _highest: tuple[float, float] | None = None
 
     def note(self, telemetry: Telemetry) -> bool:
         """Take in what the vehicle says of itself; True when it is handed over to us just now."""
@@ -38,6 +43,28 @@ class Launch:
     def over(self, telemetry: Telemetry) -> bool:
         """Whether the vehicle is down and disarmed after having been armed."""
         return self._was_armed and not telemetry.armed and not telemetry.in_air
+
+    def again(self) -> bool:
+        """Whether it was only armed and disarmed again; then everything begins anew."""
+        if self._flew:
+            return False
+        self.handed_over = self._was_armed = False
+        self._highest = None
+        return True
+
+    def resumed(self, now_s: float) -> None:
+        """A flight that was under way before us, or given away, is ours from now on."""
+        self.handed_over = True
+        if self.airborne_s is None:
+            self.airborne_s = now_s
+
+    def stuck(self, telemetry: Telemetry) -> bool:
+        """Whether the climb that was handed over to us has not gone on for some time."""
+        if not (self.handed_over and telemetry.in_air):
+            return False
+        if self._highest is None or telemetry.altitude_m > self._highest[0] + PROGRESS_M:
+            self._highest = (telemetry.altitude_m, telemetry.time_s)
+        return telemetry.time_s - self._highest[1] >= CLIMB_S
 
     def since_s(self, now_s: float) -> float:
         """How long the mission has been in the air."""

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from air_router.mission import Mission
     from air_router.vehicle import Telemetry
 
-_ALTITUDE_M: Final = 2.0
+ALTITUDE_M: Final = 2.0
 """PX4 corrects its home altitude in flight, so that an altitude above home is good to this."""
 
 HOME_TOLERANCE_M: Final = 20.0
@@ -40,7 +40,7 @@ def take_off(mission: Mission, telemetry: Telemetry) -> TakeOff:
     if not (telemetry.in_air and telemetry.mode is FlightMode.MISSION):
         return TakeOff.TO_COME
     altitude_m = mission.altitude_above_home_m
-    if telemetry.altitude_m >= altitude_m - min(_ALTITUDE_M, altitude_m / 2):
+    if telemetry.altitude_m >= altitude_m - min(ALTITUDE_M, altitude_m / 2):
         return TakeOff.COMPLETE
     away_m = math.dist(telemetry.position, mission.home)
     return TakeOff.MISPLACED if away_m > HOME_TOLERANCE_M else TakeOff.TO_COME

@@ -12,6 +12,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
+from shapely import MultiPoint
+from shapely import Point as ShapelyPoint
+
 from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
 from air_router.router import Leg, NoRoute, Route
 from geo.frame import Point
@@ -34,6 +37,9 @@ SETTLES = 5
 
 STALL_S = 15.0
 """A vehicle that was sent somewhere and stands for so long did not understand, or may not go."""
+
+ASTRAY_M = 2.0
+"""Farther than this from what was checked for a leg, it is checked again from there."""
 
 STANDING_M_S = 0.5
 """Slower than this counts as hovering: estimates and gusts never read exactly zero."""
@@ -78,6 +84,7 @@ class Navigator:
         self._settled = 0
         self._settle_until_s = -math.inf
         self._stands_since_s: float | None = None
+        self._swept: tuple[Point, ...] = ()
 
     def go(self, goal: Goal, telemetry: Telemetry) -> Motion | None:
         """Set out for a goal from where the vehicle is, however fast it moves.
@@ -115,17 +122,14 @@ class Navigator:
         if self._braking or self.leg is None:
             return self._plan(telemetry) if standing else None
         if not self._at_end(self.leg, telemetry, reached_node):
-            stalled = self._stalled(telemetry, standing=standing)
-            return (
-                self._settle(telemetry, "the vehicle stands and does not go") if stalled else None
-            )
+            return self._on_the_way(self.leg, telemetry, standing=standing)
         self._stands_since_s = None
         if not self._legs:
             self.leg = None
             self.progress = Progress.ARRIVED
             return None
         if self.clear(telemetry, self._legs[0].to):
-            return self._command(self._legs.popleft())
+            return self._command(self._legs.popleft(), telemetry)
         refusal = "no leg on from here is clear, wherever it settles"
         return self._settle(telemetry, refusal) if standing else None
 
@@ -136,6 +140,31 @@ class Navigator:
     @property
     def _radius_m(self) -> float:
         return self._mission.planner.acceptance_radius_m
+
+    def _on_the_way(self, leg: Leg, telemetry: Telemetry, *, standing: bool) -> Motion | None:
+        if self._astray(telemetry):
+            return self._look_again(leg, telemetry)
+        stalled = self._stalled(telemetry, standing=standing)
+        return self._settle(telemetry, "the vehicle stands and does not go") if stalled else None
+
+    def _astray(self, telemetry: Telemetry) -> bool:
+        """Whether a gust, or a jump of the position estimate, took it out of what was checked."""
+        here = telemetry.position
+        if not self._swept or _off_line_m(here, self._swept[0], self._swept[-1]) <= ASTRAY_M:
+            return False
+        swept = MultiPoint(self._swept).convex_hull
+        return bool(swept.distance(ShapelyPoint(here)) > ASTRAY_M)
+
+    def _look_again(self, leg: Leg, telemetry: Telemetry) -> Motion | None:
+        """The rest of the leg from where the vehicle is now; another way if that is not clear."""
+        if self.clear(telemetry, leg.to):
+            self._sweep(leg, telemetry)
+            return None
+        return self._plan(telemetry)
+
+    def _sweep(self, leg: Leg, telemetry: Telemetry) -> None:
+        stopping = stopping_point(telemetry, self.reaction_s)
+        self._swept = (telemetry.position, stopping, leg.to)
 
     def _stalled(self, telemetry: Telemetry, *, standing: bool) -> bool:
         """Whether the vehicle stands far from its leg's end, and not only for a moment."""
@@ -189,7 +218,7 @@ class Navigator:
                 return self._motion(legs[0]) if legs else None
             self._legs = legs
             if self.clear(telemetry, self._legs[0].to):
-                return self._command(self._legs.popleft())
+                return self._command(self._legs.popleft(), telemetry)
             route = NoRoute("the first leg is not clear from here", ())
         if _speed_m_s(telemetry) >= STANDING_M_S and not self._braking:
             self._braking = True
@@ -199,8 +228,9 @@ class Navigator:
         self.progress = Progress.STRANDED
         return None
 
-    def _command(self, leg: Leg) -> Motion:
+    def _command(self, leg: Leg, telemetry: Telemetry) -> Motion:
         self.leg = leg
+        self._sweep(leg, telemetry)
         self._braking = False
         self.progress = Progress.FLYING
         return self._motion(leg)
@@ -245,3 +275,12 @@ def _speed_m_s(telemetry: Telemetry) -> float:
 
 def _distance_m(a: Point, b: Point) -> float:
     return math.hypot(a[0] - b[0], a[1] - b[1])
+
+
+def _off_line_m(point: Point, start: Point, end: Point) -> float:
+    """Distance of a point from a straight line between two."""
+    east_m, north_m = end[0] - start[0], end[1] - start[1]
+    length_2 = east_m**2 + north_m**2
+    along = (point[0] - start[0]) * east_m + (point[1] - start[1]) * north_m
+    share = min(max(along / length_2, 0.0), 1.0) if length_2 > 0 else 0.0
+    return _distance_m(point, Point(start[0] + share * east_m, start[1] + share * north_m))

@@ -51,6 +51,7 @@ class Airframe:
         self.armed = self.in_air = False
         self.battery = 1.0
         self.failsafe = False
+        self.fix = True
         self.target = None
         self.track = []
         self.noise_m = 0.0
@@ -91,6 +92,7 @@ class Airframe:
             mode=self.mode,
             failsafe=self.failsafe,
             battery=self.battery,
+            fix=self.fix,
         )
 
     def _wanted(self):
@@ -107,11 +109,11 @@ class Airframe:
 class PretendFlight(Airframe):
     """Flies a controller among robots that can be heard within a radius."""
 
-    def __init__(self, mission, *, radius_m=60.0, seek=("callisto", "europa", "io")):
+    def __init__(self, mission, *, radius_m=60.0, seek=("callisto", "europa", "io"), patient=False):
         super().__init__(mission)
         self.plan = FlightPlan.of(mission)
         self.router = Router(WaypointGraph(mission))
-        self.controller = Controller(mission, self.plan, self.router, seek)
+        self.controller = Controller(mission, self.plan, self.router, seek, patient=patient)
         self.radius_m = radius_m
         self.robots = {}
         self.destinations = {}
@@ -226,9 +228,16 @@ def pennovation():
 
 @pytest.fixture
 def pretend(pennovation):
-    def make(mission=None, *, radius_m=60.0, seek=("callisto", "europa", "io"), **changes):
+    def make(
+        mission=None,
+        *,
+        radius_m=60.0,
+        seek=("callisto", "europa", "io"),
+        patient=False,
+        **changes,
+    ):
         changed = dataclasses.replace(mission or pennovation, **changes)
-        return PretendFlight(changed, radius_m=radius_m, seek=seek)
+        return PretendFlight(changed, radius_m=radius_m, seek=seek, patient=patient)
 
     return make
 

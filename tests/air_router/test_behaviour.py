@@ -57,8 +57,9 @@ def test_in_the_air_the_pilot_can_always_take_over_and_the_mission_always_be_end
         assert next_state(state, Signal.TAKEN_OVER) is State.PASSIVE
 
 
-def test_hands_off_is_for_good():
-    assert {t for (s, _), t in TRANSITIONS.items() if s is State.PASSIVE} == {State.DONE}
+def test_hands_off_is_for_good_unless_somebody_asks():
+    after = {signal: t for (s, signal), t in TRANSITIONS.items() if s is State.PASSIVE}
+    assert after == {Signal.GROUNDED: State.DONE, Signal.RESUMED: State.EXPL}
 
 
 def test_the_diagram_in_the_docs_is_the_one_drawn_from_the_table():

@@ -7,7 +7,7 @@ import pytest
 
 from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, PublishMap, Taker
 from air_router.behaviour import State
-from air_router.events import RobotPose
+from air_router.events import Request, RobotPose
 from air_router.mission import Waypoint
 from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced
 from geo.airspace import Airspace
@@ -240,6 +240,26 @@ def test_armed_and_disarmed_again_without_a_take_off(pretend):
         flight.step()
     assert not flight.finished.landed_by_us
     assert flight.finished.why == "disarmed, before take-off"
+
+
+def test_a_pilot_who_arms_and_lets_it_disarm_again_may_arm_again(pretend):
+    flight = pretend(patient=True)
+    for armed in (True, False):
+        flight.armed = armed
+        flight.step()
+    assert flight.finished is None
+    assert any("waiting on" in text for text in flight.said)
+    flight.take_off()
+    flight.fly_to_state(State.INIT)
+
+
+def test_a_climb_that_does_not_go_on_is_landed(pretend):
+    flight = pretend()
+    flight.take_off_halfway()
+    flight.fly_until(lambda: flight.finished is not None, 120.0)
+    assert any("the climb does not go on" in text for text in flight.said)
+    assert flight.finished.landed_by_us
+    assert flight.states == [State.HOME, State.LAND, State.DONE]
 
 
 def test_another_plan_before_take_off_ends_it(pretend):
@@ -497,3 +517,176 @@ def test_whatever_goes_wrong_nothing_raises_nobody_is_overridden_and_no_zone_is_
         flight.step()
     assert flight.controller.state is State.PASSIVE
     assert len(flight.motions) == commanded
+
+
+def off_track(flight, east_m, north_m):
+    """A gust, or a jump of the position estimate."""
+    flight.position = Point(flight.position.east_m + east_m, flight.position.north_m + north_m)
+
+
+def test_a_jump_of_the_position_has_the_leg_checked_again_from_there(pretend):
+    flight = pretend(duration_s=200.0)
+    flight.take_off()
+    fly_away(flight)
+    leg = flight.controller.navigator.leg
+    commanded = len(flight.motions)
+    off_track(flight, 3.0, 3.0)
+    flight.step()
+    assert flight.controller.navigator.leg is leg
+    assert len(flight.motions) == commanded  # clear from there as well: it flies on
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+
+
+def test_a_leg_that_is_not_clear_after_a_jump_is_not_flown_on(pretend):
+    flight = pretend(duration_s=600.0)
+    flight.take_off()
+    fly_away(flight)
+    navigator = flight.controller.navigator
+    behind = next(
+        Point(*where)
+        for where in itertools.product(range(-150, 100, 5), repeat=2)
+        if flight.mission.planning_airspace.point_clear(Point(*where))
+        and not flight.mission.airspace.leg_clear(Point(*where), navigator.leg.to)
+    )
+    flight.position = behind
+    flight.step()
+    assert isinstance(flight.motions[-1], HoldHere) or navigator.leg.to != flight.motions[-2]
+    track_from = len(flight.track)
+    flight.fly_until(lambda: flight.finished is not None)
+    after = flight.track[track_from:]
+    assert flight.mission.airspace.track_distance_m(after)[0] >= flight.mission.planner.clearance_m
+
+
+def test_without_a_fix_it_holds_and_goes_on_some_seconds_after_it_is_back(pretend):
+    flight = pretend(duration_s=120.0)
+    flight.take_off()
+    fly_away(flight)
+    flight.fix = False
+    flight.step()
+    assert isinstance(flight.motions[-1], HoldHere)
+    commanded = len(flight.motions)
+    for _ in range(200):
+        flight.step()
+    assert len(flight.motions) == commanded
+    flight.fix = True
+    for _ in range(25):
+        flight.step()
+    assert len(flight.motions) == commanded
+    flight.fly_until(lambda: len(flight.motions) > commanded, 5.0)
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    assert sum("lost its fix" in text for text in flight.said) == 1
+
+
+def in_a_zone(flight):
+    zone = next(z for z in flight.mission.airspace.zones)
+    west, south, east, north = zone.polygon.bounds
+    return Point((west + east) / 2, (south + north) / 2)
+
+
+def test_a_breach_is_held_given_to_the_pilot_and_never_resumed_by_itself(pretend):
+    flight = pretend()
+    flight.take_off()
+    fly_away(flight)
+    flight.position = in_a_zone(flight)
+    flight.step()
+    assert isinstance(flight.motions[-1], HoldHere)
+    assert flight.controller.state is State.PASSIVE
+    assert any("breach of" in text and "not resumed" in text for text in flight.said)
+    commanded = len(flight.motions)
+    flight.position = flight.mission.home
+    for _ in range(300):
+        flight.step()
+    assert len(flight.motions) == commanded
+    assert flight.controller.state is State.PASSIVE
+
+
+def test_a_breach_that_cannot_be_held_is_given_to_the_pilot_all_the_same(pretend):
+    flight = pretend()
+    flight.take_off()
+    fly_away(flight)
+    flight.deaf = True
+    flight.position = in_a_zone(flight)
+    flight.step()
+    assert flight.controller.state is State.PASSIVE
+
+
+@pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.MISSION])
+def test_what_was_given_away_comes_back_only_when_somebody_asks(pretend, mode):
+    flight = pretend(duration_s=400.0)
+    flight.take_off()
+    fly_away(flight)
+    flight.pilot_chooses(FlightMode.OTHER)
+    flight.operator_asks(Request.RESUME)
+    assert flight.controller.state is State.PASSIVE
+    assert any("choose Hold first" in text for text in flight.said)
+    flight.pilot_chooses(mode)
+    for _ in range(100):
+        flight.step()
+    assert flight.controller.state is State.PASSIVE
+    flight.operator_asks(Request.RESUME)
+    assert flight.controller.state is State.EXPL
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    assert flight.finished.taken_by is None
+    assert closest_m(flight) >= flight.mission.planner.clearance_m
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"failsafe": True}, "failsafe"),
+        ({"fix": False}, "no fix"),
+        ({"altitude_m": 5.0}, "climb to"),
+        ({"in_air": False}, "on the ground"),
+    ],
+)
+def test_why_a_flight_is_not_resumed(pretend, change, said):
+    flight = pretend()
+    flight.take_off()
+    fly_away(flight)
+    flight.pilot_chooses(FlightMode.HOLD)
+    for name, value in change.items():
+        setattr(flight, name, value)
+    flight.step()
+    flight.operator_asks(Request.RESUME)
+    assert flight.controller.state is State.PASSIVE
+    assert any(text.startswith("not resumed") and said in text for text in flight.said)
+
+
+def test_a_flight_with_another_plan_on_board_is_not_resumed(pretend):
+    flight = pretend()
+    flight.take_off()
+    fly_away(flight)
+    flight.give(PlanReplaced(flight.now_s))
+    flight.pilot_chooses(FlightMode.HOLD)
+    flight.operator_asks(Request.RESUME)
+    assert flight.controller.state is State.PASSIVE
+    assert any("another plan is on board" in text for text in flight.said)
+
+
+def test_a_companion_that_was_restarted_goes_on_when_asked(pretend):
+    flight = pretend(duration_s=200.0)
+    flight.armed = flight.in_air = True
+    flight.mode, flight.altitude_m = FlightMode.HOLD, flight.mission.altitude_above_home_m
+    flight.position = flight.mission.waypoints[5].position
+    for _ in range(50):
+        flight.step()
+    assert flight.motions == []
+    flight.operator_asks(Request.RESUME)
+    assert flight.controller.state is State.INIT
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+
+
+def test_a_failsafe_while_it_hovers_in_hold_by_our_command_takes_it_over(pretend):
+    flight = pretend()
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    flight.fly_to_state(State.COMM)
+    flight.fly_until(lambda: flight.mode is FlightMode.HOLD)
+    flight.failsafe = True
+    flight.step()
+    assert flight.controller.state is State.PASSIVE
+    assert any("an autopilot failsafe" in text for text in flight.said)

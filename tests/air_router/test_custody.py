@@ -14,10 +14,9 @@ MOTIONS = [
 ]
 
 
-def flying(mode, *, in_air=True):
-    return Telemetry(
-        time_s=1.0, position=HERE, altitude_m=40.0, in_air=in_air, armed=True, mode=mode
-    )
+def flying(mode, **changes):
+    values = {"time_s": 1.0, "position": HERE, "altitude_m": 40.0, "in_air": True, "armed": True}
+    return Telemetry(**values | {"mode": mode} | changes)
 
 
 def ours(custody):
@@ -59,3 +58,11 @@ def test_a_late_confirmation_of_an_older_command_changes_nothing(custody):
 def test_on_the_ground_the_autopilot_may_change_its_mode(custody):
     custody.commanded(LandHere())
     assert not custody.taken(flying(FlightMode.HOLD, in_air=False))
+
+
+def test_a_failsafe_in_the_very_mode_that_we_asked_for_is_seen(custody):
+    hold = HoldHere("why")
+    custody.commanded(hold)
+    custody.confirmed(hold)
+    assert not custody.taken(flying(FlightMode.HOLD))
+    assert custody.taken(flying(FlightMode.HOLD, failsafe=True))

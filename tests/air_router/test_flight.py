@@ -54,7 +54,7 @@ class Alone:
 
 
 class Rig:
-    def __init__(self, mission, vehicle_class, log_dir, *, arm=True):
+    def __init__(self, mission, vehicle_class, log_dir, *, arm=True, resume=False):
         wall_s = iter(range(10**9))
         self.clock = VehicleClock(monotonic=lambda: next(wall_s) * 1e-6, unix=lambda: 1.7e9)
         self.vehicle = vehicle_class(mission, self.clock)
@@ -72,6 +72,7 @@ class Rig:
             recorder=self.recorder,
             status=StatusLine(self.out),
             arm=arm,
+            resume=resume,
         )
 
     def run(self):
@@ -92,9 +93,10 @@ class Rig:
 
 @pytest.fixture
 def rig(pennovation, pretend_vehicle, tmp_path):
-    def make(*, arm=True, **changes):
+    def make(*, arm=True, resume=False, **changes):
         mission = dataclasses.replace(pennovation, **{"duration_s": 60.0, **changes})
-        return Rig(mission, pretend_vehicle, tmp_path, arm=arm)
+        arm = arm and not resume
+        return Rig(mission, pretend_vehicle, tmp_path, arm=arm, resume=resume)
 
     return make
 
@@ -268,7 +270,6 @@ def test_what_fails_before_take_off_ends_the_flight_with_its_reason(rig, verb, e
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"in_air": True}, "is flying"),
         ({"armed": True}, "is armed"),
         ({"position": Point(40.0, 0.0)}, "40 m from the mission's home"),
     ],
@@ -300,6 +301,116 @@ def test_nothing_is_decided_on_a_vehicle_that_is_refused(rig):
         flight.run()
     assert "READY -> INIT" not in flight.out.getvalue()
     assert flight.vehicle.announced == []
+
+
+def in_flight(flight, mode=FlightMode.HOLD):
+    """The vehicle hovers at its first waypoint, as a companion that died has left it."""
+    airframe, mission = flight.vehicle.airframe, flight.vehicle.airframe.mission
+    airframe.take_off()
+    airframe.mode, airframe.position = mode, mission.waypoints[0].position
+
+
+def test_a_flight_that_is_under_way_is_found_and_left_alone(rig):
+    flight = rig()
+    in_flight(flight)
+    with pytest.raises(RefusedError, match=r"with this mission on board; land it, or say --resume"):
+        flight.run()
+    assert flight.vehicle.verbs == ["connect", "recognise", "close"]
+
+
+def test_another_mission_s_flight_is_not_resumed(rig):
+    flight = rig(resume=True)
+    in_flight(flight)
+    flight.vehicle.failures["recognise"] = [PlanRefusedError("3 items sent, 4 are on board")]
+    with pytest.raises(RefusedError, match="not with this mission on board"):
+        flight.run()
+    assert flight.vehicle.verbs == ["connect", "recognise", "close"]
+
+
+@pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.MISSION])
+def test_a_flight_that_lost_its_companion_goes_on_when_asked(rig, mode):
+    flight = rig(resume=True)
+    in_flight(flight, mode)
+    result = flight.run()
+    assert result.outcome == "done"
+    assert not {"upload", "arm", "start", "inspect"} & set(flight.vehicle.verbs)
+    assert "with this mission on board" in flight.out.getvalue()
+
+
+def test_a_flight_that_the_pilot_flies_is_not_resumed(rig):
+    flight = rig(resume=True)
+    in_flight(flight, FlightMode.OTHER)
+    with pytest.raises(RefusedError, match="left as it is"):
+        flight.run()
+    assert "choose Hold first" in flight.out.getvalue()
+    assert flight.vehicle.verbs == ["connect", "recognise", "close"]
+
+
+def test_on_the_ground_there_is_nothing_to_resume(rig):
+    flight = rig(resume=True)
+    with pytest.raises(RefusedError, match="nothing to resume"):
+        flight.run()
+
+
+def test_a_pilot_who_takes_over_is_told_so_in_the_ground_station(rig):
+    flight = rig(duration_s=None)
+    airframe = flight.vehicle.airframe
+
+    def take():
+        airframe.mode, airframe.target = FlightMode.LAND, None
+
+    flight.at(lambda: airframe.now_s > 150.0, take)
+    flight.run()
+    assert "air_router: hands off: the pilot chose Land mode" in flight.vehicle.announced
+    assert "hands off" in flight.out.getvalue()
+
+
+def test_the_operator_has_the_mission_resumed_by_a_signal(rig):
+    flight = rig(duration_s=90.0)
+    airframe = flight.vehicle.airframe
+
+    def step():
+        if 150.0 < airframe.now_s < 150.15:
+            airframe.mode, airframe.target = FlightMode.OTHER, None
+        elif 155.0 < airframe.now_s < 155.15:
+            airframe.mode = FlightMode.HOLD
+        elif 160.0 < airframe.now_s < 160.15:
+            os.kill(os.getpid(), signal.SIGUSR2)
+
+    flight.vehicle.on_step = step
+    result = flight.run()
+    assert result.outcome == "done"
+    assert {"PASSIVE", "EXPL"} <= set(result.report["states_visited"])
+
+
+def test_ctrl_c_twice_leaves_at_once(rig, monkeypatch):
+    flight = rig(duration_s=None)
+    left = []
+
+    class Left(BaseException):
+        pass
+
+    def leave(code):
+        left.append((code, list(flight.vehicle.verbs)))
+        raise Left
+
+    monkeypatch.setattr(os, "_exit", leave)
+    hold = flight.vehicle.hold
+
+    async def hold_and_be_interrupted_again():
+        flight.flight._on_interrupt()
+        await hold()
+
+    flight.vehicle.hold = hold_and_be_interrupted_again
+    flight.at(
+        lambda: flight.vehicle.airframe.now_s > 150.0,
+        lambda: os.kill(os.getpid(), signal.SIGINT),
+    )
+    with pytest.raises(Left):
+        flight.run()
+    ((code, verbs),) = left
+    assert code == ExitCode.INTERRUPTED
+    assert "hold" not in verbs
 
 
 def test_what_the_vehicle_says_while_it_is_left_is_not_listened_to(rig):

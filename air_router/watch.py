@@ -1,0 +1,172 @@
+"""What telemetry shows that nobody here has decided: breaches, lost GPS, somebody else's orders.
+
+Pure; each sentence that comes back is for the pilot and the operator.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from air_router.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.milestones import ALTITUDE_M
+from air_router.vehicle import FlightMode
+
+if TYPE_CHECKING:
+    from air_router.custody import Custody
+    from air_router.flight_plan import FlightPlan
+    from air_router.mission import Mission
+    from air_router.vehicle import Telemetry
+    from geo.frame import Point
+
+STRANGE_S: Final = 1.5
+"""How long an order that is not ours has to show: our own shows late on a slow link."""
+
+STRANGE_M: Final = 4.0
+"""A target so far from ours is not ours; the autopilot's position estimate wanders less."""
+
+BRAKED_S: Final = 3.0
+"""After so long in Hold the place that it hovers at is where we stopped it."""
+
+FIX_BACK_S: Final = 3.0
+"""A satellite fix counts again after so long."""
+
+
+class Sign(Enum):
+    """What was found."""
+
+    GOOD = "the mission may go on"
+    STRANGER = "the vehicle follows somebody else"
+    BREACH = "in a no-fly zone or outside a fence"
+    LOST = "GPS has lost its fix just now"
+    BLIND = "GPS has no fix"
+    BACK = "GPS has had its fix again for some seconds"
+
+
+class Finding(NamedTuple):
+    """A sign, and what to say about it."""
+
+    sign: Sign
+    words: str = ""
+
+
+_GOOD: Final = Finding(Sign.GOOD)
+_BLIND: Final = Finding(Sign.BLIND)
+
+
+class Watch:
+    """Looks at every telemetry of a vehicle that flies by our commands."""
+
+    def __init__(self, mission: Mission, plan: FlightPlan) -> None:
+        self._mission = mission
+        self._plan = plan
+        self._strange_since_s: float | None = None
+        self._held: tuple[HoldHere, float, Point | None] | None = None
+        self._inside = (mission.home, 0.0)
+        self._blind = False
+        self._seen_since_s: float | None = None
+
+    def look(self, telemetry: Telemetry, custody: Custody) -> Finding:
+        """What keeps the mission from going on now, the gravest first."""
+        stranger = self._stranger(telemetry, custody)
+        if stranger is not None:
+            return Finding(Sign.STRANGER, stranger)
+        breach = self._breach(telemetry)
+        if breach is not None:
+            return Finding(Sign.BREACH, breach)
+        return self._sight(telemetry)
+
+    def _sight(self, telemetry: Telemetry) -> Finding:
+        """Whether GPS is good; LOST and BACK come once each."""
+        if not telemetry.fix:
+            before, self._blind = self._blind, True
+            self._seen_since_s = None
+            return _BLIND if before else Finding(Sign.LOST, "GPS has lost its fix: holding")
+        if not self._blind:
+            return _GOOD
+        if self._seen_since_s is None:
+            self._seen_since_s = telemetry.time_s
+        if telemetry.time_s - self._seen_since_s < FIX_BACK_S:
+            return _BLIND
+        self._blind = False
+        return Finding(Sign.BACK, "GPS has its fix again: going on")
+
+    def _breach(self, telemetry: Telemetry) -> str | None:
+        """Whether the vehicle in the air is in a no-fly zone or outside a fence, whoever did it."""
+        here, (place, spare_m) = telemetry.position, self._inside
+        if not telemetry.in_air or math.dist(here, place) < spare_m:
+            return None
+        airspace = self._mission.airspace
+        self._inside = (here, airspace.distance_m(here))
+        holders = airspace.holders(here)
+        return f"breach of {', '.join(holders)}" if holders else None
+
+    def _stranger(self, telemetry: Telemetry, custody: Custody) -> str | None:
+        """Whether the vehicle follows an order of somebody else that needed no other mode.
+
+        A pilot who pauses or sends the vehicle elsewhere while it hovers in Hold by our command
+        changes no mode, and one who jumps to another plan item in Mission mode neither.
+        """
+        order = self._strange_order(telemetry, custody)
+        if order is None:
+            self._strange_since_s = None
+            return None
+        if self._strange_since_s is None:
+            self._strange_since_s = telemetry.time_s
+        return order if telemetry.time_s - self._strange_since_s >= STRANGE_S else None
+
+    def _strange_order(self, telemetry: Telemetry, custody: Custody) -> str | None:
+        if custody.pending is not None or not telemetry.in_air:
+            return None
+        match custody.last:
+            case FlyToNode(node=node) if telemetry.mode is FlightMode.MISSION:
+                item = telemetry.item
+                strange = item is not None and item != self._plan.item_of(node)
+                return "somebody chose another plan item" if strange else None
+            case FlyToPoint(position=position) if telemetry.mode is FlightMode.HOLD:
+                return _elsewhere(telemetry, position)
+            case HoldHere() as hold if telemetry.mode is FlightMode.HOLD:
+                return self._moved_from_hold(hold, telemetry)
+            case _:
+                return None
+
+    def _moved_from_hold(self, hold: HoldHere, telemetry: Telemetry) -> str | None:
+        if self._held is None or self._held[0] is not hold:
+            self._held = (hold, telemetry.time_s, None)
+        _, since_s, place = self._held
+        if place is not None:
+            return _elsewhere(telemetry, place)
+        if telemetry.time_s - since_s >= BRAKED_S:
+            self._held = (hold, since_s, telemetry.target)
+        return None
+
+
+def _elsewhere(telemetry: Telemetry, ours: Point) -> str | None:
+    target = telemetry.target
+    if target is None or math.dist(target, ours) <= STRANGE_M:
+        return None
+    return "somebody gave it another place to go to"
+
+
+def low(mission: Mission, telemetry: Telemetry) -> bool:
+    """Whether the vehicle is below the mission's altitude, where no leg was checked."""
+    altitude_m = mission.altitude_above_home_m
+    return telemetry.altitude_m < altitude_m - min(ALTITUDE_M, altitude_m / 2)
+
+
+def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None:
+    """Why a flight that somebody asks to be resumed cannot be, as it is now; None if it can."""
+    if telemetry is None or not telemetry.in_air:
+        return "the vehicle is on the ground: start the mission anew"
+    holders = mission.airspace.holders(telemetry.position)
+    reasons = {
+        "a failsafe of the autopilot acts: choose Hold first": telemetry.failsafe,
+        f"it flies in {telemetry.mode.value} mode: choose Hold first": telemetry.mode
+        not in {FlightMode.HOLD, FlightMode.MISSION},
+        "GPS has no fix: wait for it": not telemetry.fix,
+        f"it is in {', '.join(holders)}: fly it out by hand first": bool(holders),
+        f"it is {telemetry.altitude_m:.0f} m above home, where no leg was checked: climb to "
+        f"{mission.altitude_above_home_m:.0f} m first": low(mission, telemetry),
+    }
+    return next((reason for reason, holds in reasons.items() if holds), None)
