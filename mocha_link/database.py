@@ -24,6 +24,7 @@ from mocha_link.index import Floors, Kept, WireOrder, follows, rank
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from mocha_link.shelf import Keeper, Saved
     from mocha_link.storage import Storage
     from mocha_link.storage_file import Contents
 
@@ -104,8 +105,19 @@ class Database:
         self._wire = WireOrder()
         self._groups: dict[int, list[int]] = {}
         self._knowledge: dict[str, Knowledge] = {}
+        self._parts: list[Saved] = []
         if storage:
             self._begin(storage)
+
+    @property
+    def keeper(self) -> Keeper | None:
+        """Where parts of messages are kept; None if everything is in memory."""
+        return self._storage
+
+    def take_parts(self) -> list[Saved]:
+        """Once, for a `Shelf`: what was kept of messages that have not come whole."""
+        parts, self._parts = self._parts, []
+        return parts
 
     @property
     def epoch(self) -> int:
@@ -309,6 +321,7 @@ class Database:
         for number, record in found.records.items():
             self._keep(record, number if found.epoch else self._sequence + 1, latest)
         if found.epoch:
+            self._parts = found.parts
             self._epoch = found.epoch
             self._knowledge.update(found.knowledge)
             self._sequence = max(found.records, default=0) + _GAP + secrets.randbits(_GAP_BITS)
@@ -337,6 +350,8 @@ class Database:
             for number, kept in self._by_number.items():
                 if number not in same:
                     storage.put(number, kept.record)
+            for part in found.parts:  # the shelf knows nothing of them
+                storage.drop_parts(part.long, part.total)
             for peer, known in found.knowledge.items():
                 self._knowledge.setdefault(peer, replace(known, own_sequence=0))
             for peer, known in self._knowledge.items():

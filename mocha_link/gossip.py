@@ -107,7 +107,7 @@ class Gossip:
             own=name,
             team=team,
             database=self.database,
-            shelf=Shelf(),
+            shelf=Shelf(keeper=self.database.keeper, saved=self.database.take_parts()),
             new_id=new_id,
             timeout_s=timeout_s,
         )
@@ -262,8 +262,13 @@ class Gossip:
         else:
             self._tell(StorageFailed(self.me.name, now.unix_s, reason))
 
+    def save(self, now: Instant) -> None:
+        """Hand to the storage what has come in part; at the end."""
+        self._means.shelf.save(now.steady_s, at_once=True)
+
     def tick(self, now: Instant) -> None:
         """Do what is due by the time alone; call it often, and at `wake_s`."""
+        self._means.shelf.save(now.steady_s)
         for peer in self._trigger.silenced(now.unix_s):
             self._tell_signal(peer, now)
         self._tell_contacts()

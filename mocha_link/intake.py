@@ -254,6 +254,10 @@ class Intake:
             self._message(long, body, now, step)
 
     def _message(self, long: int, body: sync.Frame, now: Instant, step: Step) -> None:
+        self._judge(long, body, now, step)
+        self._shelf.drop(long)
+
+    def _judge(self, long: int, body: sync.Frame, now: Instant, step: Step) -> None:
         known = self._topic(long)
         if known is None:
             _refuse(step, _unknown(long))
@@ -283,8 +287,6 @@ class Intake:
             step.events.append(
                 MessageStored(self.peer, now.unix_s, robot.name, topic.name, header, len(body))
             )
-        if len(self._shelf):
-            self._shelf.drop(long)
 
     def _topic(self, long: int) -> tuple[Robot, Topic] | None:
         """Whose message it is and of what; None if it must not be taken."""

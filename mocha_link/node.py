@@ -189,6 +189,8 @@ class Node(Startable):
         if self._transport:
             self._transport.close()
         if self._storage:
+            with self._lock:
+                self._gossip.save(self._now())
             self._storage.close(max(until_s - time.monotonic(), LEAST_CLOSE_S))
         self._broadcast.close()
 

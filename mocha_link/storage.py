@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from mocha_link.database import Knowledge, Record
+    from mocha_link.shelf import Saved
     from mocha_link.terms import Terms
 
 __all__ = [
@@ -145,6 +146,19 @@ class Storage:
             self._pending.knowledge[peer] = knowledge
             self._tell()
 
+    def keep_part(self, part: Saved) -> None:
+        """For the shelf: a part of a message that has not come whole."""
+        with self._changed:
+            self._pending.parts.append(part)
+            self._tell()
+
+    def drop_parts(self, long: int, total: int) -> None:
+        """For the shelf: the parts of a message that need not be kept any longer."""
+        with self._changed:
+            self._pending.part_drops.add((long, total))
+            self._pending.parts = [p for p in self._pending.parts if p[:2] != (long, total)]
+            self._tell()
+
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait until all that the database took before this call is on disk; whether it is.
 
@@ -229,6 +243,9 @@ class Storage:
         for number in changes.puts.keys() - self._pending.drops:
             self._pending.puts[number] = changes.puts[number]
         self._pending.drops |= changes.drops
+        self._pending.part_drops |= changes.part_drops
+        # Parts would fill the memory; they come again from peers if need be.
+        self._pending.parts.clear()
         self._pending.knowledge = changes.knowledge | self._pending.knowledge
 
     def _reopen(self) -> StorageFile:
@@ -251,7 +268,8 @@ class Storage:
         self._file.read(found)
         gone = self._file.adopt(self._terms, found) if self._terms else 0
         if gone:
-            LOG.warning("%s: %d messages are gone, their ids mean others now", self.path, gone)
+            what = "1 message is" if gone == 1 else f"{gone} messages are"
+            LOG.warning("%s: %s gone: under this team file the ids mean others", self.path, what)
         return self._file
 
     def _close_file(self) -> None:

@@ -6,6 +6,8 @@ Tables (schema 1; `PRAGMA user_version` has its number, `application_id` is "MOC
                received_s, body (as on the wire), checksum (CRC-32 of all the others)
     knowledge  peer, and epoch, sequence, own_sequence (u64 as 8 bytes, big endian), checksum
     about      epoch of the database (8 bytes), one row
+    part       of a message that has not come whole: long id (8 bytes), size of the whole, offset,
+               checksum, data
     terms      what the ids stand for (JSON) and a digest of the terms of the team, at most one row
 
 The journal is a write-ahead log next to the file (`-wal`) and every commit is synchronised, so what
@@ -26,10 +28,12 @@ from typing import TYPE_CHECKING, Any
 from mocha_link.database import Knowledge, Record
 from mocha_link.errors import MochaLinkError
 from mocha_link.header import Header, HeaderError, latest_ms
+from mocha_link.shelf import Saved
+from mocha_link.sync import STAMP_MASK, is_body
 from mocha_link.terms import Terms
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
 VERSION = 1
@@ -39,6 +43,7 @@ JOURNAL_BYTES = 4 * 1024 * 1024
 SPARE_PAGES = 256
 
 _CHECKED = struct.Struct(">QBBQ?Bd")
+_PART = struct.Struct(">QII")
 _ALTERED = (struct.error, TypeError, ValueError, OverflowError, HeaderError)
 _TABLES = (
     """CREATE TABLE about (one INTEGER PRIMARY KEY CHECK (one = 1), epoch BLOB NOT NULL)""",
@@ -50,6 +55,9 @@ _TABLES = (
         stamp_ms INTEGER NOT NULL, inferred INTEGER NOT NULL, priority INTEGER NOT NULL,
         received_s REAL NOT NULL, checksum INTEGER NOT NULL, body BLOB NOT NULL)""",
 )
+_PARTS = """CREATE TABLE IF NOT EXISTS part (
+    long BLOB NOT NULL, total INTEGER NOT NULL, start INTEGER NOT NULL, checksum INTEGER NOT NULL,
+    data BLOB NOT NULL, PRIMARY KEY (long, total, start))"""
 _TERMS = """CREATE TABLE IF NOT EXISTS terms (
     one INTEGER PRIMARY KEY CHECK (one = 1), mark BLOB NOT NULL, names TEXT NOT NULL)"""
 
@@ -89,6 +97,7 @@ class Contents:
     epoch: int | None = None
     records: dict[int, Record] = field(default_factory=dict)
     knowledge: dict[str, Knowledge] = field(default_factory=dict)
+    parts: list[Saved] = field(default_factory=list)
 
     def latest_ms(self) -> int:
         """The latest stamp that a header could stand for when the last message came."""
@@ -104,6 +113,8 @@ class Changes:
     drops: set[int] = field(default_factory=set)
     puts: dict[int, Record] = field(default_factory=dict)
     knowledge: dict[str, Knowledge] = field(default_factory=dict)
+    part_drops: set[tuple[int, int]] = field(default_factory=set)
+    parts: list[Saved] = field(default_factory=list)
 
 
 def connect(path: Path) -> sqlite3.Connection:
@@ -147,6 +158,7 @@ class StorageFile:
             for table in _TABLES:
                 run(table)
         run(_TERMS)
+        run(_PARTS)
         run("COMMIT")
 
     def read(self, contents: Contents) -> None:
@@ -166,6 +178,9 @@ class StorageFile:
                 contents.knowledge[row[0]] = _knowledge(*row)
             except _ALTERED:
                 altered += 1
+        for row in run("SELECT long, total, start, checksum, data FROM part ORDER BY rowid"):
+            with suppress(*_ALTERED):  # it will come again
+                contents.parts.append(_part(*row))
         found = self._value("PRAGMA quick_check(1)")
         if altered or found != "ok":
             what = f"{altered} entries are altered" if altered else found
@@ -191,12 +206,19 @@ class StorageFile:
         void = [n for n, r in contents.records.items() if not terms.keeps(r.header, earlier or {})]
         for number in void:
             del contents.records[number]
+        strange = {
+            (part.long, part.total)
+            for part in contents.parts
+            if not terms.keeps(_header_of(part.long), earlier or {})
+        }
+        contents.parts = [p for p in contents.parts if (p.long, p.total) not in strange]
         if earlier is None:
             raise StorageDamagedError(_damaged(self._path, "its terms are altered"))
         run("BEGIN IMMEDIATE")
         run("INSERT OR REPLACE INTO terms VALUES (1, ?, ?)", (terms.mark, terms.text))
         run("DELETE FROM knowledge")
         self._connection.executemany("DELETE FROM record WHERE number = ?", ((n,) for n in void))
+        self._drop_parts(strange)
         run("COMMIT")
         return len(void)
 
@@ -214,14 +236,29 @@ class StorageFile:
                 "INSERT OR REPLACE INTO knowledge VALUES (?, ?, ?, ?, ?)",
                 (_knowledge_row(peer, known) for peer, known in changes.knowledge.items()),
             )
+            self._drop_parts(changes.part_drops)
+            run_many(
+                "INSERT OR REPLACE INTO part VALUES (?, ?, ?, ?, ?)",
+                (
+                    (_u64(part.long), part.total, part.start, _part_checksum(part), part.data)
+                    for part in changes.parts
+                ),
+            )
             run("COMMIT")
         except BaseException:
             with suppress(sqlite3.Error):  # SQLite may have done it by itself
                 run("ROLLBACK")
             raise
-        spare = self._value("PRAGMA freelist_count") if changes.drops else 0
+        dropped = changes.drops or changes.part_drops
+        spare = self._value("PRAGMA freelist_count") if dropped else 0
         if spare > SPARE_PAGES and spare > self._value("PRAGMA page_count") // 2:
             run(f"PRAGMA incremental_vacuum({spare})").fetchall()
+
+    def _drop_parts(self, keys: Iterable[tuple[int, int]]) -> None:
+        self._connection.executemany(
+            "DELETE FROM part WHERE long = ? AND total = ?",
+            ((_u64(long), total) for long, total in keys),
+        )
 
     def close(self) -> None:
         """Give the file up; what was not committed is gone."""
@@ -286,6 +323,22 @@ def _knowledge(peer: str, *row: Any) -> Knowledge:
     if _knowledge_row(peer, known) != (peer, *row):
         raise ValueError("altered")
     return known
+
+
+def _part(long: bytes, total: int, start: int, checksum: int, data: bytes) -> Saved:
+    part = Saved(int.from_bytes(long, "big"), total, start, data)
+    fits = start >= 0 and data and start + len(data) <= total and is_body(part.long, total)
+    if not fits or checksum != _part_checksum(part):
+        raise ValueError("altered")
+    return part
+
+
+def _part_checksum(part: Saved) -> int:
+    return zlib.crc32(part.data, zlib.crc32(_PART.pack(*part[:3])))
+
+
+def _header_of(long: int) -> Header:
+    return Header.at(long >> 56, long >> 48 & 0xFF, long & STAMP_MASK)
 
 
 def _checksum(number: int, fields: Sequence[object], body: bytes | memoryview) -> int:

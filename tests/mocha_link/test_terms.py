@@ -43,7 +43,7 @@ def test_a_robot_that_joins_gets_nobody_elses_messages(field_of, file, caplog):
         # callisto has kept its number.
         assert [(m.robot, m.data) for m in io.messages()] == [("callisto", b"callisto is here")]
         io.publish("/path", b"way")
-    assert "1 messages are gone" in caplog.text
+    assert "1 message is gone" in caplog.text
     with running(later, "io", storage=file) as (io, _):
         assert {m.data for m in io.messages()} == {b"callisto is here", b"way"}
 

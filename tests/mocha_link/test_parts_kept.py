@@ -1,0 +1,337 @@
+"""Messages that have come in part survive a restart of the one that receives them."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mocha_link.database import Database
+from mocha_link.metrics import MessageStored
+from mocha_link.shelf import SAVE_BYTES, SAVE_S, Saved, Shelf
+from mocha_link.storage import Storage
+from mocha_link.sync import long_id
+from mocha_link.team import Team
+from mocha_link.terms import Terms
+from tests.mocha_link.conftest import TEAM
+from tests.mocha_link.ether import Ether
+
+LARGE = random.Random(1).randbytes(400_000)
+LONG = long_id(2, 0, 1_795_175_900_000)
+NOW_S = 1000.0
+
+
+class Notes:
+    """Keeps parts, as a storage does."""
+
+    def __init__(self) -> None:
+        self.parts: list[Saved] = []
+        self.written = 0
+
+    def keep_part(self, part: Saved) -> None:
+        self.parts.append(part)
+        self.written += len(part.data)
+
+    def drop_parts(self, long: int, total: int) -> None:
+        self.parts = [part for part in self.parts if part[:2] != (long, total)]
+
+
+# --- the shelf
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    st.lists(
+        st.one_of(
+            st.tuples(st.integers(0, 99_999), st.integers(1, 40_000)),
+            st.just("save"),
+            st.just("restart"),
+        ),
+        max_size=30,
+    )
+)
+def test_each_byte_is_written_once_and_comes_back(steps):
+    notes, whole, shelf = Notes(), LARGE[:100_000], None
+    there: set[range] = set()
+    shelf = Shelf(keeper=notes)
+    for step in steps:
+        if step == "save":
+            shelf.save(NOW_S, at_once=True)
+        elif step == "restart":
+            shelf.save(NOW_S, at_once=True)
+            held = [(long, p.held, p.missing(10_000)) for long, p in shelf]
+            shelf = Shelf(keeper=notes, saved=notes.parts)
+            assert [(long, p.held, p.missing(10_000)) for long, p in shelf] == held
+        else:
+            start, size = step
+            end = min(start + size, len(whole))
+            body = shelf.add(LONG, len(whole), start, memoryview(whole)[start:end])
+            there.add(range(start, end))
+            if body is not None:
+                assert body == whole
+                shelf.drop(LONG)
+                assert not notes.parts
+                return
+    shelf.save(NOW_S, at_once=True)
+    assert notes.written == len(set().union(*there))
+
+
+def test_it_is_saved_when_it_is_enough_or_time():
+    notes = Notes()
+    shelf, size = Shelf(keeper=notes), 4 * SAVE_BYTES
+    data = memoryview(bytes(size))
+    shelf.add(LONG, size, 0, data[:100])
+    shelf.save(NOW_S)
+    shelf.save(NOW_S + SAVE_S - 0.1)
+    assert not notes.parts
+    shelf.save(NOW_S + SAVE_S)
+    assert [part[:3] for part in notes.parts] == [(LONG, size, 0)]
+    shelf.save(NOW_S + 10 * SAVE_S)
+    assert len(notes.parts) == 1
+    shelf.add(LONG, size, 200, data[: SAVE_BYTES - 1])
+    shelf.save(NOW_S + 10 * SAVE_S)
+    assert len(notes.parts) == 1
+    shelf.add(LONG, size, 100, data[:1])
+    shelf.save(NOW_S + 10 * SAVE_S)
+    assert sorted(part.start for part in notes.parts) == [0, 100, 200]
+
+
+def test_what_is_dropped_for_room_is_dropped_on_disk():
+    notes = Notes()
+    shelf = Shelf(50_000, keeper=notes)
+    for number in range(3):
+        shelf.add(LONG + number, 30_000, 0, memoryview(LARGE)[:20_000])
+        shelf.save(NOW_S, at_once=True)
+    assert {part.long for part in notes.parts} == {LONG + 1, LONG + 2}
+    again = Shelf(30_000, keeper=notes, saved=list(notes.parts))
+    assert [long for long, _ in again] == [LONG + 2]
+    assert {part.long for part in notes.parts} == {LONG + 2}
+
+
+def test_a_message_that_was_whole_when_it_ended_is_not_asked_for_again():
+    """It was stored, or refused, and what was kept of it was still there."""
+    notes = Notes()
+    parts = [Saved(LONG, 100, 0, LARGE[:60]), Saved(LONG, 100, 50, LARGE[50:100])]
+    notes.parts = list(parts)
+    assert not len(Shelf(keeper=notes, saved=parts))
+    assert not notes.parts
+
+
+# --- on disk
+
+
+@pytest.fixture
+def team(field_of) -> Team:
+    return field_of(TEAM).team
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "io.db"
+
+
+class Meetings(Ether):
+    """titan has a large message; io has a storage and gets it in several contacts."""
+
+    def __init__(self, team: Team, path, *, datagrams: bool = True) -> None:
+        super().__init__(team, names=("io", "titan"), datagrams=datagrams, delay_s=0.05)
+        self.path = path
+        self.storage: Storage | None = None
+        self.boot()
+        self.publish("titan", "/map", LARGE)
+
+    def boot(self, team: Team | None = None) -> None:
+        terms = Terms.of(team or self.team)
+        self.storage = Storage(self.path, terms=terms, retry_s=3600)
+        self.restart("io", database=Database(storage=self.storage))
+
+    def die(self) -> None:
+        """What has been given to the storage is there, nothing else."""
+        self.storage.close(30)
+
+    def meet(self, pieces: int | None = None) -> int:
+        """A contact; the bytes that titan said in it."""
+        before = len(self.carried)
+        self.left = pieces
+        self.nodes["io"].sync("titan", self.now)
+        if pieces is None:
+            self.settle()
+        else:
+            self.wait(20)
+        return sum(len(c.data) for c in self.carried[before:] if c.source == "titan")
+
+    def held(self, name: str = "io") -> int:
+        return sum(partial.held for _, partial in self.nodes[name]._means.shelf)
+
+    @property
+    def got(self) -> bytes | None:
+        held = super().held("io")
+        return held.get(("titan", "/map"))
+
+
+@pytest.fixture(params=[True, False], ids=["udp", "tcp"])
+def meetings(team, path, request):
+    meetings = Meetings(team, path, datagrams=request.param)
+    yield meetings
+    meetings.die()
+
+
+def test_an_orderly_end_keeps_all_that_has_come(meetings):
+    meetings.meet(pieces=120)
+    held = meetings.held()
+    assert 20_000 < held < len(LARGE)
+    meetings.nodes["io"].save(meetings.now)
+    meetings.die()
+    meetings.boot()
+    assert meetings.held() == held
+    said = meetings.meet()
+    assert meetings.got == LARGE
+    assert said < (len(LARGE) - held) * 1.1 + 2_000
+    assert not len(meetings.nodes["io"]._means.shelf)
+    meetings.die()
+    with closing(sqlite3.connect(meetings.path)) as file:
+        assert file.execute("SELECT count(*) FROM part").fetchone() == (0,)
+
+
+def test_an_end_without_warning_loses_the_last_seconds(meetings):
+    meetings.meet(pieces=120)
+    held = meetings.held()  # saved by now
+    meetings.left = 20
+    meetings.nodes["io"].sync("titan", meetings.now)
+    meetings.wait(1)
+    more = meetings.held()
+    assert more > held
+    meetings.die()
+    meetings.boot()
+    assert meetings.held() == held
+    meetings.meet()
+    assert meetings.got == LARGE
+
+
+def test_what_is_damaged_on_disk_comes_again(meetings):
+    """It is not worth to give the file up for it."""
+    meetings.meet(pieces=120)
+    meetings.nodes["io"].save(meetings.now)
+    meetings.die()
+    with closing(sqlite3.connect(meetings.path)) as file:
+        count = file.execute("SELECT count(*) FROM part").fetchone()[0]
+        file.execute("UPDATE part SET data = zeroblob(length(data)) WHERE rowid % 2 = 1")
+        file.execute("INSERT INTO part VALUES (x'00', -1, 'no', 2, 3.5)")
+        file.commit()
+    meetings.boot()
+    assert meetings.storage.fault is None
+    assert len(meetings.nodes["io"].database.take_parts()) == 0
+    assert sum(1 for _ in meetings.nodes["io"]._means.shelf) <= count
+    meetings.meet()
+    assert meetings.got == LARGE
+
+
+def test_what_a_wrong_part_spoils_is_not_taken_and_comes_again(meetings):
+    """As if disk, checksum and all had lied."""
+    meetings.meet(pieces=120)
+    shelf = meetings.nodes["io"]._means.shelf
+    ((long, partial),) = list(shelf)
+    shelf.drop(long)
+    shelf.add(long, partial.total, 0, memoryview(bytes(20_000)))
+    meetings.nodes["io"].save(meetings.now)
+    meetings.die()
+    meetings.boot()
+    meetings.meet()
+    assert meetings.got == LARGE
+    assert meetings.nodes["io"].links(meetings.now)["titan"].refused
+    assert [e.size > len(LARGE) for e in meetings.told("io", MessageStored)] == [True]
+
+
+def test_under_another_team_file_parts_of_what_has_moved_go(field_of, team, path):
+    """Their ids may be those of another robot's messages."""
+    meetings = Meetings(team, path)
+    meetings.meet(pieces=120)
+    meetings.nodes["io"].save(meetings.now)
+    meetings.die()
+    later = field_of(TEAM.replace("/map, type: grid/SemanticMap", "/map, type: grid/Other")).team
+    storage = Storage(path, terms=Terms.of(later))
+    database = Database(storage=storage)
+    assert database.take_parts() == []
+    assert storage.close(30)
+    with closing(sqlite3.connect(path)) as file:
+        assert file.execute("SELECT count(*) FROM part").fetchone() == (0,)
+
+
+def test_a_disk_that_is_full_keeps_no_parts_in_memory(team, path):
+    meetings = Meetings(team, path / "no" / "such" / "directory")
+    meetings.meet(pieces=120)
+    for _ in range(3):
+        meetings.nodes["io"].save(meetings.now)
+        meetings.storage.retry()
+        meetings.storage.wait(30)
+    assert not meetings.storage._pending.parts
+    assert meetings.storage.fault is not None
+    meetings.meet()
+    assert meetings.got == LARGE
+    meetings.die()
+
+
+def test_a_file_that_is_out_of_reach_for_a_while_forgets_the_parts_from_before(team, path):
+    meetings = Meetings(team, path)
+    meetings.meet(pieces=120)
+    meetings.nodes["io"].save(meetings.now)
+    meetings.die()
+    aside = path.with_suffix(".aside")
+    shutil.move(path, aside)
+    path.mkdir()
+    meetings.boot()
+    assert meetings.storage.fault is not None
+    path.rmdir()
+    shutil.move(aside, path)
+    meetings.storage.retry()
+    assert meetings.storage.wait(30)
+    meetings.meet()
+    assert meetings.got == LARGE
+    meetings.die()
+    with closing(sqlite3.connect(path)) as file:
+        assert file.execute("SELECT count(*) FROM part").fetchone() == (0,)
+
+
+KILLED = """
+import sys, time
+from mocha_link.database import Database
+from mocha_link.shelf import SAVE_BYTES, Shelf
+from mocha_link.storage import Storage
+storage = Storage(sys.argv[1])
+database = Database(storage=storage)
+shelf = Shelf(keeper=database.keeper, saved=database.take_parts())
+data = memoryview(bytes(range(256)) * (SAVE_BYTES // 64))
+for start in range(0, 3 * SAVE_BYTES, 10_000):
+    shelf.add(int(sys.argv[2]), len(data), start, data[start:start + 10_000])
+    shelf.save(0.0)
+assert storage.wait(30)
+print("saved", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_kill_9(path):
+    process = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(path), str(LONG)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    with process:
+        assert process.stdout.readline() == b"saved\n"
+        os.kill(process.pid, signal.SIGKILL)
+    storage = Storage(path)
+    shelf = Shelf(saved=Database(storage=storage).take_parts())
+    ((long, partial),) = list(shelf)
+    assert long == LONG
+    assert 2 * SAVE_BYTES < partial.held <= 3 * SAVE_BYTES + 10_000
+    assert partial.read(100_000, 100_300) == (bytes(range(256)) * 3)[160:460]
+    assert storage.close(30)
