@@ -22,6 +22,7 @@ from air_router.actions import (
 from air_router.behaviour import EXPLORING, Signal, State, knows, next_state
 from air_router.events import CommandConfirmed, CommandFailed, Event, Request, RobotPath, RobotPose
 from air_router.exchange import Exchange
+from air_router.homeward import WayHome
 from air_router.journeys import RETRY_S, Journeys
 from air_router.launch import Launch
 from air_router.milestones import Silence, TakeOff, reason_to_return, take_off
@@ -67,7 +68,8 @@ class Controller(Journeys):
         self._taken_by: Taker | None = None
         self._silence = Silence()
         self._exchange = Exchange()
-        self._come_home_why: str | None = None
+        self._way_home = WayHome(mission, router)
+        self.came_home_why: str | None = None
 
     # What others read.
 
@@ -75,6 +77,11 @@ class Controller(Journeys):
     def time_left_s(self) -> float | None:
         """Seconds until the state's timer, None while it does not run."""
         return self._schedule.left_s
+
+    @property
+    def need_home(self) -> float | None:
+        """The charge that flying home from here and landing takes; None when that is unknown."""
+        return self._way_home.need_now
 
     @property
     def in_charge(self) -> bool:
@@ -244,7 +251,7 @@ class Controller(Journeys):
 
     def _enter_home(self) -> None:
         self.robot = None
-        self._say(f"coming home: {self._come_home_why}")
+        self._say(f"coming home: {self.came_home_why}")
         self._go_home()
 
     def _enter_land(self) -> None:
@@ -320,15 +327,18 @@ class Controller(Journeys):
             self._signal(Signal.TAKEN_OVER)
 
     def _check_end(self, telemetry: Telemetry) -> None:
+        if not knows(self.state, Signal.COME_HOME):
+            return
         since_s = self._launch.since_s(self._schedule.now_s)
-        why = reason_to_return(self._mission, telemetry, since_s)
+        need = self._way_home.need(telemetry)
+        why = reason_to_return(self._mission, telemetry, since_s, need)
         if why is not None:
             self._come_home(why)
 
     def _come_home(self, why: str) -> None:
         if not knows(self.state, Signal.COME_HOME):
             return
-        self._come_home_why = why
+        self.came_home_why = why
         on_ground = self.telemetry is None or not self.telemetry.in_air
         if on_ground:
             self._launch.stayed_why = why

@@ -387,5 +387,6 @@ class Flight:
             if name in self.ledger.robots:
                 self.ledger.robots[name].newest_stamp_s = stamp_s
         report = self.ledger.report(outcome, self._clock.now_s())
+        report["came_home_because"] = self.controller.came_home_why
         self._recorder.write("flight", self._clock.boot_s(), {"type": "Report", **report})
         return FlightResult(outcome, exit_code, report, tuple(self.ledger.track))

@@ -6,6 +6,7 @@ import math
 from enum import Enum
 from typing import TYPE_CHECKING, Final
 
+from air_router.homeward import LANDING_MARGIN
 from air_router.vehicle import FlightMode
 
 if TYPE_CHECKING:
@@ -46,10 +47,25 @@ def take_off(mission: Mission, telemetry: Telemetry) -> TakeOff:
     return TakeOff.MISPLACED if away_m > HOME_TOLERANCE_M else TakeOff.TO_COME
 
 
-def reason_to_return(mission: Mission, telemetry: Telemetry, airborne_s: float) -> str | None:
-    """Why the vehicle comes home now, `airborne_s` seconds after take-off; None to stay out."""
-    if telemetry.battery is not None and telemetry.battery <= mission.battery_reserve:
-        return f"battery at {telemetry.battery:.0%}"
+def reason_to_return(
+    mission: Mission, telemetry: Telemetry, airborne_s: float, need_home: float | None = None
+) -> str | None:
+    """Why the vehicle comes home now; None to stay out.
+
+    Args:
+        mission: its battery reserve and duration.
+        telemetry: the vehicle's charge.
+        airborne_s: seconds since take-off.
+        need_home: the charge that flying home from here and landing takes, if that is known.
+    """
+    charge = telemetry.battery
+    if charge is not None and charge <= mission.battery_reserve:
+        return f"battery at {charge:.0%}"
+    if charge is not None and need_home is not None and charge <= need_home + LANDING_MARGIN:
+        return (
+            f"battery at {charge:.0%}: the way home takes {need_home:.0%}, "
+            f"{LANDING_MARGIN:.0%} are to be left on the ground"
+        )
     if mission.duration_s is not None and airborne_s >= mission.duration_s:
         return f"{mission.duration_s:.0f} s of mission are over"
     return None

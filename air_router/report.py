@@ -57,11 +57,14 @@ def table(report: dict[str, Any]) -> str:
     lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
     lines.insert(1, "  ".join("-" * w for w in widths))
     interactions = report["interactions"]
+    why = report.get("came_home_because")
     lines.append("")
     lines.append(
         f"{report['outcome']}: {report['duration_s']:.0f} s, {report['distance_m']:.0f} m flown, "
         f"states {', '.join(report['states_visited'])}"
     )
+    if why is not None:
+        lines.append(f"came home: {why}")
     lines.append(
         f"interactions: {interactions['started']} started, {interactions['completed']} completed, "
         f"{interactions['timed_out']} timed out"

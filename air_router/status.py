@@ -86,7 +86,9 @@ def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str
     if telemetry is not None:
         parts.append(f"{telemetry.altitude_m:.0f} m")
         if telemetry.battery is not None:
-            parts.append(f"battery {telemetry.battery:.0%}")
+            need = controller.need_home
+            home = "" if need is None else f" (home takes {need:.0%})"
+            parts.append(f"battery {telemetry.battery:.0%}{home}")
     heard = [
         f"{peer} {link.rssi_dbm:.0f} dBm"
         for peer, link in sorted(links.items())

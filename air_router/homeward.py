@@ -1,0 +1,264 @@
+"""Coming home: how far it is, what it takes, and what the autopilot would do by itself.
+
+The vehicle comes home along the waypoint graph; lengths are those of one shortest-path tree from
+home, and one from all rally points together, so that a mission of thousands of waypoints is looked
+at in a fraction of a second. A straight leg home that is clear is taken instead, as in flight.
+The autopilot's own return (RTL_TYPE 0, PX4's default for multicopters) is a straight line to the
+nearest of home and rally points, at 60 m above home or higher (RTL_RETURN_ALT), whatever lies
+between: PX4 tests no fence on it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import networkx as nx
+import numpy as np
+
+from air_router.flight_plan import HOME_NODE
+from air_router.router import Route
+from geo.airspace import Airspace
+from geo.frame import Point
+
+if TYPE_CHECKING:
+    from air_router.graph import WaypointGraph
+    from air_router.mission import Mission
+    from air_router.router import Router
+    from air_router.vehicle import Telemetry
+
+ACCELERATION_M_S2: Final = 2.0
+"""What a flight time counts for speeding up and braking at the ends of a leg."""
+
+LANDING_M_S: Final = 0.7
+"""PX4's last metres (MPC_LAND_SPEED); it is faster above 10 m, which we leave as a margin."""
+
+LANDING_MARGIN: Final = 0.10
+"""The charge that is left on the ground. At 7 % PX4 returns by itself, straight."""
+
+RETURN_ALTITUDE_M: Final = 60.0
+"""The highest default of RTL_RETURN_ALT: the autopilot's return climbs to it if it is lower."""
+
+_MOVED_M: Final = 5.0
+_ASKED_S: Final = 5.0
+"""The way home is planned anew when the vehicle has moved so far, or after so long."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Way:
+    """A way that is known to be clear: its length and its number of legs."""
+
+    length_m: float
+    legs: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """What ways take a vehicle.
+
+    Attributes:
+        speed_m_s: cruise speed.
+        landing_s: from the mission's altitude to the ground.
+        endurance_s: how long a full battery lasts; None if that is not known.
+    """
+
+    speed_m_s: float
+    landing_s: float
+    endurance_s: float | None
+
+    @classmethod
+    def of(cls, mission: Mission) -> Pace:
+        """A mission's pace, landing from the highest altitude that it flies at."""
+        altitudes_m = [w.altitude_above_home_m for w in mission.waypoints]
+        highest_m = max([mission.altitude_above_home_m, *altitudes_m])
+        return cls(mission.speed_m_s, highest_m / LANDING_M_S, mission.endurance_s)
+
+    def time_s(self, way: Way) -> float:
+        """Flight time of a way, with a stop at the end of every leg."""
+        return way.length_m / self.speed_m_s + way.legs * self.speed_m_s / ACCELERATION_M_S2
+
+    def home_s(self, way: Way) -> float:
+        """Time of the way home and of landing there."""
+        return self.time_s(way) + self.landing_s
+
+    def need(self, way: Way) -> float | None:
+        """The share of a full battery that flying home and landing takes; None if unknown."""
+        return None if self.endurance_s is None else self.home_s(way) / self.endurance_s
+
+
+@dataclass(frozen=True, slots=True)
+class StraightReturn:
+    """Where the autopilot's own return from a waypoint would go, and what it would cut.
+
+    Attributes:
+        waypoint: its number.
+        to: `home`, or `rally point N`.
+        cuts: names of zones, and the fence.
+    """
+
+    waypoint: int
+    to: str
+    cuts: tuple[str, ...]
+
+
+class Homeward:
+    """The ways home, and to the nearest rally point, of all nodes of a waypoint graph."""
+
+    def __init__(self, graph: WaypointGraph, router: Router) -> None:
+        self._graph = graph
+        self._router = router
+        self._mission = graph.mission
+        self.pace = Pace.of(graph.mission)
+
+    @cached_property
+    def home(self) -> Mapping[int, Way]:
+        """The way home of every node that has one."""
+        ways = _tree(self._graph, {HOME_NODE: Way(0.0, 0)})
+        return self._with_straight(ways, self._mission.home)
+
+    @cached_property
+    def rally(self) -> Mapping[int, Way]:
+        """The way to the nearest rally point (by way) of every node that has one."""
+        ways: dict[int, Way] = {}
+        for place in self._mission.rally_points:
+            seen = self._with_straight({}, place) or self._by_route(place)
+            for node, way in seen.items():
+                ways[node] = min(way, ways.get(node, way))
+        return _tree(self._graph, ways) if ways else {}
+
+    @property
+    def worst_waypoint(self) -> tuple[int, Way] | None:
+        """The waypoint with the longest way home; None if none has a way."""
+        numbers = [w.number for w in self._mission.waypoints if w.number in self.home]
+        if not numbers:
+            return None
+        number = max(numbers, key=lambda n: self.pace.time_s(self.home[n]))
+        return number, self.home[number]
+
+    @property
+    def worst_place(self) -> tuple[tuple[int, int], Way] | None:
+        """The leg of the graph with the place that is farthest from home, and the way from there.
+
+        On a leg of length L between a and b that is the place from which both ways home, back by a
+        and on by b, are equally long: (L + way of a + way of b) / 2.
+        """
+        worst: tuple[tuple[int, int], Way] | None = None
+        for a, b, edge in self._graph.graph.edges(data=True):
+            if a in self.home and b in self.home:
+                length_m = (edge["length_m"] + self.home[a].length_m + self.home[b].length_m) / 2
+                legs = 1 + max(self.home[a].legs, self.home[b].legs)
+                if worst is None or length_m > worst[1].length_m:
+                    worst = ((a, b), Way(length_m, legs))
+        return worst
+
+    @cached_property
+    def straight_returns(self) -> tuple[StraightReturn, ...]:
+        """From which waypoints the autopilot's own return would cut a zone or the fence.
+
+        With rally points on board it goes to the nearest of them and home, without them home.
+        We do not know which are on board, so both are looked at.
+        """
+        mission = self._mission
+        if not mission.waypoints:
+            return ()
+        airspace = return_airspace(mission)
+        here = np.array([w.position for w in mission.waypoints])
+        ends = np.array([mission.home, *mission.rally_points])
+        away_m = np.hypot(*(here[:, None] - ends[None]).transpose(2, 0, 1))
+        nearest = np.argmin(away_m, axis=1)
+        home = np.zeros_like(nearest)
+        found = []
+        for aims, asked in ((home, home == 0), (nearest, nearest > 0)):
+            cut = asked & ~airspace.legs_clear_between(here, ends[aims])
+            for index in np.flatnonzero(cut):
+                waypoint, aim = mission.waypoints[index], int(aims[index])
+                cuts = airspace.blockers(waypoint.position, Point(*ends[aim].tolist()))
+                to = f"rally point {aim}" if aim else "home"
+                found.append(StraightReturn(waypoint.number, to, cuts))
+        return tuple(found)
+
+    def _with_straight(self, ways: Mapping[int, Way], place: Point) -> dict[int, Way]:
+        """The ways, with straight ones to a place where these are clear."""
+        better = dict(ways)
+        nodes = self._graph.positions
+        clear = self._mission.planning_airspace.legs_clear(place, list(nodes.values()))
+        for (node, position), ok in zip(nodes.items(), clear, strict=True):
+            if ok:
+                straight = Way(math.dist(position, place))
+                better[node] = min(straight, better.get(node, straight))
+        return better
+
+    def _by_route(self, place: Point) -> dict[int, Way]:
+        """The way to a place that no node sees, from the node that is nearest to it."""
+        nodes = self._graph.positions
+        nearest = min(nodes, key=lambda node: math.dist(nodes[node], place))
+        route = self._router.route(nodes[nearest], place)
+        if not isinstance(route, Route):
+            return {}
+        return {nearest: Way(route.length_m, len(route.legs))}
+
+
+def return_airspace(mission: Mission) -> Airspace:
+    """What the autopilot's own return may cut: as drawn, at the altitudes where it flies."""
+    every = Airspace(mission.fences, mission.zones, mission.planner.clearance_m)
+    active = every.during(mission.window.start, mission.window.end)
+    highest_m = max(mission.cruise.upper_m, RETURN_ALTITUDE_M)
+    return active.at(mission.cruise.lower_m, highest_m).as_drawn()
+
+
+class WayHome:
+    """The way home from where the vehicle is, asked for again and again in flight. Pure."""
+
+    def __init__(self, mission: Mission, router: Router) -> None:
+        self._router = router
+        self._pace = Pace.of(mission)
+        self._from: Point | None = None
+        self._asked_s = -math.inf
+        self._way: Way | None = None
+        self.need_now: float | None = None
+
+    def need(self, telemetry: Telemetry) -> float | None:
+        """The share of a full battery that flying home from here and landing takes.
+
+        None while endurance or way are unknown. Where no way is found now (too fast, too near to a
+        zone) it is the last one's, and the distance from where that began.
+        `need_now` keeps the answer.
+        """
+        self.need_now = self._need(telemetry)
+        return self.need_now
+
+    def _need(self, telemetry: Telemetry) -> float | None:
+        if self._pace.endurance_s is None:
+            return None
+        moved_m = math.inf if self._from is None else math.dist(self._from, telemetry.position)
+        if moved_m >= _MOVED_M or telemetry.time_s >= self._asked_s + _ASKED_S:
+            self._asked_s = telemetry.time_s
+            route = self._router.route(telemetry.position, HOME_NODE)
+            if isinstance(route, Route):
+                self._from, moved_m = telemetry.position, 0.0
+                self._way = Way(route.length_m, len(route.legs))
+        if self._way is None:
+            return None
+        return self._pace.need(Way(self._way.length_m + moved_m, self._way.legs + 1))
+
+
+def _tree(graph: WaypointGraph, ends: Mapping[int, Way]) -> dict[int, Way]:
+    """The shortest ways over the graph to the nearest of some nodes, each with a way on."""
+    net: nx.Graph[int] = graph.graph
+    goal = -1
+    with_goal = nx.Graph(net)
+    for node, way in ends.items():
+        with_goal.add_edge(goal, node, length_m=way.length_m, via=())
+    before, lengths = nx.dijkstra_predecessor_and_distance(with_goal, goal, weight="length_m")
+    ways: dict[int, Way] = {goal: Way(0.0, 0)}
+    for node, length_m in sorted(lengths.items(), key=lambda pair: pair[1]):
+        if node == goal:
+            continue
+        onto = before[node][0]
+        legs = ends[node].legs if onto == goal else ways[onto].legs + 1 + len(graph.via(node, onto))
+        ways[node] = Way(length_m, legs)
+    del ways[goal]
+    return ways

@@ -1,0 +1,237 @@
+"""Ways home: their lengths, what they take of the battery, and the autopilot's own return."""
+
+import dataclasses
+import json
+import math
+import random
+import time
+
+import pytest
+
+from air_router.behaviour import State
+from air_router.graph import WaypointGraph
+from air_router.homeward import LANDING_M_S, LANDING_MARGIN, Homeward, Pace, Way, WayHome
+from air_router.mission import load_mission
+from air_router.router import Route, Router
+from air_router.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+
+
+def made(folder, **changes):
+    data = {
+        "coordinates": "local",
+        "frame": {"origin": [38.5, -98.5]},
+        "home": [0, 0],
+        "altitude_m": 35,
+        "speed_m_s": 5,
+        "waypoints": [[80, 0], [80, 80], [0, 80]],
+        "fence": [[-200, -200], [200, -200], [200, 200], [-200, 200]],
+        "no_fly_zones": [{"name": "barn", "polygon": [[20, 20], [60, 20], [60, 60], [20, 60]]}],
+    }
+    path = folder / "mission.yaml"
+    path.write_text(json.dumps(data | changes))
+    return load_mission(path)
+
+
+def homeward(mission):
+    graph = WaypointGraph(mission)
+    return Homeward(graph, Router(graph))
+
+
+def test_ways_home_go_around_and_straight_ones_are_taken(tmp_path):
+    ways = homeward(made(tmp_path)).home
+    assert ways[0] == Way(0.0, 0)
+    assert ways[1] == Way(80.0)
+    assert ways[2] == Way(160.0, 2)  # straight over the barn it would be 113 m
+    assert ways[3] == Way(80.0)
+
+
+def test_the_worst_waypoint_and_the_worst_place_of_a_leg(tmp_path):
+    found = homeward(made(tmp_path))
+    assert found.worst_waypoint == (2, Way(160.0, 2))
+    (_, leg), (_, way) = found.worst_place[0], found.worst_place
+    assert leg == 2
+    assert way.length_m == pytest.approx(160.0)
+
+
+def test_no_way_home_is_longer_than_over_the_graph_or_shorter_than_straight(pennovation):
+    graph = WaypointGraph(pennovation)
+    router = Router(graph)
+    for node, way in Homeward(graph, router).home.items():
+        straight_m = math.dist(graph.position(node), pennovation.home)
+        route = router.route(graph.position(node), 0)
+        assert isinstance(route, Route)
+        assert straight_m - 1e-6 <= way.length_m
+        assert route.length_m == pytest.approx(way.length_m, rel=0.02)
+
+
+def test_what_a_way_takes(tmp_path):
+    pace = Pace.of(made(tmp_path, endurance_s=1000))
+    assert pace.landing_s == 35 / LANDING_M_S == 50
+    assert pace.time_s(Way(100.0, 2)) == 100 / 5 + 2 * 2.5
+    assert pace.need(Way(100.0, 2)) == pytest.approx((25 + 50) / 1000)
+    assert Pace.of(made(tmp_path)).need(Way(1.0)) is None
+
+
+def test_rally_points(tmp_path):
+    assert homeward(made(tmp_path)).rally == {}
+    ways = homeward(made(tmp_path, rally_points=[[80, 100], [-100, 0]])).rally
+    assert ways[2] == Way(20.0)
+    assert ways[0] == Way(100.0)
+    assert ways[1] == Way(100.0)  # the other one would be 180 m
+    assert ways[3].length_m == pytest.approx(math.hypot(80, 20))
+
+
+def test_a_rally_point_that_no_waypoint_sees_is_reached_around_corners(tmp_path):
+    yard = [
+        [-60, 100],
+        [60, 100],
+        [60, 110],
+        [-50, 110],
+        [-50, 150],
+        [60, 150],
+        [60, 160],
+        [-60, 160],
+    ]
+    mission = made(tmp_path, no_fly_zones=[{"polygon": yard}], rally_points=[[-35, 130]])
+    ways = homeward(mission).rally
+    assert set(ways) == {0, 1, 2, 3}
+    assert ways[3].length_m > 150
+
+
+def test_where_the_autopilot_s_straight_return_cuts(tmp_path):
+    found = homeward(made(tmp_path)).straight_returns
+    assert [(r.waypoint, r.to, r.cuts) for r in found] == [(2, "home", ("barn",))]
+    rally = homeward(made(tmp_path, rally_points=[[80, 100]])).straight_returns
+    assert [(r.waypoint, r.to) for r in rally] == [(2, "home")]
+    rally = homeward(made(tmp_path, rally_points=[[0, 10]], waypoints=[[80, 80]])).straight_returns
+    assert [(r.waypoint, r.to) for r in rally] == [(1, "home"), (1, "rally point 1")]
+
+
+def test_a_concave_fence_is_cut_too(tmp_path):
+    fence = [[-20, -20], [200, -20], [200, 100], [150, 100], [150, 20], [-20, 20]]
+    mission = made(tmp_path, fence=fence, no_fly_zones=[], waypoints=[[180, 80], [100, 0]])
+    assert [(r.waypoint, r.cuts) for r in homeward(mission).straight_returns] == [(1, ("fence",))]
+
+
+def test_the_return_climbs_into_zones_above_the_mission(tmp_path):
+    square = [[20, 20], [60, 20], [60, 60], [20, 60]]
+
+    def cuts(lower_m, upper_m):
+        zone = {"polygon": square, "altitude": {"lower_m": lower_m, "upper_m": upper_m}}
+        return [r.waypoint for r in homeward(made(tmp_path, no_fly_zones=[zone])).straight_returns]
+
+    assert cuts(50, 120) == [2]  # 15 m above the mission, below the return altitude
+    assert cuts(70, 120) == []
+    assert cuts(0, 20) == []
+
+
+def test_large_missions_are_looked_at_quickly(tmp_path):
+    chance = random.Random(4)
+    zones = []
+    for east in range(22):
+        for north in range(22):
+            west, south = -1980 + 180 * east, -1980 + 180 * north
+            zones.append([[west, south], [west + 60, south], [west + 60, south + 60]])
+    waypoints = []
+    while len(waypoints) < 2000:
+        place = [chance.uniform(-1990, 1990), chance.uniform(-1990, 1990)]
+        if all(75 < (place[i] + 1980) % 180 < 170 for i in (0, 1)):
+            waypoints.append(place)
+    mission = made(
+        tmp_path,
+        home=[90, 90],
+        waypoints=waypoints,
+        no_fly_zones=zones,
+        planner={"max_edge_m": 250},
+        fence=[[-2100, -2100], [2100, -2100], [2100, 2100], [-2100, 2100]],
+    )
+    found = homeward(mission)
+    began_s = time.process_time()
+    assert len(found.home) == 2001
+    returns = found.straight_returns
+    assert time.process_time() - began_s < 4.0  # 0.6 s on an idle machine
+    assert len({r.waypoint for r in returns}) > 1000
+
+
+def telemetry(mission, position, time_s=1.0, battery=0.5):
+    return Telemetry(
+        time_s,
+        position,
+        mission.altitude_above_home_m,
+        in_air=True,
+        mode=FlightMode.MISSION,
+        battery=battery,
+    )
+
+
+class CountingRouter:
+    def __init__(self, mission):
+        self.router = Router(WaypointGraph(mission))
+        self.asked = 0
+
+    def route(self, *arguments):
+        self.asked += 1
+        return self.router.route(*arguments)
+
+
+def test_in_flight_the_way_home_is_planned_now_and_then(tmp_path):
+    mission = made(tmp_path, endurance_s=1000)
+    router = CountingRouter(mission)
+    way = WayHome(mission, router)
+    assert way.need(telemetry(mission, Point(80, 80))) > way.need(
+        telemetry(mission, Point(80, 0), 2.0)
+    )
+    assert router.asked == 2
+    for tenth in range(30):
+        way.need(telemetry(mission, Point(80, 0.01 * tenth), 2.0 + tenth / 10))
+    assert router.asked == 2
+    way.need(telemetry(mission, Point(80, 0.3), 8.0))
+    assert router.asked == 3
+
+
+def test_without_a_way_the_last_one_counts_and_the_distance_since(tmp_path):
+    mission = made(tmp_path, endurance_s=1000)
+    way = WayHome(mission, Router(WaypointGraph(mission)))
+    assert way.need(telemetry(mission, Point(40, 40))) is not None  # inside the barn: it gets out
+    way = WayHome(mission, Router(WaypointGraph(mission)))
+    before = way.need(telemetry(mission, Point(80, 0)))
+    lost = telemetry(mission, Point(80, -5000), 2.0)
+    router_says_no = type("No", (), {"route": lambda *_: None})()
+    way._router = router_says_no
+    assert way.need(lost) == pytest.approx(before + 1000 / 1000, abs=0.01)
+    assert WayHome(mission, router_says_no).need(lost) is None
+    assert WayHome(made(tmp_path), CountingRouter(mission)).need(lost) is None
+
+
+def test_the_vehicle_turns_when_the_charge_is_needed_for_the_way_home(pretend):
+    flight = pretend(battery_reserve=0.05, endurance_s=600.0, duration_s=None)
+    flight.take_off()
+    began_s, capacity_s = flight.now_s, 600.0
+
+    def drain():
+        flight.battery = max(0.0, 1.0 - (flight.now_s - began_s) / capacity_s)
+        return flight.finished is not None
+
+    flight.fly_until(drain)
+    (why,) = [text for text in flight.said if text.startswith("coming home")]
+    assert "the way home takes" in why
+    assert flight.controller.came_home_why in why
+    assert flight.finished.landed_by_us
+    assert 0.07 <= flight.battery <= 0.25  # not later than PX4's own return, and not much too early
+    assert flight.mission.airspace.track_distance_m(flight.track)[0] >= 5.0
+
+
+def test_the_reserve_still_brings_it_home_first(pretend):
+    flight = pretend(battery_reserve=0.5, endurance_s=3000.0)
+    flight.take_off()
+    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 50.0)
+    flight.battery = 0.5
+    flight.step()
+    assert flight.controller.state is State.HOME
+    assert flight.controller.came_home_why == "battery at 50%"
+
+
+def test_the_margin_covers_px4_s_own_return():
+    assert LANDING_MARGIN > 0.07
+    assert dataclasses.is_dataclass(Way)
