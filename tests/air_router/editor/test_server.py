@@ -1,0 +1,324 @@
+"""The edit page over real HTTP and WebSockets; and those who should not get in."""
+
+import asyncio
+import contextlib
+import json
+import shutil
+from http import HTTPStatus
+from pathlib import Path
+
+import aiohttp
+import pytest
+
+from air_router.cli import main
+from air_router.editor.backdrop import Backdrop
+from air_router.editor.mission_text import MissionText
+from air_router.editor.server import EditorServer
+from air_router.editor.session import Session
+from air_router.errors import ExitCode, UsageError
+from air_router.web.guard import is_loopback
+from air_router.web.site import MAX_MESSAGE_BYTES, ServeError
+
+ROOT = Path(__file__).parents[3]
+LIMIT_S = 20
+FREE = [39.9426, -75.2002]
+MOVE = {"do": "move", "keys": ["waypoints", 0, "position"], "to": FREE}
+
+
+@pytest.fixture
+def path(tmp_path):
+    shutil.copytree(ROOT / "missions" / "pennovation", tmp_path / "pennovation")
+    return tmp_path / "pennovation" / "mission.yaml"
+
+
+class Page:
+    """A browser, as the server sees it."""
+
+    def __init__(self, client, address):
+        self.client = client
+        self.address = address
+
+    async def get(self, target, **options):
+        async with self.client.get(self.address.partition("?")[0] + target, **options) as answer:
+            return answer, await answer.read()
+
+    @contextlib.asynccontextmanager
+    async def socket(self, **options):
+        url = (
+            self.address.replace("/?", "/socket?")
+            if "?" in self.address
+            else self.address + "socket"
+        )
+        async with self.client.ws_connect(url, **options) as socket:
+            yield socket
+
+
+async def until(socket, kind, number=None):
+    """The next message of a kind."""
+    while True:
+        message = await socket.receive_json()
+        if message["type"] in kind and (number is None or message.get("id") == number):
+            return message
+
+
+async def ask(socket, number, what, **more):
+    await socket.send_json({"ask": what, "id": number, **more})
+    return await until(socket, ("done", "refused"), number)
+
+
+def visit(path, talk, *, host="127.0.0.1", token=None, backdrop=None):
+    """Run a conversation with a server of its own."""
+
+    async def run():
+        addresses = asyncio.Queue()
+        server = EditorServer(Session(MissionText(path)), token=token, backdrop=backdrop)
+        serving = asyncio.create_task(server.run(host, 0, addresses.put_nowait))
+        try:
+            address = await addresses.get()
+            async with aiohttp.ClientSession() as client:
+                await talk(Page(client, address))
+        finally:
+            serving.cancel()
+            await asyncio.gather(serving, return_exceptions=True)
+
+    asyncio.run(asyncio.wait_for(run(), LIMIT_S))
+
+
+def test_the_page_and_all_its_parts_come_from_the_package(path):
+    async def talk(page):
+        answer, body = await page.get("")
+        assert answer.status == HTTPStatus.OK
+        assert b"/edit/main.js" in body
+        assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+        assert b"http" not in body.replace(b"http-equiv", b"")
+        for part, kind in (
+            ("edit/main.js", "text/javascript"),
+            ("page/leaflet/leaflet.js", "text/javascript"),
+            ("page/leaflet/leaflet.css", "text/css"),
+            ("page/leaflet/images/layers.png", "image/png"),
+            ("edit/icon.svg", "image/svg+xml"),
+        ):
+            answer, body = await page.get(part)
+            assert (answer.status, answer.content_type) == (HTTPStatus.OK, kind)
+            tag = answer.headers["ETag"]
+            answer, body = await page.get(part, headers={"If-None-Match": tag})
+            assert (answer.status, body) == (HTTPStatus.NOT_MODIFIED, b"")
+
+    visit(path, talk)
+
+
+def test_nothing_else_can_be_had(path):
+    async def talk(page):
+        for target in (
+            "edit/../../../mission.yaml",
+            "edit/%2e%2e/%2e%2e/session.py",
+            "page/..%2f..%2fguard.py",
+            "edit//etc/passwd",
+            "backdrop",
+            "session.py",
+        ):
+            answer, _ = await page.get(target)
+            assert answer.status == HTTPStatus.NOT_FOUND, target
+        answer, _ = await page.get("socket")
+        assert answer.status == HTTPStatus.BAD_REQUEST
+
+    visit(path, talk)
+
+
+def test_other_sites_pages_are_kept_out(path):
+    async def talk(page):
+        for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", ""):
+            answer, _ = await page.get("", headers={"Host": host})
+            assert answer.status == HTTPStatus.FORBIDDEN, host
+        answer, _ = await page.get("", headers={"Host": "localhost:1"})
+        assert answer.status == HTTPStatus.OK
+        for origin in ("https://evil.example", "null", "http://127.0.0.1:1"):
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                async with page.socket(headers={"Origin": origin}):
+                    pass
+            assert refused.value.status == HTTPStatus.FORBIDDEN
+        own = page.address.rstrip("/")
+        async with page.socket(headers={"Origin": own}) as socket:
+            assert await until(socket, ("state",))
+        async with page.client.post(page.address, headers={"Origin": "https://evil.example"}) as no:
+            assert no.status == HTTPStatus.FORBIDDEN
+
+    visit(path, talk)
+
+
+def test_others_need_the_token(path):
+    async def talk(page):
+        assert page.address.startswith("http://0.0.0.0:")
+        page.address = page.address.replace("0.0.0.0", "127.0.0.1")
+        for target in ("", "?token=wrong", "edit/main.js", "socket"):
+            answer, _ = await page.get(target)
+            assert answer.status == HTTPStatus.UNAUTHORIZED
+        with pytest.raises(aiohttp.WSServerHandshakeError):
+            async with page.client.ws_connect(page.address.partition("?")[0] + "socket"):
+                pass
+        jar = aiohttp.CookieJar(unsafe=True)  # takes cookies of addresses, as browsers do
+        async with aiohttp.ClientSession(cookie_jar=jar) as browser:
+            async with browser.get(page.address) as answer:
+                assert answer.status == HTTPStatus.OK
+                assert "token" not in str(answer.url)
+            async with browser.ws_connect(page.address.partition("?")[0] + "socket") as socket:
+                assert await until(socket, ("state",))
+
+    visit(path, talk, host="0.0.0.0")
+
+
+def test_an_edit_is_told_to_every_page_and_saved(path):
+    before = path.read_text()
+
+    async def talk(page):
+        async with page.socket() as one, page.socket() as other:
+            state = await until(one, ("state",))
+            await until(other, ("state",))
+            answer = await ask(one, 1, "edit", edit=MOVE, revision=state["revision"])
+            assert answer["type"] == "done"
+            told = await until(other, ("state",))
+            assert told["revision"] == state["revision"] + 1
+            assert told["dirty"]
+            stale = await ask(other, 5, "edit", edit=MOVE, revision=state["revision"])
+            assert (stale["type"], stale["kind"]) == ("refused", "stale")
+            answer = await ask(one, 2, "route", start=1, end=34)
+            assert answer["route"]["length_m"] > 100
+            assert (await ask(one, 3, "save"))["type"] == "done"
+            assert not (await until(other, ("state",)))["dirty"]
+
+    visit(path, talk)
+    assert path.read_text() == before.replace(
+        "[39.9422294, -75.2001338]", "[39.9426000, -75.2002000]"
+    )
+
+
+def test_saving_a_draft_or_over_others_work_is_asked_first(path):
+    async def talk(page):
+        async with page.socket() as socket:
+            inside = {**MOVE, "to": [39.94248, -75.20055]}
+            assert (await ask(socket, 1, "edit", edit=inside))["type"] == "done"
+            assert (await ask(socket, 2, "save"))["kind"] == "unconfirmed"
+            path.write_text(path.read_text() + "# by hand\n")
+            assert (await until(socket, ("disk",)))["changed"] in (False, True)
+            assert (await ask(socket, 3, "save", confirmed=True))["kind"] == "changed"
+            assert (await ask(socket, 4, "undo"))["type"] == "done"
+            assert (await ask(socket, 5, "reload"))["type"] == "done"
+            assert (await ask(socket, 6, "undo"))["kind"] == "edit"
+
+    visit(path, talk)
+    assert path.read_text().endswith("# by hand\n")
+
+
+def test_hostile_messages_cost_their_sender_an_answer(path):
+    async def talk(page):
+        async with page.socket() as socket:
+            state = await until(socket, ("state",))
+            for text in (
+                "",
+                "null",
+                "[]",
+                "{",
+                '{"id": "x"}',
+                '{"ask": "edit"}',
+                '{"ask": "rm -rf"}',
+                '{"ask": "edit", "edit": {"do": "move", "keys": ["__class__"], "to": [0, 0]}}',
+                '{"ask": "route", "start": "1", "end": 1e99}',
+                "[" * 5000,
+                '{"ask": "route", "start": 1, "end": 99999}',
+                '{"ask": "edit", "edit": NaN}',
+            ):
+                await socket.send_str(text)
+                assert (await until(socket, ("refused", "done")))["type"] in ("refused", "done")
+            assert (await ask(socket, 9, "route", start=0, end=99999))["route"].keys() == {"reason"}
+            await socket.send_str("x" * (MAX_MESSAGE_BYTES + 1))
+            while (message := await socket.receive()).type is aiohttp.WSMsgType.TEXT:
+                pass
+            assert message.type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED)
+        async with page.socket() as socket:
+            await socket.send_bytes(b"\x00")
+            while (message := await socket.receive()).type is aiohttp.WSMsgType.TEXT:
+                pass
+        async with page.socket() as socket:
+            assert (await until(socket, ("state",)))["revision"] == state["revision"]
+
+    visit(path, talk)
+
+
+def test_a_fault_of_ours_costs_nobody_the_work(path, monkeypatch, caplog):
+    async def talk(page):
+        async with page.socket() as socket:
+            await ask(socket, 1, "edit", edit=MOVE)
+            monkeypatch.setattr(Session, "undo", lambda _: 1 / 0)
+            assert (await ask(socket, 2, "undo"))["kind"] == "fault"
+            assert (await ask(socket, 3, "save"))["type"] == "done"
+
+    visit(path, talk)
+    assert "ZeroDivisionError" in caplog.text
+
+
+def test_a_picture_lies_under_the_map(path, tmp_path):
+    picture = tmp_path / "site.png"
+    picture.write_bytes(b"\x89PNG\r\n\x1a\n")
+
+    async def talk(page):
+        answer, body = await page.get("backdrop")
+        assert (answer.content_type, body) == ("image/png", picture.read_bytes())
+        async with page.socket() as socket:
+            setting = await until(socket, ("setting",))
+            assert setting["backdrop"]["bounds"] == [39.9, -75.3, 40.0, -75.1]
+
+    visit(path, talk, backdrop=Backdrop.of(picture, "39.9,-75.3,40.0,-75.1"))
+
+
+def test_where_a_picture_lies_must_be_known(tmp_path):
+    picture = tmp_path / "site.png"
+    picture.write_bytes(b"")
+    with pytest.raises(UsageError, match="--image-bounds"):
+        Backdrop.of(picture, None)
+    for bounds in ("1,2,3", "a,b,c,d", "2,0,1,1", "0,0,91,1"):
+        with pytest.raises(UsageError, match="S,W,N,E"):
+            Backdrop.of(picture, bounds)
+    world = tmp_path / "site.pgw"
+    world.write_text("1e-6\n0\n0\n-1e-6\n-75.2\n39.95\n")
+    assert Backdrop.of(picture, None).world == (1e-6, -1e-6, -75.2, 39.95)
+    for text, why in (
+        ("1\n2\n", "six lines"),
+        ("0.5\n0\n0\n-0.5\n480000\n4420000\n", "not in degrees"),
+        ("1e-6\n1e-7\n0\n-1e-6\n-75.2\n39.95\n", "turned"),
+    ):
+        world.write_text(text)
+        with pytest.raises(UsageError, match=why):
+            Backdrop.of(picture, None)
+    with pytest.raises(UsageError, match="PNG"):
+        Backdrop.of(tmp_path / "site.svg", None)
+    with pytest.raises(UsageError, match="no picture"):
+        Backdrop.of(tmp_path / "none.png", None)
+
+
+def test_a_taken_port_is_said(path):
+    async def talk(page):
+        port = int(page.address.rstrip("/").rpartition(":")[2])
+        with pytest.raises(ServeError, match="another --port"):
+            await EditorServer(Session(MissionText(path)), token=None, backdrop=None).run(
+                "127.0.0.1", port, print
+            )
+
+    visit(path, talk)
+
+
+def test_only_this_machine_is_loopback():
+    assert all(map(is_loopback, ("127.0.0.1", "127.9.9.9", "::1", "localhost")))
+    assert not any(map(is_loopback, ("0.0.0.0", "::", "10.0.0.1", "example.org", "")))
+
+
+def test_wrong_usage_and_unreadable_files_end_the_command(path, capsys):
+    assert main(["edit", str(path), "--image-bounds", "1,2,3,4"]) == ExitCode.USAGE
+    assert main(["edit", str(path), "--port", "70000"]) == ExitCode.USAGE
+    path.write_text("home: [1,\n")
+    assert main(["edit", str(path), "--port", "0"]) == ExitCode.INVALID_FILE
+    assert "mission.yaml:2:1: not valid YAML" in capsys.readouterr().err
+    assert main(["edit", str(path.with_name("none.yaml"))]) == ExitCode.INVALID_FILE
+
+
+def test_all_messages_to_the_page_are_json(path):
+    assert json.loads(EditorServer(Session(MissionText(path)), token=None, backdrop=None)._state)

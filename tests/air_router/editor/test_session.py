@@ -1,0 +1,355 @@
+"""A person's work on a mission: edits, problems, undo, and saving without a loss."""
+
+import difflib
+import os
+import shutil
+import stat
+from pathlib import Path
+
+import pytest
+
+from air_router.editor import edits
+from air_router.editor.edits import EditError, read_edit
+from air_router.editor.judgement import Way
+from air_router.editor.mission_text import ChangedOnDiskError, MissionText, SaveError
+from air_router.editor.session import Session, StaleError, UnconfirmedError
+from mocha_link.document import DocumentError
+
+ROOT = Path(__file__).parents[3]
+INSIDE_ZONE_8 = (39.9424800, -75.2005500)
+FREE = (39.9426000, -75.2002000)
+
+
+@pytest.fixture
+def path(tmp_path):
+    shutil.copytree(ROOT / "missions" / "pennovation", tmp_path / "pennovation")
+    return tmp_path / "pennovation" / "mission.yaml"
+
+
+@pytest.fixture
+def session(path):
+    return Session(MissionText(path))
+
+
+@pytest.fixture
+def plan(tmp_path):
+    shutil.copy(ROOT / "tests" / "data" / "pennovation.plan", tmp_path)
+    return Session(MissionText(tmp_path / "pennovation.plan"))
+
+
+def waypoint(number):
+    return ("waypoints", number - 1, "position")
+
+
+def move(keys, to):
+    return edits.Move(do="move", keys=keys, to=to)
+
+
+def changed_lines(before, after):
+    lines = difflib.ndiff(before.splitlines(), after.splitlines())
+    return [line for line in lines if line[:1] in "+-"]
+
+
+def test_a_mission_without_problems_shows_them_all_clear(session):
+    view = session.view()
+    assert view["problems"] == []
+    assert not view["dirty"]
+    assert len([place for place in view["places"] if place["kind"] == "waypoint"]) == 39
+    assert {leg["way"] for leg in view["legs"]} == {"straight", "around"}
+    assert len(view["areas"]) == 9
+    assert all(len(area["buffers"]) == 2 for area in view["areas"])
+
+
+def test_a_waypoint_in_a_zone_is_a_problem_and_so_are_its_legs(session):
+    before = session.manuscript.text
+    session.edit(move(waypoint(3), INSIDE_ZONE_8))
+    view = session.view()
+    (problem,) = view["problems"]
+    assert problem["code"] == "waypoint-in-zone"
+    assert problem["feature"] == list(waypoint(3))
+    assert problem["at"] == [list(INSIDE_ZONE_8)]
+    blocked = [(leg["from"], leg["to"]) for leg in view["legs"] if leg["way"] == Way.BLOCKED]
+    assert blocked == [(2, 3), (3, 4)]
+    assert [place["index"] for place in view["places"] if place["wrong"]] == [3]
+    assert changed_lines(before, session.manuscript.text) == [
+        "-   - [39.9428113, -75.2005838]",
+        "+   - [39.9424800, -75.2005500]",
+    ]
+    session.edit(move(waypoint(3), FREE))
+    assert session.view()["problems"] == []
+
+
+def test_a_zone_that_crosses_itself_is_still_shown(session):
+    zone = ("no_fly_zones", 7)
+    session.edit(move((*zone, "polygon", 0), (39.9424000, -75.2003000)))
+    view = session.view()
+    assert [problem["feature"] for problem in view["problems"]] == [list(zone)]
+    (area,) = [area for area in view["areas"] if area["keys"] == list(zone)]
+    assert area["wrong"]
+    assert area["rings"][0]["corners"][0] == [39.94240, -75.20030]
+    assert area["buffers"] == []
+
+
+def test_steps_are_undone_and_made_again(session):
+    texts = [session.manuscript.text]
+    for edit in (
+        move(waypoint(1), FREE),
+        edits.AddWaypoint(do="add_waypoint", index=2, at=(39.9427, -75.2005)),
+        edits.Remove(do="remove", keys=("no_fly_zones", 4)),
+    ):
+        session.edit(edit)
+        texts.append(session.manuscript.text)
+    assert session.view()["undo"] == "remove"
+    for text in reversed(texts[:-1]):
+        session.undo()
+        assert session.manuscript.text == text
+    assert not session.dirty
+    with pytest.raises(EditError, match="nothing to undo"):
+        session.undo()
+    session.redo()
+    assert session.manuscript.text == texts[1]
+    session.edit(move(waypoint(2), FREE))
+    with pytest.raises(EditError, match="nothing to redo"):
+        session.redo()
+
+
+def test_one_drag_is_one_step_and_a_zone_keeps_its_shape(session):
+    before = session.manuscript.text
+    origin = (39.9424, -75.2005)
+    shift = {"do": "shift", "keys": ("no_fly_zones", 7), "origin": origin}
+    for step in range(1, 40):
+        to = (origin[0] + step * 3.3e-7, origin[1] - step * 1.7e-7)
+        session.edit(edits.Shift(**shift, to=to), gesture="drag")
+    session.edit(edits.Shift(**shift, to=origin), gesture="drag")
+    assert session.manuscript.text == before
+    session.undo()
+    assert session.view()["undo"] is None
+
+
+def test_what_does_not_change_anything_is_no_step(session):
+    session.edit(move(waypoint(1), (39.94222941, -75.20013378)))
+    assert session.view()["undo"] is None
+
+
+def test_an_edit_for_another_state_is_refused(session):
+    session.edit(move(waypoint(1), FREE), revision=session.revision)
+    with pytest.raises(StaleError):
+        session.edit(move(waypoint(2), FREE), revision=session.revision - 1)
+
+
+@pytest.mark.parametrize(
+    ("edit", "why"),
+    [
+        (move(("waypoints", 99, "position"), FREE), "no such place"),
+        (move(("battery_reserve",), FREE), "no such place"),
+        (edits.Remove(do="remove", keys=("home", "position")), "move it instead"),
+        (edits.Remove(do="remove", keys=("fence",)), "by hand"),
+        (edits.Remove(do="remove", keys=("name",)), "no such place"),
+        (edits.Resize(do="resize", keys=("no_fly_zones", 0), radius_m=5.0), "no circle"),
+        (edits.AddArea(do="add_area", fence=True, corners=(FREE,), radius_m=9.0), "a fence"),
+        (edits.AddCorner(do="add_corner", keys=("fence", "polygon"), index=99, at=FREE), "only 16"),
+        (edits.AddWaypoint(do="add_waypoint", index=99, at=FREE), "load the page again"),
+        (edits.Rename(do="rename", keys=("fence",), name="x"), "no name"),
+    ],
+)
+def test_what_cannot_be_done_changes_nothing(session, edit, why):
+    text = session.manuscript.text
+    with pytest.raises(Exception, match=why):
+        session.edit(edit)
+    assert session.manuscript.text == text
+    assert not session.dirty
+
+
+def test_a_ring_keeps_three_corners_and_a_mission_one_waypoint(tmp_path):
+    path = tmp_path / "small.yaml"
+    path.write_text(
+        "home: [39.0, -75.0]\naltitude_m: 40\nwaypoints: [[39.0005, -75.0]]\nfence: null\n"
+        "no_fly_zones: [[[39.001, -75.0], [39.001, -75.001], [39.002, -75.0]]]\n"
+    )
+    session = Session(MissionText(path))
+    for keys in (("no_fly_zones", 0, "polygon", 1), waypoint(1)):
+        with pytest.raises(EditError, match="needs"):
+            session.edit(edits.Remove(do="remove", keys=keys))
+    session.edit(edits.AddArea(do="add_area", fence=True, corners=(FREE,), radius_m=500.0))
+    assert "fence:\n  circle:\n    centre: [39.9426000, -75.2002000]\n    radius_m: 500\n" in (
+        session.manuscript.text
+    )
+    session.edit(edits.Rename(do="rename", keys=("no_fly_zones", 0), name="hall"))
+    assert "no_fly_zones: [{polygon: [[39.001, -75.0]," in session.manuscript.text
+    assert session.view()["areas"][-1]["name"] == "hall"
+
+
+def test_metres_are_edited_as_metres(tmp_path):
+    path = tmp_path / "local.yaml"
+    path.write_text(
+        "coordinates: local\nframe: {origin: [39.94, -75.2]}\nhome: [0, 0]\naltitude_m: 40\n"
+        "waypoints:\n  - [10, 20]  # east, north\nfence: null\nno_fly_zones: []\n"
+    )
+    session = Session(MissionText(path))
+    (place,) = [place for place in session.view()["places"] if place["kind"] == "waypoint"]
+    latitude_deg, longitude_deg = place["at"]
+    session.edit(move(waypoint(1), (latitude_deg + 1e-4, longitude_deg)))
+    assert "  - [10, 31.1]  # east, north\n" in session.manuscript.text
+    assert session.view()["problems"] == []
+
+
+def test_numbers_and_altitudes(session):
+    session.edit(edits.SetNumber(do="set_number", name="clearance_m", value=9.5))
+    assert "clearance_m: 9.5 " in session.manuscript.text
+    assert session.view()["settings"]["clearance_m"] == 9.5
+    assert session.wrong
+    session.undo()
+    altitude = {"do": "set_altitude", "keys": waypoint(5)}
+    session.edit(edits.SetAltitude(**altitude, altitude_m=30.0))
+    line = "  - {position: [39.9427630, -75.2016829], altitude_m: 30}  # 5\n"
+    assert line in session.manuscript.text
+    session.edit(edits.SetAltitude(**altitude, altitude_m=None))
+    assert "  - {position: [39.9427630, -75.2016829]}  # 5\n" in session.manuscript.text
+
+
+def test_a_plan_is_edited_in_place(plan):
+    before = plan.manuscript.text
+    places = [place for place in plan.view()["places"] if place["kind"] == "waypoint"]
+    plan.edit(move(tuple(places[4]["keys"]), (39.9427001, -75.2016)))
+    lines = changed_lines(before, plan.manuscript.text)
+    assert [line[1:].strip() for line in lines if line[0] == "+"] == ["39.9427001,", "-75.2016000,"]
+    plan.edit(edits.AddWaypoint(do="add_waypoint", index=5, at=FREE))
+    plan.edit(edits.AddArea(do="add_area", corners=(FREE,), radius_m=4.0))
+    plan.edit(edits.Remove(do="remove", keys=("geoFence", "circles", 0)))
+    plan.edit(edits.AddRallyPoint(do="add_rally_point", at=FREE))
+    keys = tuple(places[0]["keys"])
+    plan.edit(edits.SetAltitude(do="set_altitude", keys=keys, altitude_m=31.5))
+    view = plan.view()
+    assert len([place for place in view["places"] if place["kind"] == "waypoint"]) == 40
+    assert view["places"][1]["altitude_m"] == 31.5
+    assert view["problems"] == []
+    plan.save()
+    assert Session(MissionText(plan.manuscript.path)).view()["places"] == view["places"]
+
+
+def test_every_part_of_a_plan_can_be_taken_hold_of(plan):
+    handles = list(plan.manuscript.drawing.sketch.handles())
+    assert len(handles) > 90
+    for handle in handles[::7]:
+        plan.edit(move(handle.keys, FREE))
+        (moved,) = [h for h in plan.manuscript.drawing.sketch.handles() if h.keys == handle.keys]
+        assert moved.pair == FREE
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{}",
+        "[]",
+        '{"do": "move"}',
+        '{"do": "format disk"}',
+        '{"do": "move", "keys": ["home"], "to": [91, 0]}',
+        '{"do": "move", "keys": ["home"], "to": [NaN, 0]}',
+        '{"do": "move", "keys": ["home"], "to": ["1", "2"]}',
+        '{"do": "move", "keys": ["home"], "to": [1, 2], "more": 1}',
+        '{"do": "remove", "keys": []}',
+        '{"do": "set_number", "name": "name", "value": 1}',
+        '{"do": "add_area", "corners": []}',
+        "not json",
+    ],
+)
+def test_what_is_no_edit_is_refused(text):
+    with pytest.raises(EditError, match="not an edit"):
+        read_edit(text)
+
+
+# Saving
+
+
+def test_saving_changes_only_what_was_edited(path, session):
+    before = path.read_bytes()
+    path.chmod(0o640)
+    session.edit(move(waypoint(1), FREE))
+    session.save()
+    assert not session.dirty
+    after = path.read_bytes()
+    assert after == before.replace(b"[39.9422294, -75.2001338]", b"[39.9426000, -75.2002000]")
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+    assert [entry.name for entry in path.parent.iterdir() if "mission" in entry.name] == [path.name]
+
+
+def test_a_mission_with_problems_is_saved_only_when_that_is_confirmed(path, session):
+    before = path.read_text()
+    session.edit(move(waypoint(3), INSIDE_ZONE_8))
+    with pytest.raises(UnconfirmedError, match="1 problem and cannot be flown"):
+        session.save()
+    assert path.read_text() == before
+    session.save(confirmed=True)
+    assert "[39.9424800, -75.2005500]" in path.read_text()
+
+
+def test_what_others_wrote_is_not_lost(path, session):
+    session.edit(move(waypoint(1), FREE))
+    path.write_text(path.read_text() + "# by hand\n")
+    assert session.changed_on_disk()
+    with pytest.raises(ChangedOnDiskError):
+        session.save()
+    assert path.read_text().endswith("# by hand\n")
+    session.reload()
+    assert not session.dirty
+    assert session.manuscript.text.endswith("# by hand\n")
+    session.edit(move(waypoint(1), FREE))
+    path.unlink()
+    with pytest.raises(ChangedOnDiskError):
+        session.save()
+    session.save(overwrite=True)
+    assert "[39.9426000, -75.2002000]  # 1" in path.read_text()
+
+
+def test_an_unreadable_file_is_not_taken_over_and_not_overwritten(path, session):
+    session.edit(move(waypoint(1), FREE))
+    path.write_text("home: [1,\n")
+    with pytest.raises(DocumentError):
+        session.reload()
+    assert session.dirty
+    with pytest.raises(ChangedOnDiskError):
+        session.save()
+
+
+def test_line_breaks_and_marks_stay(path):
+    text = path.read_text()
+    path.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
+    session = Session(MissionText(path))
+    session.edit(edits.AddWaypoint(do="add_waypoint", index=39, at=FREE))
+    session.save()
+    raw = path.read_bytes()
+    assert raw.startswith(b"\xef\xbb\xbf#")
+    assert raw.count(b"\r\n") == raw.count(b"\n") == text.count("\n") + 1
+
+
+def test_a_link_stays_a_link(path):
+    link = path.with_name("link.yaml")
+    link.symlink_to(path)
+    session = Session(MissionText(link))
+    session.edit(move(waypoint(1), FREE))
+    session.save()
+    assert link.is_symlink()
+    assert "[39.9426000, -75.2002000]" in path.read_text()
+
+
+def test_a_failed_save_leaves_file_and_folder_as_they_were(path, session, monkeypatch):
+    before = path.read_bytes()
+    session.edit(move(waypoint(1), FREE))
+
+    def full(descriptor):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    names = sorted(path.parent.iterdir())
+    with pytest.raises(SaveError, match="No space left"):
+        session.save()
+    assert path.read_bytes() == before
+    assert sorted(path.parent.iterdir()) == names
+    assert session.dirty
+
+
+def test_what_was_not_saved_is_kept_aside(path, session):
+    session.edit(move(waypoint(1), FREE))
+    kept = MissionText(path).keep_aside(session.manuscript.text)
+    assert kept.name == "mission.yaml.unsaved"
+    assert kept.read_text() == session.manuscript.text
