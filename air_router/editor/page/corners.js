@@ -4,6 +4,7 @@ import { offset } from "/page/map.js";
 import { same } from "./store.js";
 
 const L = globalThis.L;
+const LEAST_EDGE_PIXELS = 34;
 const CROSS =
   '<svg class="icon" viewBox="0 0 24 24"><path d="M12 3v18M3 12h18M9 6l3-3 3 3M9 18l3 3 3-3M6 9l-3 3 3 3M18 9l3 3-3 3"/></svg>';
 
@@ -17,6 +18,7 @@ export class Corners {
     this.group = L.layerGroup().addTo(map);
     this.dragging = false;
     selection.addEventListener("change", () => this.show());
+    map.on("zoomend", () => this.show());
   }
 
   /** Make the handles anew, but not under somebody's hand. */
@@ -40,14 +42,21 @@ export class Corners {
       const keys = [...ring.keys, index];
       this.corner(area, keys, at, `Corner ${index + 1} of ${area.name}`);
       const next = ring.corners[(index + 1) % ring.corners.length];
+      if (this.pixels(at, next) < LEAST_EDGE_PIXELS) return; // no room: zoom in to insert one
       this.middle(ring.keys, index + 1, [(at[0] + next[0]) / 2, (at[1] + next[1]) / 2]);
     });
+  }
+
+  /** @param {number[]} a @param {number[]} b @returns {number} */
+  pixels(a, b) {
+    return this.map.latLngToLayerPoint(a).distanceTo(this.map.latLngToLayerPoint(b));
   }
 
   /** @param {any} area @param {any[]} keys @param {number[]} at @param {string} title */
   corner(area, keys, at, title) {
     const round = area.circle ? "round" : "";
     const marker = this.handle(at, `corner ${area.fence ? "fence" : ""} ${round}`, 13, title);
+    marker.setZIndexOffset(3000);
     marker.handle = JSON.stringify(keys);
     marker.getElement().classList.toggle("selected", this.selection.has(keys));
     marker.getElement().dataset.corner = JSON.stringify(keys);
@@ -95,7 +104,7 @@ export class Corners {
   /** @param {number[]} at @param {string} className @param {number} size @param {string} title */
   handle(at, className, size, title, html = "") {
     const icon = L.divIcon({ className, iconSize: [size, size], html });
-    const marker = L.marker(at, { icon, draggable: true, autoPan: true, title, zIndexOffset: 500 });
+    const marker = L.marker(at, { icon, draggable: true, autoPan: true, title, zIndexOffset: 2000 });
     this.group.addLayer(marker);
     marker.getElement().setAttribute("aria-label", title);
     return marker;

@@ -1,0 +1,255 @@
+"""The edit page in a real browser: Debian's Chromium, driven by Playwright."""
+
+import difflib
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+if CHROMIUM is None:
+    pytest.skip("no Chromium: apt-get install chromium to test the pages", allow_module_level=True)
+sync_api = pytest.importorskip("playwright.sync_api")
+
+ROOT = Path(__file__).parents[2]
+OPTIONS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+LIMIT_MS = 15_000
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def mission(tmp_path):
+    shutil.copytree(ROOT / "missions" / "pennovation", tmp_path / "pennovation")
+    return tmp_path / "pennovation" / "mission.yaml"
+
+
+class EditPage:
+    """The page, as a person uses it; collects what must not happen."""
+
+    def __init__(self, page, address):
+        self.page = page
+        self.faults = []
+        self.strangers = []
+        page.set_default_timeout(LIMIT_MS)
+        page.on("pageerror", lambda error: self.faults.append(str(error)))
+        page.on(
+            "console", lambda said: self.faults.append(said.text) if said.type == "error" else 0
+        )
+        page.on("request", lambda request: self.note(request.url, address))
+        page.goto(address)
+        page.wait_for_selector(".place.waypoint")
+
+    def note(self, url, address):
+        if not url.startswith((address, "data:")):
+            self.strangers.append(url)
+
+    def place(self, name):
+        return self.page.locator(f'[data-place="{name}"]')
+
+    def zone(self, name):
+        return self.page.locator(f'path.area[data-name="{name}"]')
+
+    @staticmethod
+    def middle(locator):
+        box = locator.bounding_box()
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def drag(self, start, end):
+        mouse = self.page.mouse
+        mouse.move(*start)
+        mouse.down()
+        for step in range(1, 9):
+            mouse.move(*(a + (b - a) * step / 8 for a, b in zip(start, end, strict=True)))
+        mouse.up()
+
+    def expect_problems(self, count):
+        sync_api.expect(self.page.locator("#count")).to_have_text(str(count), timeout=LIMIT_MS)
+
+    def expect_blocked(self, *, some):
+        line = self.page.locator("path.leg.blocked")
+        empty = sync_api.expect(line)
+        check = empty.not_to_have_attribute if some else empty.to_have_attribute
+        check("d", "M0 0", timeout=LIMIT_MS)
+
+    def save(self):
+        self.page.locator("#save").click()
+
+    def expect_saved(self):
+        sync_api.expect(self.page.locator("#save")).to_be_disabled(timeout=LIMIT_MS)
+
+
+@pytest.fixture
+def open_page(browser, command):
+    pages = []
+
+    def open_(mission, **view):
+        started = command("air_router.cli", "edit", mission, "--port", 0, "--no-open")
+        address = started.process.stdout.readline().decode().strip()
+        context = browser.new_context(viewport={"width": 1280, "height": 800}, **view)
+        pages.append(EditPage(context.new_page(), address))
+        pages[-1].program = started
+        return pages[-1]
+
+    yield open_
+    for page in pages:
+        page.page.context.close()
+        assert page.faults == []
+        assert page.strangers == [], "the page asks other machines"
+
+
+def changes(before, after):
+    lines = difflib.ndiff(before.splitlines(), after.splitlines())
+    return [line for line in lines if line[:1] in "+-"]
+
+
+def test_a_waypoint_dragged_into_a_zone_shows_red_and_dragged_out_saves_one_value(
+    mission, open_page
+):
+    before = mission.read_text()
+    page = open_page(mission)
+    page.expect_problems(0)
+    page.expect_blocked(some=False)
+    start = page.middle(page.place("waypoint 20"))
+
+    page.drag(start, page.middle(page.zone("zone 2")))
+    page.expect_problems(1)
+    page.expect_blocked(some=True)
+    problem = page.page.locator("#problems button")
+    assert "waypoint 20 lies inside no-fly zone 'zone 2'" in problem.inner_text()
+    assert "waypoint-in-zone" in problem.inner_text()
+    assert "wrong" in page.place("waypoint 20").get_attribute("class")
+
+    page.drag(page.middle(page.place("waypoint 20")), (start[0] + 12, start[1] + 3))
+    page.expect_problems(0)
+    page.expect_blocked(some=False)
+    page.save()
+    page.expect_saved()
+    old, new = changes(before, mission.read_text())
+    assert old == "-   - [39.9418289, -75.2001800]  # 20"
+    assert new.startswith("+   - [39.94")
+    assert new.endswith("]  # 20")
+
+
+def test_zones_are_reshaped_and_a_draft_is_saved_when_that_is_confirmed(mission, open_page):
+    page = open_page(mission)
+    page.zone("zone 8").click()
+    corner = page.page.locator(".corner").nth(0)
+    keys = json.loads(corner.get_attribute("data-corner"))
+    assert keys[:3] == ["no_fly_zones", 7, "polygon"]
+    page.drag(page.middle(corner), page.middle(page.place("waypoint 3")))
+    page.expect_problems(1)
+    page.save()
+    page.page.get_by_role("button", name="Go on editing").click()
+    page.page.keyboard.press("Control+z")
+    page.expect_problems(0)
+    page.page.keyboard.press("Control+Shift+z")
+    page.expect_problems(1)
+    page.page.keyboard.press("Control+s")
+    page.page.get_by_role("button", name="Save the draft").click()
+    page.expect_saved()
+    assert (
+        len(changes((ROOT / "missions/pennovation/mission.yaml").read_text(), mission.read_text()))
+        == 2
+    )
+
+
+def test_corners_are_inserted_and_removed_and_zones_drawn(mission, open_page):
+    page = open_page(mission)
+    page.zone("zone 5").click()
+    corners = page.page.locator(".corner")
+    expect = sync_api.expect
+    expect(corners).to_have_count(4)
+    page.page.locator(".middle").nth(1).click()
+    expect(corners).to_have_count(5)
+    corners.nth(2).click(button="right")
+    expect(corners).to_have_count(4)
+    page.page.keyboard.press("Escape")
+    page.page.keyboard.press("z")
+    for x, y in ((150, 600), (210, 600), (210, 660), (150, 660), (150, 600)):
+        page.page.mouse.click(x, y)
+    expect(page.zone("zone 9")).to_have_count(1)
+    page.page.keyboard.press("c")
+    page.page.mouse.click(150, 500)
+    page.page.mouse.click(170, 500)
+    expect(page.zone("zone 10")).to_have_count(1)
+    page.page.keyboard.press("Control+s")
+    page.expect_saved()
+    text = mission.read_text()
+    assert text.count("# 20") == 1
+    assert "  - name: zone 9\n    polygon:\n" in text
+    assert "  - name: zone 10\n    circle:\n" in text
+
+
+def test_the_keyboard_alone_moves_adds_and_removes(mission, open_page):
+    before = mission.read_text()
+    page = open_page(mission)
+    keyboard = page.page.keyboard
+    keyboard.press("n")
+    sync_api.expect(page.place("waypoint 1")).to_be_focused()
+    keyboard.press("ArrowUp")
+    sync_api.expect(page.page.locator("#undo")).to_be_enabled(timeout=LIMIT_MS)
+    keyboard.press("n")
+    keyboard.press("Delete")
+    sync_api.expect(page.place("waypoint 39")).to_have_count(0, timeout=LIMIT_MS)
+    keyboard.press("Control+s")
+    page.expect_saved()
+    assert sorted(changes(before, mission.read_text())) == [
+        "+   - [39.9422384, -75.2001338]  # 1",
+        "-   - [39.9422294, -75.2001338]  # 1",
+        "-   - [39.9426945, -75.1999767]",
+    ]
+
+
+def test_a_route_between_two_waypoints_is_shown_and_follows_the_mission(mission, open_page):
+    page = open_page(mission)
+    page.page.keyboard.press("p")
+    page.place("waypoint 15").click()
+    page.place("waypoint 33").click()
+    hint = page.page.locator("#hint")
+    sync_api.expect(hint).to_contain_text("15 to 33:", timeout=LIMIT_MS)
+    assert "closest" in hint.inner_text()
+    route = page.page.locator("path.route")
+    sync_api.expect(route).not_to_have_attribute("d", "M0 0")
+
+
+def test_a_change_on_the_disk_is_told_and_a_lost_program_too(mission, open_page):
+    page = open_page(mission)
+    mission.write_text(mission.read_text().replace("name: zone 3", "name: hall"))
+    page.page.get_by_role("button", name="Load it").click()
+    sync_api.expect(page.zone("hall")).to_have_count(1, timeout=LIMIT_MS)
+    gone = page.page.locator("#gone")
+    sync_api.expect(gone).to_be_hidden()
+    page.program.interrupt()
+    code, _ = page.program.finish()
+    assert code == 0
+    sync_api.expect(gone).to_be_visible(timeout=LIMIT_MS)
+    page.faults.clear()  # that nobody answers is said on the console as well
+
+
+def test_the_page_is_readable_on_a_phone(mission, open_page):
+    page = open_page(mission, has_touch=True)
+    page.page.set_viewport_size({"width": 390, "height": 780})
+    page.page.keyboard.press("f")
+    width = page.page.evaluate("document.documentElement.scrollWidth")
+    assert width == 390
+    panel = page.page.locator("#panel").bounding_box()
+    assert panel["x"] >= 0
+    assert panel["x"] + panel["width"] <= 390
+    page.place("waypoint 30").tap()
+    sync_api.expect(page.page.locator("#inspector")).to_contain_text("Waypoint 30")
