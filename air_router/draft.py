@@ -74,6 +74,15 @@ class Area:
     place: Place | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A ring that bounds no area, for pictures; `place` is where its border is wrong."""
+
+    name: str
+    ring: Ring
+    place: Point | None
+
+
 @dataclass(slots=True)
 class Draft:
     """Everything that a mission file says.
@@ -82,7 +91,8 @@ class Draft:
     such sections, so that nothing is concluded from their absence. Altitudes are above home.
     `in_metres` says that pairs are metres east and north of the frame's origin, not degrees.
     `notes` are what the operator should know, though the mission may be flown all the same.
-    Problems are found by `legality`, and noted here in the same way.
+    Problems are found by `legality`, and noted here in the same way. `refused` are the rings that
+    are no areas.
     """
 
     document: Source
@@ -110,6 +120,7 @@ class Draft:
     unread: set[str] = field(default_factory=set)
     problems: list[Problem] = field(default_factory=list)
     notes: list[Problem] = field(default_factory=list)
+    refused: list[Refused] = field(default_factory=list)
 
     def complain(self, keys: Keys, message: str, code: str) -> None:
         """Note a problem with the value at these keys."""
@@ -125,6 +136,13 @@ class Draft:
             self.complain(area.keys, message, code)
         else:
             self.problems.append(Problem(*area.place, message, code))
+
+    def note_area(self, area: Area, message: str, code: str) -> None:
+        """Note something about an area, in the file that it comes from."""
+        if area.place is None:
+            self.note(area.keys, message, code)
+        else:
+            self.notes.append(Problem(*area.place, message, code))
 
     def spot(
         self, label: str, pair: Sequence[float], keys: Keys, altitude_m: float | None = None
@@ -160,6 +178,7 @@ class Draft:
             where = "" if error.place is None else f" near {self._words(error.place)}"
             message = f"{name} cannot be an area: {error}{where}; draw it again"
             self.complain(holes_keys if "hole" in str(error) else keys, message, error.code)
+            self.refused.append(Refused(name, ring, error.place))
             return None
 
     def circle(

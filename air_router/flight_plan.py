@@ -9,70 +9,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from shapely import Point as ShapelyPoint
-
-from geo.zone import Circle, Outline, Ring, Shape
+from air_router.fence_plan import fence_plan
+from air_router.plan_item import Command, Frame, PlanItem, degrees_e7
 
 if TYPE_CHECKING:
     from air_router.mission import Mission
-    from geo.frame import LocalFrame, Point
+
+__all__ = ["HOME_NODE", "Command", "FlightPlan", "Frame", "PlanItem"]
 
 HOME_NODE = 0
 """The node that hovers above home; the operator's waypoints count from 1."""
-
-
-class Command(IntEnum):
-    """MAV_CMD values that we put on board."""
-
-    WAYPOINT = 16
-    TAKEOFF = 22
-    CHANGE_SPEED = 178
-    FENCE_INCLUSION = 5001
-    FENCE_EXCLUSION = 5002
-    FENCE_CIRCLE_INCLUSION = 5003
-    FENCE_CIRCLE_EXCLUSION = 5004
-
-
-class Frame(IntEnum):
-    """MAV_FRAME values that PX4 takes and gives back unchanged."""
-
-    GLOBAL_INT = 5
-    MISSION = 2
-    RELATIVE_ALT_INT = 6
-
-
-@dataclass(frozen=True, slots=True)
-class PlanItem:
-    """One MISSION_ITEM_INT: parameters as MAVLink numbers them, degrees in units of 1e-7.
-
-    `z_m` is above home in frame RELATIVE_ALT_INT and without meaning in the others.
-    """
-
-    command: Command
-    frame: Frame
-    params: tuple[float, float, float, float]
-    x_deg_e7: int = 0
-    y_deg_e7: int = 0
-    z_m: float = 0.0
-    autocontinue: bool = False
-
-    def same_as(self, other: PlanItem) -> bool:
-        """Whether the vehicle would do the same: what a read-back has to hold to."""
-        return (
-            self.command == other.command
-            and self.frame == other.frame
-            and self.x_deg_e7 == other.x_deg_e7
-            and self.y_deg_e7 == other.y_deg_e7
-            and math.isclose(self.z_m, other.z_m, abs_tol=1e-3)
-            and self.autocontinue == other.autocontinue
-            and all(
-                (math.isnan(a) and math.isnan(b)) or math.isclose(a, b, abs_tol=1e-3)
-                for a, b in zip(self.params, other.params, strict=True)
-            )
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +46,7 @@ class FlightPlan:
     @classmethod
     def of(cls, mission: Mission) -> FlightPlan:
         """The plan of a mission: speed, take-off, the point above home, every waypoint."""
-        x, y = _degrees_e7(mission.frame, mission.home)
+        x, y = degrees_e7(mission.frame, mission.home)
         altitude_m = mission.altitude_above_home_m
         radius_m = mission.planner.acceptance_radius_m
         speed = PlanItem(
@@ -121,7 +69,7 @@ class FlightPlan:
         nodes += [(w.position, w.altitude_above_home_m) for w in mission.waypoints]
         items = [speed, takeoff]
         for position, node_altitude_m in nodes:
-            node_x, node_y = _degrees_e7(mission.frame, position)
+            node_x, node_y = degrees_e7(mission.frame, position)
             items.append(
                 PlanItem(
                     Command.WAYPOINT,
@@ -134,57 +82,6 @@ class FlightPlan:
             )
         return cls(
             items=tuple(items),
-            fence=tuple(_fence_items(mission)),
+            fence=fence_plan(mission).items,
             first_node_item=2,
         )
-
-
-def _degrees_e7(frame: LocalFrame, point: Point) -> tuple[int, int]:
-    latitude_deg, longitude_deg = frame.to_geodetic(point)
-    return round(latitude_deg * 1e7), round(longitude_deg * 1e7)
-
-
-def _fence_items(mission: Mission) -> list[PlanItem]:
-    """The fence as PX4 takes it: circles, and polygons as runs of vertices that know their number.
-
-    Only zones that apply where the mission cruises: PX4's have no altitude limits and no hours.
-    """
-    items = []
-    for fence in mission.fences:
-        items += _area_items(mission.frame, fence, inclusion=True)
-        if isinstance(fence, Outline):
-            for hole in fence.holes:
-                items += _area_items(mission.frame, Outline(hole), inclusion=False)
-    for zone in mission.airspace.zones:
-        around = _hole_around(zone.shape, mission.home)
-        if around is not None:
-            items += _area_items(mission.frame, Outline(around), inclusion=True)
-        else:
-            items += _area_items(mission.frame, zone.shape, inclusion=False)
-    return items
-
-
-def _hole_around(shape: Shape, home: Point) -> Ring | None:
-    """The hole of a zone that home lies in: the whole flight is in there."""
-    holes = () if isinstance(shape, Circle) else shape.holes
-    for hole in holes:
-        if Outline(hole).polygon.contains(ShapelyPoint(home)):
-            return hole
-    return None
-
-
-def _area_items(frame: LocalFrame, shape: Shape, *, inclusion: bool) -> list[PlanItem]:
-    """One area; PX4 knows no holes, a zone's are out of reach from outside of it."""
-    if isinstance(shape, Circle):
-        command = Command.FENCE_CIRCLE_INCLUSION if inclusion else Command.FENCE_CIRCLE_EXCLUSION
-        points: Ring = (shape.centre,)
-        parameter = shape.radius_m
-    else:
-        command = Command.FENCE_INCLUSION if inclusion else Command.FENCE_EXCLUSION
-        points, parameter = shape.ring, float(len(shape.ring))
-    items = []
-    for point in points:
-        x, y = _degrees_e7(frame, point)
-        parameters = (parameter, 0.0, 0.0, 0.0)
-        items.append(PlanItem(command, Frame.GLOBAL_INT, parameters, x, y, autocontinue=True))
-    return items

@@ -9,6 +9,7 @@ from pathlib import Path
 from air_router.airspaces import Airspaces, FlightWindow, IdleZone, airspaces_of
 from air_router.draft import Draft
 from air_router.errors import MissionFileError
+from air_router.fence_plan import FENCE_POINTS, fence_plan
 from air_router.legality import check_geometry, check_team
 from air_router.mission_file import read_mission
 from air_router.qgc import read_plan
@@ -146,6 +147,8 @@ def judge(draft: Draft) -> Mission | None:
     airspaces = airspaces_of(draft, window)
     check_geometry(draft, airspaces)
     check_team(draft)
+    if not draft.problems and (mission := mission_of(draft, airspaces, window)) is not None:
+        _note_fence(draft, mission)
     return mission_of(draft, airspaces, window)
 
 
@@ -185,3 +188,19 @@ def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Miss
         idle_zones=airspaces.idle,
         notes=tuple(draft.notes),
     )
+
+
+def _note_fence(draft: Draft, mission: Mission) -> None:
+    """Note what of the mission's areas its fence on board will not be."""
+    plan = fence_plan(mission)
+    areas = {area.name: area for area in (*draft.zones, *draft.fences)}
+    if len(plan.items) > FENCE_POINTS:
+        draft.note_area(
+            next(iter(draft.fences or draft.zones)),
+            f"the fence on board would have {len(plan.items)} points with all zones, PX4 1.17 "
+            f"stores {FENCE_POINTS}; draw circles, and polygons with fewer corners",
+            "fence-points",
+        )
+    for name, reason in plan.simpler:
+        message = f"'{name}' is not in the fence on board: {reason}; the companion keeps to it"
+        draft.note_area(areas[name], message, "fence-simpler-on-board")

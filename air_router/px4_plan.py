@@ -14,6 +14,7 @@ from mavsdk.plugins.geofence.geofence import Geofence, GeofenceResult
 from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRaw, MissionRawResult
 
 from air_router.errors import PlanRefusedError
+from air_router.fence_plan import FENCE_POINTS
 from air_router.flight_plan import Command, Frame, PlanItem
 from air_router.mavsdk_bridge import call
 from air_router.px4_telemetry import MISSION_INVALID
@@ -93,7 +94,8 @@ async def _upload(
             await asyncio.sleep(BUSY_S)
     hint = ""
     if result == MissionRawResult.TOO_MANY_MISSION_ITEMS:
-        hint = f"; it has {len(items)} points, PX4 1.17 stores 64 of a fence: draw it simpler"
+        count = f"it has {len(items)} points, PX4 1.17 stores {FENCE_POINTS} of a fence"
+        hint = f"; {count}: draw it simpler"
     raise PlanRefusedError(f"{what} was not taken: {result.name}{telemetry.said()}{hint}")
 
 

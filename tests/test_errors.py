@@ -1,0 +1,44 @@
+"""docs/errors.md lists every code that a problem of a file can have, and no other."""
+
+import ast
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+KEBAB = re.compile(r"[a-z0-9]+(-[a-z0-9]+)+")
+SINGLE_WORDS = {"unreadable"}
+
+SOURCES = [
+    *sorted((ROOT / "air_router").rglob("*.py")),
+    *(ROOT / "mocha_link" / f"{name}.py" for name in ("complaint", "document", "team", "upstream")),
+    ROOT / "mocha_link" / "yaml_readings.py",
+    ROOT / "geo" / "zone.py",
+    ROOT / "sitl" / "world_file.py",
+]
+OTHER_THINGS = {"camera.py", "guard.py"}
+"""Modules whose words with a hyphen are names of cameras, and of HTTP headers."""
+
+NO_CODES = {
+    *("air-router", "utf-8", "utf-8-sig", "fill-opacity"),
+    *("base-port", "node-type", "using-radio"),  # keys of original nodes
+}
+
+
+def words(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+
+
+def codes_in_the_sources():
+    found = set()
+    for path in SOURCES:
+        if path.name not in OTHER_THINGS:
+            found.update(w for w in words(path) if KEBAB.fullmatch(w) or w in SINGLE_WORDS)
+    return found - NO_CODES
+
+
+def test_every_code_is_documented_and_none_is_made_up():
+    text = (ROOT / "docs" / "errors.md").read_text(encoding="utf-8")
+    documented = {w for w in re.findall(r"`([^`]+)`", text) if KEBAB.fullmatch(w)} | SINGLE_WORDS
+    assert documented == codes_in_the_sources()
