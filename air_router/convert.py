@@ -24,11 +24,12 @@ from air_router.qgc_edit import PlanEdit
 from air_router.qgc_items import NOT_FLOWN
 from air_router.qgc_write import add_area, plan_of, tell_settings
 from air_router.router import NoRoute, Router
+from air_router.sim_plan import SUFFIX, sim_plan_draft
 from air_router.whole_file import write_whole
 from air_router.zone_files import add_zones, read_zones
-from geo.frame import Point
+from geo.frame import Geodetic, Point
 from geo.zone import polygons_of
-from mocha_link.document import Problem
+from mocha_link.document import Document, Problem
 
 _PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
 _KINDS: Final = {
@@ -42,8 +43,9 @@ _KINDS: Final = {
 _MAP_WRITERS: Final[dict[str, Callable[[Chart], str]]] = {_GEOJSON: geojson_text, _KML: kml_text}
 
 _EPILOG = """\
-FROM is a mission (.yaml, .plan) or a file of zones (.geojson, .kml, .json with ED-269 or ED-318
-geozones); TO is .plan, .yaml, .geojson or .kml. Zones alone become .geojson or .kml.
+FROM is a mission (.yaml, .plan, .sim.yaml of the paper's authors) or a file of zones (.geojson,
+.kml, .json with ED-269 or ED-318 geozones). TO is .plan, .yaml, .geojson or .kml; zones alone
+become .geojson or .kml.
 
 examples:
   air-router convert town.plan town.yaml
@@ -76,6 +78,13 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         default=[],
         metavar="WORD",
         help="leave out geozones of this restriction (CONDITIONAL, ...) or identifier",
+    )
+    parser.add_argument(
+        "--origin",
+        type=float,
+        nargs=2,
+        metavar=("LAT", "LON"),
+        help="where the origin of a FROM in metres (.sim.yaml) stands, in degrees",
     )
     parser.add_argument(
         "--buffers", action="store_true", help="draw what is kept from zones (.geojson, .kml)"
@@ -153,7 +162,7 @@ class _Report:
 
 
 def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
-    draft = read_draft(arguments.source)
+    draft = _draft(arguments)
     own_zones = len(draft.zones)
     for path in arguments.zones:
         add_zones(draft, path, (), allow=arguments.allow)
@@ -174,6 +183,17 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
     report.notes = draft.notes
     report.problems = draft.problems
     return text
+
+
+def _draft(arguments: argparse.Namespace) -> Draft:
+    in_metres = arguments.source.name.endswith(SUFFIX)
+    if in_metres and arguments.origin is None:
+        raise UsageError(f"{arguments.source} is in metres: say where it stands, --origin LAT LON")
+    if in_metres:
+        return sim_plan_draft(Document.load(arguments.source), Geodetic(*arguments.origin))
+    if arguments.origin is not None:
+        raise UsageError(f"--origin is for files in metres ({SUFFIX})")
+    return read_draft(arguments.source)
 
 
 def _written(
