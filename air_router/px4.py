@@ -8,6 +8,7 @@ change before they decide on it.
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import math
 from collections.abc import Callable, Sequence
@@ -16,7 +17,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from mavsdk.plugins.action.action import Action, ActionResult
 from mavsdk.plugins.geofence.geofence import Geofence
-from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkDirectError
+from mavsdk.plugins.mavlink_direct.mavlink_direct import (
+    MavlinkDirect,
+    MavlinkDirectError,
+    MavlinkDirectResult,
+)
 from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 
 from air_router.errors import ArmingRefusedError, NotConfirmedError
@@ -40,7 +45,9 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 AUTOPILOT: Final = 1  # MAV_COMP_ID_AUTOPILOT1
-SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512  # MAV_CMD
+DO_REPOSITION, SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 192, 511, 512  # MAV_CMD
+GLOBAL_INT: Final = 5  # MAV_FRAME; PX4 takes the altitude as AMSL in every frame
+NOWHERE: Final = 2**31 - 1
 GPS_RAW_INT, GLOBAL_POSITION_INT, POSITION_TARGET_GLOBAL_INT = 24, 33, 87  # message ids
 AUTOPILOT_VERSION, HOME_POSITION = 148, 242
 RATES_HZ: Final = MappingProxyType(
@@ -211,8 +218,36 @@ class Px4Vehicle(Vehicle):
         await self._set_speed()
 
     async def hold(self) -> None:
-        """See `Vehicle.hold`."""
-        await self._mode(FlightMode.HOLD, self._action.hold_async)
+        """See `Vehicle.hold`.
+
+        A vehicle that flies to a point is in Hold mode already: asked for again it changes nothing
+        (as a PX4 1.17 does). What stops it is a DO_REPOSITION to no place at all.
+        """
+        if self._telemetry.mode is FlightMode.HOLD:
+            await self._stop_here()
+        else:
+            await self._mode(FlightMode.HOLD, self._action.hold_async)
+
+    async def _stop_here(self) -> None:
+        fields = {
+            "target_system": self._connection.system_id,
+            "target_component": AUTOPILOT,
+            "frame": GLOBAL_INT,
+            "command": DO_REPOSITION,
+            "current": 0,
+            "autocontinue": 0,
+            "param1": -1.0,
+            "param2": 1.0,  # change the mode
+            "param3": 0.0,
+            "param4": None,  # not a number: the heading stays
+            "x": NOWHERE,
+            "y": NOWHERE,
+            "z": None,
+        }
+        command = message("COMMAND_INT", fields, self._connection.system_id)
+        result, answer = await self._answer(self._direct.send_command_async, command)
+        if result != MavlinkDirectResult.SUCCESS or json.loads(answer.fields_json)["result"] != 0:
+            raise NotConfirmedError(f"hold: the vehicle does not take it{self._telemetry.said()}")
 
     async def land(self) -> None:
         """See `Vehicle.land`."""

@@ -127,6 +127,14 @@ def test_every_verb_is_confirmed_by_the_vehicle(mission, udp_port):
         beside = Point(first.east_m + 8.0, first.north_m + 8.0)
         await vehicle.reposition(beside, 40.0)
         await log.until(lambda: math.dist(log.telemetry.position, beside) < 2.0)
+        open_ends = [w for w in mission.waypoints if mission.airspace.leg_clear(beside, w.position)]
+        far = max((w.position for w in open_ends), key=lambda end: math.dist(beside, end))
+        await vehicle.reposition(far, 40.0)
+        await log.until(lambda: math.hypot(*log.telemetry.velocity_m_s) > 2.0)
+        await vehicle.hold()  # which the mode alone, being Hold already, does not do
+        await log.until(lambda: math.hypot(*log.telemetry.velocity_m_s) < 0.2)
+        assert math.dist(log.telemetry.position, far) > 5.0
+        assert abs(log.telemetry.altitude_m - 40.0) < 5.0
         assert log.telemetry.mode is FlightMode.HOLD
         assert abs(log.telemetry.altitude_m - 40.0) < 3.0
         await vehicle.jump(plan.item_of(0))
