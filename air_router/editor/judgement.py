@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 
-from air_router.draft import Draft
+from shapely import Polygon, make_valid
+
+from air_router.draft import Area, Draft
+from air_router.editor.drawing import Drawing
 from air_router.editor.manuscript import Manuscript
+from air_router.editor.sketch import Region
 from air_router.graph import WaypointGraph
 from air_router.mission import Mission, judge
 from air_router.router import Route, Router
 from geo.frame import Point
+from geo.zone import Outline, ZoneError, polygons_of
 
+_LEAST_CORNERS = 3
 _MOST_ROUTES = 300
 """So many ways around are looked for while somebody drags; the rest are shown as unknown."""
 
@@ -55,8 +62,15 @@ class Judgement:
         """Judge a text."""
         draft = manuscript.draft()
         mission = judge(draft)
-        if mission is None or "planner" in draft.unread:
+        drawing = manuscript.drawing
+        known = {area.keys for area in (*draft.fences, *draft.zones)}
+        unread = [region for region in drawing.sketch.regions if region.keys not in known]
+        if mission is None or "planner" in draft.unread or any(r.is_fence for r in unread):
             return cls(draft, None, None, None, ())
+        if unread:  # what is no area yet must not be planned across all the same
+            standing = [area for region in unread for area in _stand_ins(region, drawing, draft)]
+            zones = [*draft.zones, *standing]
+            mission = judge(replace(draft, zones=zones, problems=[], notes=[])) or mission
         graph = WaypointGraph(mission)
         router = Router(graph)
         return cls(draft, mission, graph, router, tuple(_legs(mission, graph, router)))
@@ -65,6 +79,21 @@ class Judgement:
         """Of all legs that can be flown."""
         flown = (leg.points for leg in self.legs if leg.way is not Way.BLOCKED)
         return sum(math.dist(a, b) for points in flown for a, b in pairwise(points))
+
+
+def _stand_ins(region: Region, drawing: Drawing, draft: Draft) -> Iterator[Area]:
+    """Areas that cover what is drawn of a zone that is none: one that crosses itself, say."""
+    if draft.frame is None:
+        return
+    for ring in region.rings[:1]:
+        places = [drawing.geodetic(corner.pair) for corner in ring.corners]
+        points = [draft.frame.to_local(*place) for place in places if place is not None]
+        if len(points) < _LEAST_CORNERS:
+            continue
+        for polygon in polygons_of(make_valid(Polygon(points))):
+            outline = tuple(Point(*xy) for xy in polygon.exterior.coords)
+            with suppress(ZoneError):
+                yield Area(region.name, Outline(outline), region.keys)
 
 
 def _legs(mission: Mission, graph: WaypointGraph, router: Router) -> Iterator[OperatorLeg]:

@@ -12,6 +12,8 @@ const KEYS = [
   ["W Z C R P", "waypoints, zone, circle, rally point, route"],
   ["Ctrl+Z, Ctrl+Shift+Z", "undo and redo"],
   ["Ctrl+S", "saves the file; comments stay"],
+  ["Blue, amber, red legs", "flown straight; flown around what is in the way; cannot be flown"],
+  ["Solid, dashed borders", "the clearance; clearance and tracking margin, which routes keep"],
   ["F, Esc", "show everything; let go"],
 ];
 
@@ -24,7 +26,8 @@ export function question(title, text, choices) {
     button.addEventListener("click", () => byId("question").close(value));
     return button;
   });
-  return open(title, [element("p", { textContent: text })], buttons);
+  const sentence = text[0].toUpperCase() + text.slice(1);
+  return open(title, [element("p", { textContent: sentence })], buttons);
 }
 
 /** Say how the page is used. @returns {Promise<string>} */

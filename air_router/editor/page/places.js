@@ -123,6 +123,7 @@ export class Places {
     const size = points.length > 1 ? bounds.getSize() : null;
     const gap = size ? Math.sqrt((size.x * size.y) / points.length) : Infinity;
     this.map.getContainer().classList.toggle("dense", gap < LEAST_GAP_PIXELS);
+    this.map.getContainer().classList.toggle("close", gap < 2 * LEAST_GAP_PIXELS);
   }
 
   /** Put the keyboard on a place. @param {import("./store.js").Keys} keys */

@@ -42,6 +42,7 @@ export class Tools extends EventTarget {
     this.corners = [];
     this.shape.setLatLngs([]);
     this.pick([]);
+    if (tool !== "select" && tool !== "waypoint") this.selection.choose(null);
     for (const button of document.querySelectorAll("[data-tool]")) {
       button.setAttribute("aria-pressed", String(button.dataset.tool === tool));
     }

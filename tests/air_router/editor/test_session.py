@@ -7,6 +7,7 @@ import stat
 from pathlib import Path
 
 import pytest
+from shapely import LineString, Polygon, make_valid
 
 from air_router.editor import edits
 from air_router.editor.edits import EditError, read_edit
@@ -88,6 +89,30 @@ def test_a_zone_that_crosses_itself_is_still_shown(session):
     assert area["wrong"]
     assert area["rings"][0]["corners"][0] == [39.94240, -75.20030]
     assert area["buffers"] == []
+
+
+def test_nothing_is_planned_across_what_is_no_area_yet(session):
+    before = session.route(15, 33)
+    corner = ("no_fly_zones", 0, "polygon", 9)
+    session.edit(move(corner, (39.9421300, -75.1997000)))
+    (problem,) = session.view()["problems"]
+    assert problem["code"] == "zone-self-intersects"
+    after = session.route(15, 33)
+    assert after["closest_to"] == before["closest_to"]
+    assert after["length_m"] == pytest.approx(before["length_m"], abs=5)
+    (area,) = [area for area in session.view()["areas"] if area["name"] == "zone 1"]
+    drawn = make_valid(Polygon(area["rings"][0]["corners"]))
+    at = {place["node"]: place["at"] for place in session.view()["places"]}
+    edges = session.view()["graph"]["edges"]
+    assert len(edges) > 50
+    assert not any(drawn.intersects(LineString([at[a], at[b]])) for a, b in edges)
+
+
+def test_without_a_readable_fence_nothing_is_planned(session):
+    session.edit(move(("fence", "polygon", 8), (39.9429, -75.1990)))
+    assert session.view()["graph"]["edges"] == []
+    assert "problems" in session.route(1, 2)["reason"]
+    assert session.wrong
 
 
 def test_steps_are_undone_and_made_again(session):
