@@ -154,11 +154,15 @@ class _Report:
         return {
             "from": str(self.source),
             "to": str(self.target),
-            **{what.replace(" ", "_"): count for what, count in self.counts.items()},
+            **{_json_name(what): count for what, count in self.counts.items()},
             "not_carried_over": [asdict(loss) for loss in self.losses.entries],
             "notes": [note.as_json() for note in self.notes],
             "problems": [problem.as_json() for problem in self.problems],
         }
+
+
+def _json_name(what: str) -> str:
+    return what.removeprefix("no-fly ").replace(" ", "_")
 
 
 def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str:

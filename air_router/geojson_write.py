@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import shapely
 from shapely import LineString, Polygon, box
+from shapely.affinity import translate
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
@@ -20,6 +21,7 @@ from air_router.json_document import json_text
 from air_router.zone_properties import active_of
 from air_router.zone_reading import MapCircle, MapOutline, MapRing
 from geo.frame import Geodetic
+from geo.zone import polygons_of
 
 _DIGITS: Final = 9
 _COLOURS: Final = {
@@ -116,8 +118,8 @@ def _polygons(outline: MapOutline) -> dict[str, Any]:
         pole = 90.0 if outline.ring[0].latitude_deg > 0 else -90.0
         end = (ring[0][0] + 360.0 * turns, ring[0][1])
         ring = [*ring, end, (end[0], pole), (ring[0][0], pole)]
-    pieces = _cut(Polygon(ring, holes))
-    coordinates = [_rings(orient(piece)) for piece in pieces if isinstance(piece, Polygon)]
+    pieces = [each for piece in _cut(Polygon(ring, holes)) for each in polygons_of(piece)]
+    coordinates = [_rings(orient(piece)) for piece in pieces]
     if len(coordinates) == 1:
         return {"type": "Polygon", "coordinates": coordinates[0]}
     return {"type": "MultiPolygon", "coordinates": coordinates}
@@ -136,11 +138,11 @@ def _cut(shape: BaseGeometry) -> list[BaseGeometry]:
     pieces: list[BaseGeometry] = []
     for turn in range(-2, 3):
         piece = shape.intersection(box(360.0 * turn - 180, -90, 360.0 * turn + 180, 90))
-        moved = shapely.transform(piece, lambda xy, turn=turn: xy - [360.0 * turn, 0.0])
-        kinds = (Polygon,) if isinstance(shape, Polygon) else (LineString,)
-        parts: Iterable[BaseGeometry] = getattr(moved, "geoms", [moved])
-        pieces += [part for part in parts if isinstance(part, kinds) and not part.is_empty]
-    return pieces
+        pieces.append(translate(piece, xoff=-360.0 * turn))
+    whole = shapely.union_all(pieces)
+    kind = type(shape)
+    parts: Iterable[BaseGeometry] = getattr(whole, "geoms", [whole])
+    return [part for part in parts if isinstance(part, kind) and not part.is_empty]
 
 
 def _unwrapped(line: MapRing) -> list[tuple[float, float]]:
