@@ -6,16 +6,18 @@ what it says. It knows nothing of MAVLink but PX4's mode numbers and item layout
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
 from sitl.arming import ArmingReason, disarm_due
-from sitl.auto_modes import Flight, HoldFlight, LandFlight, ReturnFlight, TakeoffFlight, go_to
+from sitl.auto_modes import go_to, stop_ahead
 from sitl.battery import Battery
 from sitl.dynamics import Multirotor
 from sitl.estimator import EstimateErrors
 from sitl.failsafe import Action, Cause, Failsafe
 from sitl.fence_guard import FenceGuard
+from sitl.flight_modes import FlightModes
 from sitl.ground_contact import GroundContact
 from sitl.guidance import Setpoint, SetpointKind, wanted_velocity
 from sitl.mission_flight import MissionFlight
@@ -26,10 +28,13 @@ from sitl.plan_store import PlanStore
 from sitl.projection import MapProjection
 from sitl.px4_modes import FlightMode
 from sitl.situation import Place, Situation
+from sitl.sticks import Sticks
 from sitl.watchdog import Watchdog
+from sitl.wind import Wind, WindSettings
 
 HOME_AFTER_S: Final = 2.2
 ARMABLE_AFTER_S: Final = 4.5
+_MOVING_M_S: Final = 0.5
 
 
 class Autopilot:
@@ -41,31 +46,30 @@ class Autopilot:
         seed: Of the estimate's errors.
         time_scale: How much faster than the wall clock the simulation is meant to run; links are
             watched on the wall's clock.
+        wind: That blows; None: no wind.
     """
 
     def __init__(
-        self, place: Place, parameters: Parameters, *, seed: int = 0, time_scale: float = 1.0
+        self,
+        place: Place,
+        parameters: Parameters,
+        *,
+        seed: int = 0,
+        time_scale: float = 1.0,
+        wind: WindSettings | None = None,
     ) -> None:
         self.place = place
         self.parameters = parameters
         self.airframe = Multirotor()
         self.errors = EstimateErrors(seed)
+        self.wind = Wind(wind or WindSettings(), seed)
         self.battery = Battery()
         self.plan = PlanStore()
         self.failsafe = Failsafe()
         self.watchdog = Watchdog(time_scale)
         self.guard = FenceGuard(self.plan)
         self.mission = MissionFlight()
-        self._hold = HoldFlight()
-        self._takeoff = TakeoffFlight()
-        self._return = ReturnFlight()
-        self._flights: dict[FlightMode, Flight] = {
-            FlightMode.AUTO_LOITER: self._hold,
-            FlightMode.AUTO_TAKEOFF: self._takeoff,
-            FlightMode.AUTO_MISSION: self.mission,
-            FlightMode.AUTO_RTL: self._return,
-            FlightMode.AUTO_LAND: LandFlight(),
-        }
+        self.modes = FlightModes(self.mission)
         self.situation = Situation(
             MapProjection(place.latitude_deg, place.longitude_deg),
             parameters,
@@ -78,10 +82,11 @@ class Autopilot:
         self._flying_mode: FlightMode | None = None
         self.setpoint = Setpoint()
         self.terminated = False
-        self._intake = PlanIntake(self.plan, self.guard, self.mission, self._return)
+        self._intake = PlanIntake(self.plan, self.guard, self.mission, self.modes.returning)
         self._home_base_m = place.altitude_m
         self._ground = GroundContact()
         self._armed_s = 0.0
+        self._ever_asked = False
 
     # What the world may see
 
@@ -96,13 +101,16 @@ class Autopilot:
         return self.situation.armed
 
     @property
+    def flying_mode(self) -> FlightMode | None:
+        """The mode that is flown; None while disarmed."""
+        return self._flying_mode
+
+    @property
     def can_arm(self) -> bool:
         """Whether PX4's health and arming checks pass in the present mode."""
-        mission_missing = self.mode is FlightMode.AUTO_MISSION and not self.mission.result.valid
-        blocked = self.mode.prevents_arming or self.mode.needs_pilot or mission_missing
-        offboard = self.mode is FlightMode.OFFBOARD
+        blocked = self.modes.blocks_arming(self.mode, self.situation)
         ready = self.time_s >= ARMABLE_AFTER_S and not self.guard.violated
-        return ready and not blocked and not offboard and not self.terminated
+        return ready and not blocked and not self.terminated
 
     @property
     def taking_off(self) -> bool:
@@ -129,9 +137,11 @@ class Autopilot:
 
         Disarmed nearly everything is. A mode command during a failsafe takes the vehicle over.
         """
-        if self.terminated or (self.armed and not forced and not self._can_fly(mode)):
+        can_fly = self.modes.can_fly(mode, self.situation)
+        if self.terminated or (self.armed and not forced and not can_fly):
             return False
         self.intended = mode
+        self._ever_asked = True
         if not mode.prevents_arming and mode is not FlightMode.AUTO_TAKEOFF:
             self._after_disarming = mode
         self.failsafe.taken_over(self.situation)
@@ -149,9 +159,12 @@ class Autopilot:
             return
         situation = self.situation
         north, east = point or (self.setpoint.north_m, self.setpoint.east_m)
-        if point is None and self.setpoint.kind is SetpointKind.IDLE:
-            north, east = situation.north_m, situation.east_m
-        if not self.guard.allows(*(point or (situation.north_m, situation.east_m))):
+        moving = math.hypot(*situation.velocity_m_s[:2]) > _MOVING_M_S
+        if point is None and (moving or self.setpoint.kind is not SetpointKind.POSITION):
+            ahead = stop_ahead(situation)
+            north, east = ahead.north_m, ahead.east_m
+        goal = point or (situation.north_m, situation.east_m)
+        if not self.guard.allows(*goal) or not self.guard.near_home(*goal, situation):
             situation.say(
                 "Reposition is outside geofence",
                 "navigator_reposition_outside_geofence",
@@ -161,11 +174,27 @@ class Autopilot:
             return
         target_m = situation.altitude_m if altitude_m is None else altitude_m
         target = replace(go_to(north, east, target_m, situation), yaw_rad=yaw_rad)
-        self._hold.reposition(target, speed_m_s)
+        self.modes.hold.reposition(target, speed_m_s)
 
     def take_off(self, altitude_m: float) -> None:
         """Set the height of the next take-off, AMSL; NaN: MIS_TAKEOFF_ALT above here."""
-        self._takeoff.request(altitude_m)
+        self.modes.takeoff.request(altitude_m)
+
+    def move_sticks(self, sticks: Sticks) -> None:
+        """A pilot's sticks are there; moved, they take an automatic mode over (COM_RC_OVERRIDE)."""
+        situation, pilot = self.situation, self.modes.pilot
+        pilot.hear(sticks, situation)
+        if not self.armed:
+            if not self._ever_asked:
+                self.request_mode(FlightMode.POSCTL)
+            return
+        override = int(self.parameters["COM_RC_OVERRIDE"])
+        overridden = (2 if self.mode is FlightMode.OFFBOARD else 1) & override
+        if self.mode.needs_pilot or not overridden or not pilot.takes_over(situation):
+            return
+        acting = self.failsafe.acting
+        if self.request_mode(FlightMode.POSCTL) and not acting:
+            situation.say("Pilot took over using sticks", "commander_rc_override")
 
     def set_home(self, point: tuple[float, float], altitude_m: float) -> None:
         """Move home."""
@@ -212,7 +241,7 @@ class Autopilot:
         self.intended = self._after_disarming
         self.mission.disarmed()
         self.failsafe.disarmed()
-        self._hold.forget()
+        self.modes.hold.forget()
         situation.say(
             f"Disarmed by {reason.words}", "commander_disarmed_by", arguments=bytes((reason,))
         )
@@ -269,14 +298,19 @@ class Autopilot:
                 parameters["BAT_EMERGEN_THR"],
             ),
         )
-        for action, cause in self.watchdog.step(self.battery, situation):
+        sticks = self.modes.pilot.present(situation)
+        causes = self.watchdog.sticks(self.intended, situation, present=sticks)
+        for action, cause in (*causes, *self.watchdog.step(self.battery, situation)):
             self.failsafe.trigger(action, cause, self.intended, situation)
         action = self.guard.breach(situation)
         if action is Action.HOLD:
             # It holds where the breach was seen: it overshoots and comes back to that point.
             here = (situation.north_m, situation.east_m, situation.altitude_m)
-            self._hold.reposition(go_to(*here, situation))
+            self.modes.hold.reposition(go_to(*here, situation))
         self.failsafe.trigger(action, Cause.GENERIC, self.intended, situation)
+        self.failsafe.fall_back(
+            self.modes.fallback(self.intended, situation), self.intended, situation
+        )
         self.failsafe.step(self.intended, situation)
 
     def _fly(self, step_s: float) -> None:
@@ -285,7 +319,7 @@ class Autopilot:
         if self.terminated or self.mode is FlightMode.TERMINATION:
             self.terminated, self.mode = True, FlightMode.TERMINATION
         flying_mode = self.mode if self.armed else None
-        flight = self._flights.get(self.mode) if self.armed else None
+        flight = self.modes.flight(self.mode) if self.armed else None
         if flying_mode is not self._flying_mode:
             if self._flying_mode is FlightMode.AUTO_MISSION:
                 self.mission.deactivate()
@@ -300,7 +334,7 @@ class Autopilot:
 
     def _complete_mode(self) -> None:
         """A take-off or a mission that has ended goes over into Hold."""
-        if self._flying_mode is FlightMode.AUTO_TAKEOFF and self._takeoff.done:
+        if self._flying_mode is FlightMode.AUTO_TAKEOFF and self.modes.takeoff.done:
             self.mission.result.finished = True
             self.request_mode(FlightMode.AUTO_LOITER, forced=True)
         elif self._flying_mode is FlightMode.AUTO_LAND and self.situation.landed:
@@ -315,8 +349,11 @@ class Autopilot:
 
     def _move(self, step_s: float) -> None:
         situation = self.situation
+        airframe = self.airframe
+        velocity_m_s = (airframe.velocity_north_m_s, airframe.velocity_east_m_s)
+        push = self.wind.step(step_s, velocity_m_s, flying=not airframe.on_ground)
         if not self.armed or self.terminated:
-            self.airframe.step(step_s, None)
+            airframe.step(step_s, None, push)
             return
         wanted = self._ground.hold_down(self.setpoint, situation) or wanted_velocity(
             self.setpoint,
@@ -325,7 +362,7 @@ class Autopilot:
             situation.cruise_m_s,
             situation.pace(),
         )
-        self.airframe.step(step_s, wanted)
+        airframe.step(step_s, wanted, push)
 
     def _end_step(self) -> None:
         situation = self.situation
@@ -342,13 +379,6 @@ class Autopilot:
         )
         if reason is not None:
             self.disarm(reason)
-
-    def _can_fly(self, mode: FlightMode) -> bool:
-        if mode is FlightMode.AUTO_MISSION:
-            return self.mission.result.valid
-        if mode is FlightMode.AUTO_RTL:
-            return self.situation.home is not None
-        return mode in self._flights
 
     def _ask_mode(self, mode: FlightMode) -> None:
         self.request_mode(mode)

@@ -12,6 +12,7 @@ from typing import Final
 from sitl.autopilot import Autopilot
 from sitl.notice import Severity
 from sitl.px4_modes import FlightMode, UnsupportedAutoModeError, requested_mode
+from sitl.px4_version import Px4Version
 
 _log = logging.getLogger(__name__)
 
@@ -47,12 +48,13 @@ class CommandRequest:
 class Commands:
     """Carries out what concerns the vehicle, not the link."""
 
-    def __init__(self, autopilot: Autopilot) -> None:
+    def __init__(self, autopilot: Autopilot, version: Px4Version) -> None:
         self._autopilot = autopilot
         self._handlers: dict[int, Callable[[CommandRequest], CommandResult]] = {
             20: self._return,
             21: self._land,
             22: self._take_off,
+            34: self._orbit,
             176: self._set_mode,
             178: self._change_speed,
             179: self._set_home,
@@ -66,6 +68,8 @@ class Commands:
             300: self._start_mission,
             400: self._arm,
         }
+        if version.sets_item_by_command:
+            self._handlers[224] = self._set_item
 
     def execute(self, request: CommandRequest) -> CommandResult:
         """Do it, and say what COMMAND_ACK is to say."""
@@ -120,6 +124,18 @@ class Commands:
     def _take_off(self, request: CommandRequest) -> CommandResult:
         self._autopilot.take_off(request.params[6])
         return self._mode(FlightMode.AUTO_TAKEOFF)
+
+    def _orbit(self, request: CommandRequest) -> CommandResult:
+        radius_m, speed_m_s, _, _, latitude, longitude, altitude = request.params
+        situation = self._autopilot.situation
+        place = math.isfinite(latitude) and math.isfinite(longitude)
+        self._autopilot.modes.orbit.request(
+            situation.projection.to_local(latitude, longitude) if place else None,
+            altitude if math.isfinite(altitude) else None,
+            radius_m,
+            speed_m_s,
+        )
+        return self._mode(FlightMode.ORBIT)
 
     def _change_speed(self, request: CommandRequest) -> CommandResult:
         speed = request.params[1]
@@ -188,6 +204,14 @@ class Commands:
         if autopilot.arm_for_mission():
             return CommandResult.ACCEPTED
         return CommandResult.TEMPORARILY_REJECTED
+
+    def _set_item(self, request: CommandRequest) -> CommandResult:
+        number = request.params[0]
+        total = self._autopilot.mission.result.total
+        if not math.isfinite(number) or not 0 <= number < total:
+            return CommandResult.DENIED
+        self._autopilot.plan.set_current(int(number))
+        return CommandResult.ACCEPTED
 
     def _arm(self, request: CommandRequest) -> CommandResult:
         action, forced = request.params[0], request.params[1] == _FORCE

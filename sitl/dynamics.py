@@ -37,12 +37,23 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What the vehicle is to do in this step: velocity in m/s, heading (None: keep) in rad."""
+    """What the vehicle is to do in this step.
+
+    Attributes:
+        north_m_s: Velocity over ground.
+        east_m_s: Velocity over ground.
+        up_m_s: Velocity.
+        yaw_rad: Heading; None: turn with the rate.
+        yaw_rate_rad_s: Where there is no heading.
+        limits: That hold in this step; None: the airframe's own.
+    """
 
     north_m_s: float = 0.0
     east_m_s: float = 0.0
     up_m_s: float = 0.0
     yaw_rad: float | None = None
+    yaw_rate_rad_s: float = 0.0
+    limits: Limits | None = None
 
 
 class Multirotor:
@@ -77,12 +88,23 @@ class Multirotor:
         self.yaw_rate_rad_s = 0.0
         self.on_ground = True
 
-    def step(self, step_s: float, wanted: Wanted | None) -> None:
-        """Move on by `step_s`; `wanted` None means that the motors are off."""
+    def step(
+        self, step_s: float, wanted: Wanted | None, push_m_s2: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        """Move on by `step_s`.
+
+        Args:
+            step_s: Seconds.
+            wanted: What it is to do; None means that the motors are off.
+            push_m_s2: What the wind does to it, north and east.
+        """
         if wanted is None:
             self._fall(step_s)
         else:
             self._follow(step_s, wanted)
+        if not self.on_ground:
+            self.velocity_north_m_s += push_m_s2[0] * step_s
+            self.velocity_east_m_s += push_m_s2[1] * step_s
         self.north_m += self.velocity_north_m_s * step_s
         self.east_m += self.velocity_east_m_s * step_s
         self.up_m += self.velocity_up_m_s * step_s
@@ -103,7 +125,7 @@ class Multirotor:
         )
 
     def _follow(self, step_s: float, wanted: Wanted) -> None:
-        limits = self.limits
+        limits = wanted.limits or self.limits
         missing_north = wanted.north_m_s - self.velocity_north_m_s
         missing_east = wanted.east_m_s - self.velocity_east_m_s
         missing = math.hypot(missing_north, missing_east)
@@ -117,11 +139,10 @@ class Multirotor:
         self.acceleration_east_m_s2 += change_east * part
         self.velocity_north_m_s += self.acceleration_north_m_s2 * step_s
         self.velocity_east_m_s += self.acceleration_east_m_s2 * step_s
-        self._follow_vertically(step_s, wanted.up_m_s)
-        self._turn(step_s, wanted.yaw_rad)
+        self._follow_vertically(step_s, wanted.up_m_s, limits)
+        self._turn(step_s, wanted)
 
-    def _follow_vertically(self, step_s: float, up_m_s: float) -> None:
-        limits = self.limits
+    def _follow_vertically(self, step_s: float, up_m_s: float, limits: Limits) -> None:
         missing = up_m_s - self.velocity_up_m_s
         most = limits.climb_acceleration_m_s2 if missing > 0 else limits.sink_acceleration_m_s2
         aim = math.copysign(_acceleration(abs(missing), most, limits.vertical_jerk_m_s3), missing)
@@ -130,11 +151,12 @@ class Multirotor:
         self.acceleration_up_m_s2 += change
         self.velocity_up_m_s += self.acceleration_up_m_s2 * step_s
 
-    def _turn(self, step_s: float, yaw_rad: float | None) -> None:
-        if yaw_rad is None:
-            self.yaw_rate_rad_s = 0.0
+    def _turn(self, step_s: float, wanted: Wanted) -> None:
+        if wanted.yaw_rad is None:
+            self.yaw_rate_rad_s = wanted.yaw_rate_rad_s
+            self.yaw_rad = math.remainder(self.yaw_rad + self.yaw_rate_rad_s * step_s, math.tau)
             return
-        missing = math.remainder(yaw_rad - self.yaw_rad, math.tau)
+        missing = math.remainder(wanted.yaw_rad - self.yaw_rad, math.tau)
         most = self.limits.yaw_rate_rad_s * step_s
         turn = max(-most, min(most, missing * min(1.0, 3.0 * step_s)))
         self.yaw_rate_rad_s = turn / step_s

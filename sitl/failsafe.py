@@ -21,9 +21,13 @@ class Action(IntEnum):
 
     NONE = 0
     WARN = 1
+    FALLBACK_POSITION = 2
+    FALLBACK_ALTITUDE = 3
+    FALLBACK_STABILIZED = 4
     HOLD = 5
     RTL = 6
     LAND = 7
+    DISARM = 9
     TERMINATE = 10
 
 
@@ -31,6 +35,7 @@ class Cause(IntEnum):
     """Why; numbers are those of PX4's events."""
 
     GENERIC = 0
+    MANUAL_CONTROL_LOST = 1
     GCS_LOST = 2
     BATTERY_LOW = 3
     BATTERY_CRITICAL = 4
@@ -38,9 +43,13 @@ class Cause(IntEnum):
 
 
 _MODES: Final = {
+    Action.FALLBACK_POSITION: FlightMode.POSCTL,
+    Action.FALLBACK_ALTITUDE: FlightMode.ALTCTL,
+    Action.FALLBACK_STABILIZED: FlightMode.STABILIZED,
     Action.HOLD: FlightMode.AUTO_LOITER,
     Action.RTL: FlightMode.AUTO_RTL,
     Action.LAND: FlightMode.AUTO_LAND,
+    Action.DISARM: FlightMode.TERMINATION,
     Action.TERMINATE: FlightMode.TERMINATION,
 }
 _WARNINGS: Final = {
@@ -61,6 +70,7 @@ class Failsafe:
 
     def __init__(self) -> None:
         self._active: list[_Active] = []
+        self._fallback = Action.NONE
         self._delayed_until_s: float | None = None
 
     @property
@@ -107,6 +117,14 @@ class Failsafe:
         if self._delayed_until_s is None:
             self._announce(intended, situation)
 
+    def fall_back(self, action: Action, intended: FlightMode, situation: Situation) -> None:
+        """What the mode itself wants, which cannot be flown any more; ends as soon as it can."""
+        if not situation.armed:
+            action = Action.NONE
+        before, self._fallback = self._worst().action, action
+        if action > max(before, Action.WARN) and self._delayed_until_s is None:
+            self._announce(intended, situation)
+
     def step(self, intended: FlightMode, situation: Situation) -> None:
         """Let the seconds of Hold before a greater action run out."""
         if self._delayed_until_s is not None and situation.time_s >= self._delayed_until_s:
@@ -118,20 +136,19 @@ class Failsafe:
         if not self.acting or self._worst().action is Action.TERMINATE:
             return
         self._active.clear()
+        self._fallback = Action.NONE
         self._delayed_until_s = None
         situation.say("", "failsafe_rc_override")
 
     def disarmed(self) -> None:
         """The motors stopped: nothing acts any more."""
         self._active.clear()
+        self._fallback = Action.NONE
         self._delayed_until_s = None
 
     def _worst(self) -> _Active:
-        return max(
-            self._active,
-            key=lambda active: active.action,
-            default=_Active(Action.NONE, Cause.GENERIC),
-        )
+        fallback = _Active(self._fallback, Cause.GENERIC)
+        return max((fallback, *self._active), key=lambda active: active.action)
 
     def _announce(self, intended: FlightMode, situation: Situation) -> None:
         worst = self._worst()

@@ -86,6 +86,11 @@ class FenceGuard:
         """Whether a point may be gone to."""
         return self.fence.allows(north_m, east_m)
 
+    def near_home(self, north_m: float, east_m: float, situation: Situation) -> bool:
+        """Whether a point is not further from home than GF_MAX_HOR_DIST."""
+        furthest_m, home = situation.parameters["GF_MAX_HOR_DIST"], situation.home
+        return home is None or furthest_m <= 0 or math.dist(home, (north_m, east_m)) < furthest_m
+
     def _near_home(self, situation: Situation) -> bool:
         parameters, home = situation.parameters, situation.home
         furthest_m, highest_m = parameters["GF_MAX_HOR_DIST"], parameters["GF_MAX_VER_DIST"]

@@ -9,10 +9,11 @@ only passes.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
+from sitl.direct_control import Direct, Reach, direct_velocity
 from sitl.dynamics import Wanted
 
 _LOOK_AHEAD_M: Final = 5.0
@@ -26,6 +27,7 @@ class SetpointKind(Enum):
     TAKEOFF = "takeoff"
     POSITION = "position"
     LAND = "land"
+    DIRECT = "direct"
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,7 @@ class Setpoint:
         following: Where it goes after the target (north, east); None stops there.
         yaw_rad: Heading; None looks where it flies.
         acceptance_m: How near counts as there; corners are cut by about that much.
+        direct: What is asked for in DIRECT; it is the only thing that counts then.
     """
 
     kind: SetpointKind = SetpointKind.IDLE
@@ -51,6 +54,7 @@ class Setpoint:
     following: tuple[float, float] | None = None
     yaw_rad: float | None = None
     acceptance_m: float = 2.0
+    direct: Direct | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +68,7 @@ class Pace:
         land_m_s: MPC_LAND_SPEED.
         acceleration_m_s2: MPC_ACC_HOR.
         jerk_m_s3: MPC_JERK_AUTO.
+        reach: Greatest speeds, for what is flown directly.
     """
 
     up_m_s: float = 3.0
@@ -72,6 +77,7 @@ class Pace:
     land_m_s: float = 0.7
     acceleration_m_s2: float = 3.0
     jerk_m_s3: float = 4.0
+    reach: Reach = field(default_factory=Reach)
 
 
 def approach_speed(
@@ -110,6 +116,8 @@ def wanted_velocity(
     north_m, east_m, altitude_m = position
     if setpoint.kind is SetpointKind.IDLE:
         return Wanted()
+    if setpoint.direct is not None:
+        return direct_velocity(setpoint.direct, position, pace.reach)
     to_north, to_east = setpoint.north_m - north_m, setpoint.east_m - east_m
     distance_m = math.hypot(to_north, to_east)
     speed = approach_speed(distance_m, pace, _corner_speed(setpoint, pace))

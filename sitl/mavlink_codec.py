@@ -6,13 +6,13 @@ second, and some of PX4's (EVENT; the ids in MISSION_CURRENT) are not in pymavli
 
 from __future__ import annotations
 
+import binascii
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
-from pymavlink.generator.mavcrc import x25crc
 
 from sitl.outgoing import Outgoing
 
@@ -117,8 +117,20 @@ class Sender:
             + payload
         )
         self._sequence = (self._sequence + 1) & 0xFF
-        checksum: int = x25crc(body + bytes((definition.crc_extra,))).crc
-        return b"\xfd" + body + checksum.to_bytes(2, "little")
+        return b"\xfd" + body + _checksum(body + bytes((definition.crc_extra,)))
+
+
+def _checksum(data: bytes) -> bytes:
+    """MAVLink's CRC-16/MCRF4XX, as bytes on the wire.
+
+    It is the CRC that `binascii` has, with every bit the other way round: ten times as fast as one
+    in Python, and hundreds of messages go out in every simulated second.
+    """
+    crc = binascii.crc_hqx(data.translate(_MIRRORED), 0xFFFF)
+    return bytes((crc >> 8, crc & 0xFF)).translate(_MIRRORED)
+
+
+_MIRRORED: Final = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 class Receiver:

@@ -11,11 +11,20 @@ from typing import Any, Final
 
 from sitl.autopilot import Autopilot
 from sitl.commands import CommandRequest, CommandResult, Commands
+from sitl.direct_control import Direct
 from sitl.mavlink_codec import Receiver, Sender, message_name
 from sitl.mission_protocol import MissionProtocol, Reply
 from sitl.mission_reporter import MissionReporter
 from sitl.notice import Notice
 from sitl.outgoing import Outgoing
+from sitl.parameters import DEFAULTS
+from sitl.setpoint_messages import (
+    RefusedSetpointError,
+    global_setpoint,
+    local_setpoint,
+    sticks,
+)
+from sitl.situation import Situation
 from sitl.stream_schedule import StreamSchedule
 from sitl.telemetry import Telemetry
 from sitl.text_channel import TextChannel
@@ -62,7 +71,7 @@ class MavlinkLink:
         self.system_id = int(autopilot.parameters["MAV_SYS_ID"])
         self._sender = Sender(self.system_id)
         self._receiver = Receiver()
-        self._commands = Commands(autopilot)
+        self._commands = Commands(autopilot, telemetry.version)
         self._protocol = MissionProtocol(autopilot.plan, self.system_id)
         self._reporter = MissionReporter(autopilot) if reports_mission else None
         self._streams = StreamSchedule(rates_hz)
@@ -81,6 +90,9 @@ class MavlinkLink:
             "PARAM_REQUEST_LIST": self._on_param_list,
             "PARAM_SET": self._on_param_set,
             "STATUSTEXT": self._on_text,
+            "SET_POSITION_TARGET_LOCAL_NED": self._on_local_setpoint,
+            "SET_POSITION_TARGET_GLOBAL_INT": self._on_global_setpoint,
+            "MANUAL_CONTROL": self._on_manual_control,
         }
 
     # In
@@ -148,12 +160,12 @@ class MavlinkLink:
         if result is not None:
             self._acknowledge(message.command, result, sender)
             return
-        if message.command == _DO_SET_MODE:
-            # PX4 1.16 and 1.17 say yes first and decide later.
+        twice = message.command == _DO_SET_MODE and self._telemetry.version.answers_modes_twice
+        if twice:  # PX4 1.16 and 1.17 say yes first and decide later
             self._acknowledge(_DO_SET_MODE, CommandResult.ACCEPTED, sender)
         request = CommandRequest(message.command, params, sender[1])
         result = self._commands.execute(request)
-        delay_s = _SECOND_ACK_S if message.command == _DO_SET_MODE else 0.0
+        delay_s = _SECOND_ACK_S if twice else 0.0
         self._acknowledge(message.command, result, sender, delay_s)
 
     def _link_command(self, command: int, params: tuple[float, ...]) -> CommandResult | None:
@@ -218,6 +230,9 @@ class MavlinkLink:
 
     def _on_param_set(self, message: Any) -> None:
         if self._is_for_us(message):
+            if message.param_id == "_HASH_CHECK":  # the ground station has them all already
+                self._listing = None
+                return
             values = self._autopilot.parameters.set(
                 message.param_id, message.param_value, message.param_type
             )
@@ -228,6 +243,26 @@ class MavlinkLink:
             "%d/%d says: %s", message.get_srcSystem(), message.get_srcComponent(), message.text
         )
 
+    def _on_local_setpoint(self, message: Any) -> None:
+        self._on_setpoint(message, local_setpoint)
+
+    def _on_global_setpoint(self, message: Any) -> None:
+        self._on_setpoint(message, global_setpoint)
+
+    def _on_setpoint(self, message: Any, read: Callable[[Any, Situation], Direct]) -> None:
+        targets = (message.target_system, message.target_component)
+        if targets[0] not in (0, self.system_id) or targets[1] not in (0, _AUTOPILOT):
+            return
+        situation = self._autopilot.situation
+        try:
+            self._autopilot.modes.offboard.hear(read(message, situation), situation)
+        except RefusedSetpointError as refusal:
+            self._reply([refusal.notice])
+
+    def _on_manual_control(self, message: Any) -> None:
+        if message.target in (0, self.system_id):
+            self._autopilot.move_sticks(sticks(message))
+
     # Out
 
     def step(self, spoken: list[Notice], events: list[Outgoing]) -> None:
@@ -235,7 +270,7 @@ class MavlinkLink:
 
         Args:
             spoken: What the autopilot said in this step.
-            events: The EVENT messages of it.
+            events: The EVENT messages of it, and whatever else every link sends.
         """
         now_s = self._autopilot.time_s
         for notice in spoken:
@@ -269,7 +304,8 @@ class MavlinkLink:
             return
         values = self._autopilot.parameters.listed(self._listing)
         self._send_all(Outgoing("PARAM_VALUE", value.fields()) for value in values)
-        self._listing = self._listing + len(values) if values else None
+        numbered = [value.index for value in values if value.index < len(DEFAULTS)]
+        self._listing = numbered[-1] + 1 if numbered else None
 
     def _reply(self, replies: list[Reply]) -> None:
         """Send answers; words go out on this link only, their events on all."""

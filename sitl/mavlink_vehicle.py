@@ -10,9 +10,12 @@ from sitl.autopilot import Autopilot
 from sitl.mavlink_link import MavlinkLink
 from sitl.notice import Notice
 from sitl.outgoing import Outgoing
+from sitl.own_commands import OwnCommands
 from sitl.parameters import DEFAULTS, Parameters
+from sitl.px4_version import VERSIONS, px4_version
 from sitl.situation import Place
 from sitl.telemetry import GROUND_RATES_HZ, ONBOARD_RATES_HZ, TRUTH_RATES_HZ, Telemetry
+from sitl.wind import WindSettings
 
 STEP_S: Final = 0.02
 _WALL_CLOCK: Final = ("COM_DL_LOSS_T", "COM_RC_LOSS_T", "COM_OF_LOSS_T", "COM_OBC_LOSS_T")
@@ -30,6 +33,9 @@ class VehicleSettings:
         speed: Simulated seconds per wall-clock second.
         start_unix_s: Unix time of simulated time zero.
         parameters: Values that differ from PX4's defaults.
+        wind: That blows.
+        ground_link: Whether there is a link to a ground station; without one it costs nothing.
+        px4_version: One of `px4_version.VERSIONS`: what it behaves as where they differ.
     """
 
     place: Place
@@ -38,6 +44,9 @@ class VehicleSettings:
     speed: float = 1.0
     start_unix_s: float = 0.0
     parameters: Mapping[str, int | float] = field(default_factory=dict)
+    wind: WindSettings = field(default_factory=WindSettings)
+    ground_link: bool = True
+    px4_version: str = VERSIONS[0]
 
 
 class MavlinkVehicle:
@@ -57,23 +66,33 @@ class MavlinkVehicle:
             | dict(settings.parameters)
         )
         scale = settings.speed
-        self.autopilot = Autopilot(settings.place, parameters, seed=settings.seed, time_scale=scale)
-        self._telemetry = Telemetry(self.autopilot, settings.start_unix_s)
+        version = px4_version(settings.px4_version)
+        self.autopilot = Autopilot(
+            settings.place,
+            parameters,
+            seed=settings.seed,
+            time_scale=scale,
+            wind=settings.wind,
+        )
+        self._own_commands = OwnCommands(self.autopilot)
+        self._telemetry = Telemetry(self.autopilot, settings.start_unix_s, version)
         self.onboard = MavlinkLink(
             self.autopilot, self._telemetry, ONBOARD_RATES_HZ, time_scale=scale
         )
         self.ground = MavlinkLink(
             self.autopilot, self._telemetry, GROUND_RATES_HZ, time_scale=scale
         )
+        self._links = (self.onboard, self.ground) if settings.ground_link else (self.onboard,)
         self.truth = MavlinkLink(
             self.autopilot, self._telemetry, TRUTH_RATES_HZ, reports_mission=False
         )
 
     def receive(self, link: MavlinkLink, datagram: bytes) -> None:
         """A datagram came in on one of the two links; what is not for us goes to the other."""
-        other = self.ground if link is self.onboard else self.onboard
         for frame in link.receive(datagram):
-            other.pass_on(frame)
+            for other in self._links:
+                if other is not link:
+                    other.pass_on(frame)
         self.autopilot.take_up_plan()
 
     def step(self) -> None:
@@ -81,7 +100,8 @@ class MavlinkVehicle:
         self.autopilot.step(STEP_S)
         notices = self.autopilot.take_notices()
         events = [self._event(notice) for notice in notices if notice.event]
-        for link in (self.onboard, self.ground):
+        events += self._own_commands.step()
+        for link in self._links:
             link.step(notices, events)
         self.truth.step([], [])
 

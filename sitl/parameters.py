@@ -1,86 +1,51 @@
-"""PX4's parameters, those that this simulation knows, and its parameter microservice.
+"""PX4's parameters and its parameter microservice.
 
-Names, types and defaults are those of PX4 1.17 for a multicopter in SITL. PX4 answers neither a
-name that it does not know nor a value of the wrong type, and it stores values out of range.
+Names, types and defaults are those of a PX4 1.17 SITL quadrotor, all 887 that are in use there; a
+few dozen mean something to this simulation. PX4 answers neither a name that it does not know nor a
+value of the wrong type, and it stores values out of range.
 """
 
 from __future__ import annotations
 
+import logging
 import math
+import re
 import struct
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
 from typing import Any, Final
+
+_log = logging.getLogger(__name__)
 
 INT32: Final = 6  # MAV_PARAM_TYPE
 REAL32: Final = 9
-_PER_STEP: Final = 40  # PX4 sends 900 parameters in 0.45 s
+_PER_STEP: Final = 20  # PX4 sends 887 parameters in 0.87 s
 
-DEFAULTS: Final[Mapping[str, int | float]] = {
-    "BAT_CRIT_THR": 0.07,
-    "BAT_EMERGEN_THR": 0.05,
-    "BAT_LOW_THR": 0.15,
-    "BAT1_N_CELLS": 4,
-    "CAL_ACC0_ID": 1310988,
-    "CAL_GYRO0_ID": 1310988,
-    "CAL_MAG0_ID": 197388,
-    "COM_ARM_BAT_MIN": -1.0,
-    "COM_ARM_WO_GPS": 1,
-    "COM_DISARM_LAND": 2.0,
-    "COM_DISARM_PRFLT": 10.0,
-    "COM_DL_LOSS_T": 10,
-    "COM_FAIL_ACT_T": 5.0,
-    "COM_HOME_EN": 1,
-    "COM_LOW_BAT_ACT": 3,
-    "COM_OBC_LOSS_T": 5.0,
-    "COM_OBL_RC_ACT": 0,
-    "COM_OF_LOSS_T": 1.0,
-    "COM_RC_IN_MODE": 1,
-    "COM_RC_LOSS_T": 0.5,
-    "COM_SPOOLUP_TIME": 1.0,
-    "COM_TAKEOFF_ACT": 0,
-    "GF_ACTION": 2,
-    "GF_MAX_HOR_DIST": 0.0,
-    "GF_MAX_VER_DIST": 0.0,
-    "GF_PREDICT": 0,
-    "GF_SOURCE": 0,
-    "MAV_COMP_ID": 1,
-    "MAV_SYS_ID": 1,
-    "MAV_TYPE": 2,
-    "MIS_DIST_1WP": 10000.0,
-    "MIS_TAKEOFF_ALT": 2.5,
-    "MIS_TKO_LAND_REQ": 0,
-    "MIS_YAW_ERR": 12.0,
-    "MIS_YAW_TMT": -1.0,
-    "MPC_ACC_DOWN_MAX": 3.0,
-    "MPC_ACC_HOR": 3.0,
-    "MPC_ACC_UP_MAX": 4.0,
-    "MPC_JERK_AUTO": 4.0,
-    "MPC_LAND_SPEED": 0.7,
-    "MPC_TKO_RAMP_T": 3.0,
-    "MPC_TKO_SPEED": 1.5,
-    "MPC_XY_CRUISE": 5.0,
-    "MPC_XY_VEL_MAX": 12.0,
-    "MPC_YAWRAUTO_MAX": 60.0,
-    "MPC_Z_V_AUTO_DN": 1.5,
-    "MPC_Z_V_AUTO_UP": 3.0,
-    "NAV_ACC_RAD": 2.0,
-    "NAV_DLL_ACT": 0,
-    "NAV_LOITER_RAD": 80.0,
-    "NAV_MC_ALT_RAD": 0.8,
-    "NAV_RCL_ACT": 2,
-    "RTL_CONE_ANG": 45,
-    "RTL_DESCEND_ALT": 10.0,
-    "RTL_LAND_DELAY": 0.0,
-    "RTL_MIN_DIST": 10.0,
-    "RTL_RETURN_ALT": 30.0,
-    "RTL_TYPE": 0,
-    "SDLOG_MODE": 1,
-    "SIM_BAT_DRAIN": 60.0,
-    "SIM_BAT_MIN_PCT": 50.0,
-    "SYS_AUTOSTART": 10040,
-    "SYS_HITL": 0,
-}
+_FILE: Final = "px4_1_17_sihsim_quadx.params"
+_HASH: Final = "_HASH_CHECK"
+_UINT32: Final = 5
+_NO_INDEX: Final = 65535
+# What the vehicle itself changes; PX4 leaves these out of the hash.
+_VOLATILE: Final = re.compile(
+    r"(CAL_(ACC|BARO|GYRO|MAG)\d_.*(OFF|SCALE|COMP|ODIAG)|LND_FLIGHT_T_..|ASPD_SCALE_1"
+    r"|COM_FLIGHT_UUID|EKF2_MAG_DECL|SENS_DPRES_OFF)\Z"
+)
+
+
+def _recorded() -> dict[str, int | float]:
+    """The defaults, in PX4's order: that of the names."""
+    text = resources.files("sitl").joinpath(_FILE).read_text()
+    values: dict[str, int | float] = {}
+    for line in text.splitlines():
+        if not line.startswith("#"):
+            _, _, name, value, kind = line.split("\t")
+            values[name] = int(value) if int(kind) == INT32 else float(value)
+    return values
+
+
+DEFAULTS: Final[Mapping[str, int | float]] = _recorded()
 
 
 class UnknownParameterError(Exception):
@@ -124,7 +89,8 @@ class Parameters:
             if name not in DEFAULTS:
                 raise UnknownParameterError(f"{name}: not a parameter of this simulation")
             self._values[name] = type(DEFAULTS[name])(value)
-        self._names = tuple(sorted(DEFAULTS))
+        self._names = tuple(DEFAULTS)
+        self._numbers = {name: number for number, name in enumerate(self._names)}
 
     def __getitem__(self, name: str) -> float:
         """The value as a number to calculate with; the default where a NaN was stored."""
@@ -137,16 +103,23 @@ class Parameters:
 
     def read(self, name: str, index: int) -> list[ParamValue]:
         """Answer to PARAM_REQUEST_READ: by index if that is not negative. Unknown: silence."""
+        if index < 0 and name == _HASH:
+            return [self._hash()]
         if 0 <= index < len(self._names):
             return [self._value(self._names[index])]
-        return [self._value(name)] if index < 0 and name in self._values else []
+        if index < 0 and name in self._values:
+            return [self._value(name)]
+        _log.warning("parameter %s (%d) was asked for: unknown, not answered", name, index)
+        return []
 
     def set(self, name: str, value: float, param_type: int) -> list[ParamValue]:
         """Answer to PARAM_SET: one PARAM_VALUE, a second if it changed; else silence."""
         if name not in self._values:
+            _log.warning("parameter %s was to be set: unknown, not answered", name)
             return []
         kind = type(DEFAULTS[name])
         if param_type != (INT32 if kind is int else REAL32):
+            _log.warning("parameter %s was to be set as type %d: not answered", name, param_type)
             return []
         number: int | float = _bits(value) if kind is int else value
         changed = self._values[name] != number
@@ -154,8 +127,12 @@ class Parameters:
         return [self._value(name)] * (2 if changed else 1)
 
     def listed(self, first: int) -> list[ParamValue]:
-        """The parameters from an index on, as many as go out in one step of a listing."""
-        return [self._value(name) for name in self._names[first : first + _PER_STEP]]
+        """The parameters from an index on, as many as go out in one step of a listing.
+
+        The first step also has the hash, by which ground stations know what they have already.
+        """
+        before = [self._hash()] if first == 0 else []
+        return before + [self._value(name) for name in self._names[first : first + _PER_STEP]]
 
     def _value(self, name: str) -> ParamValue:
         value = self._values[name]
@@ -163,7 +140,17 @@ class Parameters:
             wire, kind = _unbits(value), INT32
         else:
             wire, kind = value, REAL32
-        return ParamValue(name, wire, kind, len(self._names), self._names.index(name))
+        return ParamValue(name, wire, kind, len(self._names), self._numbers[name])
+
+    def _hash(self) -> ParamValue:
+        number = 0
+        for name, value in self._values.items():
+            if _VOLATILE.match(name) is None:
+                layout = "<i" if isinstance(value, int) else "<f"
+                for data in (name.encode(), struct.pack(layout, value)):
+                    number = zlib.crc32(data, number ^ 0xFFFFFFFF) ^ 0xFFFFFFFF
+        wire = float(struct.unpack("<f", struct.pack("<I", number))[0])
+        return ParamValue(_HASH, wire, _UINT32, len(self._names), _NO_INDEX)
 
 
 def _bits(value: float) -> int:

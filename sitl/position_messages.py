@@ -9,6 +9,8 @@ from typing import Any, Final
 from sitl.autopilot import HOME_AFTER_S, Autopilot
 
 POSITION_AFTER_S: Final = 3.2
+_GPS_NOISE_M: Final = 0.2
+_GPS_ALTITUDE_NOISE_M: Final = 0.45
 
 Fields = dict[str, Any]
 
@@ -43,9 +45,16 @@ class PositionMessages:
         return round(self._situation.time_s * 1e6)
 
     def _gps(self) -> Fields:
-        latitude, longitude = self._estimated_degrees_e7()
+        """What the receiver says: the truth and its own noise, not the estimate."""
+        airframe, noise = self._autopilot.airframe, self._autopilot.errors.sensor_noise
+        latitude, longitude = degrees_e7(
+            *self._situation.projection.to_global(
+                airframe.north_m + noise(_GPS_NOISE_M), airframe.east_m + noise(_GPS_NOISE_M)
+            )
+        )
         north, east, _ = self._situation.velocity_m_s
-        altitude_mm = _int32(self._situation.altitude_m * 1e3)
+        altitude_m = self._autopilot.place.altitude_m + airframe.up_m + noise(_GPS_ALTITUDE_NOISE_M)
+        altitude_mm = _int32(altitude_m * 1e3)
         return {
             "time_usec": self._boot_us,
             "fix_type": 3,
@@ -75,7 +84,7 @@ class PositionMessages:
         } | self._turn()
 
     def _attitude_quaternion(self) -> Fields:
-        q1, q2, q3, q4 = _quaternion(*self._autopilot.airframe.attitude_rad())
+        q1, q2, q3, q4 = quaternion(*self._autopilot.airframe.attitude_rad())
         return {
             "time_boot_ms": self._boot_ms,
             "q1": q1,
@@ -147,7 +156,7 @@ class PositionMessages:
         situation = self._situation
         if situation.home is None or situation.time_s < HOME_AFTER_S:
             return None
-        latitude, longitude = _degrees_e7(*situation.projection.to_global(*situation.home))
+        latitude, longitude = degrees_e7(*situation.projection.to_global(*situation.home))
         return {
             "latitude": latitude,
             "longitude": longitude,
@@ -164,13 +173,13 @@ class PositionMessages:
 
     def _truth(self) -> Fields:
         airframe, place = self._autopilot.airframe, self._autopilot.place
-        latitude, longitude = _degrees_e7(
+        latitude, longitude = degrees_e7(
             *self._situation.projection.to_global(airframe.north_m, airframe.east_m)
         )
         speed = _uint16(math.hypot(airframe.velocity_north_m_s, airframe.velocity_east_m_s) * 100)
         return {
             "time_usec": self._boot_us,
-            "attitude_quaternion": _quaternion(*airframe.attitude_rad()),
+            "attitude_quaternion": quaternion(*airframe.attitude_rad()),
             "lat": latitude,
             "lon": longitude,
             "alt": _int32((place.altitude_m + airframe.up_m) * 1e3),
@@ -186,10 +195,11 @@ class PositionMessages:
 
     def _estimated_degrees_e7(self) -> tuple[int, int]:
         situation = self._situation
-        return _degrees_e7(*situation.projection.to_global(situation.north_m, situation.east_m))
+        return degrees_e7(*situation.projection.to_global(situation.north_m, situation.east_m))
 
 
-def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Of an attitude in radians: w, x, y, z."""
     cr, sr = math.cos(roll / 2), math.sin(roll / 2)
     cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
     cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
@@ -201,7 +211,8 @@ def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, fl
     )
 
 
-def _degrees_e7(latitude_deg: float, longitude_deg: float) -> tuple[int, int]:
+def degrees_e7(latitude_deg: float, longitude_deg: float) -> tuple[int, int]:
+    """Degrees as MAVLink has them in integers."""
     return _int32(latitude_deg * 1e7), _int32(longitude_deg * 1e7)
 
 

@@ -23,6 +23,7 @@ class FlightMode(Enum):
     MANUAL = (1, 0, "Manual", 0x41)
     ALTCTL = (2, 0, "Altitude", 0x51)
     POSCTL = (3, 0, "Position", 0x51)
+    ORBIT = (3, 1, "Orbit", 0x1D)
     AUTO_TAKEOFF = (4, 2, "Takeoff", 0x1D)
     AUTO_LOITER = (4, 3, "Hold", 0x1D)
     AUTO_MISSION = (4, 4, "Mission", 0x1D)
@@ -45,7 +46,7 @@ class FlightMode(Enum):
 
     @property
     def needs_pilot(self) -> bool:
-        """Whether the mode flies on a pilot's sticks, which this simulation does not have."""
+        """Whether the mode flies on a pilot's sticks."""
         return self in _STICKS
 
 

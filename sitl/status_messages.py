@@ -18,7 +18,6 @@ _ENABLED: Final = 0x0301402F
 _HEALTHY: Final = 0x0320C83F
 _PREARM_CHECK: Final = 0x10000000
 _CAPABILITIES: Final = 59647 & ~32  # PX4's, without MAVLink FTP, which is not offered here
-_VERSION: Final = 0x011100FF  # 1.17.0, release
 _STANDARD_MODES: Final = {
     FlightMode.POSCTL: 1,
     FlightMode.ALTCTL: 4,
@@ -37,15 +36,17 @@ class StatusMessages:
     Args:
         autopilot: Whose.
         start_unix_s: Unix time of the simulation's start; SYSTEM_TIME goes on from it.
+        version: AUTOPILOT_VERSION.flight_sw_version.
 
     Attributes:
         events_sent: How many EVENTs there were, for their sequence numbers.
     """
 
-    def __init__(self, autopilot: Autopilot, start_unix_s: float) -> None:
+    def __init__(self, autopilot: Autopilot, start_unix_s: float, version: int) -> None:
         self._autopilot = autopilot
         self._situation = autopilot.situation
         self._start_unix_s = start_unix_s
+        self._version_number = version
         self.events_sent = 0
 
     def builders(self) -> dict[str, Callable[[], Fields | None]]:
@@ -176,8 +177,8 @@ class StatusMessages:
         identifier = self._autopilot.parameters["MAV_SYS_ID"]
         return {
             "capabilities": _CAPABILITIES,
-            "flight_sw_version": _VERSION,
-            "middleware_sw_version": _VERSION,
+            "flight_sw_version": self._version_number,
+            "middleware_sw_version": self._version_number,
             "os_sw_version": 0,
             "board_version": 1,
             **dict.fromkeys(

@@ -1,8 +1,8 @@
 """The messages that the autopilot streams: which ones, how often, and what is in them.
 
 Rates are PX4 1.17's on its SITL links, in simulated hertz, but ATTITUDE (50 instead of 100) and
-those that are left out because nobody flies by them: HIGHRES_IMU, ODOMETRY, SERVO_OUTPUT_RAW,
-the *_TARGETs, SCALED_PRESSURE, VIBRATION, Remote ID and the like.
+those that are left out because nobody flies by them: SCALED_PRESSURE, VIBRATION, DISTANCE_SENSOR,
+GNSS_INTEGRITY, Remote ID and the like.
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ from __future__ import annotations
 from typing import Final
 
 from sitl.autopilot import Autopilot
+from sitl.control_messages import ControlMessages
 from sitl.outgoing import Outgoing
 from sitl.position_messages import PositionMessages
+from sitl.px4_version import Px4Version
 from sitl.status_messages import StatusMessages
 
 ONBOARD_RATES_HZ: Final[dict[str, float]] = {
@@ -32,14 +34,24 @@ ONBOARD_RATES_HZ: Final[dict[str, float]] = {
     "EXTENDED_SYS_STATE": 5.0,
     "CURRENT_EVENT_SEQUENCE": 1.0 / 3.0,
     "CURRENT_MODE": 0.5,
+    "POSITION_TARGET_LOCAL_NED": 10.0,
+    "POSITION_TARGET_GLOBAL_INT": 10.0,
+    "SERVO_OUTPUT_RAW": 10.0,
+    "ODOMETRY": 30.0,
+    "HIGHRES_IMU": 50.0,
 }
-GROUND_RATES_HZ: Final[dict[str, float]] = ONBOARD_RATES_HZ | {
+_ONBOARD_ONLY: Final = {"ODOMETRY", "HIGHRES_IMU", "TIMESYNC", "SYSTEM_TIME"}
+GROUND_RATES_HZ: Final[dict[str, float]] = {
+    name: rate for name, rate in ONBOARD_RATES_HZ.items() if name not in _ONBOARD_ONLY
+} | {
     "SYS_STATUS": 1.0,
     "GPS_RAW_INT": 5.0,
     "LOCAL_POSITION_NED": 50.0,
     "VFR_HUD": 4.0,
     "ALTITUDE": 1.0,
     "EXTENDED_SYS_STATE": 1.0,
+    "POSITION_TARGET_LOCAL_NED": 50.0,
+    "SERVO_OUTPUT_RAW": 50.0,
 }
 TRUTH_RATES_HZ: Final[dict[str, float]] = {"HEARTBEAT": 1.0, "HIL_STATE_QUATERNION": 25.0}
 
@@ -49,11 +61,17 @@ class Telemetry:
 
     Attributes:
         status: Builder of the status messages, which also knows the time.
+        version: What PX4 it is.
     """
 
-    def __init__(self, autopilot: Autopilot, start_unix_s: float) -> None:
-        self.status = StatusMessages(autopilot, start_unix_s)
-        self._builders = self.status.builders() | PositionMessages(autopilot).builders()
+    def __init__(self, autopilot: Autopilot, start_unix_s: float, version: Px4Version) -> None:
+        self.version = version
+        self.status = StatusMessages(autopilot, start_unix_s, version.number)
+        self._builders = (
+            self.status.builders()
+            | PositionMessages(autopilot).builders()
+            | ControlMessages(autopilot).builders()
+        )
 
     def knows(self, name: str) -> bool:
         """Whether a message can be streamed or asked for."""

@@ -14,15 +14,19 @@ from typing import Any, Final
 from air_router.errors import ExitCode, UsageError
 from air_router.mission import load_mission
 from sitl.mavlink_vehicle import VehicleSettings
+from sitl.parameters import DEFAULTS
+from sitl.px4_version import VERSIONS
 from sitl.situation import Place
 from sitl.stop_signal import stop_signal
 from sitl.udp_link import Address
 from sitl.vehicle import Ports, VehicleProcess, px4_ports
+from sitl.wind import WindSettings
 
 PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
 """Where PX4's own simulator starts if nobody says otherwise."""
 
 _MOST_INSTANCES: Final = 250
+_MOST_WIND_M_S: Final = 25.0
 _LAST_EPOCH_S: Final = 2.0**32
 _EPILOG = """\
 Prints one JSON line on stdout when it runs: {"ready": true, "mavlink": ..., "gcs": ...,
@@ -32,7 +36,7 @@ Ports are PX4's: instance N sends to 127.0.0.1 port 14540+N (API), 14550 (ground
 
 examples:
   sitl vehicle missions/pennovation/mission.yaml --speed 10
-  sitl vehicle --home 40.4406,-79.9959,280 --instance 1
+  sitl vehicle --home 40.4406,-79.9959,280 --instance 1 --wind 6,270,2
 """
 
 
@@ -45,22 +49,12 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    place = parser.add_mutually_exclusive_group()
-    place.add_argument(
-        "mission",
-        type=Path,
-        nargs="?",
-        metavar="MISSION",
-        help="mission file or .plan: start at its home (default: PX4's, near Zurich)",
-    )
-    place.add_argument(
-        "--home", type=_place, metavar="LAT,LON,ALT", help="start here: degrees, metres AMSL"
+    add_place(parser)
+    parser.add_argument(
+        "--instance", type=instance, default=0, metavar="N", help="ports +N, system id N+1"
     )
     parser.add_argument(
-        "--instance", type=_instance, default=0, metavar="N", help="ports +N, system id N+1"
-    )
-    parser.add_argument(
-        "--speed", type=_speed, default=1.0, metavar="X", help="times real time (default 1)"
+        "--speed", type=speed, default=1.0, metavar="X", help="times real time (default 1)"
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the position noise")
     parser.add_argument(
@@ -68,10 +62,28 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     parser.add_argument(
         "--battery-minutes",
-        type=_positive,
+        type=positive,
         default=25.0,
         metavar="M",
         help="minutes from full to empty (default 25)",
+    )
+    parser.add_argument(
+        "--wind",
+        type=_wind,
+        default=WindSettings(),
+        metavar="SPEED,FROM[,GUSTS]",
+        help="m/s, degrees that it comes from, and the gusts' spread in m/s (default 0.3 of it)",
+    )
+    parser.add_argument(
+        "--px4-version", choices=VERSIONS, default=VERSIONS[0], help="that it behaves as"
+    )
+    parser.add_argument(
+        "--param",
+        type=parameter,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a parameter that is to differ from PX4's default; may be given again",
     )
     parser.add_argument(
         "--api-to",
@@ -89,6 +101,27 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.set_defaults(run=run)
 
 
+def add_place(parser: argparse.ArgumentParser) -> None:
+    """Add MISSION and --home; `place_of` reads them."""
+    place = parser.add_mutually_exclusive_group()
+    place.add_argument(
+        "mission",
+        type=Path,
+        nargs="?",
+        metavar="MISSION",
+        help="mission file or .plan: start at its home (default: PX4's, near Zurich)",
+    )
+    place.add_argument(
+        "--home", type=_place, metavar="LAT,LON,ALT", help="start here: degrees, metres AMSL"
+    )
+
+
+def place_of(arguments: argparse.Namespace) -> Place:
+    """Where the command line says that the vehicle starts."""
+    home: Place | None = arguments.home
+    return home or _home_of(arguments.mission)
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Simulate until a signal comes; returns the exit code."""
     if arguments.no_gcs and arguments.gcs_to is not None:
@@ -99,12 +132,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _simulate(arguments: argparse.Namespace) -> None:
     settings = VehicleSettings(
-        arguments.home or _home_of(arguments.mission),
+        place_of(arguments),
         system_id=arguments.instance + 1,
         seed=arguments.seed,
         speed=arguments.speed,
         start_unix_s=time.time() if arguments.epoch is None else arguments.epoch,
-        parameters={"SIM_BAT_DRAIN": arguments.battery_minutes * 60.0, "SIM_BAT_MIN_PCT": 0.0},
+        parameters=battery(arguments.battery_minutes) | dict(arguments.param),
+        wind=arguments.wind,
+        ground_link=not arguments.no_gcs,
+        px4_version=arguments.px4_version,
     )
     ports = _ports(arguments)
     with stop_signal() as stop, VehicleProcess(settings, ports) as process:
@@ -166,6 +202,39 @@ def _place(text: str) -> Place:
     return place
 
 
+def battery(minutes: float) -> dict[str, float]:
+    """Parameters of a battery that lasts so long; PX4's own stops draining at half."""
+    return {"SIM_BAT_DRAIN": minutes * 60.0, "SIM_BAT_MIN_PCT": 0.0}
+
+
+def parameter(text: str) -> tuple[str, float]:
+    """NAME=VALUE of a command line; the name must be one of PX4's."""
+    name, _, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"'{text}' is not NAME=VALUE; write GF_ACTION=3")
+    if name not in DEFAULTS:
+        raise argparse.ArgumentTypeError(f"'{name}' is not a parameter of PX4's SITL")
+    return name, number
+
+
+def _wind(text: str) -> WindSettings:
+    try:
+        speed_m_s, from_deg, *rest = (float(part) for part in text.split(","))
+        wind = WindSettings(speed_m_s, from_deg, *rest)
+    except (ValueError, TypeError):
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is not SPEED,FROM[,GUSTS]; write for example 5,270,2"
+        ) from None
+    gusts = wind.gusts_m_s or 0.0
+    if not (0 <= speed_m_s <= _MOST_WIND_M_S and 0 <= gusts <= _MOST_WIND_M_S):
+        raise argparse.ArgumentTypeError(f"'{text}': winds go from 0 to {_MOST_WIND_M_S:g} m/s")
+    return wind
+
+
 def _address(text: str) -> Address:
     host, _, port = text.rpartition(":")
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
@@ -173,7 +242,8 @@ def _address(text: str) -> Address:
     return host, int(port)
 
 
-def _positive(text: str) -> float:
+def positive(text: str) -> float:
+    """A number above zero of a command line."""
     try:
         value = float(text)
     except ValueError:
@@ -183,7 +253,8 @@ def _positive(text: str) -> float:
     return value
 
 
-def _instance(text: str) -> int:
+def instance(text: str) -> int:
+    """A PX4 instance of a command line."""
     if not text.isdecimal() or int(text) > _MOST_INSTANCES:
         raise argparse.ArgumentTypeError(
             f"'{text}' is not an instance; write 0 to {_MOST_INSTANCES}"
@@ -191,8 +262,9 @@ def _instance(text: str) -> int:
     return int(text)
 
 
-def _speed(text: str) -> float:
-    value = _positive(text)
+def speed(text: str) -> float:
+    """A speed factor of a command line."""
+    value = positive(text)
     if not 0.1 <= value <= 100:
         raise argparse.ArgumentTypeError(f"'{text}' is not a speed between 0.1 and 100")
     return value
@@ -200,7 +272,7 @@ def _speed(text: str) -> float:
 
 def epoch(text: str) -> float:
     """Unix seconds of a command line; raises ArgumentTypeError on what is no such time."""
-    value = _positive(text)
+    value = positive(text)
     if value > _LAST_EPOCH_S:
         raise argparse.ArgumentTypeError(f"'{text}' is not a time in Unix seconds")
     return value

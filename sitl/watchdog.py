@@ -6,7 +6,9 @@ from typing import Final
 
 from sitl.battery import Battery, BatteryWarning
 from sitl.failsafe import Action, Cause
+from sitl.flight_modes import STICK_LOSS_ACTIONS
 from sitl.notice import Severity
+from sitl.px4_modes import FlightMode
 from sitl.situation import Situation
 
 GROUND_STATION: Final = 6  # MAV_TYPE_GCS
@@ -34,6 +36,12 @@ _BATTERY_ACTIONS: Final = {
     2: (Action.LAND, Action.LAND),
     3: (Action.RTL, Action.LAND),
 }
+_STICK_EXCEPTIONS: Final = {  # bits of COM_RCL_EXCEPT
+    FlightMode.AUTO_MISSION: 1,
+    FlightMode.AUTO_LOITER: 2,
+    FlightMode.AUTO_TAKEOFF: 2,
+    FlightMode.OFFBOARD: 4,
+}
 _LINK_ACTIONS: Final = {1: Action.HOLD, 2: Action.RTL, 3: Action.LAND, 5: Action.TERMINATE}
 
 
@@ -49,6 +57,8 @@ class Watchdog:
         self._ground_station_s: float | None = None
         self._companion_s: float | None = None
         self._companion_lost = False
+        self._sticks = False
+        self._sticks_at_arming = False
         self.ground_station_lost = True
         self._warning = BatteryWarning.NONE
         self._warning_at_arming = BatteryWarning.NONE
@@ -65,8 +75,26 @@ class Watchdog:
             self._companion_lost, self._companion_s = False, situation.time_s
 
     def armed(self) -> None:
-        """The motors start: a battery that is low already is no news."""
+        """The motors start: a battery that is low already, or a lack of sticks, is no news."""
         self._warning_at_arming = self._warning
+        self._sticks_at_arming = self._sticks
+
+    def sticks(
+        self, intended: FlightMode, situation: Situation, *, present: bool
+    ) -> list[tuple[Action, Cause]]:
+        """Look whether a pilot's sticks came or went."""
+        if present == self._sticks:
+            return []
+        self._sticks = present
+        if present:
+            self._sticks_at_arming = True
+            return []
+        situation.say("", "commander_rc_lost")
+        exception = _STICK_EXCEPTIONS.get(intended, 0)
+        if int(situation.parameters["COM_RCL_EXCEPT"]) & exception or not self._sticks_at_arming:
+            return []
+        choice = int(situation.parameters["NAV_RCL_ACT"])
+        return [(STICK_LOSS_ACTIONS.get(choice, Action.NONE), Cause.MANUAL_CONTROL_LOST)]
 
     def step(self, battery: Battery, situation: Situation) -> list[tuple[Action, Cause]]:
         """Look at everything."""

@@ -74,6 +74,7 @@ class TestCodec:
         rig.run(5)
         names = rig.vehicle._telemetry._builders
         assert all(name in DEFINITIONS for name in names)
+        rig.fly()  # on the ground there is nothing to fly to
         assert all(rig.vehicle._telemetry.message(name) is not None for name in names)
 
 
@@ -285,13 +286,29 @@ class TestParameters:
 
     def test_all_of_them(self, rig):
         rig.run(3)
-        listed = self.values(rig, "param_request_list", 1, 1)
-        names = [name for name, _ in listed]
-        assert names == sorted(names)
-        assert len(names) == rig.onboard.last("PARAM_VALUE").param_count
+        self.values(rig, "param_request_list", 1, 1)
+        rig.run(1)
+        names = [value.param_id for value in rig.onboard.all("PARAM_VALUE")]
+        assert names[0] == "_HASH_CHECK"
+        assert names[1:] == sorted(names[1:])
+        assert len(names) - 1 == rig.onboard.last("PARAM_VALUE").param_count == 887
         rig.onboard.clear()
         rig.run(1)
         assert rig.onboard.all("PARAM_VALUE") == []
+
+    def test_the_hash_tells_a_ground_station_that_it_has_them_all(self, rig):
+        rig.run(3)
+        before = self.values(rig, "param_request_read", 1, 1, b"_HASH_CHECK", -1)
+        assert len(before) == 1
+        (wire,) = struct.unpack("<f", struct.pack("<i", 3))
+        self.values(rig, "param_set", 1, 1, b"GF_ACTION", wire, 6)
+        assert self.values(rig, "param_request_read", 1, 1, b"_HASH_CHECK", -1) != before
+        rig.onboard.clear()
+        rig.send("param_request_list", 1, 1)
+        rig.run(0.1)
+        rig.send("param_set", 1, 1, b"_HASH_CHECK", 0.0, 5)
+        rig.run(2)
+        assert len(rig.onboard.all("PARAM_VALUE")) < 200  # it stops
 
     def test_a_changed_speed_is_flown(self, rig):
         rig.fly()
@@ -309,7 +326,9 @@ anything = st.one_of(st.floats(width=32), st.sampled_from([0.0, 1.0, 4.0, -1.0])
 MESSAGES = sorted(
     number
     for number, message in mavlink.mavlink_map.items()
-    if message.msgname.startswith(("MISSION", "COMMAND", "PARAM", "SET_MODE", "HEARTBEAT"))
+    if message.msgname.startswith(
+        ("MISSION", "COMMAND", "PARAM", "SET_MODE", "HEARTBEAT", "SET_POSITION", "MANUAL_CONTROL")
+    )
 )
 
 

@@ -1,0 +1,238 @@
+"""One conversation under way: what was said and heard, on the vehicle's own clock."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+from sitl.conformance.line import Line, Link
+from sitl.conformance.words import Frame, Speaker
+
+GROUND_STATION: Final = (6, 255, 190)  # MAV_TYPE, system id, component id
+COMPANION: Final = (18, 1, 191)
+_AUTOPILOT: Final = 1
+_BEAT_S: Final = 0.5
+_POSITION: Final = struct.Struct("<Iffffff")
+_METRES_PER_DEGREE: Final = math.radians(6371000.0)
+_COUNTED_ONLY: Final = frozenset(
+    {
+        *("ATTITUDE", "ATTITUDE_QUATERNION", "ATTITUDE_TARGET", "HIGHRES_IMU", "ODOMETRY"),
+        *("LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "VFR_HUD", "ALTITUDE", "TIMESYNC"),
+        *("SERVO_OUTPUT_RAW", "POSITION_TARGET_LOCAL_NED", "POSITION_TARGET_GLOBAL_INT"),
+        *("GPS_RAW_INT", "SYS_STATUS", "VIBRATION", "SCALED_PRESSURE", "ESTIMATOR_STATUS"),
+    }
+)
+
+
+class DepartureError(Exception):
+    """The vehicle did something else than the conversation says; the message tells both."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """One message that came in.
+
+    Attributes:
+        at_s: Vehicle's time.
+        link: On which link.
+        frame: The message.
+    """
+
+    at_s: float
+    link: Link
+    frame: Frame
+
+    @cached_property
+    def fields(self) -> dict[str, Any]:
+        """The message's fields."""
+        return self.frame.fields()
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """A position estimate: seconds, metres north, east and up of where the vehicle was started."""
+
+    at_s: float
+    north_m: float
+    east_m: float
+    up_m: float
+
+
+@dataclass(slots=True)
+class Stream:
+    """Something said again and again: setpoints, sticks."""
+
+    name: str
+    fields: dict[str, Any]
+    interval_s: float
+    due_s: float = -math.inf
+
+
+class Talk:
+    """A conversation with the vehicle at the other end of a line.
+
+    Args:
+        line: The vehicle.
+
+    Attributes:
+        beats: Whose heartbeats are sent on which link: MAV_TYPE, system id, component id.
+        streams: What is sent all the time besides.
+        notes: What was seen, for the report.
+        track: Every position heard.
+        counts: How many messages came in, by link and name.
+        two_answers: Whether DO_SET_MODE is answered twice, as PX4 1.17 does.
+        vehicle_id: The vehicle's system id.
+    """
+
+    def __init__(self, line: Line) -> None:
+        self.line = line
+        self.beats: dict[Link, tuple[int, int, int]] = {
+            Link.API: GROUND_STATION,
+            Link.GROUND: GROUND_STATION,
+        }
+        self.streams: list[Stream] = []
+        self.notes: list[str] = []
+        self.track: list[Where] = []
+        self.counts: Counter[tuple[Link, str]] = Counter()
+        self.two_answers = True
+        self.vehicle_id = 1
+        self._heard: list[Heard] = []
+        self._mark = 0
+        self._newest: dict[tuple[Link, str], Heard] = {}
+        self._speakers: dict[tuple[int, int], Speaker] = {}
+        self._beat_s = -math.inf
+
+    @property
+    def now_s(self) -> float:
+        """The vehicle's time."""
+        return self.line.now_s
+
+    # Saying
+
+    def mark(self) -> None:
+        """A new exchange begins: `since` looks no further back than here."""
+        self._mark = len(self._heard)
+
+    @property
+    def target(self) -> dict[str, Any]:
+        """The vehicle's autopilot, as the fields of a message."""
+        return {"target_system": self.vehicle_id, "target_component": 1}
+
+    def say(
+        self,
+        name: str,
+        link: Link = Link.API,
+        speaker: tuple[int, int] | None = None,
+        **fields: Any,
+    ) -> None:
+        """Send one message; where it has a target that is not given, the vehicle is it."""
+        kind, *identity = self.beats.get(link, GROUND_STATION)
+        del kind
+        who = speaker or (identity[0], identity[1])
+        packer = self._speakers.setdefault(who, Speaker(*who))
+        self.line.send(link, packer.pack(name, **fields))
+
+    # Hearing
+
+    def run(self, seconds: float, until: Callable[[], bool] | None = None) -> bool:
+        """Let the vehicle's time pass; whether `until` became true."""
+        end_s = self.now_s + seconds
+        while True:
+            if until is not None and until():
+                return True
+            if self.now_s >= end_s:
+                return until is None
+            self._speak_on()
+            for link, frame in self.line.listen():
+                self._hear(link, frame)
+
+    def since(self, name: str, link: Link = Link.API) -> list[Heard]:
+        """The messages of a name since the present exchange began."""
+        return [
+            heard
+            for heard in self._heard[self._mark :]
+            if heard.frame.name == name and heard.link is link
+        ]
+
+    def newest(self, name: str, link: Link = Link.API) -> dict[str, Any] | None:
+        """The fields of the newest message of a name; None if there was none."""
+        heard = self._newest.get((link, name))
+        return None if heard is None else heard.fields
+
+    def texts(self, link: Link = Link.API) -> list[str]:
+        """The STATUSTEXTs since the exchange began, put together from their pieces."""
+        texts: dict[int, str] = {}
+        for heard in self.since("STATUSTEXT", link):
+            number, text = heard.fields["id"], heard.fields["text"]
+            texts[number] = texts.get(number, "") + text
+        return [text.rstrip("\t") for text in texts.values()]
+
+    @property
+    def position(self) -> Where:
+        """Where the vehicle says it is."""
+        if not self.track:
+            self.run(5.0, lambda: bool(self.track))
+        if not self.track:
+            raise DepartureError("expected LOCAL_POSITION_NED, heard none")
+        return self.track[-1]
+
+    def degrees(self, north_m: float, east_m: float) -> tuple[float, float]:
+        """Latitude and longitude of a place in local metres."""
+        latitude, longitude, _ = self._home()
+        scale = _METRES_PER_DEGREE * math.cos(math.radians(latitude))
+        return latitude + north_m / _METRES_PER_DEGREE, longitude + east_m / scale
+
+    @property
+    def ground_amsl_m(self) -> float:
+        """The altitude of home, as it is known now."""
+        return self._home()[2]
+
+    def _home(self) -> tuple[float, float, float]:
+        self.run(5.0, lambda: self.newest("HOME_POSITION") is not None)
+        home = self.newest("HOME_POSITION")
+        if home is None:
+            raise DepartureError("expected HOME_POSITION, heard none in 5 s")
+        latitude, longitude = home["latitude"] * 1e-7, home["longitude"] * 1e-7
+        scale = _METRES_PER_DEGREE * math.cos(math.radians(latitude))
+        return (
+            latitude - home["x"] / _METRES_PER_DEGREE,
+            longitude - home["y"] / scale,
+            home["altitude"] / 1e3,
+        )
+
+    def _speak_on(self) -> None:
+        now_s = self.now_s
+        if now_s - self._beat_s >= _BEAT_S:
+            self._beat_s = now_s
+            for link, (kind, system, component) in self.beats.items():
+                if link in self.line.links:
+                    beat = {"type": kind, "autopilot": 8, "mavlink_version": 3}
+                    self.say("HEARTBEAT", link, (system, component), **beat)
+        for stream in self.streams:
+            if now_s >= stream.due_s:
+                late = now_s - stream.due_s > stream.interval_s
+                stream.due_s = (
+                    now_s + stream.interval_s if late else stream.due_s + stream.interval_s
+                )
+                fields = dict(stream.fields)
+                if "time_boot_ms" in fields:
+                    fields["time_boot_ms"] = round(now_s * 1e3)
+                self.say(stream.name, **fields)
+
+    def _hear(self, link: Link, frame: Frame) -> None:
+        if frame.component_id != _AUTOPILOT and frame.name != "STATUSTEXT":
+            return  # passed on from the other link
+        self.counts[link, frame.name] += 1
+        heard = Heard(self.now_s, link, frame)
+        self._newest[link, frame.name] = heard
+        if frame.name == "LOCAL_POSITION_NED" and link is Link.API:
+            padded = frame.payload.ljust(_POSITION.size, b"\0")
+            _, north, east, down, *_rest = _POSITION.unpack(padded[: _POSITION.size])
+            self.track.append(Where(self.now_s, north, east, -down))
+        if frame.name not in _COUNTED_ONLY:
+            self._heard.append(heard)

@@ -1,0 +1,88 @@
+"""A PX4, or our vehicle as a process, over UDP."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import time
+from collections.abc import Mapping
+from typing import Final
+
+from sitl.conformance.line import Link, SilentVehicleError
+from sitl.conformance.words import Frame, frames
+
+_LARGEST: Final = 65535
+_BUFFER: Final = 4 << 20  # 900 parameters come at once
+_MOST_AT_ONCE: Final = 50
+_SILENCE_S: Final = 8.0  # a PX4 that is started says its first word after about a second
+_CLOCKS: Final = frozenset({"ATTITUDE", "LOCAL_POSITION_NED"})  # time_boot_ms comes first in both
+
+
+class UdpLine:
+    """A `Line` over UDP, to a vehicle that sends to ports of this machine.
+
+    Its simulated time is read from the ATTITUDE messages of the API link.
+
+    Args:
+        ports: Where the vehicle sends each link to.
+        fresh: See `Line`.
+
+    Raises:
+        OSError: a port is taken.
+    """
+
+    def __init__(self, ports: Mapping[Link, int], *, fresh: bool) -> None:
+        self.links = frozenset(ports)
+        self.fresh = fresh
+        self.now_s = 0.0
+        self._sockets: dict[Link, socket.socket] = {}
+        self._partners: dict[Link, tuple[str, int]] = {}
+        self._heard_s = time.monotonic()
+        try:
+            for link, port in ports.items():
+                end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+                self._sockets[link] = end
+                end.setblocking(False)
+                end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+                end.bind(("127.0.0.1", port))
+        except OSError:
+            self.close()
+            raise
+
+    def send(self, link: Link, frame: bytes) -> None:
+        """See `Line`; lost while the vehicle has not said anything on that link."""
+        partner = self._partners.get(link)
+        if partner is not None:
+            self._sockets[link].sendto(frame, partner)
+
+    def listen(self) -> list[tuple[Link, Frame]]:
+        """See `Line`: waits for a datagram, not longer than 20 ms."""
+        heard: list[tuple[Link, Frame]] = []
+        ready = select.select(list(self._sockets.values()), [], [], 0.02)[0]
+        for link, end in self._sockets.items():
+            if end not in ready:
+                continue
+            heard += [(link, frame) for frame in self._receive(link, end)]
+        if time.monotonic() - self._heard_s > _SILENCE_S:
+            ports = ", ".join(str(end.getsockname()[1]) for end in self._sockets.values())
+            raise SilentVehicleError(f"no vehicle sends to UDP port {ports} of this machine")
+        return heard
+
+    def _receive(self, link: Link, end: socket.socket) -> list[Frame]:
+        heard: list[Frame] = []
+        with contextlib.suppress(BlockingIOError):
+            for _ in range(_MOST_AT_ONCE):
+                datagram, self._partners[link] = end.recvfrom(_LARGEST)
+                self._heard_s = time.monotonic()
+                heard += frames(datagram)
+        for frame in heard:
+            if frame.name in _CLOCKS and link is Link.API:
+                self.now_s = int.from_bytes(frame.payload[:4], "little") / 1e3
+        return heard
+
+    def close(self) -> None:
+        """See `Line`."""
+        for end in self._sockets.values():
+            end.close()
+        self._sockets.clear()

@@ -1,0 +1,159 @@
+"""Where a PX4 SITL is on this machine: a build folder, a `px4` on the PATH, or a container."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Protocol
+
+from air_router.errors import NoVehicleError
+
+ENVIRONMENT: Final = "PX4_SITL"
+"""The environment variable that names a build folder, a source tree or a `px4` executable."""
+
+IMAGE: Final = "px4io/px4-sitl:latest"
+_RUNTIMES: Final = ("docker", "podman")
+_BUILDS: Final = ("build/px4_sitl_default", "build/px4_sitl_sih", ".")
+_RC: Final = "etc/init.d-posix/rcS"
+
+WHAT_TO_INSTALL: Final = f"""\
+Install one of these and try again:
+  * the px4 package (about 10 MB, Ubuntu) from https://github.com/PX4/PX4-Autopilot/releases
+  * Docker or Podman, and: docker pull {IMAGE}
+  * PX4's source, built with `make px4_sitl`; give its folder with --px4 DIR or {ENVIRONMENT}=DIR"""
+
+
+class NoPx4Error(NoVehicleError):
+    """There is no PX4 SITL on this machine; the message says what to install."""
+
+
+class Px4Install(Protocol):
+    """A PX4 that can be started."""
+
+    @property
+    def words(self) -> str:
+        """What and where it is."""
+
+    def command(self, instance: int, folder: Path, environment: Mapping[str, str]) -> list[str]:
+        """Program and arguments.
+
+        Args:
+            instance: PX4's, 0 or more.
+            folder: Where it may write; there it is started, too.
+            environment: PX4_* variables; those of the process are the caller's business.
+        """
+
+    def stop_command(self) -> list[str] | None:
+        """A program that ends it, where a signal to the first one does not."""
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltPx4:
+    """An executable, with the files that it starts from where they are known."""
+
+    program: Path
+    etc: Path | None
+
+    @property
+    def words(self) -> str:
+        """See `Px4Install`."""
+        return str(self.program)
+
+    def command(self, instance: int, folder: Path, environment: Mapping[str, str]) -> list[str]:
+        """See `Px4Install`."""
+        del environment
+        arguments = [str(self.program), "-d", "-i", str(instance)]
+        if self.etc is not None:
+            arguments += ["-w", str(folder), "-s", _RC, str(self.etc)]
+        return arguments
+
+    def stop_command(self) -> list[str] | None:
+        """See `Px4Install`."""
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class ContainedPx4:
+    """The official container image; it shares this machine's network."""
+
+    runtime: str
+    name: str
+
+    @property
+    def words(self) -> str:
+        """See `Px4Install`."""
+        return f"{Path(self.runtime).name} image {IMAGE}"
+
+    def command(self, instance: int, folder: Path, environment: Mapping[str, str]) -> list[str]:
+        """See `Px4Install`."""
+        del folder
+        arguments = [self.runtime, "run", "--rm", "--init", "--network", "host"]
+        arguments += ["--name", self.name]
+        for name, value in sorted(environment.items()):
+            arguments += ["--env", f"{name}={value}"]
+        return [*arguments, IMAGE, "-d", *(["-i", str(instance)] if instance else [])]
+
+    def stop_command(self) -> list[str] | None:
+        """See `Px4Install`."""
+        return [self.runtime, "stop", "--time", "3", self.name]
+
+
+def find_px4(asked: str | None = None, environment: Mapping[str, str] | None = None) -> Px4Install:
+    """Find a PX4 SITL.
+
+    Args:
+        asked: A build folder, a source tree, an executable, or `docker` or `podman`; None looks at
+            the environment variable PX4_SITL, then on the PATH, then for a container runtime.
+        environment: The process's, if None.
+
+    Raises:
+        NoPx4Error: there is none.
+    """
+    environment = os.environ if environment is None else environment
+    path = environment.get("PATH")
+    asked = asked or environment.get(ENVIRONMENT)
+    if asked in _RUNTIMES:
+        runtime = shutil.which(asked, path=path)
+        if runtime is None:
+            raise NoPx4Error(f"no {asked} on the PATH.\n{WHAT_TO_INSTALL}")
+        return _contained(runtime)
+    if asked:
+        return _built(Path(asked))
+    program = shutil.which("px4", path=path)
+    if program is not None:
+        return _built(Path(program))
+    for name in _RUNTIMES:
+        runtime = shutil.which(name, path=path)
+        if runtime is not None:
+            return _contained(runtime)
+    raise NoPx4Error(
+        f"no PX4 simulator found: {ENVIRONMENT} is not set, there is no `px4` on the PATH, and "
+        f"neither docker nor podman.\n{WHAT_TO_INSTALL}"
+    )
+
+
+def _built(path: Path) -> BuiltPx4:
+    if path.is_dir():
+        for build in _BUILDS:
+            program = path / build / "bin" / "px4"
+            if program.is_file():
+                return BuiltPx4(program.resolve(), _etc(program))
+        raise NoPx4Error(
+            f"{path}: no bin/px4 in there, nor in its build folder.\n{WHAT_TO_INSTALL}"
+        )
+    if not path.is_file() or not os.access(path, os.X_OK):
+        raise NoPx4Error(f"{path}: no such folder or executable.\n{WHAT_TO_INSTALL}")
+    return BuiltPx4(path.absolute(), _etc(path))
+
+
+def _etc(program: Path) -> Path | None:
+    """The start files beside an executable's folder: `bin/px4` goes with `etc`."""
+    root = program.resolve().parent.parent
+    return root / "etc" if (root / _RC).is_file() else None
+
+
+def _contained(runtime: str) -> ContainedPx4:
+    return ContainedPx4(runtime, f"air-router-px4-{os.getpid()}")

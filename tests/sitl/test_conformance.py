@@ -1,0 +1,184 @@
+"""Our autopilot holds to every recorded conversation; and a departure is noticed and told."""
+
+import json
+
+import pytest
+
+from sitl import cli
+from sitl.conformance.beside import beside
+from sitl.conformance.book import CONVERSATIONS
+from sitl.conformance.conversation import Conversation, Outcome, Start, converse
+from sitl.conformance.flight_steps import Arrives, Disarmed, Furthest, Landed, Speed, Stays
+from sitl.conformance.line import Link, SilentVehicleError
+from sitl.conformance.local_line import LocalLine
+from sitl.conformance.parameter_steps import ListParameters, Rates, ReadParameter, SetParameter
+from sitl.conformance.plan_steps import ClearAll, Download, Mission, Requests, Upload, waypoint
+from sitl.conformance.steps import (
+    Command,
+    Event,
+    Hear,
+    InMode,
+    SetMode,
+    Silence,
+    StaysInMode,
+    Text,
+)
+from sitl.conformance.udp_line import UdpLine
+from sitl.mavlink_vehicle import VehicleSettings
+from sitl.situation import Place
+
+HOME = Place(47.397742, 8.545594, 489.4)
+
+
+def line(version="1.17", links=frozenset({Link.API})):
+    ground = Link.GROUND in links
+    settings = VehicleSettings(
+        HOME, seed=1, start_unix_s=1.7e9, px4_version=version, ground_link=ground
+    )
+    return LocalLine(settings)
+
+
+def held(*steps, version="1.17", **options):
+    return converse(Conversation("test", "a fact", "here", steps, **options), line(version))
+
+
+@pytest.mark.parametrize("conversation", CONVERSATIONS, ids=lambda one: one.name)
+def test_our_autopilot_holds_to(conversation):
+    outcome = converse(conversation, line(links=conversation.links))
+    assert outcome.held, f"{conversation.fact}: {outcome.departure}"
+
+
+def test_there_are_enough_and_every_one_says_where_its_fact_is_from():
+    names = [conversation.name for conversation in CONVERSATIONS]
+    assert len(names) >= 60
+    assert len(set(names)) == len(names)
+    assert all(one.fact and one.recorded and one.steps for one in CONVERSATIONS)
+
+
+class TestDepartures:
+    @pytest.mark.parametrize(
+        "step",
+        [
+            Command(400, (1,), ("DENIED",)),
+            Command(31999, (), ()),
+            SetMode("AUTO_RTL", "DENIED"),
+            Hear("PING", within_s=0.5),
+            Silence("HEARTBEAT", 2.0),
+            Text("never said", 0.5),
+            Event("never_sent", 0.5),
+            InMode("AUTO_LAND", 0.5),
+            InMode("AUTO_LOITER", intended="AUTO_LAND"),
+            StaysInMode("AUTO_LAND", 1.0),
+            Upload((waypoint(10),), result="ERROR"),
+            Upload((waypoint(10, frame=1),)),
+            Download(({"command": 16},)),
+            Mission({"seq": 7}, 1.0),
+            Requests(0, 0.5, 1, 2),
+            Landed(0.5, state=2),
+            Disarmed(1.0, not_before_s=5.0),
+            Arrives(50, within_s=0.5),
+            Furthest(1.0, 40.0, 50.0),
+            Speed(1.0, 5.0, 6.0),
+            SetParameter("GF_ACTION", 3, 1),
+            ReadParameter("GF_ACTION", 3),
+            ListParameters(1000, 2.0),
+            Rates({"HEARTBEAT": (5, 6)}, 2.0),
+        ],
+        ids=lambda step: type(step).__name__,
+    )
+    def test_is_noticed(self, step):
+        outcome = held(step)
+        assert not outcome.held
+        assert type(step).__name__ in outcome.departure
+        assert "expected" in outcome.departure or "got stuck" in outcome.departure
+
+    def test_a_vehicle_that_moves_does_not_stay(self):
+        outcome = held(
+            SetMode("AUTO_LAND"), Command(400, (1,), ("TEMPORARILY_REJECTED",)), Stays(1.0, 0.001)
+        )
+        assert "left its place" in outcome.departure
+
+    def test_a_link_that_is_not_there_is_left_out(self):
+        wanted = Conversation("test", "a fact", "here", (), links=frozenset(Link))
+        outcome = converse(wanted, line())
+        assert outcome.left_out
+        assert "GCS" in outcome.departure
+
+    def test_nobody_there(self, monkeypatch):
+        monkeypatch.setattr("sitl.conformance.udp_line._SILENCE_S", 0.05)
+        silent = UdpLine({Link.API: 0}, fresh=True)
+        try:
+            outcome = converse(Conversation("test", "a fact", "here", ()), silent)
+        finally:
+            silent.close()
+        assert "no vehicle sends" in outcome.departure
+        assert isinstance(SilentVehicleError("x"), Exception)
+
+
+class TestVersions:
+    def test_1_18_answers_a_mode_change_once(self):
+        assert held(SetMode("AUTO_LAND"), version="1.18").held
+        assert held(Command(176, (1, 4, 6)), version="1.18").held
+
+    def test_1_18_knows_do_set_mission_current(self):
+        steps = (
+            Upload((waypoint(10), waypoint(20))),
+            Mission({"mission_state": 2}),
+            Command(224, (1,)),
+            Mission({"seq": 1}),
+            Command(224, (9,), ("DENIED",)),
+        )
+        outcome = held(*steps, version="1.18")
+        assert outcome.held, outcome.departure
+
+    def test_what_only_1_17_does_is_left_out(self):
+        outcome = held(ClearAll(), version="1.18", until=(1, 17))
+        assert outcome.left_out
+        assert held(ClearAll(), since=(1, 18)).left_out
+
+
+class TestCommandLine:
+    def test_outcomes_as_json(self, capsys):
+        assert cli.main(["conform", "arm-twice", "unknown-commands", "--json"]) == 0
+        said = capsys.readouterr()
+        rows = json.loads(said.out)
+        assert [(row["name"], row["held"]) for row in rows] == [
+            ("arm-twice", True),
+            ("unknown-commands", True),
+        ]
+        assert "2 held, 0 departed" in said.err
+
+    def test_list(self, capsys):
+        assert cli.main(["conform", "--list"]) == 0
+        assert len(capsys.readouterr().out.splitlines()) == len(CONVERSATIONS)
+
+    def test_beside_another_run(self, tmp_path, capsys):
+        other = tmp_path / "other.json"
+        cli.main(["conform", "arm-twice", "--json"])
+        other.write_text(capsys.readouterr().out)
+        assert cli.main(["conform", "arm-twice", "--beside", str(other)]) == 0
+        assert "| arm-twice |" in capsys.readouterr().out
+
+    def test_nothing_of_that_name(self, capsys):
+        assert cli.main(["conform", "no-such-conversation"]) == 2
+        assert "sitl conform --list" in capsys.readouterr().err
+
+    @pytest.mark.parametrize("text", ["{}", "[1]", "nonsense"])
+    def test_a_file_that_is_no_run(self, tmp_path, capsys, text):
+        other = tmp_path / "other.json"
+        other.write_text(text)
+        code = cli.main(["conform", "arm-twice", "--beside", str(other)])
+        assert code == 2 or text == "{}"
+
+    @pytest.mark.parametrize("url", ["tcp://1.2.3.4:5", "udpin://0.0.0.0", "udpin://0.0.0.0:x"])
+    def test_a_wrong_address(self, capsys, url):
+        assert cli.main(["conform", "--connect", url]) == 2
+        assert "udpin://0.0.0.0:14540" in capsys.readouterr().err
+
+    def test_the_table_shows_departures(self):
+        conversation = Conversation("one", "a fact", "here", (), start=Start.GROUND)
+        ours = [Outcome("one", held=True, notes=("a|b",))]
+        theirs = [Outcome("one", held=False, departure="it did not")]
+        table = beside((conversation,), ours, theirs)
+        assert "**departs**: it did not" in table
+        assert "a\\|b" in table
