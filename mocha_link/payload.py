@@ -19,7 +19,7 @@ import lz4.frame
 from mocha_link.errors import MochaLinkError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from mocha_link.team import Topic
 
@@ -35,6 +35,7 @@ SIGNATURE_BYTES = 64
 MAX_BLOCKS = 65_536  # no encoder needs more; each costs us time before anything is known of it
 
 _STEP_BYTES = 1024 * 1024
+_CHECK_BYTES = 120 * 1024  # from the allocator's warm memory; more would be new memory every time
 _FRAME_MAGIC = b"\x04\x22\x4d\x18"
 _BLOCK_BYTES = {4: 1 << 16, 5: 1 << 18, 6: 1 << 20, 7: 1 << 22}
 _MOST_PER_BYTE = 255  # an LZ4 block cannot unpack to more than this per byte
@@ -129,7 +130,8 @@ def unpack(body: Body, limit: int = MAX_BYTES) -> bytes:
 
     Only reads: what came from outside goes through `check` once, before it is kept.
     """
-    return _decompress(body, _frame(body), limit)
+    pieces = list(_unpacked(body, _frame(body), limit))
+    return pieces[0] if len(pieces) == 1 else b"".join(pieces)
 
 
 def trailer(body: Body) -> Trailer | None:
@@ -150,8 +152,7 @@ def statement(body: Body) -> bytes:
 def check(body: Body, limit: int = MAX_BYTES) -> Trailer | None:
     """Verify everything in a body but the signature; its trailer, if it has one.
 
-    It takes about twice the size of the data in memory, at most `limit`, or 255 times the size of
-    the body if that is less, whatever the body states.
+    It takes next to no memory, whatever the body states.
 
     Raises:
         PayloadError: not an LZ4 frame, larger than `limit`, or damaged on its way.
@@ -163,7 +164,8 @@ def check(body: Body, limit: int = MAX_BYTES) -> Trailer | None:
         crc_at = frame.end + length - _CRC.size
         if zlib.crc32(memoryview(body)[:crc_at]) != _CRC.unpack_from(body, crc_at)[0]:
             raise PayloadError("damaged on its way: its checksum is another one")
-    _decompress(body, frame, limit)
+    for _ in _unpacked(body, frame, limit, _CHECK_BYTES):
+        pass
     return found
 
 
@@ -233,13 +235,13 @@ def _walk(body: Body) -> _Frame:
     return _Frame(at, size, most)
 
 
-def _decompress(body: Body, frame: _Frame, limit: int) -> bytes:
+def _unpacked(body: Body, frame: _Frame, limit: int, step: int | None = None) -> Iterator[bytes]:
+    """The data in pieces, of `step` bytes or as few as possible. Raises PayloadError."""
     size = frame.size
     if size is not None and size > limit:
         raise PayloadError(f"unpacks to more than {limit} bytes")
     if size is not None and size > frame.most:
         raise PayloadError(f"not an LZ4 frame: {size} bytes do not fit in its blocks")
-    pieces: list[bytes] = []
     done, at, over = 0, PREFIX, False
     view = memoryview(body)
     context = lz4.frame.create_decompression_context()
@@ -248,18 +250,18 @@ def _decompress(body: Body, frame: _Frame, limit: int) -> bytes:
             # One call if the size is stated; otherwise doubling keeps the copies few, and the room
             # for a bomb is never asked for at once.
             room = size if size and not done else min(max(done, _STEP_BYTES), limit - done) + 1
+            room = step or room
             piece, read, over = lz4.frame.decompress_chunk(
                 context, view[at : frame.end], max_length=room
             )
             at += read
             done += len(piece)
-            pieces.append(piece)
             if done > (limit if size is None else size):
                 raise PayloadError(f"unpacks to more than {limit if size is None else size} bytes")
             if not over and not piece and not read:
                 raise PayloadError("ends within its LZ4 frame")
+            yield piece
     except (RuntimeError, EOFError, ValueError, MemoryError) as error:
         raise PayloadError(f"not an LZ4 frame: {error}") from None
     if at != frame.end or (size is not None and done != size):
         raise PayloadError("not an LZ4 frame: its size is another one than it states")
-    return pieces[0] if len(pieces) == 1 else b"".join(pieces)

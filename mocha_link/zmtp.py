@@ -23,8 +23,7 @@ _READY = b"\x05READY"
 _SHORT = 256
 _MAX_PARTS = 128
 OWN_BYTES = 16_384  # bodies from this size on get a buffer of their own
-_LEAST_BYTES = 1_024
-_GROWTH = 16  # a buffer has room for so many times what has arrived of it
+_SHARE = 16  # when this part of them has arrived: memory follows that, not what is announced
 _MAX_WAITING = 16_384  # replies that nobody has fetched: far more than are ever under way
 
 
@@ -52,35 +51,27 @@ Part = bytes | memoryview
 
 
 class _Large:
-    """A body under way, in a buffer that grows with what arrives, not with what is announced."""
+    """A body under way, in a buffer of its own."""
 
     def __init__(self, flags: int, length: int, begin: memoryview) -> None:
         self.flags = flags
-        self._length = length
+        self._view = memoryview(bytearray(length))
         self._have = len(begin)
-        self._buffer = bytearray(self._room_for(self._have))
-        self._buffer[: self._have] = begin
-
-    def _room_for(self, have: int) -> int:
-        return min(self._length, max(have * _GROWTH, _LEAST_BYTES))
+        self._view[: self._have] = begin
 
     def room(self) -> memoryview:
         """What is free of the buffer."""
-        if self._have == len(self._buffer):
-            grown = bytearray(self._room_for(self._have))
-            grown[: self._have] = self._buffer
-            self._buffer = grown
-        return memoryview(self._buffer)[self._have :]
+        return self._view[self._have :]
 
     def add(self, count: int) -> bool:
         """So many bytes are in `room`; whether that is all."""
         self._have += count
-        return self._have == self._length
+        return self._have == len(self._view)
 
     @property
     def body(self) -> memoryview:
         """All of it."""
-        return memoryview(self._buffer).toreadonly()
+        return self._view.toreadonly()
 
 
 class Connection:
@@ -141,10 +132,9 @@ class Connection:
             if flags > _MORE | _LONG | _COMMAND or length > self._max_bytes:
                 raise ZmtpError(f"a frame with flags {flags:#x} and {length} bytes")
             if size - position < length:
-                if length < OWN_BYTES:
+                if length < OWN_BYTES or (size - position) * _SHARE < length:
                     position = start
                     break
-                # A large body is not gathered in the buffer: that would copy it again and again.
                 self._large = _Large(flags, length, memoryview(self._buffer)[position:])
                 position = size
                 break
