@@ -1,7 +1,11 @@
-"""The edit page in a real browser: Debian's Chromium, driven by Playwright."""
+"""The edit page in a real browser: Debian's Chromium, driven by Playwright.
+
+With DOCS_IMAGES=docs/images in the environment the picture of docs/editing.md is taken anew.
+"""
 
 import difflib
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -134,6 +138,10 @@ def test_a_waypoint_dragged_into_a_zone_shows_red_and_dragged_out_saves_one_valu
     assert "waypoint 20 lies inside no-fly zone 'zone 2'" in problem.inner_text()
     assert "waypoint-in-zone" in problem.inner_text()
     assert "wrong" in page.place("waypoint 20").get_attribute("class")
+
+    if folder := os.environ.get("DOCS_IMAGES"):
+        page.page.mouse.move(880, 640)
+        page.page.screenshot(path=Path(folder) / "edit.png")
 
     page.drag(page.middle(page.place("waypoint 20")), (start[0] + 12, start[1] + 3))
     page.expect_problems(0)
