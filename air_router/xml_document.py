@@ -130,7 +130,7 @@ class _Builder:
     def _refuse(self, *_: object) -> int:
         line, column = self._place()
         message = "a document type (DOCTYPE, ENTITY) is not read; remove it"
-        raise _one(self._path, line, column, message, "doctype")
+        raise _one(self._path, line, column, message, "xml-doctype")
 
     def _place(self) -> tuple[int, int]:
         return self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1

@@ -77,7 +77,7 @@ def _limit(
     except ValueError:
         choices = ", ".join(Reference)
         complain(
-            key, f"'{key}' must be one of {choices}, found {word!r}; correct it", "wrong-value"
+            key, f"'{key}' must be one of {choices}, found {word!r}; correct it", "unknown-word"
         )
         return None
     return None if metres is None else Limit(metres, reference)

@@ -220,7 +220,7 @@ MALFORMED = [
         "a.geojson",
         features(feature(properties='{"upper_m": 9, "reference": "FL"}')),
         '"FL"}, "geomet',
-        "wrong-value",
+        "unknown-word",
         "one of home, amsl, ground",
     ),
     (
@@ -348,8 +348,8 @@ MALFORMED = [
         "encoding",
     ),
     ("a.kml", "<gpx></gpx>", "<gpx></gpx>", "not-kml", "the outermost element is <gpx>"),
-    ("a.kml", BOMB, '[<!ENTITY a "h', "doctype", "is not read; remove it"),
-    ("a.kml", OUTSIDE, "[<!ENTITY x SY", "doctype", "is not read; remove it"),
+    ("a.kml", BOMB, '[<!ENTITY a "h', "xml-doctype", "is not read; remove it"),
+    ("a.kml", OUTSIDE, "[<!ENTITY x SY", "xml-doctype", "is not read; remove it"),
     (
         "a.kml",
         kml(placemark("8,47 8.1,47")),
