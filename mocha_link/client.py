@@ -207,7 +207,7 @@ class ClientSession:
 
     def _check(self, header: Header, body: Frame, topic: Topic) -> Trailer | None:
         payload.check_type(body, topic)
-        trailer = payload.check(body)
+        trailer = payload.check(body, payload.Ids(header.robot_id, header.topic_id))
         if trailer and trailer.stamp_ms % WRAP_MS != header.wrapped_ms:
             raise PayloadError("it carries the time of another message")
         if trailer and trailer.stamp_ms >= payload.TAKEN_MS:

@@ -265,7 +265,7 @@ class Intake:
         robot, topic = known
         stamp_ms = long & sync.STAMP_MASK
         try:
-            trailer = _proven(body, topic, stamp_ms)
+            trailer = _proven(body, robot, topic, stamp_ms)
         except PayloadError as error:  # damaged on its way, perhaps
             _refuse(step, f"message {long:016x}: {error}")
             self._hopeless |= long in self._failed or len(self._failed) >= _MAX_FAILED
@@ -329,9 +329,9 @@ def _unknown(long: int) -> str:
     return f"message {long:016x}: no such robot or topic in the team, or an impossible time"
 
 
-def _proven(body: sync.Frame, topic: Topic, stamp_ms: int) -> Trailer | None:
+def _proven(body: sync.Frame, robot: Robot, topic: Topic, stamp_ms: int) -> Trailer | None:
     """The trailer of a body that is as its maker made it, as far as can be told."""
-    trailer = payload.check(body)
+    trailer = payload.check(body, payload.Ids(robot.robot_id, topic.topic_id))
     if trailer is None:
         payload.check_type(body, topic)
     elif trailer.stamp_ms != stamp_ms:

@@ -2,8 +2,10 @@
 
 Old nodes carry on what stands behind the frame without reading it, so that is where the trailer
 of ours is: magic (4 bytes), version (u8 and its complement), its own length u16, stamp u48 (Unix
-ms), then perhaps a signature (64 bytes), then the CRC-32 of the whole body up to there. Anything
-else behind the frame is carried on and not read.
+ms), then perhaps a signature (64 bytes), then a CRC-32. Of version 2 that is of robot id, topic id
+and the whole body up to there, so a message cannot be taken for one of another topic of the same
+time; of version 1, which storages may still hold, of the body only. Anything else behind the frame
+is carried on and not read.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ PREFIX = 2
 STAMPS_MS = 2**47
 TAKEN_MS = STAMPS_MS - 2**44  # what comes from others is earlier: its maker must have some left
 MAGIC = b"\xd6mcl"
-VERSION = 1
+VERSION = 2  # version 1: the checksum does not say whose message it is
 SIGNATURE_BYTES = 64
 MAX_BLOCKS = 65_536  # no encoder needs more; each costs us time before anything is known of it
 
@@ -48,6 +50,13 @@ _TRAILER = struct.Struct(f">{len(MAGIC)}sBBHHI")
 _BARE, _SIGNED = _TRAILER.size + _CRC.size, _TRAILER.size + SIGNATURE_BYTES + _CRC.size
 
 
+class Ids(NamedTuple):
+    """Whose message it is, and of which of its topics."""
+
+    robot_id: int
+    topic_id: int
+
+
 class PayloadError(MochaLinkError):
     """A message that cannot be sent, or a received body that is not one."""
 
@@ -58,6 +67,7 @@ class Trailer:
 
     stamp_ms: int
     signature: bytes | None = None
+    version: int = VERSION
 
 
 class _Frame(NamedTuple):
@@ -74,10 +84,13 @@ def pack(  # noqa: PLR0913 - what a message is made from
     data: bytes,
     *,
     stamp_ms: int | None = None,
+    ids: Ids | None = None,
     sign: Callable[[bytes], bytes] | None = None,
     checksum: bool = True,
 ) -> bytes:
     """The body for data: with a trailer if `stamp_ms` is given, signed if `sign` is.
+
+    Without `ids` the trailer is of version 1.
 
     Without `stamp_ms` and `checksum` it is byte for byte what original nodes make. A body with a
     trailer is covered by its CRC; one without has the LZ4 frame's own checksum.
@@ -95,8 +108,9 @@ def pack(  # noqa: PLR0913 - what a message is made from
     signature = sign(_statement(prefix, stamp_ms, frame)) if sign else b""
     length = _SIGNED if signature else _BARE
     upper, lower = stamp_ms >> 32, stamp_ms & 0xFFFFFFFF
-    head = _TRAILER.pack(MAGIC, VERSION, VERSION ^ 255, length, upper, lower)
-    crc = 0
+    version = VERSION if ids else 1
+    head = _TRAILER.pack(MAGIC, version, version ^ 255, length, upper, lower)
+    crc = zlib.crc32(bytes(ids or ()))
     for part in (prefix, frame, head, signature):
         crc = zlib.crc32(part, crc)
     return b"".join((prefix, frame, head, signature, _CRC.pack(crc)))
@@ -149,20 +163,24 @@ def statement(body: Body) -> bytes:
     return _statement(view[:PREFIX], found.stamp_ms, view[PREFIX:end])
 
 
-def check(body: Body, limit: int = MAX_BYTES) -> Trailer | None:
+def check(body: Body, ids: Ids | None = None, limit: int = MAX_BYTES) -> Trailer | None:
     """Verify everything in a body but the signature; its trailer, if it has one.
+
+    `ids` say whose message it is said to be; only what has no trailer of version 2 passes without.
 
     It takes next to no memory, whatever the body states.
 
     Raises:
-        PayloadError: not an LZ4 frame, larger than `limit`, or damaged on its way.
+        PayloadError: not an LZ4 frame, larger than `limit`, damaged on its way, or the message
+            of another robot or topic.
     """
     frame = _frame(body)
     found = _trailer(body, frame.end)
     if found:
         length = _SIGNED if found.signature else _BARE
         crc_at = frame.end + length - _CRC.size
-        if zlib.crc32(memoryview(body)[:crc_at]) != _CRC.unpack_from(body, crc_at)[0]:
+        seed = zlib.crc32(bytes(ids or ())) if found.version > 1 else 0
+        if zlib.crc32(memoryview(body)[:crc_at], seed) != _CRC.unpack_from(body, crc_at)[0]:
             raise PayloadError("damaged on its way: its checksum is another one")
     for _ in _unpacked(body, frame, limit, _CHECK_BYTES):
         pass
@@ -183,17 +201,17 @@ def _trailer(body: Body, at: int) -> Trailer | None:
     if len(body) - at < _BARE:
         raise PayloadError("ends within its trailer")
     _, version, complement, length, upper, lower = _TRAILER.unpack_from(body, at)
-    if version != VERSION and version ^ complement == 255:
+    if version > VERSION and version ^ complement == 255:
         return None  # a later format
     stamp_ms = upper << 32 | lower
-    known = (version, complement) == (VERSION, VERSION ^ 255) and length in (_BARE, _SIGNED)
+    known = version ^ complement == 255 and version and length in (_BARE, _SIGNED)
     if not known or stamp_ms >= STAMPS_MS:
         raise PayloadError("damaged on its way: its trailer is not readable")
     if len(body) - at < length:
         raise PayloadError("ends within its trailer")
     signature_at = at + _TRAILER.size
     signature = bytes(body[signature_at : at + length - _CRC.size])
-    return Trailer(stamp_ms, signature or None)
+    return Trailer(stamp_ms, signature or None, version)
 
 
 def _frame(body: Body) -> _Frame:

@@ -134,6 +134,7 @@ class Publisher:
             topic.priority,
             batch.pack(draft.parts) if topic.aggregate else draft.parts[0],
             stamp_ms=draft.stamp_ms,
+            ids=payload.Ids(self._robot.robot_id, topic.topic_id),
             sign=self._signs.get(topic.name),
         )
         header = Header.at(self._robot.robot_id, topic.topic_id, draft.stamp_ms)

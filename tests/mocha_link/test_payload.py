@@ -17,7 +17,9 @@ from mocha_link.payload import PayloadError, Trailer
 
 STAMP_MS = 1_795_175_905_123
 SIGNATURE = bytes(range(64))
+IDS = payload.Ids(3, 7)
 SMALL = payload.pack(1, 2, b"a message " * 8, stamp_ms=STAMP_MS)
+NAMED = payload.pack(1, 2, b"a message " * 8, stamp_ms=STAMP_MS, ids=IDS)
 SIGNED = payload.pack(1, 2, b"a message " * 8, stamp_ms=STAMP_MS, sign=lambda _: SIGNATURE)
 LARGE = payload.pack(1, 2, random.Random(1).randbytes(70_000) * 2, stamp_ms=STAMP_MS)
 KIB, MIB = 1024, 1024 * 1024
@@ -201,12 +203,14 @@ def test_too_large_to_send(monkeypatch):
     st.integers(0, 2**47 - 1),
     st.none() | st.binary(min_size=64, max_size=64),
     st.binary(max_size=9),
+    st.none() | st.builds(payload.Ids, st.integers(0, 255), st.integers(0, 255)),
 )
-def test_the_trailer_says_what_pack_was_told(data, stamp_ms, signature, behind):
+def test_the_trailer_says_what_pack_was_told(data, stamp_ms, signature, behind, ids):
     sign = None if signature is None else lambda _: signature
-    body = payload.pack(3, 1, data, stamp_ms=stamp_ms, sign=sign)
+    body = payload.pack(3, 1, data, stamp_ms=stamp_ms, ids=ids, sign=sign)
+    told = Trailer(stamp_ms, signature, 2 if ids else 1)
     for each in (body, body + behind):
-        assert payload.trailer(each) == payload.check(each) == Trailer(stamp_ms, signature)
+        assert payload.trailer(each) == payload.check(each, ids) == told
         assert payload.unpack(each) == data
         assert lz4.frame.decompress(each[2:]) == data  # as an original node reads it
     plain = payload.pack(3, 1, data, checksum=False)
@@ -223,7 +227,7 @@ def test_bodies_of_original_nodes_have_no_trailer():
 
 def test_the_trailer_of_a_later_version_is_carried_on_unread():
     later = bytearray(SMALL)
-    later[-14:-12] = (2, 253)
+    later[-14:-12] = (3, 252)
     assert payload.check(bytes(later)) is None
     assert payload.unpack(bytes(later)) == b"a message " * 8
 
@@ -232,6 +236,30 @@ def test_the_trailer_of_a_later_version_is_carried_on_unread():
 def test_a_stamp_that_is_no_time(stamp_ms):
     with pytest.raises(PayloadError, match="set the clock"):
         payload.pack(0, 0, b"", stamp_ms=stamp_ms)
+
+
+def test_a_message_of_another_robot_or_topic_is_refused():
+    """Of the same time, perhaps, so that nothing else in it tells."""
+    assert payload.check(NAMED, IDS) == Trailer(STAMP_MS)
+    for ids in (payload.Ids(2, 7), payload.Ids(3, 6), payload.Ids(7, 3), None):
+        with pytest.raises(PayloadError, match="its checksum is another one"):
+            payload.check(NAMED, ids)
+
+
+def test_what_was_made_before_the_checksum_said_whose_it_is_still_passes():
+    """Storages hold it, and relays hand it on."""
+    for body in (SMALL, SIGNED):
+        found = payload.check(body, IDS)
+        assert found == payload.check(body)
+        assert found.version == 1
+
+
+def test_one_is_not_taken_for_the_other():
+    for body, version in ((NAMED, 1), (SMALL, 2)):
+        other = bytearray(body)
+        other[-14:-12] = bytes((version, version ^ 255))
+        with pytest.raises(PayloadError, match="its checksum is another one"):
+            payload.check(bytes(other), IDS)
 
 
 @pytest.mark.parametrize("body", [SMALL, SIGNED], ids=["bare", "signed"])

@@ -35,6 +35,10 @@ def often(team):
     return team.topic("titan", "/map")
 
 
+def ids_of(record: Record) -> payload.Ids:
+    return payload.Ids(record.header.robot_id, record.header.topic_id)
+
+
 def stored(database, topic) -> bytes | None:
     """The data of the newest message of a topic of titan."""
     record = database.newest(2, topic.topic_id)
@@ -68,7 +72,7 @@ def test_what_is_stored_is_a_message_as_it_crosses_the_wire(publisher, often):
     assert payload.dtype_of(record.body) == often.dtype
     assert record.body[1] == record.priority == often.priority
     assert payload.unpack(record.body) == b"grid"
-    trailer = payload.check(record.body)
+    trailer = payload.check(record.body, ids_of(record))
     assert trailer.stamp_ms == record.stamp_ms == int(T * 1000)
     assert trailer.signature is None
     assert (record.header, record.received_s, record.inferred) == (header, T, False)
@@ -113,7 +117,7 @@ def test_a_message_held_over_a_recovery_still_leaves(publisher, database, slow):
     (record,) = publisher.due(T + 5)
     assert record.header == Header.at(2, 1, record.stamp_ms)
     assert 0 < record.stamp_ms - int(T * 1000) - 90_000 <= LEAP_MS
-    assert payload.check(record.body).stamp_ms == record.stamp_ms
+    assert payload.check(record.body, ids_of(record)).stamp_ms == record.stamp_ms
     assert stored(database, slow) == b"2"
 
 
@@ -125,7 +129,7 @@ def test_a_recovered_message_does_not_replace_what_was_said_since(publisher, dat
     record = publisher.recovered(often, T + 1)
     assert record.header == Header.at(2, 0, record.stamp_ms)
     assert 0 < record.stamp_ms - int(T * 1000) - 90_000 <= LEAP_MS
-    assert payload.check(record.body).stamp_ms == record.stamp_ms
+    assert payload.check(record.body, ids_of(record)).stamp_ms == record.stamp_ms
     assert stored(database, often) == b"new"
     assert publisher.recovered(often, T + 1) is None
     (another,) = publisher.publish(often, b"3", T + 2, at_once=False)[1]
@@ -165,7 +169,7 @@ def test_what_signs_is_asked_for_the_bytes_and_put_into_the_trailer(team, databa
 
     publisher = Publisher(team.robot("titan"), team.topics_of("titan"), database, of)
     _, (record,) = publisher.publish(often, b"grid", T, at_once=False)
-    assert payload.check(record.body).signature == bytes(64)
+    assert payload.check(record.body, ids_of(record)).signature == bytes(64)
     assert len(signed) == 1
     assert signed[0].startswith(b"/map")
 

@@ -1,0 +1,54 @@
+"""A request of the original protocol that is damaged in the header it asks for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mocha_link.document import Document
+from mocha_link.protocol import GDATA
+from mocha_link.team import Team
+from tests.mocha_link.ether import Ether
+
+A, B, C = range(3)
+TEAM = Team.from_document(
+    Document.from_text(
+        "robots:\n"
+        "  a: {kind: rover, address: a, base_port: 10, clients: [b, c]}\n"
+        "  b: {kind: rover, address: b, base_port: 10, clients: [a, c]}\n"
+        "  c: {kind: rover, address: c, base_port: 10, clients: [a, b], original: true}\n"
+        "kinds:\n"
+        "  rover: {topics: [{name: /pose, type: json/Pose}, {name: /goal, type: json/Pose}]}\n",
+        Path("team.yaml"),
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("place", "value"), [(11, C), (12, 1)], ids=["another robot", "another topic"]
+)
+def test_the_message_of_another_one_of_the_same_time_is_refused(place, value):
+    """Nothing else in it would tell: type, time and size may be the same."""
+    ether = Ether(TEAM, names="abc")
+    ether.publish("b", "/pose", b"b is here")
+    ether.publish("b", "/goal", b"b goes there")
+    ether.publish("c", "/pose", b"c is here")
+    ether.pull("c", "b")
+    asked = []
+
+    def alter(piece):
+        data = piece.data
+        if piece[:3] == ("zmq", "a", "c") and data[6:13] == GDATA + bytes((B, 0)):
+            asked.append(data)
+            data = data[:place] + bytes((value,)) + data[place + 1 :]
+        return data
+
+    ether.alter = alter
+    ether.pull("a", "c")
+    assert len(asked) == 1
+    assert ether.held("a") == {("b", "/goal"): b"b goes there", ("c", "/pose"): b"c is here"}
+    assert ether.nodes["a"].links(ether.now)["c"].refused == 1
+    ether.alter = lambda piece: piece.data
+    ether.pull("a", "c")
+    assert ether.held("a")["b", "/pose"] == b"b is here"
