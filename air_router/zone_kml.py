@@ -10,7 +10,7 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 from air_router.altitudes import Altitudes, Limit, Reference
 from air_router.xml_document import Element, XmlSource, parse_xml
@@ -35,6 +35,7 @@ _NO_AREAS: Final = frozenset({"Point", "LineString", "LinearRing", "Model", "Tra
 _REFERENCES: Final = {"relativeToGround": Reference.GROUND, "absolute": Reference.AMSL}
 _ZONE_KIND: Final = "zone"
 _CIRCLE_CORNERS: Final = 12
+_EARTH_M: Final = 6_371_000.0
 
 
 def read_kml(raw: bytes, path: Path) -> ZoneReading:
@@ -118,10 +119,13 @@ class _Reader:
         if point is not None:
             places = self._places(point)
             return MapCircle(places[0][0], radius_m) if places else None
-        centre = [data.get("centre_latitude_deg"), data.get("centre_longitude_deg")]
-        if not all(map(_is_number, centre)) or abs(centre[0]) > 90 or abs(centre[1]) > 180:
+        latitude_deg, longitude_deg = (
+            value if _is_number(value) else math.inf
+            for value in (data.get("centre_latitude_deg"), data.get("centre_longitude_deg"))
+        )
+        if abs(latitude_deg) > 90 or abs(longitude_deg) > 180:
             return None
-        circle = MapCircle(Geodetic(float(centre[0]), float(centre[1])), float(radius_m))
+        circle = MapCircle(Geodetic(float(latitude_deg), float(longitude_deg)), float(radius_m))
         outlines = [self._outline(polygon) for polygon in self._polygons(element)]
         if len(outlines) == 1 and outlines[0] is not None and _draws(outlines[0], circle):
             return circle
@@ -249,21 +253,13 @@ def _numbers(word: str) -> tuple[float, float, float]:
     return parts[0], parts[1], parts[2] if len(parts) == 3 else 0.0
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _draws(outline: MapOutline, circle: MapCircle) -> bool:
     """Whether an outline is a circle as we draw it: many corners, all just outside of it."""
-    centre = circle.centre
-    east_m = 111_320 * math.cos(math.radians(centre.latitude_deg))
-    distances = [
-        math.hypot(
-            ((corner.longitude_deg - centre.longitude_deg + 180) % 360 - 180) * east_m,
-            (corner.latitude_deg - centre.latitude_deg) * 111_200,
-        )
-        for corner in outline.ring
-    ]
+    distances = [_distance_m(circle.centre, corner) for corner in outline.ring]
     nearest_m, farthest_m = 0.98 * circle.radius_m, 1.06 * circle.radius_m + 0.05
     return (
         len(outline.ring) >= _CIRCLE_CORNERS
@@ -271,6 +267,15 @@ def _draws(outline: MapOutline, circle: MapCircle) -> bool:
         and nearest_m <= min(distances)
         and max(distances) <= farthest_m
     )
+
+
+def _distance_m(start: Geodetic, end: Geodetic) -> float:
+    """On a sphere: near enough to tell a drawn circle."""
+    lat, to_lat = math.radians(start.latitude_deg), math.radians(end.latitude_deg)
+    half_lon = math.radians(end.longitude_deg - start.longitude_deg) / 2
+    chord = math.sin((to_lat - lat) / 2) ** 2
+    chord += math.cos(lat) * math.cos(to_lat) * math.sin(half_lon) ** 2
+    return 2 * _EARTH_M * math.asin(min(math.sqrt(chord), 1.0))
 
 
 def _highest(limits: list[Limit | None]) -> Limit | None:
