@@ -5,7 +5,17 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from air_router import check, command_line, convert, edit_command, fly, plan, preflight_command, sim
+from air_router import (
+    check,
+    command_line,
+    convert,
+    cover,
+    edit_command,
+    fly,
+    plan,
+    preflight_command,
+    sim,
+)
 
 _EXIT_CODES = """\
 exit codes:
@@ -22,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "air-router",
         "Fly PX4 missions around no-fly zones, and seek robots to exchange data with.",
         _EXIT_CODES,
-        (check, plan, edit_command, convert, preflight_command, fly, sim),
+        (check, plan, cover, edit_command, convert, preflight_command, fly, sim),
     )
     return command_line.run(parser, argv)
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import blended_transform_factory
 
+from air_router.faults import far
 from air_router.mission import Mission
 from geo.frame import Point
 
@@ -19,11 +20,23 @@ WIDTH_INCH = 8.0
 _FLATTEST, _TALLEST = 0.4, 1.8
 
 
-def new_sheet(mission: Mission, track: Sequence[Point]) -> tuple[Figure, Axes]:
-    """A figure in the proportions of what it shows, with quiet axes in metres."""
-    points = [mission.home, *(w.position for w in mission.waypoints), *track, *mission.rally_points]
+def new_sheet(mission: Mission, more: Sequence[Point]) -> tuple[Figure, Axes]:
+    """A figure in the proportions of what it shows, with quiet axes in metres.
+
+    Args:
+        mission: its places and fences (without these, its zones) are on the sheet, as far as they
+            are not impossibly far from home.
+        more: what else is.
+    """
+    points = [mission.home, *(w.position for w in mission.waypoints), *more, *mission.rally_points]
     shapes = mission.fences or [zone.shape for zone in mission.zones]
     points += [corner for shape in shapes for corner in shape.corners]
+    points = [point for point in points if not far(point, mission)]
+    return sheet_of(points, ground=GROUND if not mission.fences else BEYOND)
+
+
+def sheet_of(points: Sequence[Point], ground: str) -> tuple[Figure, Axes]:
+    """A sheet with room for all points."""
     west, south, east, north = (float(v) for v in shapely.MultiPoint(points).bounds)
     pad_m = 0.04 * max(east - west, north - south, 50.0)
     west, south, east, north = west - pad_m, south - pad_m, east + pad_m, north + pad_m
@@ -38,7 +51,7 @@ def new_sheet(mission: Mission, track: Sequence[Point]) -> tuple[Figure, Axes]:
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)
     axes.set_aspect("equal")
-    axes.set_facecolor(GROUND if not mission.fences else BEYOND)
+    axes.set_facecolor(ground)
     axes.tick_params(colors=FAINT, labelsize=7, length=2.5, width=0.5, pad=2)
     axes.set_xlabel("metres east", color=FAINT, fontsize=7, labelpad=2)
     axes.set_ylabel("metres north", color=FAINT, fontsize=7, labelpad=1)
@@ -47,14 +60,11 @@ def new_sheet(mission: Mission, track: Sequence[Point]) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def label_sheet(figure: Figure, axes: Axes, mission: Mission) -> None:
-    """Write what the picture shows around it."""
-    subtitle = (
-        f"{len(mission.waypoints)} waypoints, {len(mission.zones)} no-fly zones, "
-        f"{mission.altitude_above_home_m:g} m above home"
-    )
+def label_sheet(figure: Figure, axes: Axes, title: str, subtitle: str, warning: str = "") -> None:
+    """Write what the picture shows around it; a warning stands in red above the title."""
     for text, rise, size, weight, colour in (
-        (mission.name, 18, 13, "bold", INK),
+        (warning, 36, 9.5, "bold", "#e00010"),
+        (title, 18, 13, "bold", INK),
         (subtitle, 6, 8.5, "normal", FAINT),
     ):
         axes.annotate(

@@ -1,4 +1,7 @@
-"""Pictures of a mission: zones, waypoint graph, a route, a flown track. Needs matplotlib."""
+"""Pictures of a mission: zones, waypoint graph, a route, a flown track, and what is wrong.
+
+Needs matplotlib.
+"""
 
 from __future__ import annotations
 
@@ -9,109 +12,170 @@ from pathlib import Path
 from typing import Any
 
 import shapely
-from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import PictureError
+from air_router.faults import Faults, far
 from air_router.graph import WaypointGraph
 from air_router.mission import Mission
 from air_router.router import Route
 from geo.frame import Point
-from geo.zone import polygons_of
+from geo.zone import Zone
 
 try:
-    from matplotlib import patheffects
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path as Outline
+    from matplotlib.figure import Figure
 
+    from air_router.map_marks import (
+        EDGE,
+        FENCE,
+        IDLE,
+        ROUTE,
+        TRACK,
+        WRONG,
+        ZONE,
+        drawn,
+        patch_of,
+        quiet_direction,
+        roomiest,
+        write_name,
+        write_number,
+    )
     from air_router.map_sheet import GROUND, INK, label_sheet, new_sheet
 except ImportError as error:
     raise PictureError(
         "pictures need matplotlib, which is not installed; pip install 'air-router[plot]'"
     ) from error
 
-__all__ = ["PictureError", "draw_mission"]
+__all__ = ["PictureError", "draw_airspace", "draw_home", "draw_mission", "draw_zones", "save"]
 
-_FENCE, _ZONE, _EDGE = "#2f7d4f", "#c8383b", "#b9c0c8"
-_ROUTE, _TRACK = "#1565c0", "#7b3fa0"
 _DPI = 130
+_MOST_NUMBERS = 150
+"""With more waypoints their numbers would cover each other."""
+
+_MOST_NAMES = 60
 
 
-def draw_mission(
+def draw_mission(  # noqa: PLR0913 - the layers of a picture
     mission: Mission,
     path: Path,
     *,
     graph: WaypointGraph | None = None,
     route: tuple[Point, Route] | None = None,
     track: Sequence[Point] | None = None,
+    around: Sequence[tuple[Point, Point]] = (),
+    faults: Faults | None = None,
 ) -> None:
     """Draw a mission into a file; its name's ending (.png, .svg, .pdf) chooses the format.
 
     Args:
-        mission: fence, zones with their clearance, waypoints, home, rally points.
+        mission: fences, zones with their clearance, waypoints, home, rally points. Zones that do
+            not apply at its altitudes and in its time are drawn faint.
         path: the file to write.
         graph: draw its edges too.
         route: a start and the route from there.
         track: where the vehicle flew.
+        around: straight legs that are flown around something.
+        faults: what is wrong with the mission, in red.
 
     Raises:
         PictureError: the file cannot be written, or its ending is not a picture's.
     """
-    figure, axes = new_sheet(mission, track or ())
-    _draw_airspace(axes, mission)
+    wrong = () if faults is None else [corner for r in faults.refused for corner in r.ring]
+    figure, axes = new_sheet(mission, [*(track or ()), *wrong])
+    draw_airspace(axes, mission)
     if graph is not None:
         _draw_graph(axes, graph)
+    _draw_around(axes, around)
     if track:
         _draw_track(axes, track)
     if route is not None:
         _draw_route(axes, *route)
-    _name_zones(axes, mission)
-    _draw_places(axes, mission, graph)
-    label_sheet(figure, axes, mission)
+    if faults is not None:
+        _draw_faults(axes, faults)
+    _draw_places(axes, mission, graph, faults)
+    label_sheet(figure, axes, mission.name, _subtitle(mission), _told(faults))
+    save(figure, path)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a picture.
+
+    Raises:
+        PictureError: the file cannot be written, or its ending is not a picture's.
+    """
     try:
         figure.savefig(path, dpi=_DPI, facecolor="white", bbox_inches="tight", pad_inches=0.12)
     except (OSError, ValueError) as error:
         raise PictureError(f"cannot write the picture {path}: {error}") from None
 
 
-def _draw_airspace(axes: Axes, mission: Mission) -> None:
+def _subtitle(mission: Mission) -> str:
+    altitudes = [w.altitude_above_home_m for w in mission.waypoints]
+    altitudes = altitudes or [mission.altitude_above_home_m]
+    lowest, highest = f"{min(altitudes):g}", f"{max(altitudes):g}"
+    height = lowest if lowest == highest else f"{lowest} to {highest}"
+    idle = f" ({len(mission.idle_zones)} do not apply)" if mission.idle_zones else ""
+    return (
+        f"{len(mission.waypoints)} waypoints, {len(mission.zones)} no-fly zones{idle}, "
+        f"{height} m above home"
+    )
+
+
+def _told(faults: Faults | None) -> str:
+    if faults is None:
+        return ""
+    problems = "1 problem" if faults.count == 1 else f"{faults.count} problems"
+    if not faults.off_sheet:
+        return f"cannot be flown: {problems}"
+    return f"cannot be flown: {problems}; off this sheet: {', '.join(faults.off_sheet)}"
+
+
+def draw_airspace(axes: Axes, mission: Mission) -> None:
+    """Fences and zones, with what is kept from the zones that apply."""
     if mission.fences:
-        inside = shapely.intersection_all([fence.polygon for fence in mission.fences])
-        axes.add_patch(_patch(inside, facecolor=GROUND, zorder=1))
-        axes.add_patch(
-            _patch(
-                inside,
-                fill=False,
-                edgecolor=_FENCE,
-                linewidth=1.6,
-                zorder=4,
-                label="fence",
+        inside = shapely.intersection_all([drawn(fence) for fence in mission.fences])
+        axes.add_patch(patch_of(inside, facecolor=GROUND, zorder=1))
+        for number, fence in enumerate(mission.fences):
+            axes.add_patch(
+                patch_of(
+                    drawn(fence),
+                    fill=False,
+                    edgecolor=FENCE,
+                    linewidth=1.6,
+                    zorder=4,
+                    label="_" if number else "fence",
+                )
             )
-        )
-    zones = shapely.union_all([zone.polygon for zone in mission.airspace.zones])
-    if zones.is_empty:
+    _draw_idle(axes, mission)
+    own = any(zone.clearance_m is not None for zone in mission.airspace.zones)
+    kept = "clearance" if own else f"clearance {mission.planner.clearance_m:g} m"
+    draw_zones(axes, mission.airspace.zones, mission.airspace.inflated(), kept)
+
+
+def draw_zones(axes: Axes, zones: Sequence[Zone], grown: Sequence[BaseGeometry], kept: str) -> None:
+    """Zones that apply, and each grown by what is kept from it, with the name for that."""
+    if not zones:
         return
-    buffers = shapely.union_all(mission.airspace.inflated())
-    clearance = f"clearance {mission.planner.clearance_m:g} m"
-    axes.add_patch(_patch(buffers, facecolor=_ZONE, alpha=0.08, zorder=2))
+    buffers = shapely.union_all(grown)
+    axes.add_patch(patch_of(buffers, facecolor=ZONE, alpha=0.08, zorder=2))
     axes.add_patch(
-        _patch(
+        patch_of(
             buffers,
             fill=False,
-            edgecolor=_ZONE,
+            edgecolor=ZONE,
             linewidth=0.8,
             linestyle=(0, (3, 2)),
             zorder=3,
-            label=clearance,
+            label=kept,
         )
     )
     axes.add_patch(
-        _patch(
-            zones,
+        patch_of(
+            shapely.union_all([drawn(zone.shape) for zone in zones]),
             facecolor="#eeb4ae",
-            edgecolor=_ZONE,
+            edgecolor=ZONE,
             linewidth=1.0,
             hatch="////",
             hatchcolor="#dd8f8a",
@@ -119,52 +183,52 @@ def _draw_airspace(axes: Axes, mission: Mission) -> None:
             label="no-fly zone",
         )
     )
+    if len(zones) <= _MOST_NAMES:
+        for zone in zones:
+            write_name(axes, zone.name, roomiest(zone.polygon), ink="#8d2124", halo="#eeb4ae")
 
 
-def _name_zones(axes: Axes, mission: Mission) -> None:
-    for zone in mission.zones:
-        middle = _roomiest(zone.polygon)
-        axes.text(
-            middle.east_m,
-            middle.north_m,
-            zone.name,
-            ha="center",
-            va="center",
-            fontsize=6.5,
-            color="#8d2124",
-            zorder=3.5,
-            path_effects=[patheffects.withStroke(linewidth=2.5, foreground="#eeb4ae")],
+def _draw_idle(axes: Axes, mission: Mission) -> None:
+    for number, idle in enumerate(mission.idle_zones):
+        style: dict[str, Any] = {"linewidth": 0.8, "linestyle": (0, (1, 2)), "edgecolor": IDLE}
+        axes.add_patch(patch_of(drawn(idle.zone.shape), facecolor=IDLE, alpha=0.13, zorder=1.5))
+        label = "_" if number else "zone that does not apply"
+        axes.add_patch(
+            patch_of(drawn(idle.zone.shape), fill=False, zorder=1.6, label=label, **style)
         )
-
-
-def _roomiest(polygon: Polygon) -> Point:
-    """Where a line of text fits best: on a long chord from west to east, near the middle."""
-    west, south, east, north = polygon.bounds
-    chords = []
-    for step in range(1, 16):
-        level = south + (north - south) * step / 16
-        line = LineString([(west, level), (east, level)]).intersection(polygon)
-        for chord in shapely.get_parts(line):
-            off_middle = abs(level - (south + north) / 2)
-            chords.append((chord.length - off_middle, chord.centroid.x, level))
-    _, east_m, north_m = max(chords)
-    return Point(east_m, north_m)
+        if len(mission.idle_zones) <= _MOST_NAMES:
+            place = roomiest(idle.zone.polygon)
+            write_name(axes, idle.zone.name, place, ink="#7a8188", halo=GROUND)
 
 
 def _draw_graph(axes: Axes, graph: WaypointGraph) -> None:
     lines = [[graph.position(a), *graph.via(a, b), graph.position(b)] for a, b in graph.graph.edges]
     axes.add_collection(
         LineCollection(
-            lines, colors=_EDGE, linewidths=0.6, zorder=2.5, label=f"{len(lines)} clear connections"
+            lines, colors=EDGE, linewidths=0.6, zorder=2.5, label=f"{len(lines)} clear connections"
         )
     )
+
+
+def _draw_around(axes: Axes, legs: Sequence[tuple[Point, Point]]) -> None:
+    if legs:
+        axes.add_collection(
+            LineCollection(
+                list(legs),
+                colors="#d9822b",
+                linewidths=1.1,
+                linestyles=(0, (4, 2)),
+                zorder=4.5,
+                label="leg that is flown around",
+            )
+        )
 
 
 def _draw_track(axes: Axes, track: Sequence[Point]) -> None:
     east, north = zip(*track, strict=True)
     axes.plot(east, north, color="white", linewidth=3.2, zorder=5, solid_capstyle="round")
     axes.plot(
-        east, north, color=_TRACK, linewidth=1.6, zorder=5.1, label="flown", solid_capstyle="round"
+        east, north, color=TRACK, linewidth=1.6, zorder=5.1, label="flown", solid_capstyle="round"
     )
 
 
@@ -175,7 +239,7 @@ def _draw_route(axes: Axes, start: Point, route: Route) -> None:
     axes.plot(
         east,
         north,
-        color=_ROUTE,
+        color=ROUTE,
         linewidth=2.6,
         zorder=6.1,
         solid_joinstyle="round",
@@ -192,78 +256,58 @@ def _draw_route(axes: Axes, start: Point, route: Route) -> None:
                 "",
                 xy=ahead,
                 xytext=middle,
-                arrowprops={"arrowstyle": "-|>", "color": _ROUTE, "mutation_scale": 13},
+                arrowprops={"arrowstyle": "-|>", "color": ROUTE, "mutation_scale": 13},
                 zorder=6.2,
             )
     for point in (points[0], points[-1]):
-        axes.scatter(*point, s=60, color=_ROUTE, edgecolor="white", linewidth=1.2, zorder=6.9)
+        axes.scatter(*point, s=60, color=ROUTE, edgecolor="white", linewidth=1.2, zorder=6.9)
 
 
-def _draw_places(axes: Axes, mission: Mission, graph: WaypointGraph | None) -> None:
-    east, north = zip(*(w.position for w in mission.waypoints), strict=True)
-    axes.scatter(
-        east, north, s=15, color="white", edgecolor=INK, linewidth=0.9, zorder=7, label="waypoint"
-    )
-    if mission.rally_points:
-        east, north = zip(*mission.rally_points, strict=True)
-        axes.scatter(
-            east,
-            north,
-            marker="D",
-            s=17,
-            color="#f0a92e",
-            edgecolor=INK,
-            linewidth=0.6,
-            zorder=6.9,
-            label="rally point",
-        )
-    axes.scatter(
-        *mission.home,
-        marker="^",
-        s=85,
-        color=INK,
-        edgecolor="white",
-        linewidth=1,
-        zorder=8,
-        label="home",
-    )
-    for waypoint in mission.waypoints:
-        angle = _quiet_direction(waypoint.number, graph)
-        axes.annotate(
-            str(waypoint.number),
-            waypoint.position,
-            xytext=(7.5 * math.cos(angle), 6.5 * math.sin(angle)),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=6.5,
-            color=INK,
-            zorder=9,
-            path_effects=[patheffects.withStroke(linewidth=2.2, foreground="white", alpha=0.9)],
+def _draw_faults(axes: Axes, faults: Faults) -> None:
+    for number, shape in enumerate(faults.shapes):
+        label = "_" if number else "wrong area"
+        outline = patch_of(drawn(shape), fill=False, edgecolor=WRONG, linewidth=2, label=label)
+        outline.set_zorder(4.6)
+        axes.add_patch(outline)
+    for number, refused in enumerate(faults.refused):
+        east, north = zip(*refused.ring, refused.ring[0], strict=True)
+        label = "_" if number else "no area"
+        axes.plot(east, north, color=WRONG, linewidth=1.6, zorder=4.7, label=label)
+        if refused.place is not None:
+            axes.scatter(*refused.place, marker="x", s=90, color=WRONG, linewidth=2.2, zorder=9.2)
+        place = Point(*refused.ring[0])
+        write_number(axes, refused.name, place, math.pi / 2, wrong=True)
+    if faults.legs:
+        axes.add_collection(
+            LineCollection(
+                list(faults.legs), colors=WRONG, linewidths=1.8, zorder=4.8, label="illegal leg"
+            )
         )
 
 
-def _quiet_direction(node: int, graph: WaypointGraph | None) -> float:
-    """The middle of the widest angle between a node's edges, where its number disturbs least."""
-    if graph is None or graph.graph.degree(node) == 0:
-        return math.pi / 4
-    here = graph.position(node)
-    bearings = sorted(
-        math.atan2(there.north_m - here.north_m, there.east_m - here.east_m)
-        for there in (graph.position(other) for other in graph.graph.neighbors(node))
-    )
-    gaps = [
-        (after - before, before)
-        for before, after in pairwise([*bearings, bearings[0] + 2 * math.pi])
-    ]
-    width, begin = max(gaps)
-    return begin + width / 2
+def _draw_places(
+    axes: Axes, mission: Mission, graph: WaypointGraph | None, faults: Faults | None
+) -> None:
+    wrong = {spot.position for spot in (() if faults is None else faults.spots)}
+    seen = [w for w in mission.waypoints if not far(w.position, mission)]
+    for part, marker, size, colour, label in (
+        ([w.position for w in seen if w.position not in wrong], "o", 15, "white", "waypoint"),
+        ([p for p in mission.rally_points if p not in wrong], "D", 17, "#f0a92e", "rally point"),
+        ([p for p in wrong if not far(p, mission)], "o", 46, WRONG, "wrong place"),
+    ):
+        if part:
+            east, north = zip(*part, strict=True)
+            style: dict[str, Any] = {"marker": marker, "s": size, "color": colour, "edgecolor": INK}
+            axes.scatter(east, north, linewidth=0.8, zorder=7, label=label, **style)
+    draw_home(axes, mission.home)
+    for waypoint in seen:
+        bad = waypoint.position in wrong
+        if bad or len(seen) <= _MOST_NUMBERS:
+            angle = quiet_direction(waypoint.number, graph)
+            write_number(axes, str(waypoint.number), waypoint.position, angle, wrong=bad)
 
 
-def _patch(shape: BaseGeometry, **style: Any) -> PathPatch:
-    """A polygon, or several, with holes."""
-    rings = [ring for p in polygons_of(shape) for ring in (p.exterior, *p.interiors)]
-    outline = Outline.make_compound_path(
-        *(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings)
-    )
-    return PathPatch(outline, **({"edgecolor": "none"} | style))
+def draw_home(axes: Axes, home: Point) -> None:
+    """Where the vehicle takes off and lands."""
+    style: dict[str, Any] = {"marker": "^", "s": 85, "color": INK, "edgecolor": "white"}
+    axes.scatter(*home, linewidth=1, zorder=8, label="home", **style)

@@ -20,6 +20,9 @@ Joiner = Callable[[Point, Point], Sequence[Point] | None]
 """The shortest clear path between two clear places, both included; None if there is none."""
 
 _PASSES = 8
+_MOST_SINGLE = 300
+"""Up to so many rows, single rows are moved too in the end, not only cells."""
+
 _GAIN_M = 0.01
 """An order that is better by less counts as equal."""
 
@@ -120,6 +123,9 @@ def in_order(cells: Sequence[Cell], path: Joiner, start: Point | None) -> Order:
     ways = _Ways(path)
     order = _improved(_nearest_first(cells, ways, start), ways, start)
     rows = tuple(row for cell in order for row in cell.rows)
+    if len(rows) <= _MOST_SINGLE:
+        order = _improved([Cell((row,)) for row in rows], ways, start)
+        rows = tuple(row for cell in order for row in cell.rows)
     track: list[Point] = []
     for row in rows:
         between = ways.path(track[-1], row.start) if track else (row.start,)
