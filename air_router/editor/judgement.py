@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 
+import numpy as np
 from shapely import Polygon, make_valid
 
 from air_router.draft import Area, Draft
@@ -22,8 +23,9 @@ from geo.frame import Point
 from geo.zone import Outline, ZoneError, polygons_of
 
 _LEAST_CORNERS = 3
-_MOST_ROUTES = 300
-"""So many ways around are looked for while somebody drags; the rest are shown as unknown."""
+_MOST_WORK = 4_000
+"""So many nodes are looked at for ways around, in all, while somebody drags; where a mission of
+very many waypoints needs more, the other legs are only said to lead around."""
 
 
 class Way(StrEnum):
@@ -73,7 +75,7 @@ class Judgement:
             mission = judge(replace(draft, zones=zones, problems=[], notes=[])) or mission
         graph = WaypointGraph(mission)
         router = Router(graph)
-        return cls(draft, mission, graph, router, tuple(_legs(mission, graph, router)))
+        return cls(draft, mission, graph, router, tuple(_legs(draft, mission, graph, router)))
 
     def length_m(self) -> float:
         """Of all legs that can be flown."""
@@ -96,21 +98,32 @@ def _stand_ins(region: Region, drawing: Drawing, draft: Draft) -> Iterator[Area]
                 yield Area(region.name, Outline(outline), region.keys)
 
 
-def _legs(mission: Mission, graph: WaypointGraph, router: Router) -> Iterator[OperatorLeg]:
+def _legs(
+    draft: Draft, mission: Mission, graph: WaypointGraph, router: Router
+) -> Iterator[OperatorLeg]:
     airspace = mission.planning_airspace
-    routes = 0
     nodes = sorted(graph.positions)  # home, then the waypoints in their order
-    clear = {node: airspace.point_clear(graph.position(node)) for node in nodes}
-    for start, end in pairwise(nodes):
+    if len(nodes) < 2:
+        return
+    places = np.array([graph.position(node) for node in nodes])
+    straight = airspace.legs_clear_between(places[:-1], places[1:])
+    wrong = {problem.keys for problem in draft.problems}
+    spots = [*([draft.home] if draft.home else []), *draft.waypoints]
+    legal = [
+        spot.keys not in wrong and airspace.point_clear(graph.position(node))
+        for node, spot in zip(nodes, spots, strict=True)
+    ]
+    routes = _MOST_WORK // len(nodes)
+    for index, (start, end) in enumerate(pairwise(nodes)):
         ends = graph.position(start), graph.position(end)
-        if not (clear[start] and clear[end]):
+        if not (legal[index] and legal[index + 1]):
             yield OperatorLeg(start, end, Way.BLOCKED, ends)
-        elif airspace.leg_clear(*ends):
+        elif straight[index]:
             yield OperatorLeg(start, end, Way.STRAIGHT, ends)
-        elif routes == _MOST_ROUTES:
+        elif routes <= 0:
             yield OperatorLeg(start, end, Way.AROUND, ends)
         else:
-            routes += 1
+            routes -= 1
             route = router.route(ends[0], end)
             if isinstance(route, Route):
                 points = (ends[0], *(leg.to for leg in route.legs))

@@ -109,7 +109,7 @@ function show(state) {
   selection.check(state);
   map.options.gridOrigin = state.places.find((place) => place.kind === "home")?.at;
   if (!fitted) {
-    fitted = true;
+    fitted = state.places.length + state.areas.length > 0;
     map.setView([0, 0], 2, { animate: false });
     fit();
   }

@@ -38,7 +38,7 @@ export class AirspaceLayer {
 
   /** @param {string} key @param {string} kind @param {Area} area */
   add(key, kind, area) {
-    const common = { renderer: this.svg.buffers, pane: "buffers", interactive: false };
+    const common = { renderer: this.svg.buffers, pane: "buffers", interactive: false, smoothFactor: 0.3 };
     const sort = area.fence ? "fence" : "zone";
     const buffers = ["clearance", "margin"].map((name) =>
       L.polygon([], { ...common, className: `buffer ${sort} ${name}` }).addTo(this.map),
@@ -52,7 +52,7 @@ export class AirspaceLayer {
     for (const name of ["click", "contextmenu"]) {
       shape.on(name, (event) => this.pressed?.(entry.area, event));
     }
-    shape.bindTooltip(() => describe(entry.area), { sticky: true, opacity: 1 });
+    shape.bindTooltip(() => describe(entry.area), { sticky: true, opacity: 1, direction: "right", offset: [14, 0] });
     return entry;
   }
 
