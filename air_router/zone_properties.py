@@ -12,7 +12,7 @@ from typing import Any
 from air_router.altitudes import Altitudes, Limit, Reference
 from air_router.zone_reading import MAX_ALTITUDE_M
 from air_router.zone_schedule import days_of, hours_of, period_of
-from geo.validity import Period, Validity
+from geo.validity import Hours, Period, Validity
 
 Complain = Callable[[str, str, str], None]
 """Takes the property's name, the message and its code."""
@@ -119,7 +119,7 @@ def _validity(active: Any, complain: Complain) -> Validity | None:
 
 def _period(entry: Mapping[str, Any]) -> Period:
     between = entry.get("between")
-    daily = ()
+    daily: tuple[Hours, ...] = ()
     if between is not None or entry.get("days") is not None:
         if between is not None and (not isinstance(between, list) or len(between) != 2):
             raise ValueError("'between' must be two times of day")

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from air_router.altitudes import Altitudes
 from air_router.draft import Keys, Source
@@ -147,7 +147,7 @@ class JsonReader:
     def number(self, keys: Keys, what: str, lowest: float, highest: float) -> float | None:
         """A number in a range; None, with a problem noted, if it is something else."""
         value = self.at(*keys)
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        if not _is_number(value):
             self.wrong(keys, f"{what} must be a number")
             return None
         if not lowest <= value <= highest:
@@ -167,15 +167,16 @@ class JsonReader:
     def position(self, keys: Keys) -> Geodetic | None:
         """A place given as [longitude, latitude], perhaps with an altitude behind."""
         value = self.at(*keys)
+        place = _place(value)
+        if place is not None:
+            return place
         if not isinstance(value, list) or len(value) < 2:
             self.wrong(keys, "a place must be [longitude, latitude]")
             return None
-        if any(isinstance(part, bool) or not isinstance(part, int | float) for part in value[:2]):
+        if not (_is_number(value[0]) and _is_number(value[1])):
             self.wrong(keys, "a place must be two numbers, [longitude, latitude]")
             return None
         longitude_deg, latitude_deg = float(value[0]), float(value[1])
-        if abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180:
-            return Geodetic(latitude_deg, longitude_deg)
         swapped = abs(longitude_deg) <= 90 and abs(latitude_deg) <= 180
         advice = "exchange them (longitude comes first)" if swapped else "correct it"
         self.reading.complain(
@@ -212,10 +213,11 @@ class JsonReader:
         self.reading.complain(keys, f"{message}, found {found}; correct it", code)
 
     def _ring(self, keys: Keys) -> MapRing | None:
-        count = len(self.entries(keys, "a polygon's ring"))
-        places = [self.position((*keys, index)) for index in range(count)]
-        ring = [place for place in places if place is not None]
-        if len(ring) < count or not isinstance(self.at(*keys), list):
+        values = self.entries(keys, "a polygon's ring")
+        ring = [place for place in map(_place, values) if place is not None]
+        if len(ring) < len(values) or not isinstance(self.at(*keys), list):
+            for index in range(len(values)):  # again, to tell what is wrong
+                self.position((*keys, index))
             return None
         if len(ring) > 1 and ring[0] == ring[-1]:
             ring.pop()
@@ -224,6 +226,22 @@ class JsonReader:
             self.reading.complain(keys, f"{message}; draw it again", "zone-too-few-corners")
             return None
         return tuple(ring)
+
+
+def _place(value: Any) -> Geodetic | None:
+    """[longitude, latitude] as a place; None if it is none."""
+    if not isinstance(value, list) or len(value) < 2:
+        return None
+    longitude_deg, latitude_deg = value[0], value[1]
+    if not (_is_number(longitude_deg) and _is_number(latitude_deg)):
+        return None
+    if abs(latitude_deg) > 90 or abs(longitude_deg) > 180:
+        return None
+    return Geodetic(float(latitude_deg), float(longitude_deg))
+
+
+def _is_number(value: Any) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def utc(text: Any) -> datetime:
