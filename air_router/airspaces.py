@@ -18,7 +18,7 @@ from geo.validity import Validity
 from geo.zone import Band, Zone, ZoneError
 
 LAUNCH_WAIT = timedelta(hours=1)
-"""A mission whose start is not given starts within so much from now."""
+"""So much later than it was to start a mission may start."""
 
 COMING_HOME = timedelta(minutes=10)
 """What it may take to come home and land, after `duration_s`."""
@@ -26,10 +26,14 @@ COMING_HOME = timedelta(minutes=10)
 
 @dataclass(frozen=True, slots=True)
 class FlightWindow:
-    """From when to when the vehicle may be in the air; without `end`, for ever."""
+    """From when to when the vehicle may be in the air; without `end`, for ever.
+
+    Whoever takes off after `latest_start` may still fly when the window is over.
+    """
 
     start: datetime
     end: datetime | None
+    latest_start: datetime | None = None
 
     @classmethod
     def of(cls, now: datetime, start: datetime | None, duration_s: float | None) -> FlightWindow:
@@ -37,8 +41,8 @@ class FlightWindow:
         first = now if start is None else start
         if duration_s is None:
             return cls(first, None)
-        wait = LAUNCH_WAIT if start is None else timedelta(0)
-        return cls(first, first + wait + timedelta(seconds=duration_s) + COMING_HOME)
+        latest = first + LAUNCH_WAIT
+        return cls(first, latest + timedelta(seconds=duration_s) + COMING_HOME, latest)
 
     def __str__(self) -> str:
         end = "on" if self.end is None else f"to {self.end:%Y-%m-%d %H:%M}"

@@ -6,6 +6,7 @@ import argparse
 import logging
 import sys
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from typing import Protocol
 
 from air_router.errors import EXPECTED, ExitCode, exit_code, told
@@ -35,6 +36,28 @@ def build_parser(
     for module in modules:
         module.register(commands)
     return parser
+
+
+def add_start(parser: argparse.ArgumentParser) -> None:
+    """Add `--at`: when the mission is to start, for zones that do not apply at all times."""
+    parser.add_argument(
+        "--at",
+        type=_moment,
+        metavar="TIME",
+        help="the mission starts then, e.g. 2026-11-20T08:00:00Z (default: now)",
+    )
+
+
+def _moment(text: str) -> datetime:
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        moment = None
+    if moment is None or moment.tzinfo is None:
+        raise argparse.ArgumentTypeError(
+            f"{text} is not a time with its time zone; write it like 2026-11-20T08:00:00Z"
+        )
+    return moment.astimezone(UTC)
 
 
 def run(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:

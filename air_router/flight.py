@@ -263,11 +263,27 @@ class Flight:
             return
         if isinstance(event, LinkSilent) and event.silent_s > LOST_S:
             self._end("lost: the vehicle is silent", ExitCode.ENDED_OTHERWISE)
+        if isinstance(event, Telemetry) and self._too_late(event):
+            return
         self._on_event(event)
         if isinstance(event, Telemetry):
             self._gossip.tell(event)
             self._record_map(event.time_s)
             self._status.show(lambda: flight_line(self.controller, self._gossip.links()))
+
+    def _too_late(self, telemetry: Telemetry) -> bool:
+        """Whether nobody took off while the zones were known to be the right ones; ends then."""
+        latest = self._mission.latest_start
+        if latest is None or telemetry.armed or self.controller.state is not State.READY:
+            return False
+        if self._clock.now_s() <= latest.timestamp():
+            return False
+        self._end(
+            f"refused: nobody took off before {latest:%H:%M} UTC, and the mission has zones that "
+            "apply at certain times; start it anew",
+            ExitCode.REFUSED,
+        )
+        return True
 
     def _restarted(self, telemetry: Telemetry) -> bool:
         """Whether its clock began anew: then neither timers nor what was read back are good."""

@@ -204,7 +204,7 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly, and report on stdout."""
-    mission = load_mission(arguments.mission)
+    mission = load_mission(arguments.mission, duration_s=arguments.duration)
     if arguments.arm and not arguments.yes and not _confirmed(mission):
         raise RefusedError("not confirmed: the vehicle stays disarmed")
     result = fly(

@@ -104,14 +104,27 @@ class Mission:
     idle_zones: tuple[IdleZone, ...]
     notes: tuple[Problem, ...]
 
+    def airspace_at(self, altitude_m: float) -> Airspace:
+        """The airspace that counts at an altitude above home, with its clearance."""
+        return self.airspace if altitude_m >= self.cruise.lower_m else self.column_airspace
 
-def load_mission(path: Path, *, start: datetime | None = None) -> Mission:
+    @property
+    def latest_start(self) -> datetime | None:
+        """After this the zones may be others; None when they are the same at all times."""
+        timed = any(zone.validity is not None for zone in self.zones)
+        return self.window.latest_start if timed else None
+
+
+def load_mission(
+    path: Path, *, start: datetime | None = None, duration_s: float | None = None
+) -> Mission:
     """Read and check a mission: a YAML mission file, or a QGroundControl `.plan`.
 
     Args:
         path: the file.
         start: when the vehicle takes off, in UTC; None: soon. Zones that do not apply then are
             left out of the mission's airspace.
+        duration_s: how long it stays out; None: as the file says.
 
     Raises:
         MissionFileError: with every problem of the mission and of its team file.
@@ -121,6 +134,7 @@ def load_mission(path: Path, *, start: datetime | None = None) -> Mission:
     except DocumentError as error:
         raise MissionFileError(error.problems) from None
     draft.start = start
+    draft.duration_s = draft.duration_s if duration_s is None else duration_s
     mission = judge(draft)
     if draft.problems or mission is None:
         raise MissionFileError(draft.problems)

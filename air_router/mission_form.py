@@ -175,10 +175,10 @@ class PlannerForm(BaseModel):
     """How routes are planned."""
 
     clearance_m: _Distance = _PLANNER.clearance_m
-    tracking_margin_m: _Distance = _PLANNER.tracking_margin_m
+    tracking_margin_m: Annotated[float, Field(ge=0.02, le=1_000)] = _PLANNER.tracking_margin_m
     max_edge_m: _Metres = _PLANNER.max_edge_m
     acceptance_radius_m: Annotated[float, Field(ge=0.5, le=20)] = _PLANNER.acceptance_radius_m
-    vertical_margin_m: _Distance = _PLANNER.vertical_margin_m
+    vertical_margin_m: Annotated[float, Field(ge=2, le=1_000)] = _PLANNER.vertical_margin_m
     terrain_relief_m: _Distance = _PLANNER.terrain_relief_m
     kind: PlannerKind = _PLANNER.kind
 

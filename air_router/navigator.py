@@ -85,6 +85,8 @@ class Navigator:
         self._settle_until_s = -math.inf
         self._stands_since_s: float | None = None
         self._swept: tuple[Point, ...] = ()
+        column = mission.column_airspace.with_margin(mission.planner.departure_margin_m)
+        self._column = column if any(idle.below for idle in mission.idle_zones) else None
 
     def go(self, goal: Goal, telemetry: Telemetry) -> Motion | None:
         """Set out for a goal from where the vehicle is, however fast it moves.
@@ -219,7 +221,9 @@ class Navigator:
             self._legs = legs
             if self.clear(telemetry, self._legs[0].to):
                 return self._command(self._legs.popleft(), telemetry)
-            route = NoRoute("the first leg is not clear from here", ())
+            route = self._low_refusal(telemetry, self._legs[0].to) or NoRoute(
+                "the first leg is not clear from here", ()
+            )
         if _speed_m_s(telemetry) >= STANDING_M_S and not self._braking:
             self._braking = True
             self.progress = Progress.FLYING
@@ -252,8 +256,27 @@ class Navigator:
 
     def clear(self, telemetry: Telemetry, target: Point) -> bool:
         """Whether a straight leg from where the vehicle is, at its speed, keeps the clearance."""
-        return self._router.check_leg(
-            telemetry.position, target, stopping=stopping_point(telemetry, self.reaction_s)
+        stopping = stopping_point(telemetry, self.reaction_s)
+        return (
+            self._router.check_leg(telemetry.position, target, stopping=stopping)
+            and self._low_refusal(telemetry, target) is None
+        )
+
+    def _low_refusal(self, telemetry: Telemetry, target: Point) -> NoRoute | None:
+        """Why a leg is not clear that begins below the cruise altitudes, where more zones count.
+
+        The vehicle climbs on its way: which part of it is low is not known, so all of it counts.
+        """
+        if self._column is None or telemetry.altitude_m >= self._mission.cruise.lower_m:
+            return None
+        stopping = stopping_point(telemetry, self.reaction_s)
+        if self._column.swept_clear([telemetry.position, stopping, target]):
+            return None
+        names = self._column.blockers(telemetry.position, target)
+        return NoRoute(
+            f"the vehicle is {telemetry.altitude_m:.0f} m above home, lower than the mission "
+            f"flies, where {' and '.join(names) or 'a zone'} is in the way; climb first",
+            names,
         )
 
 

@@ -10,6 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from air_router.command_line import add_start
 from air_router.errors import ExitCode, UsageError
 from air_router.graph import WaypointGraph
 from air_router.mission import Mission, load_mission
@@ -27,6 +28,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         epilog="example: air-router plan missions/pennovation/mission.yaml --from 1 --to 34",
     )
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
+    add_start(parser)
     parser.add_argument("--from", type=int, required=True, metavar="N", dest="start", help="start")
     parser.add_argument("--to", type=int, required=True, metavar="N", dest="end", help="goal")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
@@ -36,7 +38,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, and print the route's legs."""
-    mission = load_mission(arguments.mission)
+    mission = load_mission(arguments.mission, start=arguments.at)
     graph = WaypointGraph(mission)
     for node in (arguments.start, arguments.end):
         if node not in graph.positions:

@@ -97,8 +97,9 @@ class Watch:
         here, (place, spare_m) = telemetry.position, self._inside
         if not telemetry.in_air or math.dist(here, place) < spare_m:
             return None
-        airspace = self._mission.airspace
-        self._inside = (here, airspace.distance_m(here))
+        airspace = self._mission.airspace_at(telemetry.altitude_m)
+        # What is near in the column is near at every altitude; the mission's zones are part of it.
+        self._inside = (here, self._mission.column_airspace.distance_m(here))
         holders = airspace.holders(here)
         return f"breach of {', '.join(holders)}" if holders else None
 
@@ -159,7 +160,7 @@ def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None
     """Why a flight that somebody asks to be resumed cannot be, as it is now; None if it can."""
     if telemetry is None or not telemetry.in_air:
         return "the vehicle is on the ground: start the mission anew"
-    holders = mission.airspace.holders(telemetry.position)
+    holders = mission.airspace_at(telemetry.altitude_m).holders(telemetry.position)
     reasons = {
         "a failsafe of the autopilot acts: choose Hold first": telemetry.failsafe,
         f"it flies in {telemetry.mode.value} mode: choose Hold first": telemetry.mode

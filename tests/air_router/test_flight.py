@@ -4,9 +4,11 @@ import io
 import json
 import os
 import signal
+from datetime import UTC, datetime
 
 import pytest
 
+from air_router.airspaces import FlightWindow
 from air_router.clock import VehicleClock
 from air_router.errors import (
     ArmingRefusedError,
@@ -25,6 +27,8 @@ from air_router.report import table
 from air_router.status import StatusLine
 from air_router.vehicle import FlightMode, LinkSilent
 from geo.frame import Point
+from geo.validity import Validity
+from geo.zone import Zone
 
 
 class Alone:
@@ -128,6 +132,20 @@ def test_everything_is_recorded_and_the_report_is_the_last_line(rig):
     }
     assert lines[-1]["type"] == "Report"
     assert lines[-1]["outcome"] == result.outcome
+
+
+def test_nobody_takes_off_after_the_hour_that_the_zones_were_chosen_for(rig, pennovation):
+    latest = datetime.fromtimestamp(1.7e9 + 20, UTC)
+    window = FlightWindow(latest, latest, latest)
+    timed = Zone("timed", pennovation.zones[0].shape, validity=Validity(()))
+    flight = rig(arm=False, window=window, zones=(timed,))
+    result = flight.run()
+    assert result.exit_code == ExitCode.REFUSED
+    assert result.outcome.startswith("refused: nobody took off before 22:13 UTC")
+    assert "arm" not in flight.vehicle.verbs
+    flight = rig(arm=False, window=window)  # all zones count at all times
+    flight.at(lambda: flight.clock.now_s() > 1.7e9 + 40, flight.vehicle.airframe.take_off)
+    assert flight.run().outcome == "done"
 
 
 def test_without_arm_the_pilot_starts_it(rig):

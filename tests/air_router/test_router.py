@@ -166,8 +166,8 @@ def test_every_pair_of_a_map_is_joined_by_a_clear_route(tmp_path, name):
         fence=data["fence"],
         no_fly_zones=data["zones"],
         planner={
-            "clearance_m": data["clearance"],
-            "tracking_margin_m": 0,
+            "clearance_m": data["clearance"] - 0.02,
+            "tracking_margin_m": 0.02,
             "max_edge_m": data["max_edge"],
         },
     )

@@ -1,0 +1,250 @@
+"""Which zones a mission heeds: by altitude and time, at home, in cruise, and below it."""
+
+import math
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from air_router.airspaces import COMING_HOME, LAUNCH_WAIT, FlightWindow
+from air_router.altitudes import Altitudes, HomeAltitudeError, Limit, Reference
+from air_router.behaviour import State
+from air_router.cli import main
+from air_router.errors import ExitCode, MissionFileError
+from air_router.mission import load_mission
+from air_router.navigator import Goal, Navigator, Progress
+from air_router.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+from geo.zone import Band
+from tests.air_router.conftest import PretendFlight
+
+BASE = """\
+coordinates: local
+frame: {origin: [38.5, -98.5]}
+home: {position: [0, 0], altitude_amsl_m: 400}
+altitude_m: 40
+waypoints: [[100, 0], {position: [100, 100], altitude_m: 60}]
+fence: null
+"""
+START = datetime(2026, 11, 20, 9, tzinfo=UTC)  # a Friday
+
+
+def load(folder, rest, *, start=START, base=BASE):
+    path = folder / "mission.yaml"
+    path.write_text(base + rest)
+    return load_mission(path, start=start)
+
+
+def zone(at, more):
+    return f"no_fly_zones: [{{name: z, circle: {{centre: {at}, radius_m: 20}}, {more}}}]\n"
+
+
+def heeded(mission):
+    """Whether the only zone counts in cruise, and from the ground up."""
+    return bool(mission.airspace.zones), bool(mission.column_airspace.zones)
+
+
+@pytest.mark.parametrize(
+    ("altitude", "expected"),
+    [
+        ("{}", (True, True)),
+        ("{lower_m: 0, upper_m: 120}", (True, True)),
+        ("{lower_m: 65.1}", (False, False)),  # flown: 40 to 60 m, and 5 m of margin
+        ("{lower_m: 65}", (True, True)),
+        ("{upper_m: 35}", (True, True)),
+        ("{upper_m: 34.9}", (False, True)),
+        ("{upper_m: 434.9, reference: amsl}", (False, True)),
+        ("{lower_m: 465, reference: amsl}", (True, True)),
+        ("{lower_m: 466, reference: amsl}", (False, False)),
+        ("{upper_m: 15, reference: ground}", (True, True)),  # the ground may be 20 m higher there
+        ("{upper_m: 14.9, reference: ground}", (False, True)),
+        ("{lower_m: 85, reference: ground}", (True, True)),  # or 20 m lower
+        ("{lower_m: 85.1, reference: ground}", (False, False)),
+        ("{lower_m: 10, upper_m: 434, upper_reference: amsl}", (False, True)),
+        ("{lower_m: 466, lower_reference: amsl, upper_m: 500}", (False, False)),
+    ],
+)
+def test_zones_count_by_their_altitudes(tmp_path, altitude, expected):
+    mission = load(tmp_path, zone([50, 200], f"altitude: {altitude}"))
+    assert heeded(mission) == expected
+    assert len(mission.zones) == 1
+    assert mission.cruise == Band(35, 65)
+    assert [(idle.zone.name, idle.below) for idle in mission.idle_zones] == (
+        [] if expected[0] else [("z", expected[1])]
+    )
+    for idle in mission.idle_zones:
+        assert "above home, the mission flies at 35 to 65 m" in idle.reason
+
+
+@pytest.mark.parametrize(
+    ("active", "hours", "expected"),
+    [
+        ('[{from: "2026-11-20T10:00:00Z"}]', 0.5, True),  # coming home takes ten minutes
+        ('[{from: "2026-11-20T11:00:00Z"}]', 0.9, True),  # and the start may be an hour late
+        ('[{from: "2026-11-20T11:00:00Z"}]', 0.1, False),
+        ('[{from: "2026-11-20T11:00:00+02:00"}]', 0.1, True),
+        ('[{until: "2026-11-20T09:00:00Z"}]', 1, True),
+        ('[{until: "2026-11-20T08:59:59Z"}]', None, False),
+        ('[{from: "2040-01-01T00:00:00Z"}]', None, True),  # without a duration it flies for ever
+        ('[{days: [fri], between: ["12:00", "13:00"]}]', 1, False),
+        ('[{days: [friday], between: ["10:30", "13:00"]}]', 1, True),
+        ('[{between: ["22:00", "09:00"]}]', 1, True),
+        ("[{days: [Mon, TUESDAY]}]", 1, False),
+        ('[{days: [sat]}, {between: ["00:00", "24:00"]}]', 1, True),
+    ],
+)
+def test_zones_count_by_time(tmp_path, active, hours, expected):
+    duration = "" if hours is None else f"duration_s: {hours * 3600:g}\n"
+    mission = load(tmp_path, zone([50, 200], f"active: {active}") + duration)
+    assert heeded(mission) == (expected, expected)
+    if not expected:
+        (idle,) = mission.idle_zones
+        assert idle.reason.startswith("applies ")
+        assert "the flight is from 2026-11-20 09:00" in idle.reason
+        assert not idle.below
+
+
+def test_a_longer_flight_meets_more_zones(tmp_path):
+    text = zone([50, 200], 'active: [{from: "2026-11-20T12:00:00Z"}]') + "duration_s: 600\n"
+    assert heeded(load(tmp_path, text)) == (False, False)
+    longer = load_mission(tmp_path / "mission.yaml", start=START, duration_s=7200)
+    assert heeded(longer) == (True, True)
+    assert longer.duration_s == 7200
+
+
+def test_the_window_of_a_flight():
+    now = START
+    assert FlightWindow.of(now, None, None) == FlightWindow(now, None, None)
+    late = now + LAUNCH_WAIT
+    ends = late + timedelta(seconds=600) + COMING_HOME
+    assert FlightWindow.of(now, None, 600) == FlightWindow(now, ends, late)
+    assert str(FlightWindow.of(now, None, 600)) == "2026-11-20 09:00 to 2026-11-20 10:20 UTC"
+    assert str(FlightWindow.of(START, None, None)) == "2026-11-20 09:00 on UTC"
+
+
+def test_by_day_it_is_refused_and_by_night_it_flies(tmp_path, capsys):
+    path = tmp_path / "mission.yaml"
+    path.write_text(
+        BASE + zone([100, 0], 'active: [{between: ["07:00", "18:00"]}]') + "duration_s: 600\n"
+    )
+    command = ["plan", str(path), "--from", "0", "--to", "1", "--at"]
+    assert main([*command, "2026-11-20T12:00:00Z"]) == ExitCode.INVALID_FILE
+    assert "[waypoint-in-zone]" in capsys.readouterr().err
+    assert main([*command, "2026-11-20T20:00:00Z"]) == ExitCode.DONE
+    assert main([*command, "2026-11-20T20:00:00-08:00"]) == ExitCode.DONE
+    capsys.readouterr()
+    for wrong in ("noon", "2026-11-20T20:00:00", "20:00"):
+        assert main([*command, wrong]) == ExitCode.USAGE
+        assert "is not a time with its time zone" in capsys.readouterr().err
+
+
+def test_home_and_rally_points_heed_what_counts_from_the_ground_up(tmp_path):
+    for place, rest, code in (
+        ("home", zone([0, 10], "altitude: {upper_m: 10}"), "home-in-zone"),
+        ("home", zone([0, 25], "altitude: {upper_m: 10}"), "home-too-near"),
+        (
+            "rally",
+            "rally_points: [[300, 0]]\n" + zone([300, 9], "altitude: {upper_m: 10}"),
+            "rally-point-in-zone",
+        ),
+    ):
+        with pytest.raises(MissionFileError) as caught:
+            load(tmp_path, rest)
+        assert [problem.code for problem in caught.value.problems] == [code], place
+    over = load(tmp_path, zone([100, 0], "altitude: {upper_m: 10}"))  # a waypoint above the zone
+    assert over.planning_airspace.point_clear(Point(100, 0))
+    assert load(tmp_path, zone([0, 0], "altitude: {lower_m: 90}")).airspace.zones == ()
+
+
+def test_altitudes_above_the_sea_need_home_s(tmp_path):
+    base = BASE.replace("{position: [0, 0], altitude_amsl_m: 400}", "[0, 0]")
+    with pytest.raises(MissionFileError) as caught:
+        load(tmp_path, zone([50, 200], "altitude: {lower_m: 500, reference: amsl}"), base=base)
+    (problem,) = caught.value.problems
+    assert problem.code == "home-altitude-unknown"
+    assert (problem.line, problem.column) == (7, 16)
+    assert "add 'altitude_amsl_m' to home" in problem.message
+
+
+def test_limits_may_lie_anywhere_within_what_is_not_known():
+    ground = Limit(50, Reference.GROUND)
+    assert Altitudes(ground, ground).band(None, 20) == Band(30, 70)
+    assert Altitudes().band(None, 20) == Band(-math.inf, math.inf)
+    assert Altitudes(Limit(500, Reference.AMSL), None).band(400, 20) == Band(100, math.inf)
+    with pytest.raises(HomeAltitudeError):
+        Altitudes(Limit(500, Reference.AMSL), None).band(None, 20)
+
+
+def test_a_zone_has_its_own_clearance(tmp_path):
+    near = zone([100, 40], "clearance_m: 18.4")
+    assert load(tmp_path, near).planning_airspace.distances_m == (19.9,)
+    with pytest.raises(MissionFileError) as caught:
+        load(tmp_path, zone([100, 40], "clearance_m: 18.6"))
+    (problem,) = caught.value.problems
+    assert problem.code == "waypoint-too-near"
+    assert problem.message == (
+        "waypoint 1 is 20.0 m from no-fly zone 'z', it needs 20.1 m (clearance 18.6 m + tracking "
+        "margin 1.5 m); move it by 0.10 m or lower its clearance_m"
+    )
+
+
+def test_the_airspace_at_an_altitude(tmp_path):
+    mission = load(tmp_path, zone([50, 200], "altitude: {upper_m: 10}"))
+    assert mission.airspace_at(35) is mission.airspace
+    assert mission.airspace_at(34.9) is mission.column_airspace
+
+
+LOW = zone([50, 40], "altitude: {upper_m: 10}")
+
+
+def telemetry(altitude_m):
+    return Telemetry(
+        time_s=10.0,
+        position=Point(50.0, 0.0),
+        altitude_m=altitude_m,
+        velocity_m_s=(0.0, 0.0),
+        armed=True,
+        in_air=True,
+        mode=FlightMode.HOLD,
+        failsafe=False,
+        battery=1.0,
+    )
+
+
+def test_below_the_cruise_altitudes_no_leg_crosses_a_low_zone(tmp_path):
+    mission = load(tmp_path, LOW)
+    router = PretendFlight(mission).router
+    beyond = Goal(Point(50.0, 90.0))
+    navigator = Navigator(mission, router)
+    assert navigator.go(beyond, telemetry(36.0)) is not None
+    assert navigator.progress is Progress.FLYING
+    navigator = Navigator(mission, router)
+    assert navigator.go(beyond, telemetry(20.0)) is None
+    assert navigator.progress is Progress.STRANDED
+    assert navigator.refusal.reason == (
+        "the vehicle is 20 m above home, lower than the mission flies, where z is in the way; "
+        "climb first"
+    )
+    assert navigator.refusal.blockers == ("z",)
+    assert navigator.go(Goal(Point(90.0, 0.0)), telemetry(20.0)) is not None
+
+
+def test_in_a_low_zone_is_a_breach_only_when_it_is_low(tmp_path):
+    mission = load(tmp_path, LOW)
+    flight = PretendFlight(mission, seek=())
+    flight.take_off()
+    flight.fly_to_state(State.INIT)
+    flight.position, flight.velocity = Point(50.0, 40.0), (0.0, 0.0)
+    flight.step()
+    assert not any("breach" in text for text in flight.said)
+    flight.altitude_m = 8.0
+    flight.position, flight.velocity = Point(52.0, 40.0), (0.0, 0.0)
+    flight.step()
+    assert any("breach of z" in text for text in flight.said)
+
+
+def test_a_start_is_late_only_where_zones_come_and_go(tmp_path):
+    text = zone([50, 200], "active: [{days: [sun]}]") + "duration_s: 600\n"
+    assert load(tmp_path, text).latest_start == START + LAUNCH_WAIT
+    text = zone([50, 200], "crosses_fence: true") + "duration_s: 600\n"
+    assert load(tmp_path, text).latest_start is None
+    assert load(tmp_path, zone([50, 200], "active: [{days: [sun]}]")).latest_start is None
