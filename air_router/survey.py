@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import networkx as nx
+import numpy as np
 
 from air_router.flight_plan import HOME_NODE
 from air_router.graph import WaypointGraph
+from air_router.homeward import Homeward, Pace, Way
 from air_router.mission import Mission
-from air_router.router import NoRoute, Route, Router
+from air_router.router import Leg, NoRoute, Route, Router
 from geo.frame import Point
-
-_ACCELERATION_M_S2 = 2.0
-"""What a flight time counts for speeding up and braking at the ends of a leg."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,23 +30,49 @@ class Step:
     straight_blockers: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
 class Survey:
     """A mission, surveyed.
 
     Attributes:
-        edges: Connections of the waypoint graph.
-        detours: Those of them that lead around corners.
-        connected: Whether the graph is in one piece.
-        stranded: Nodes from which no way home was found, with the reason.
+        mission: What was surveyed.
+        graph: Its waypoint graph.
+        router: Its router.
+        homeward: The ways home.
         steps: From home through all waypoints in order, and home again.
     """
 
-    edges: int
-    detours: int
-    connected: bool
-    stranded: tuple[tuple[int, str], ...]
-    steps: tuple[Step, ...]
+    def __init__(self, graph: WaypointGraph) -> None:
+        self.mission = graph.mission
+        self.graph = graph
+        self.router = Router(graph)
+        self.homeward = Homeward(graph, self.router)
+        self.steps = tuple(self._steps())
+
+    @property
+    def edges(self) -> int:
+        """Connections of the waypoint graph."""
+        return self.graph.graph.number_of_edges()
+
+    @property
+    def detours(self) -> int:
+        """Those of them that lead around corners."""
+        return len(list(self.graph.detours))
+
+    @property
+    def connected(self) -> bool:
+        """Whether the graph is in one piece."""
+        return nx.is_connected(self.graph.graph)
+
+    @cached_property
+    def stranded(self) -> tuple[tuple[int, str], ...]:
+        """Waypoints from which no way home was found, with the reason."""
+        found = []
+        for waypoint in self.mission.waypoints:
+            if waypoint.number not in self.homeward.home:
+                answer = self.router.route(waypoint.position, HOME_NODE)
+                if isinstance(answer, NoRoute):
+                    found.append((waypoint.number, answer.reason))
+        return tuple(found)
 
     @property
     def length_m(self) -> float:
@@ -53,33 +80,40 @@ class Survey:
         return sum(step.route.length_m for step in self.steps)
 
     @property
-    def tightest(self) -> Step | None:
-        """The step that comes closest to a zone or to the fence."""
-        return min(self.steps, key=lambda step: step.closest_m, default=None)
-
-    def flight_time_s(self, speed_m_s: float) -> float:
+    def flight_time_s(self) -> float:
         """About how long the steps take, with a stop at every corner; no climb, no landing."""
-        return sum(route_time_s(step.route, speed_m_s) for step in self.steps)
+        return sum(route_time_s(step.route, self.mission.speed_m_s) for step in self.steps)
 
+    def tightest(self, count: int) -> list[Step]:
+        """The steps that come closest to a zone or to the fence, closest first."""
+        near = [step for step in self.steps if step.closest_to]
+        return sorted(near, key=lambda step: step.closest_m)[:count]
 
-def survey(graph: WaypointGraph) -> Survey:
-    """Look at everything that the mission may fly."""
-    router = Router(graph)
-    mission = graph.mission
-    stranded = []
-    for waypoint in mission.waypoints:
-        answer = router.route(waypoint.position, HOME_NODE)
-        if isinstance(answer, NoRoute):
-            stranded.append((waypoint.number, answer.reason))
-    order = [HOME_NODE, *(waypoint.number for waypoint in mission.waypoints), HOME_NODE]
-    steps = [_step(graph, router, start, end) for start, end in pairwise(order)]
-    return Survey(
-        edges=graph.graph.number_of_edges(),
-        detours=len(list(graph.detours)),
-        connected=nx.is_connected(graph.graph),
-        stranded=tuple(stranded),
-        steps=tuple(step for step in steps if step is not None),
-    )
+    @property
+    def around(self) -> list[Step]:
+        """The steps whose straight leg is not clear."""
+        return [step for step in self.steps if step.straight_blockers]
+
+    def _steps(self) -> list[Step]:
+        order = [HOME_NODE, *(waypoint.number for waypoint in self.mission.waypoints), HOME_NODE]
+        legs = list(pairwise(order))
+        ends = np.array([[self.graph.position(node) for node in leg] for leg in legs], dtype=float)
+        airspace = self.mission.planning_airspace
+        clear = airspace.legs_clear_between(ends[:, 0], ends[:, 1]).tolist()
+        steps = [self._step(*leg, clear=ok) for leg, ok in zip(legs, clear, strict=True)]
+        return [step for step in steps if step is not None]
+
+    def _step(self, start: int, end: int, *, clear: bool) -> Step | None:
+        here, there = self.graph.position(start), self.graph.position(end)
+        blockers: tuple[str, ...] = ()
+        route: Route | NoRoute = Route((Leg(there, end),), math.dist(here, there))
+        if not clear:
+            route = self.router.route(here, end)
+            blockers = self.mission.planning_airspace.blockers(here, there)
+        if isinstance(route, NoRoute):
+            return None
+        closest_m, closest_to = closest_approach(self.mission, here, route)
+        return Step(start, end, route, closest_m, closest_to, blockers)
 
 
 def closest_approach(mission: Mission, start: Point, route: Route) -> tuple[float, str]:
@@ -89,14 +123,4 @@ def closest_approach(mission: Mission, start: Point, route: Route) -> tuple[floa
 
 def route_time_s(route: Route, speed_m_s: float) -> float:
     """About how long a route takes, with a stop at the end of every leg."""
-    return route.length_m / speed_m_s + len(route.legs) * speed_m_s / _ACCELERATION_M_S2
-
-
-def _step(graph: WaypointGraph, router: Router, start: int, end: int) -> Step | None:
-    here, there = graph.position(start), graph.position(end)
-    route = router.route(here, end)
-    if isinstance(route, NoRoute):
-        return None
-    closest_m, closest_to = closest_approach(graph.mission, here, route)
-    blockers = graph.mission.planning_airspace.blockers(here, there)
-    return Step(start, end, route, closest_m, closest_to, blockers)
+    return Pace(speed_m_s, 0.0, None).time_s(Way(route.length_m, len(route.legs)))
