@@ -1,13 +1,17 @@
 """QGroundControl plans: what is read, and what is refused with its place in the file."""
 
+import copy
 import json
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from air_router.errors import MissionFileError
-from air_router.mission import load_mission
-from air_router.qgc import read_plan
+from air_router.json_document import json_from_text
+from air_router.mission import judge, load_mission
+from air_router.qgc import plan_draft, read_plan
 
 DATA = Path(__file__).parents[1] / "data"
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -319,3 +323,41 @@ def test_files_that_cannot_be_read(tmp_path):
     (tmp_path / "large.plan").write_bytes(b" " * (4 * 1024 * 1024 + 1))
     with pytest.raises(MissionFileError, match="larger than"):
         load_mission(tmp_path / "large.plan")
+
+
+def places_in(data, keys=()):
+    yield keys
+    items = data.items() if isinstance(data, dict) else ()
+    for key, value in enumerate(data) if isinstance(data, list) else items:
+        yield from places_in(value, (*keys, key))
+
+
+SURVEY = json.loads((DATA / "files" / "survey.plan").read_text(encoding="utf-8"))
+PLACES = list(places_in(SURVEY))[1:]
+JUNK = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.text(max_size=3),
+    st.sampled_from([[], {}, [[]], [1e300, -1e300], 10**40, 16, 22, 178, "SimpleItem"]),
+)
+
+
+@settings(deadline=None, max_examples=150)
+@given(changes=st.lists(st.tuples(st.sampled_from(PLACES), JUNK), min_size=1, max_size=3))
+def test_no_plan_crashes_the_reader(changes):
+    data = copy.deepcopy(SURVEY)
+    for keys, junk in changes:
+        parent = data
+        try:
+            for key in keys[:-1]:
+                parent = parent[key]
+            parent[keys[-1]] = junk
+        except (TypeError, LookupError):
+            continue  # an earlier change took the place away
+    draft = plan_draft(json_from_text(json.dumps(data), Path("any.plan")))
+    judge(draft)
+    for problem in (*draft.problems, *draft.notes):
+        assert problem.code
+        assert problem.line == 1
