@@ -18,6 +18,7 @@ from mocha_link.document import Problem
 Line = tuple[Geodetic, ...]
 
 _ON_LINE_DEG = 2e-9
+_FRAME_STEP_DEG = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +96,7 @@ def chart_of_zones(readings: Iterable[ZoneReading], name: str) -> tuple[Chart, l
     names = unique_names(zone.name for zone in zones)
     areas: list[MapArea] = []
     for unique, zone in zip(names, zones, strict=True):
-        problem = _problem(zone, LocalFrame(_first(zones)))
+        problem = _problem(zone)
         problems += [problem] if problem else []
         areas.append(MapArea(unique, zone.shape, zone.clearance_m, zone.altitudes, zone.validity))
     return Chart(name, zones=areas), problems
@@ -119,6 +120,15 @@ def corners_of(ring: Ring, frame: LocalFrame) -> MapRing:
         if not _between(before, place, places[(index + 1) % len(places)]):
             kept.append(place)
     return tuple(kept) if len(kept) >= 3 else places
+
+
+def counterclockwise(ring: MapRing) -> MapRing:
+    """The ring in the order that KML wants around an area; the same the other way for holes."""
+    twice = 0.0
+    for start, end in zip(ring, (*ring[1:], ring[0]), strict=True):
+        lon_deg = (end.longitude_deg - start.longitude_deg + 180) % 360 - 180
+        twice += lon_deg * (start.latitude_deg + end.latitude_deg)
+    return ring if twice <= 0 else ring[::-1]
 
 
 def degrees(points: Iterable[Point], frame: LocalFrame) -> MapRing:
@@ -153,16 +163,20 @@ def _shape(shape: Shape, frame: LocalFrame) -> MapOutline | MapCircle:
     return outline_of([shape.ring, *shape.holes], frame)
 
 
-def _first(zones: list[FileZone]) -> Geodetic:
-    shape = zones[0].shape
-    return shape.centre if isinstance(shape, MapCircle) else shape.ring[0]
-
-
-def _problem(zone: FileZone, frame: LocalFrame) -> Problem | None:
+def _problem(zone: FileZone) -> Problem | None:
     try:
-        place_zone(zone, frame)
+        place_zone(zone, _frame_near(zone))
     except (ZoneError, FrameError) as error:
         code = error.code if isinstance(error, ZoneError) else "not-on-earth"
         message = f"no-fly zone '{zone.name}' cannot be an area: {error}; draw it again"
         return zone.source.problem(zone.keys, message, code)
     return None
+
+
+def _frame_near(zone: FileZone) -> LocalFrame:
+    """One of a few frames all over the Earth: making one takes longer than reading a zone."""
+    shape = zone.shape
+    place = shape.centre if isinstance(shape, MapCircle) else shape.ring[0]
+    return LocalFrame(
+        Geodetic(*(_FRAME_STEP_DEG * round(part / _FRAME_STEP_DEG) for part in place))
+    )

@@ -29,7 +29,7 @@ from air_router.whole_file import write_whole
 from air_router.zone_files import add_zones, read_zones
 from geo.frame import Geodetic, Point
 from geo.zone import polygons_of
-from mocha_link.document import Document, Problem
+from mocha_link.document import Document, DocumentError, Problem
 
 _PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
 _KINDS: Final = {
@@ -114,11 +114,16 @@ def run(arguments: argparse.Namespace) -> int:
     if target.exists() and not arguments.force:
         raise UsageError(f"{target} is already there; --force replaces it")
     report = _Report(source, target)
-    if source.suffix.lower() in (".plan", ".yaml", ".yml"):
-        text = _mission(arguments, kind, report)
-    else:
-        text = _zones(arguments, kind, report)
+    read = _mission if source.suffix.lower() in (".plan", ".yaml", ".yml") else _zones
+    try:
+        text = read(arguments, kind, report)
+    except (MissionFileError, DocumentError) as error:
+        report.problems = error.problems
+        if arguments.json:
+            report.tell(as_json=True)
+        raise
     write_whole(target, text, replace=arguments.force)
+    report.written = True
     report.tell(as_json=arguments.json)
     return ExitCode.DONE
 
@@ -128,6 +133,7 @@ class _Report:
 
     def __init__(self, source: Path, target: Path) -> None:
         self.source, self.target = source, target
+        self.written = False
         self.counts: dict[str, int] = {}
         self.losses = Losses()
         self.notes: Sequence[Problem] = ()
@@ -154,6 +160,7 @@ class _Report:
         return {
             "from": str(self.source),
             "to": str(self.target),
+            "written": self.written,
             **{_json_name(what): count for what, count in self.counts.items()},
             "not_carried_over": [asdict(loss) for loss in self.losses.entries],
             "notes": [note.as_json() for note in self.notes],

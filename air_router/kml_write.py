@@ -12,7 +12,7 @@ import xml.etree.ElementTree as ET
 from typing import Any, Final
 
 from air_router.altitudes import Limit, Reference
-from air_router.chart import Chart, Line, MapArea, MapSpot
+from air_router.chart import Chart, Line, MapArea, MapSpot, counterclockwise
 from air_router.geojson_write import terms_properties
 from air_router.zone_reading import MapCircle, MapRing
 from geo.geodesic import circle_around
@@ -81,9 +81,9 @@ def _area(folder: ET.Element, kind: str, area: MapArea, chart: Chart) -> None:
         _add(polygon, "extrude", "1")
         _add(polygon, "altitudeMode", height[0])
     altitude_m = None if height is None else height[1]
-    _ring(_add(polygon, "outerBoundaryIs"), ring, altitude_m)
+    _ring(_add(polygon, "outerBoundaryIs"), counterclockwise(ring), altitude_m)
     for hole in holes:
-        _ring(_add(polygon, "innerBoundaryIs"), hole, altitude_m)
+        _ring(_add(polygon, "innerBoundaryIs"), counterclockwise(hole), altitude_m)
 
 
 def _height(upper: Limit, chart: Chart) -> tuple[str, float] | None:

@@ -133,7 +133,7 @@ def test_what_a_plan_cannot_say_is_told(tmp_path, capsys):
         ("names of zones", "names-lost"),
         ("timers", "settings-lost"),
     }
-    assert told["problems"] == []
+    assert (told["written"], told["problems"]) == (True, [])
     assert "town.plan" in told["to"]
 
 
@@ -242,6 +242,25 @@ def test_refusals_write_nothing(tmp_path, capsys, monkeypatch, case):
     assert (out, words in err) == ("", True), err
     assert sorted(path.name for path in tmp_path.iterdir()) == before
     assert (tmp_path / "there.kml").read_text() == "mine"
+
+
+def test_an_invalid_file_is_told_to_scripts(tmp_path, capsys):
+    (tmp_path / "bad.plan").write_text('{"fileType": "Plan", "version": 1}')
+    assert convert(tmp_path / "bad.plan", tmp_path / "x.yaml", "--json") == ExitCode.INVALID_FILE
+    told = report(capsys)
+    assert (told["written"], told["problems"][0]["code"]) == (False, "missing-key")
+
+
+def test_zones_all_over_the_earth(tmp_path):
+    coordinates = [
+        [[[lon, lat], [lon + 0.01, lat], [lon, lat + 0.01], [lon, lat]]]
+        for lon in range(-180, 180, 90)
+        for lat in range(-85, 86, 34)
+    ]
+    source = tmp_path / "all.geojson"
+    source.write_text(json.dumps({"type": "MultiPolygon", "coordinates": coordinates}))
+    assert convert(source, tmp_path / "all.kml") == ExitCode.DONE
+    assert len(read_zones(tmp_path / "all.kml").zones) == len(coordinates)
 
 
 def test_force_replaces_and_keeps_the_rights(tmp_path):

@@ -128,10 +128,10 @@ def test_a_large_file_is_read_in_a_moment(tmp_path):
     rows = [[i / 7, i / 11] for i in range(104_000)]
     path.write_text(json.dumps({"rows": rows}))
     assert path.stat().st_size > 0.9 * MAX_BYTES
-    started = time.perf_counter()
+    started = time.process_time()
     document = load_json(path)
     assert document.place("rows", 103_999, 1)[0] == 1
-    assert time.perf_counter() - started < 5  # a YAML parser takes a minute
+    assert time.process_time() - started < 5  # a YAML parser takes a minute
     path.write_text(json.dumps({"rows": rows * 2}))
     with pytest.raises(DocumentError, match=r"larger than 4194304 bytes.*\[too-large\]"):
         load_json(path)

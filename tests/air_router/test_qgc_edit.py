@@ -59,7 +59,7 @@ def test_nothing_is_lost(path):
     assert [note.message for note in again.notes] == [note.message for note in draft.notes]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(data=st.data())
 def test_plans_with_anything_in_them_come_back(data):
     values = st.recursive(
