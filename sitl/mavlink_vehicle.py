@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 from sitl.autopilot import Autopilot
+from sitl.health_report import HealthReport
 from sitl.mavlink_link import MavlinkLink
 from sitl.notice import Notice
 from sitl.outgoing import Outgoing
@@ -60,21 +62,28 @@ class MavlinkVehicle:
     """
 
     def __init__(self, settings: VehicleSettings) -> None:
+        place = _as_parameters(settings.place)
         parameters = Parameters(
-            {"MAV_SYS_ID": settings.system_id}
+            {
+                "MAV_SYS_ID": settings.system_id,
+                "SIH_LOC_LAT0": place.latitude_deg,
+                "SIH_LOC_LON0": place.longitude_deg,
+                "SIH_LOC_H0": place.altitude_m,
+            }
             | _scaled_timeouts(settings.speed)
             | dict(settings.parameters)
         )
         scale = settings.speed
         version = px4_version(settings.px4_version)
         self.autopilot = Autopilot(
-            settings.place,
+            place,
             parameters,
             seed=settings.seed,
             time_scale=scale,
             wind=settings.wind,
         )
         self._own_commands = OwnCommands(self.autopilot)
+        self._health = HealthReport(self.autopilot)
         self._telemetry = Telemetry(self.autopilot, settings.start_unix_s, version)
         self.onboard = MavlinkLink(
             self.autopilot, self._telemetry, ONBOARD_RATES_HZ, time_scale=scale
@@ -98,7 +107,7 @@ class MavlinkVehicle:
     def step(self) -> None:
         """Let one step of simulated time pass and queue what is to be sent."""
         self.autopilot.step(STEP_S)
-        notices = self.autopilot.take_notices()
+        notices = self.autopilot.take_notices() + self._health.step()
         events = [self._event(notice) for notice in notices if notice.event]
         events += self._own_commands.step()
         for link in self._links:
@@ -121,6 +130,14 @@ class MavlinkVehicle:
                 "arguments": notice.arguments[:_ARGUMENTS],
             },
         )
+
+
+def _as_parameters(place: Place) -> Place:
+    """Where it really starts: PX4's simulator keeps the place in parameters of single precision."""
+    latitude_deg, longitude_deg, altitude_m = struct.unpack(
+        "<fff", struct.pack("<fff", place.latitude_deg, place.longitude_deg, place.altitude_m)
+    )
+    return Place(latitude_deg, longitude_deg, altitude_m)
 
 
 def _scaled_timeouts(speed: float) -> dict[str, int | float]:

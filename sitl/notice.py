@@ -36,14 +36,14 @@ class Notice:
         severity: Of the text.
         text: The STATUSTEXT's words; empty if there is only an event.
         event: PX4's name of the event, such as `commander_armed_by`; empty if there is none.
-        event_severity: The event's own level, mostly that of the text.
+        event_severity: The event's own level, mostly that of the text; 8 is for programs only.
         arguments: The event's arguments, as on the wire.
     """
 
     severity: Severity
     text: str = ""
     event: str = ""
-    event_severity: Severity | None = None
+    event_severity: int | None = None
     arguments: bytes = b""
 
     @property

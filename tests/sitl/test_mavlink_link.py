@@ -228,9 +228,19 @@ class TestTexts:
     def test_events_are_numbered(self, rig):
         rig.ready()
         rig.command(400, 1)
-        rig.run(4)
+        rig.run(8)  # the reports of its health come within seconds
         total = rig.onboard.last("CURRENT_EVENT_SEQUENCE").sequence
-        assert total == rig.vehicle._telemetry.status.events_sent - 1
+        assert total == rig.vehicle._telemetry.status.events_sent - 1 > 10
+
+    def test_the_health_report_is_the_recorded_one(self, rig):
+        rig.run(10)
+        summaries = [
+            event.arguments[:17].hex()
+            for event in rig.onboard.all("EVENT")
+            if Notice(Severity.INFO, event="commander_arming_check_summary").event_id == event.id
+        ]
+        assert summaries[0].startswith("000000130180000000")  # attitude, positions, no sticks
+        assert summaries[-1] == "000000100080000000b03a7f80b03a7f80"  # what it can be armed in
 
     def test_a_companions_words_are_passed_on_to_the_ground_station(self, rig):
         rig.run(5)
