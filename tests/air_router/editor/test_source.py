@@ -35,10 +35,10 @@ class Writer:
         return newline.join(lines) + self.choose(newline, newline, "")
 
     def remark(self):
-        return self.choose("", "", f"  # remark {next(self.numbers)}")
+        return self.choose("", "", f"  # remark {next(self.numbers)} °é😀")
 
     def remarks(self, indent):
-        return self.choose([], [], [""], [f"{indent}# remark {next(self.numbers)}"])
+        return self.choose([], [], [""], [f"{indent}# remark {next(self.numbers)} ü"])
 
     def block(self, value, indent):
         if isinstance(value, dict):
