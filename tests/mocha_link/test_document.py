@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel, Field
@@ -262,3 +264,22 @@ def test_any_text_is_a_document_or_a_document_error(text):
     except DocumentError as error:
         problems = error.problems
     assert all(problem.line >= 1 and problem.column >= 1 for problem in problems)
+
+
+@pytest.mark.skipif(not yaml.__with_libyaml__, reason="PyYAML is installed without libyaml")
+@pytest.mark.parametrize(
+    "text", ['a: é # ü\r\nb: [1, "ö"]\r\n', "x:\n-\n  - 2\ny: |\n  z\nw:\n", TEXT]
+)
+def test_both_loaders_see_the_same_at_the_same_places(text, monkeypatch):
+    quick = Document.from_text(text, PATH)
+    monkeypatch.setattr(yaml, "__with_libyaml__", False)
+    slow = Document.from_text(text, PATH)
+    assert quick.data == slow.data
+    assert list(places(quick.node())) == list(places(slow.node()))
+
+
+def places(node: yaml.Node) -> Iterator[tuple[int, int, int, str]]:
+    yield node.start_mark.line, node.start_mark.column, node.start_mark.index, node.tag
+    for child in node.value if isinstance(node, yaml.CollectionNode) else ():
+        for inner in child if isinstance(child, tuple) else (child,):
+            yield from places(inner)
