@@ -80,8 +80,8 @@ class Controller(Journeys):
 
     @property
     def need_home(self) -> float | None:
-        """The charge that flying home from here and landing takes; None when that is unknown."""
-        return self._way_home.need_now
+        """The charge that flying home from here takes; None when unknown, or on the way already."""
+        return self._way_home.need_now if knows(self.state, Signal.COME_HOME) else None
 
     @property
     def in_charge(self) -> bool:
