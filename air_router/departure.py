@@ -8,18 +8,26 @@
   closer, may be as close as it is or will be anyhow in the first metres, and then the leg is clear.
 * One that would come to rest within the clearance has to brake first.
 * A vehicle inside a zone, or outside of the fence, takes a short way out that meets no other zone.
+* Where no such leg leads out of a tight place (a lane between two zones), the steps of the shortest
+  way out are allowed that comes no closer to anything than the vehicle is now.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
+from itertools import pairwise
 
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
+from geo.shortest import ShortestPaths, path_length_m
 
 _GIVE_M = 0.01
 """How much closer than the vehicle is now a leg out of the margin may come: rounding."""
+
+_DETOUR = 1.05
+"""How much longer than the shortest a way out of a tight place may be, from where it is checked."""
 
 _DRIFT_M = 0.25
 """What a hovering vehicle may seem to drift within its stopping distance."""
@@ -30,6 +38,7 @@ class Departure:
 
     Args:
         airspace: its airspace with the distance that this first leg has to keep.
+        paths: paths at the distance that routes keep.
         start: where the vehicle is.
         stopping: where it comes to rest if it brakes now; None if it stands.
 
@@ -41,8 +50,11 @@ class Departure:
         warnings: what the operator should know about that.
     """
 
-    def __init__(self, airspace: Airspace, start: Point, stopping: Point | None) -> None:
+    def __init__(
+        self, airspace: Airspace, paths: ShortestPaths, start: Point, stopping: Point | None
+    ) -> None:
         self._airspace = airspace
+        self._paths = paths
         self.start = start
         self.moving = stopping is not None and stopping != start
         self.rest = stopping if stopping is not None else start
@@ -59,7 +71,7 @@ class Departure:
         if holders:
             where = "outside of the fence" if FENCE in holders else f"inside {names_of(holders)}"
             self.warnings = (f"the vehicle is {where}: it takes the shortest way out",)
-            nearest = self._airspace.nearest_clear(self.start)
+            nearest = self._paths.nearest(self.start)
             self._reach_m = 0.0 if nearest is None else 1.5 * math.dist(self.start, nearest) + 1.0
             others = self._airspace.without(holders)
             self._near = others.with_margin((others.margin_m - others.clearance_m) / 2)
@@ -98,6 +110,38 @@ class Departure:
             )
             onward = self._airspace.leg_clear(turn, end)
         return onward and self._near.swept_clear([self.start, self.rest, end])
+
+    @property
+    def special(self) -> bool:
+        """Whether more, or less, is asked of the first leg than to be clear."""
+        return self.cramped or self.moving
+
+    @cached_property
+    def way_out(self) -> tuple[Point, ...] | None:
+        """The shortest way out of a tight place that no single leg leads out of."""
+        if not self.cramped or self._near is None:
+            return None
+        if any(self.allows(place) for place in self._paths.exits(self.start)):
+            return None
+        way = self._paths.way_out(self.start, self._near)
+        if way is None or not all(self._near.leg_clear(a, b) for a, b in pairwise(way)):
+            return None
+        return way
+
+    def leads_out(self, end: Point) -> bool:
+        """Whether a leg is a step of the shortest way out of a tight place; see `way_out`."""
+        if self.way_out is None or self._near is None:
+            return False
+        if not self._near.swept_clear([self.start, self.rest, end]):
+            return False
+        left_m = 0.0
+        if not self._airspace.point_clear(end):
+            onward = self._paths.way_out(end, self._near)
+            if onward is None:
+                return False
+            left_m = path_length_m(onward)
+        way_m = math.dist(self.start, end) + left_m
+        return way_m <= _DETOUR * path_length_m(self.way_out) + 1.0
 
     def allowed(self, ends: Sequence[Point]) -> list[bool]:
         """`allows` for many."""

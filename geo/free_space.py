@@ -66,11 +66,11 @@ class FreeSpace:
         pinching = self._pinching()
         grown = self._lean_zones.copy()
         grown[pinching] = self._grown_tight(pinching)
-        return self._parts(grown, self._within())
+        return self._parts(grown, self._inside)
 
     def tight(self, within: Bounds | None = None) -> list[Polygon]:
         """The connected parts of the area, or of what of it lies within bounds, with arcs."""
-        inside = self._within()
+        inside = self._inside
         chosen = np.arange(len(self._zones))
         if within is not None:
             inside = inside.intersection(shapely.box(*within))
@@ -86,13 +86,30 @@ class FreeSpace:
 
     def around(self, zones: Indices, *, fenced: bool) -> list[Polygon]:
         """The clear area (tight) if there were only these zones, with or without the fences."""
-        return self._parts(self._grown_tight(zones), self._within(fenced=fenced))
+        return self._parts(self._grown_tight(zones), self._inside if fenced else self._plane)
 
     def touching(self, line: BaseGeometry) -> Indices:
-        """The zones whose distances to keep reach to a line, or a hand's breadth beyond it."""
-        reach_m = (BEVEL - 1) * self._reaches_m.max(initial=0.0) + 0.05
-        near = self._tree.query(line, predicate="dwithin", distance=reach_m)
+        """The zones that a part of the clear area ends at, along its border or a part of it."""
+        near = self._tree.query(line, predicate="dwithin", distance=self.slack_m)
         return np.sort(near)
+
+    def fence_touches(self, line: BaseGeometry) -> bool:
+        """Whether fences are what the clear area ends at somewhere along a part of its border."""
+        reach_m = self._airspace.fence_distance_m + self.slack_m
+        borders = [fence.polygon.boundary for fence in self._airspace.fences]
+        return any(shapely.dwithin(border, line, reach_m) for border in borders)
+
+    @cached_property
+    def slack_m(self) -> float:
+        """Farther out than this the drawn border of the clear area lies nowhere."""
+        kept_m = max(self._airspace.fence_distance_m, 0.0, *self._airspace.distances_m)
+        widest_m = max((s.radius_m for s in self._circles), default=0.0) + kept_m
+        return (BEVEL - 1) * kept_m + _CIRCLE_SHARE * widest_m + 0.02
+
+    @property
+    def _circles(self) -> list[Circle]:
+        shapes = (*(zone.shape for zone in self._airspace.zones), *self._airspace.fences)
+        return [shape for shape in shapes if isinstance(shape, Circle)]
 
     @cached_property
     def _lean_zones(self) -> Shapes:
@@ -106,27 +123,39 @@ class FreeSpace:
 
     def _grown_tight(self, zones: Indices) -> Shapes:
         """Mitred and round shapes are both large enough, so what they have in common is."""
-        reaches_m = self._reaches_m[zones]
-        sharp = shapely.buffer(
-            self._zones[zones], reaches_m, join_style="mitre", mitre_limit=_SHARP
-        )
-        arcs = shapely.buffer(self._zones[zones], reaches_m * _ARC_EXCESS, quad_segs=_ARC_STEPS)
-        grown: Shapes = np.asarray(shapely.intersection(sharp, arcs), dtype=object)
-        for place, index in enumerate(zones):
+        missing = zones[[shape is None for shape in self._tight_zones[zones]]]
+        drawn, reaches_m = self._zones[missing], self._reaches_m[missing]
+        sharp = shapely.buffer(drawn, reaches_m, join_style="mitre", mitre_limit=_SHARP)
+        arcs = shapely.buffer(drawn, reaches_m * _ARC_EXCESS, quad_segs=_ARC_STEPS)
+        self._tight_zones[missing] = shapely.intersection(sharp, arcs)
+        for index in missing:
             if isinstance(shape := self._airspace.zones[index].shape, Circle):
-                grown[place] = _circle(shape, float(self._reaches_m[index]), finest=True)
+                reach_m = float(self._reaches_m[index])
+                self._tight_zones[index] = _circle(shape, reach_m, finest=True)
+        grown: Shapes = self._tight_zones[zones]
         return grown
 
-    def _within(self, *, fenced: bool = True) -> BaseGeometry:
+    @cached_property
+    def _tight_zones(self) -> Shapes:
+        """Grown shapes with arcs, of those zones for which they were needed."""
+        return np.full(len(self._zones), None, dtype=object)
+
+    @cached_property
+    def _inside(self) -> BaseGeometry:
         """What lies inside of all fences, always tight: they have few corners."""
-        fences = self._airspace.fences if fenced else ()
+        fences = self._airspace.fences
+        if not fences:
+            return self._plane
         reach_m = self._airspace.fence_distance_m + HAIR_M
-        if fences:
-            return shapely.intersection_all([_shrunk(fence, reach_m) for fence in fences])
+        inside = shapely.intersection_all([_shrunk(fence, reach_m) for fence in fences])
+        shapely.prepare(inside)
+        return inside
+
+    @property
+    def _plane(self) -> BaseGeometry:
         west, south, east, north = _bounds(self._zones)
-        return shapely.box(
-            west - _UNFENCED_M, south - _UNFENCED_M, east + _UNFENCED_M, north + _UNFENCED_M
-        )
+        far_m = _UNFENCED_M
+        return shapely.box(west - far_m, south - far_m, east + far_m, north + far_m)
 
     @cached_property
     def _tree(self) -> STRtree:
@@ -142,9 +171,7 @@ class FreeSpace:
         apart = ~_dwithin(zones[one], zones[other], reach_m)
         pinching[one[apart]] = True
         pinching[other[apart]] = True
-        inside = self._within()
-        shapely.prepare(inside)
-        across = np.flatnonzero(~shapely.covers(inside, lean))
+        across = np.flatnonzero(~shapely.covers(self._inside, lean))
         reach_m = self._reaches_m[across] + self._airspace.fence_distance_m + HAIR_M
         for fence in self._airspace.fences:
             clear = shapely.covers(fence.polygon, zones[across])

@@ -95,18 +95,40 @@ class Mesh:
         Raises:
             ValueError: the area (or that part of it) is empty.
         """
-        starts, ends, parts = *self._border, self._border_part
-        if part is not None:
-            mine = parts == part
-            starts, ends, parts = starts[mine], ends[mine], parts[mine]
-        if not len(starts):
+        mine = np.flatnonzero(self._border_part == part) if part is not None else slice(None)
+        places, away_m = self._feet(point, mine)
+        if not len(places):
             raise ValueError("an empty area has no border")
+        best = int(np.argmin(away_m))
+        found = int(self._border_part[mine][best])
+        return float(away_m[best]), Point(*places[best].tolist()), found
+
+    def all_around(self, point: Point, directions: int) -> list[Point]:
+        """The nearest place on the border in each of so many directions, nearest first."""
+        places, away_m = self._feet(point, slice(None))
+        bearing = np.arctan2(places[:, 1] - point[1], places[:, 0] - point[0])
+        sector = np.floor((bearing / math.tau + 0.5) * directions).astype(np.intp) % directions
+        order = np.lexsort((away_m, sector))
+        _, first = np.unique(sector[order], return_index=True)
+        nearest = order[first]
+        nearest = nearest[np.argsort(away_m[nearest], kind="stable")]
+        return [Point(*place) for place in places[nearest].tolist()]
+
+    def corners_within(self, point: Point, reach_m: float) -> list[Point]:
+        """The corners of the border that are so near to a point, nearest first."""
+        corners = self._border[0]
+        away_m = np.hypot(*(corners - point).T)
+        near = np.flatnonzero(away_m <= reach_m)
+        near = near[np.argsort(away_m[near], kind="stable")]
+        return [Point(*place) for place in corners[near].tolist()]
+
+    def _feet(self, point: Point, sides: Integers | slice) -> tuple[Floats, Floats]:
+        """The nearest place to a point on every side of the border, and how far it is."""
+        starts, ends = self._border[0][sides], self._border[1][sides]
         along = ends - starts
         share = ((np.array(point) - starts) * along).sum(axis=1) / (along**2).sum(axis=1)
         places = starts + along * np.clip(share, 0, 1)[:, None]
-        away_m = np.hypot(*(places - point).T)
-        best = int(np.argmin(away_m))
-        return float(away_m[best]), Point(*places[best].tolist()), int(parts[best])
+        return places, np.hypot(*(places - point).T)
 
 
 def _vertices(outlines: Floats) -> tuple[Integers, Floats, Floats]:

@@ -13,10 +13,11 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
+import shapely
 
 from geo.airspace import Airspace
 from geo.frame import Point
-from geo.free_space import BEVEL, FreeSpace
+from geo.free_space import FreeSpace
 from geo.mesh import Mesh
 from geo.polyanya import Source, seen_corners, shortest
 
@@ -27,6 +28,12 @@ _CORNER_EXCESS = 0.2
 
 _WORTH = 0.03
 """A path that may be this share longer than it must be is looked for again in the tight shape."""
+
+
+_DIRECTIONS = 48
+
+_OUT_M, _OUT_TRIES = 300.0, 200
+"""How far ways out of a tight place are looked for, and to how many corners at most."""
 
 
 @lru_cache(maxsize=8)
@@ -46,7 +53,6 @@ class ShortestPaths:
         self.airspace = airspace
         self.space = FreeSpace(airspace)
         self._kept_m = max(airspace.fence_distance_m, *airspace.distances_m, 0.0)
-        self._margin_m = (BEVEL - 1) * self._kept_m + 0.02 * self._kept_m + 0.05
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -126,6 +132,34 @@ class ShortestPaths:
         found = self.mesh.nearest(point, part)[1]
         return found if self.airspace.point_clear(found) else None
 
+    def exits(self, point: Point) -> list[Point]:
+        """Clear places all around one that is not clear, nearest first."""
+        return self.mesh.all_around(point, _DIRECTIONS) if len(self.mesh) else []
+
+    def way_out(self, point: Point, near: Airspace) -> Path | None:
+        """The shortest path to a clear place from one that is not, in another airspace.
+
+        Args:
+            point: where the path begins.
+            near: the same zones at shorter distances, or less of them: the point is clear there.
+        """
+        if not len(self.mesh):
+            return None
+        east_m, north_m = point
+        box = shapely.box(east_m - _OUT_M, north_m - _OUT_M, east_m + _OUT_M, north_m + _OUT_M)
+        zones = [zone for zone in near.zones if zone.polygon.intersects(box)]
+        local = ShortestPaths(Airspace(near.fences, zones, near.clearance_m, near.margin_m))
+        best: Path | None = None
+        least_m = _OUT_M
+        places = [self.mesh.nearest(point)[1], *self.mesh.corners_within(point, _OUT_M)]
+        for place in places[:_OUT_TRIES]:
+            if math.dist(point, place) >= least_m:
+                break
+            path = local.path(point, place)
+            if path is not None and path_length_m(path) < least_m:
+                best, least_m = path, path_length_m(path)
+        return best
+
     def _clear_path(self, start: Point, end: Point) -> Path | None:
         if self.airspace.leg_clear(start, end):
             return (start, end)
@@ -158,7 +192,7 @@ class ShortestPaths:
         if not len(mesh):
             return None
         away_m, place, part = mesh.nearest(point)
-        if away_m > self._margin_m or not self.airspace.leg_clear(point, place):
+        if away_m > self.space.slack_m or not self.airspace.leg_clear(point, place):
             return None
         return place, part
 

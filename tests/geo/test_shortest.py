@@ -22,7 +22,7 @@ from shapely import (
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
 from geo.regions import Regions
-from geo.visibility import shortest_path
+from geo.shortest import shortest_paths
 from geo.zone import Zone
 
 MAPS = Path(__file__).parents[1] / "data" / "maps"
@@ -83,12 +83,12 @@ def optimum_m(airspace, start, end):
 
 def test_straight_where_possible():
     space = Airspace(FENCED, [box("hall", 0, 0, 10, 10)], 5)
-    assert shortest_path(space, Point(-50, 50), Point(50, 50)) == ((-50, 50), (50, 50))
+    assert shortest_paths(space).path(Point(-50, 50), Point(50, 50)) == ((-50, 50), (50, 50))
 
 
 def test_around_one_side_of_a_zone():
     space = Airspace(FENCED, [box("hall", 0, -20, 10, 10)], 5)
-    path = shortest_path(space, Point(-50, 0), Point(50, 0))
+    path = shortest_paths(space).path(Point(-50, 0), Point(50, 0))
     assert all(judge(space)(a, b) for a, b in itertools.pairwise(path))
     assert all(corner.north_m > 10 for corner in path[1:-1])
     assert 103 < length_m(path) < 110
@@ -104,7 +104,7 @@ def test_no_path_into_a_walled_yard_and_who_walls_it():
     ]
     space = Airspace(FENCED, walls, 5)
     inside, outside = Point(0, 0), Point(80, -80)
-    assert shortest_path(space, inside, outside) is None
+    assert shortest_paths(space).path(inside, outside) is None
     regions = Regions(space)
     assert not regions.connected(inside, outside)
     assert regions.separators(inside, outside) == ("south", "north", "west", "east")
@@ -118,12 +118,12 @@ def test_a_zone_from_fence_to_fence_separates_with_the_fence():
     regions = Regions(space)
     assert len(regions) == 2
     assert regions.separators(Point(0, 50), Point(0, -50)) == (FENCE, "river")
-    assert shortest_path(space, Point(0, 50), Point(0, -50)) is None
+    assert shortest_paths(space).path(Point(0, 50), Point(0, -50)) is None
 
 
 def test_without_a_fence_there_is_always_a_way_around():
     space = Airspace(None, [box("river", -1000, -5, 1000, 5)], 5)
-    path = shortest_path(space, Point(0, 50), Point(0, -50))
+    path = shortest_paths(space).path(Point(0, 50), Point(0, -50))
     assert path is not None
     assert len(Regions(Airspace(None, [], 5))) == 1
     assert Regions(space).connected(Point(0, 50), Point(40_000, -30_000))
@@ -133,22 +133,22 @@ def test_without_a_fence_there_is_always_a_way_around():
 def test_a_gap_is_open_when_it_is_wider_than_twice_the_clearance(gap_m, open_):
     walls = [box("west", -150, -5, 0, 5), box("east", gap_m, -5, 150, 5)]
     space = Airspace(FENCED, walls, 5)
-    path = shortest_path(space, Point(-50, 50), Point(50, -50))
+    path = shortest_paths(space).path(Point(-50, 50), Point(50, -50))
     assert (path is not None) is open_
     assert Regions(space).connected(Point(-50, 50), Point(50, -50)) is open_
 
 
 def test_start_and_end_that_are_not_clear_have_no_path():
     space = Airspace(FENCED, [box("hall", 0, 0, 10, 10)], 5)
-    assert shortest_path(space, Point(5, 5), Point(50, 50)) is None
-    assert shortest_path(space, Point(50, 50), Point(12, 5)) is None
+    assert shortest_paths(space).path(Point(5, 5), Point(50, 50)) is None
+    assert shortest_paths(space).path(Point(50, 50), Point(12, 5)) is None
 
 
 def test_places_on_the_limit_itself_have_paths():
     space = Airspace(FENCED, [box("hall", -20, -20, 20, 20)], 5)
     sides = [Point(-25, 0), Point(0, 25), Point(25, 0), Point(0, -25), Point(95, 95)]
     for a, b in itertools.permutations(sides, 2):
-        path = shortest_path(space, a, b)
+        path = shortest_paths(space).path(a, b)
         assert path is not None
         assert all(judge(space)(*leg) for leg in itertools.pairwise(path))
 
@@ -161,13 +161,13 @@ def test_every_pair_of_a_map_has_a_clear_path_the_same_both_ways(name):
     clear, regions = judge(space), Regions(space)
     for start, end in data["pairs"]:
         a, b = Point(*start), Point(*end)
-        path = shortest_path(space, a, b)
+        path = shortest_paths(space).path(a, b)
         assert (path is not None) == regions.connected(a, b)
         if path is None:
             continue
         assert (path[0], path[-1]) == (a, b)
         assert all(clear(*leg) for leg in itertools.pairwise(path))
-        back = shortest_path(space, b, a)
+        back = shortest_paths(space).path(b, a)
         assert length_m(back) == pytest.approx(length_m(path), rel=1e-9)
 
 
@@ -190,7 +190,7 @@ def test_paths_are_as_short_as_brute_force_finds(seed):
     if not all(space.point_clear(place) for place in places):
         return
     best_m = optimum_m(space, *places)
-    path = shortest_path(space, *places)
+    path = shortest_paths(space).path(*places)
     if path is not None:
         assert all(judge(space)(*leg) for leg in itertools.pairwise(path))
         assert best_m is not None
@@ -200,4 +200,4 @@ def test_paths_are_as_short_as_brute_force_finds(seed):
         assert length_m(path) >= 0.97 * best_m - 0.5  # its corners are rounder than those of ours
     elif best_m is not None:
         # Only a gap that is less than a hand wider than it must be may be taken for closed.
-        assert shortest_path(space.with_clearance(4.8), *places) is not None
+        assert shortest_paths(space.with_clearance(4.8)).path(*places) is not None
