@@ -64,7 +64,7 @@ class Guard:
         """
         if not self._local:
             return True
-        name = urlsplit(f"//{request.headers.get('Host', '')}").hostname
+        name, _ = _host_of(f"//{request.headers.get('Host', '')}")
         return name is not None and (name in _LOCAL_NAMES or name == self._host)
 
     def _knows_token(self, request: web.Request) -> bool:
@@ -99,13 +99,23 @@ def is_loopback(host: str) -> bool:
 
 def _cookie(request: web.Request) -> str:
     """A name of its own for each port: cookies do not know ports."""
-    port = urlsplit(f"//{request.headers.get('Host', '')}").port
+    _, port = _host_of(f"//{request.headers.get('Host', '')}")
     return f"air_router_{port or 80}"
+
+
+def _host_of(url: str) -> tuple[str | None, int | None]:
+    """Host and port of an address; nothing of one that is none."""
+    try:
+        parts = urlsplit(url)
+        return parts.hostname, parts.port
+    except ValueError:
+        return None, None
 
 
 def _from_our_page(request: web.Request) -> bool:
     """Whether a page that sent this is ours; programs that are no browser say nothing."""
     origin = request.headers.get("Origin")
     if origin is not None:
-        return urlsplit(origin).netloc == request.headers.get("Host")
+        own = _host_of(f"//{request.headers.get('Host', '')}")
+        return own != (None, None) and _host_of(origin) == own
     return request.method in ("GET", "HEAD") or "Sec-Fetch-Site" not in request.headers

@@ -135,8 +135,14 @@ function show(state) {
 /** @param {import("./store.js").State} state @returns {string} */
 function facts({ settings, places: all }) {
   const count = all.filter((place) => place.kind === "waypoint").length;
-  const minutes = settings.time_s === null ? "" : `, about ${Math.ceil(settings.time_s / 60)} min`;
-  return `· ${count} waypoints, ${(settings.length_m / 1000).toFixed(2)} km${minutes}`;
+  const time = settings.time_s === null ? "" : `, about ${duration(settings.time_s)}`;
+  return `· ${count} waypoints, ${(settings.length_m / 1000).toFixed(2)} km${time}`;
+}
+
+/** @param {number} seconds @returns {string} */
+function duration(seconds) {
+  const minutes = Math.ceil(seconds / 60);
+  return minutes < 120 ? `${minutes} min` : `${(minutes / 60).toFixed(1)} h`;
 }
 
 /** @param {string} id @param {string | null} what @param {string} name @param {string} key */

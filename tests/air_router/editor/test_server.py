@@ -127,12 +127,12 @@ def test_nothing_else_can_be_had(path):
 
 def test_other_sites_pages_are_kept_out(path):
     async def talk(page):
-        for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", ""):
+        for host in ("evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[", "a:b"):
             answer, _ = await page.get("", headers={"Host": host})
             assert answer.status == HTTPStatus.FORBIDDEN, host
         answer, _ = await page.get("", headers={"Host": "localhost:1"})
         assert answer.status == HTTPStatus.OK
-        for origin in ("https://evil.example", "null", "http://127.0.0.1:1"):
+        for origin in ("https://evil.example", "null", "http://127.0.0.1:1", "http://["):
             with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
                 async with page.socket(headers={"Origin": origin}):
                     pass
