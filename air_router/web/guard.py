@@ -107,9 +107,10 @@ def _host_of(url: str) -> tuple[str | None, int | None]:
     """Host and port of an address; nothing of one that is none."""
     try:
         parts = urlsplit(url)
-        return parts.hostname, parts.port
+        host, port = parts.hostname, parts.port
     except ValueError:
         return None, None
+    return host, port
 
 
 def _from_our_page(request: web.Request) -> bool:
