@@ -13,8 +13,8 @@ from air_router.mission import Mission
 from air_router.survey import Step, Survey
 
 _TIGHTEST = 3
-_MOST_AROUND = 12
-"""So many legs that are flown around are listed; the rest are counted."""
+_MOST_LINES = 12
+"""So many legs that are flown around, or idle zones, are listed; the rest are counted."""
 
 
 def summary(findings: Survey) -> list[str]:
@@ -50,16 +50,18 @@ def summary(findings: Survey) -> list[str]:
     around = findings.around
     lines += [
         f"  around     {_way(step)}, because of {' and '.join(step.straight_blockers)}"
-        for step in around[:_MOST_AROUND]
+        for step in around[:_MOST_LINES]
     ]
-    if len(around) > _MOST_AROUND:
-        lines.append(f"  around     and {len(around) - _MOST_AROUND} more")
+    if len(around) > _MOST_LINES:
+        lines.append(f"  around     and {len(around) - _MOST_LINES} more")
     lines += _coming_home(findings)
     lines += [
         f"  idle       {idle.zone.name}: {idle.reason}"
         + ("; kept from below that, climbing and landing" if idle.below else "")
-        for idle in mission.idle_zones
+        for idle in mission.idle_zones[:_MOST_LINES]
     ]
+    if len(mission.idle_zones) > _MOST_LINES:
+        lines.append(f"  idle       and {len(mission.idle_zones) - _MOST_LINES} more zones")
     if mission.team is not None:
         seek = ", ".join(mission.seek) or "every other robot"
         lines.append(f"  team       {mission.team}: {mission.uav} flies and seeks {seek}")

@@ -12,10 +12,13 @@ import yaml
 
 from air_router.cover_area import Field
 from air_router.draft import Spot
-from air_router.errors import AirRouterError, UsageError
+from air_router.errors import AirRouterError, MissionFileError, UsageError
+from air_router.mission import judge
+from air_router.mission_file import read_mission
 from air_router.mission_write import mission_text
 from geo.coverage import Coverage
 from geo.frame import Point
+from mocha_link.document import Document
 
 _METRES, _DEGREES = 2, 7
 """Decimals: rows keep 3 cm to spare, these move a place by less than 1 cm."""
@@ -58,6 +61,7 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
 
     Raises:
         UsageError: there is no mission, and no home for one; or paths of the mission would be lost.
+        MissionFileError: the mission cannot be flown with these waypoints.
     """
     draft = field.draft
     if draft.home is None:
@@ -69,12 +73,22 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
             raise UsageError(
                 f"the mission names files beside it; write into {source.parent} as well"
             )
-        return _with_section(source.read_text(encoding="utf-8"), place_text(field, waypoints))
+        text = _with_section(source.read_text(encoding="utf-8"), place_text(field, waypoints))
+        _check_mission(text, source)
+        return text
     draft.waypoints = [
         Spot(f"waypoint {number}", place, (), field.altitude_m)
         for number, place in enumerate(waypoints, start=1)
     ]
     return mission_text(draft, folder)
+
+
+def _check_mission(text: str, source: Path) -> None:
+    """The mission with its new waypoints has no other problems than it had."""
+    draft = read_mission(Document.from_text(text, source))
+    judge(draft)
+    if draft.problems:
+        raise MissionFileError(draft.problems)
 
 
 def _has_waypoints(path: Path) -> bool:
@@ -84,7 +98,7 @@ def _has_waypoints(path: Path) -> bool:
 def _section(text: str) -> tuple[int, int] | None:
     """From which line to before which the section `waypoints` reaches."""
     root = yaml.compose(text, Loader=yaml.SafeLoader)
-    if not isinstance(root, yaml.MappingNode):
+    if not isinstance(root, yaml.MappingNode) or root.flow_style:
         return None
     for key, value in root.value:
         if key.value == "waypoints":

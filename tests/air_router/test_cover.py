@@ -120,6 +120,38 @@ def test_the_mission_with_other_waypoints_keeps_its_comments(capsys, tmp_path):
     assert "write into" in err or "there" in err
 
 
+@pytest.mark.parametrize(
+    "waypoints",
+    [
+        "waypoints: [[1, 1],\n  [5, 5]]  # flow\n# after\n",
+        "waypoints:\n#\n- [1, 1]\n-\n    position: [5, 5]\n    altitude_m: 30  # low\n# after\n",
+        "waypoints: []\n# after\n",
+    ],
+)
+def test_sections_of_all_forms_are_replaced(capsys, tmp_path, waypoints):
+    path, target = tmp_path / "mission.yaml", tmp_path / "lawn.yaml"
+    before = (
+        "coordinates: local\nframe: {origin: [38.5, -98.5]}  # a field\nhome: [0, 0]\n"
+        "altitude_m: 30\nno_fly_zones: []\n\n"
+    )
+    after = "fence: [[-80, -80], [80, -80], [80, 80], [-80, 80]]\n"
+    path.write_text(before + waypoints + after)
+    assert run(capsys, "cover", path, *WIDE, "--out", target)[0] == 0
+    text = target.read_text()
+    assert text.startswith(before + "waypoints:\n  - [")
+    assert text.endswith("# after\n" + after)
+    assert load_mission(target).waypoints
+
+
+def test_a_mission_in_one_line_is_written_anew(capsys, tmp_path):
+    path, target = tmp_path / "mission.yaml", tmp_path / "lawn.yaml"
+    fence = [[39.94, -75.2], [39.94, -75.198], [39.942, -75.198], [39.942, -75.2]]
+    data = {"home": [39.941, -75.199], "altitude_m": 30, "waypoints": [], "no_fly_zones": []}
+    path.write_text(json.dumps(data | {"fence": fence}))
+    assert run(capsys, "cover", path, *WIDE, "--out", target)[0] == 0
+    assert len(load_mission(target).waypoints) > 4
+
+
 def test_a_plan_becomes_a_mission_file(capsys, tmp_path):
     target = tmp_path / "lawn.yaml"
     options = ("--camera", "rededge", "--every", "30", "--out", target)

@@ -15,7 +15,7 @@ from geo.airspace import Airspace
 from geo.coverage import CoverageError, Swath, cover
 from geo.frame import Point
 from geo.missed import Why
-from geo.zone import Zone
+from geo.zone import Circle, Outline, Zone
 
 OPEN = Airspace(None, [], 5.0)
 FIELD = Polygon([(0, 0), (300, 0), (300, 200), (0, 200)])
@@ -134,6 +134,39 @@ def test_what_no_place_can_see_is_named():
     coverage = plan(FIELD, outside)
     assert coverage.missed[0].why is Why.OUTSIDE
     assert coverage.missed[0].area_m2 > 30_000
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6))
+def test_circles_holes_clearances_of_their_own_and_several_fences(seed):
+    chance = random.Random(seed)
+    zones = []
+    for number in range(chance.randint(1, 6)):
+        centre = Point(chance.uniform(0, 300), chance.uniform(0, 200))
+        clearance_m = chance.choice([None, 0.0, 12.0])
+        if chance.random() < 0.5:
+            shape = Circle(centre, chance.uniform(2, 40))
+        else:
+            east, north = centre
+            hole = tuple(box(east - 15, north - 12, east + 15, north + 12))
+            shape = Outline(tuple(box(east - 25, north - 25, east + 25, north + 25)), (hole,))
+        zones.append(Zone(str(number), shape, clearance_m=clearance_m))
+    fences = [Circle(Point(150, 100), 210.0), Outline(tuple(box(-20, -20, 330, 230)))]
+    airspace = Airspace(fences, zones, 5.0, 1.5)
+    coverage = plan(FIELD, airspace, Swath(35.0, 25.0, 20.0))
+    check(coverage, FIELD, airspace, Swath(35.0, 25.0, 20.0))
+
+
+@pytest.mark.parametrize("bearing_deg", [0.0, 90.0, 45.0, None])
+def test_zones_in_line_with_the_rows_that_touch_each_other(bearing_deg):
+    zones = [
+        Zone(f"{east} {north}", box(east, north, east + 20, north + 20))
+        for east, north in ((40, 35), (60, 35), (60, 55), (140, 80), (160, 100), (220, 20))
+    ]
+    airspace = Airspace(box(0, 0, 300, 200), zones, 5.0)
+    coverage = plan(FIELD, airspace, bearing_deg=bearing_deg, start=Point(10, 10))
+    check(coverage, FIELD, airspace)
+    assert coverage.share > 0.98
 
 
 def test_what_cannot_be_covered_at_all_is_said():
