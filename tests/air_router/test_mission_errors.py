@@ -1,0 +1,227 @@
+"""Every way that we know to write a mission wrong: one problem, at its place, with its code."""
+
+from datetime import UTC, datetime
+
+import pytest
+
+from air_router.errors import MissionFileError
+from air_router.mission import load_mission
+
+MONDAY = datetime(2026, 11, 23, 10, tzinfo=UTC)
+FILE = """\
+coordinates: local
+frame: {origin: [38.5, -98.5]}
+home: {position: [0, 0], altitude_amsl_m: 300}
+altitude_m: 30
+speed_m_s: 4
+duration_s: 600
+waypoints:
+  - [50, 0]
+  - {position: [50, 50], altitude_m: 25}
+fences:
+  - polygon: [[-99, -99], [99, -99], [99, 99], [-99, 99]]
+    holes: [[[-90, 60], [-60, 60], [-60, 90]]]
+  - circle: {centre: [0, 0], radius_m: 150}
+no_fly_zones:
+  - name: hall
+    polygon: [[-20, 20], [20, 20], [20, 40], [-20, 40]]
+    holes: [[[-10, 25], [10, 25], [10, 35]]]
+    clearance_m: 4
+    altitude: {lower_m: 0, upper_m: 100, reference: ground}
+    active: [{from: "2026-01-01T00:00:00Z", until: "2099-01-01T00:00:00Z"}]
+  - {name: mast, circle: {centre: [50, -50], radius_m: 10}, \
+active: [{days: [mon], between: ["08:00", "18:00"]}]}
+rally_points: [[-50, -50]]
+planner: {clearance_m: 5, tracking_margin_m: 1.5, max_edge_m: 100, kind: waypoints}
+battery_reserve: 0.3
+"""
+
+
+def problems(folder, text):
+    path = folder / "mission.yaml"
+    path.write_text(text)
+    with pytest.raises(MissionFileError) as caught:
+        load_mission(path, start=MONDAY)
+    return caught.value.problems
+
+
+def test_the_file_itself_is_in_order(tmp_path):
+    path = tmp_path / "mission.yaml"
+    path.write_text(FILE)
+    mission = load_mission(path, start=MONDAY)
+    assert len(mission.fences) == 2
+    assert [len(zone.shape.holes) for zone in mission.zones[:1]] == [1]
+    assert mission.notes == ()
+
+
+WRONG = [
+    ("altitude_m: 30", "altitude_m: high", "4: high", "wrong-type"),
+    ("altitude_m: 30", "altitude_m: [30]", "4: [30]", "wrong-type"),
+    ("altitude_m: 30", "altitude_m: -3", "4: -3", "out-of-range"),
+    ("altitude_m: 30", "altitude_m: .nan", "4: .nan", "wrong-value"),
+    ("altitude_m: 30", "altitude_m: 30\naltitude_m: 31", "5: altitude_m: 31", "repeated-key"),
+    ("speed_m_s: 4", "speed_m_s: 400", "5: 400", "out-of-range"),
+    ("speed_m_s: 4", "sped_m_s: 4", "5: sped_m_s: 4", "unknown-key"),
+    ("duration_s: 600", "duration_s: 0", "6: 0", "out-of-range"),
+    ("duration_s: 600", "duration_s: 10:00", "6: 10:00", "wrong-type"),
+    ("duration_s: 600", "endurance_s: '600'", "6: '600'", "wrong-type"),
+    ("coordinates: local", "coordinates: metres", "1: metres", "unknown-word"),
+    ("frame: {origin: [38.5, -98.5]}", "frame: {}", "2: {}", "missing-key"),
+    ("frame: {origin: [38.5, -98.5]}", "frame: {origin: [38.5]}", "2: [38.5]}", "wrong-length"),
+    (
+        "frame: {origin: [38.5, -98.5]}",
+        "frame: {origin: [98.5, 38]}",
+        "2: [98.5, 38]}",
+        "not-on-earth",
+    ),
+    ("frame: {origin: [38.5, -98.5]}", "", "1: local", "frame-missing"),
+    ("altitude_amsl_m: 300", "altitude_amsl_m: 30000", "3: 30000}", "out-of-range"),
+    ("altitude_amsl_m: 300", "altitude: 300", "3: altitude: 300}", "unknown-key"),
+    ("battery_reserve: 0.3", "battery_reserve: 30", "24: 30", "out-of-range"),
+    ("battery_reserve: 0.3", "battery_reserve: 30 %", "24: 30 %", "wrong-type"),
+    ("kind: waypoints", "kind: fastest", "23: fastest}", "unknown-word"),
+    ("tracking_margin_m: 1.5", "tracking_margin_m: 0", "23: 0, max_edge_m:", "out-of-range"),
+    ("max_edge_m: 100", "vertical_margin_m: 1", "23: 1, kind: waypo", "out-of-range"),
+    ("  - [50, 0]", "  - [50]", "8: [50]", "wrong-length"),
+    ("  - [50, 0]", "  - {altitude_m: 20}", "8: {altitude_m: 2", "missing-key"),
+    ("  - [50, 0]", "  - 50", "8: 50", "wrong-type"),
+    ("  - [50, 0]", "  - [50, 50]", "9: [50, 50], alti", "same-place"),
+    ("  - [50, 0]", "  - [15, 30]", "8: [15, 30]", "waypoint-in-zone"),
+    ("  - [50, 0]", "  - [120, 0]", "8: [120, 0]", "waypoint-outside-fence"),
+    ("  - [50, 0]", "  - [-65, 65]", "8: [-65, 65]", "waypoint-outside-fence"),
+    ("  - [50, 0]", "  - [95, 0]", "8: [95, 0]", "waypoint-too-near"),
+    ("altitude_m: 25", "altitude_m: 0", "9: 0}", "out-of-range"),
+    ("[-50, -50]]", "[50, -50]]", "22: [50, -50]]", "rally-point-in-zone"),
+    ("[-50, -50]]", "[50, -66]]", "22: [50, -66]]", "rally-point-too-near"),
+    ("[-50, -50]]", "[-150, -50]]", "22: [-150, -50]]", "rally-point-outside-fence"),
+    ("position: [0, 0]", "position: [0, 17]", "3: [0, 17], altit", "home-too-near"),
+    ("position: [0, 0]", "position: [50, -50]", "3: [50, -50], alt", "home-in-zone"),
+    ("radius_m: 150", "radius_m: 0", "13: 0}", "out-of-range"),
+    ("radius_m: 150", "radius_m: 150, colour: red", "13: colour: red}", "unknown-key"),
+    ("fences:", "fence: null\nfences:", "12: - polygon: [[-", "one-fence-key"),
+    ("[99, 99], [-99, 99]]", "[-99, 99], [99, 99]]", "11: [[-99, -99], [", "zone-self-intersects"),
+    ("[-60, 60], [-60, 90]]]", "[-60, 160], [-60, 90]]]", "12: [[[-90, 60], [", "holes-touch"),
+    (
+        "[[[-90, 60], [-60, 60], [-60, 90]]]",
+        "[[[200, 200], [210, 200], [210, 210]]]",
+        "12: [[[200, 200],",
+        "hole-outside-ring",
+    ),
+    ("[[[-90, 60], [-60, 60], [-60, 90]]]", "7", "12: 7", "wrong-type"),
+    ("[20, 20], [20, 40], [-20, 40]]", "[20, 20]]", "16: [[-20, 20], [2", "zone-too-few-corners"),
+    ("[20, 20], [20, 40], [-20, 40]]", "[20, 20], [30, 20]]", "16: [[-20, 20], [2", "zone-no-area"),
+    (
+        "[20, 20], [20, 40], [-20, 40]]",
+        "[20, 40], [20, 20], [-20, 40]]",
+        "16: [[-20, 20], [2",
+        "zone-self-intersects",
+    ),
+    ("[20, 20], [20, 40], [-20, 40]]", "[20, 20], [20, forty]]", "16: forty]]", "wrong-type"),
+    ("[10, 25], [10, 35]]]", "[10, 25], [10, 45]]]", "17: [[[-10, 25], [", "holes-touch"),
+    ("clearance_m: 4\n", "clearance_m: -4\n", "18: -4", "out-of-range"),
+    ("name: mast", "name: hall", "21: {name: hall, c", "same-name"),
+    ("name: mast", "name: fence", "21: {name: fence,", "same-name"),
+    ("name: mast", "title: mast", "21: title: mast, c", "unknown-key"),
+    (
+        "name: mast",
+        "name: mast, polygon: [[1, 2], [3, 4], [5, 9]]",
+        "21: {name: mast, p",
+        "one-shape",
+    ),
+    (
+        "name: mast, circle: {centre: [50, -50], radius_m: 10}",
+        "name: mast",
+        "21: {name: mast, a",
+        "one-shape",
+    ),
+    (
+        "centre: [50, -50], radius_m: 10",
+        "centre: [50, -95], radius_m: 10",
+        "21: {name: mast, c",
+        "zone-crosses-fence",
+    ),
+    ("centre: [50, -50], radius_m: 10", "radius_m: 10", "21: {radius_m: 10}", "missing-key"),
+    (
+        "centre: [50, -50], radius_m: 10}",
+        "centre: [50, -50], radius_m: 10}, holes: [[[1, 2], [2, 2], [2, 3]]]",
+        "21: {name: mast, c",
+        "one-shape",
+    ),
+    (
+        "lower_m: 0, upper_m: 100",
+        "lower_m: 150, upper_m: 100",
+        "15: name: hall",
+        "zone-altitudes-inverted",
+    ),
+    ("reference: ground", "reference: sea", "19: sea}", "unknown-word"),
+    ("reference: ground", "lower_reference: agl", "19: agl}", "unknown-word"),
+    ("upper_m: 100", "top_m: 100", "19: top_m: 100, re", "unknown-key"),
+    ('from: "2026-01-01T00:00:00Z"', 'from: "2026-01-01"', '20: "2026-01-01"', "not-a-time"),
+    (
+        'from: "2026-01-01T00:00:00Z"',
+        'from: "2026-01-01T00:00:00"',
+        '20: "2026-01-01T00:00:00"',
+        "not-a-time",
+    ),
+    ('from: "2026-01-01T00:00:00Z"', "from: 2026", '20: 2026, until: "', "not-a-time"),
+    (
+        'until: "2099-01-01T00:00:00Z"',
+        'until: "2019-01-01T00:00:00Z"',
+        '20: {from: "2026-0',
+        "ends-before-start",
+    ),
+    (
+        'until: "2099-01-01T00:00:00Z"',
+        'unitl: "2099-01-01T00:00:00Z"',
+        '20: unitl: "2099-0',
+        "unknown-key",
+    ),
+    ("[{days: [mon]", "[{days: [moon]", "21: moon], between", "not-a-day"),
+    ("[{days: [mon]", "[{days: []", "21: [], between: [", "wrong-length"),
+    ('between: ["08:00", "18:00"]', 'between: ["8:00", "18:00"]', '21: "8:00"', "not-a-time"),
+    ('between: ["08:00", "18:00"]', 'between: ["08:00", "24:30"]', '21: "24:30"]}]}', "not-a-time"),
+    ('between: ["08:00", "18:00"]', 'between: ["08:00"]', '21: ["08:00"]}]}', "wrong-length"),
+    ('[{days: [mon], between: ["08:00", "18:00"]}]', "[]", "21: []}", "wrong-length"),
+    ("battery_reserve: 0.3", "no_fly_files: [nowhere.geojson]", None, "unreadable"),
+    ("battery_reserve: 0.3", "no_fly_files: [{allow: [x]}]", "24: {allow: [x]}]", "missing-key"),
+    ("battery_reserve: 0.3", "no_fly_files: 7", "24: 7", "wrong-type"),
+    ("battery_reserve: 0.3", "team: nowhere.yaml", "24: nowhere.yaml", "no-such-file"),
+    ("battery_reserve: 0.3", "seek: [a, a]", "24: [a, a]", "named-twice"),
+]
+"""What is changed into what, the line and what stands at the problem's place, its code."""
+
+
+@pytest.mark.parametrize(("before", "after", "place", "code"), WRONG)
+def test_one_mistake_is_one_problem(tmp_path, before, after, place, code):
+    assert FILE.count(before) == 1
+    text = FILE.replace(before, after)
+    (problem,) = problems(tmp_path, text)
+    assert problem.code == code
+    if place is None:  # the problem is in another file, the one that is named
+        assert problem.path.name in after
+    else:
+        there = text.splitlines()[problem.line - 1][problem.column - 1 :]
+        assert f"{problem.line}: {there}".startswith(place)
+    assert problem.message[0].islower() or problem.message[0] == "'"
+    assert not problem.message.endswith(".")
+
+
+def test_far_off_places_are_told_once_each(tmp_path):
+    text = FILE.replace("  - [50, 0]", "  - [99e3, 0]").replace("[-50, -50]]", "[0, -70e3]]")
+    text = text.replace("centre: [50, -50]", "centre: [50e3, -50e3]")
+    found = [(p.line, p.column, p.code) for p in problems(tmp_path, text)]
+    assert found == [
+        (8, 5, "far-from-home"),
+        (21, 5, "far-from-home"),
+        (22, 16, "far-from-home"),
+    ]
+
+
+def test_in_degrees_a_crossing_is_told_in_degrees(tmp_path):
+    found = problems(
+        tmp_path,
+        "home: [47.0, 8.0]\naltitude_m: 20\nwaypoints: [[47.001, 8.0]]\nfence: null\n"
+        "no_fly_zones: [[[47.01, 8.01], [47.02, 8.02], [47.01, 8.02], [47.02, 8.01]]]\n",
+    )
+    assert [problem.code for problem in found] == ["zone-self-intersects"]
+    assert "(self-intersection) near 47.015" in found[0].message
