@@ -1,14 +1,17 @@
 """`air-router convert`: every way from one format to another, and what it says about it."""
 
+import dataclasses
 import json
 import os
 import stat
+import textwrap
 from pathlib import Path
 
 import pytest
 import shapely
 
 from air_router.cli import main
+from air_router.draft import Draft
 from air_router.errors import ExitCode
 from air_router.mission import load_mission, read_draft
 from air_router.whole_file import FileThereError, write_whole
@@ -300,3 +303,39 @@ def test_a_disk_that_is_full_leaves_what_was_there(tmp_path, monkeypatch):
         write_whole(target, "new", replace=True)
     assert target.read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["old.txt"]
+
+
+def test_nothing_of_a_mission_file_is_lost_in_another(tmp_path):
+    extra = """
+        timers: {init_s: 1, explore_s: 2, search_s: 3, communicate_s: 4}
+        planner: {clearance_m: 6, tracking_margin_m: 1, max_edge_m: 90, acceptance_radius_m: 3,
+                  vertical_margin_m: 7, terrain_relief_m: 8, kind: shortest}
+        duration_s: 900
+        endurance_s: 1200
+        battery_reserve: 0.3
+        uav: titan
+        seek: [io, callisto]
+        team: team.yaml
+        world: world.yaml
+        """
+    text = (FILES / "town.yaml").read_text().replace("timers: {search_s: 50}\n", "")
+    source = tmp_path / "one" / "mission.yaml"
+    source.parent.mkdir()
+    source.write_text(text + textwrap.dedent(extra))
+    for name in ("team", "world"):
+        beside = MISSIONS / "pennovation" / f"{name}.yaml"
+        (source.parent / f"{name}.yaml").write_text(beside.read_text())
+    target = tmp_path / "two" / "mission.yaml"
+    target.parent.mkdir()
+    assert convert(source, target) == ExitCode.DONE
+    mine, theirs = read_draft(target), read_draft(source)
+    assert_same_mission(mine, theirs)
+    assert_same_areas(mine, theirs)
+    assert mine.team.resolve() == theirs.team.resolve()
+    judged = {"waypoints", "rally_points", "fences", "zones", "home", "frame", "team", "world"}
+    for field in dataclasses.fields(mine):
+        if field.name not in {*judged, "document", "name"}:
+            assert getattr(mine, field.name) == getattr(theirs, field.name), field.name
+    plain = {field.name: getattr(Draft(mine.document), field.name) for field in dataclasses.fields(mine)}  # fmt: skip  # noqa: E501
+    same_as_without = {name for name, value in plain.items() if value == getattr(theirs, name)}
+    assert same_as_without <= {"in_metres", "start", "unread", "problems", "notes", "refused"}
