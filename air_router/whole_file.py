@@ -22,6 +22,7 @@ def write_whole(path: Path, text: str, *, replace: bool) -> None:
     """
     if path.exists() and not replace:
         raise _refusal(path)
+    path = path.resolve()  # a link stays a link
     descriptor, name = tempfile.mkstemp(prefix=f".{path.name[:40]}.", dir=path.parent)
     beside = Path(name)
     try:

@@ -276,6 +276,15 @@ def test_force_replaces_and_keeps_the_rights(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["there.kml"]
 
 
+def test_a_link_stays_a_link(tmp_path):
+    target, link = tmp_path / "real.txt", tmp_path / "link.txt"
+    target.write_text("old")
+    link.symlink_to(target)
+    write_whole(link, "new", replace=True)
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+
+
 def test_a_file_that_appears_meanwhile_stays(tmp_path, monkeypatch):
     target = tmp_path / "new.txt"
     real = os.fsync
