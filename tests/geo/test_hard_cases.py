@@ -1,0 +1,127 @@
+"""Where simple geometry goes wrong: sides, corridors, seams, rounding on the wire."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from shapely import LineString
+
+from geo.airspace import Airspace
+from geo.degree_lines import dense_ring
+from geo.frame import Geodetic, LocalFrame, Point
+from geo.zone import Circle, Zone, polygons_of
+from tests.geo.shapes import box, box_ring
+
+P = Point
+
+
+def turned(ring, angle, middle=(0.0, 0.0)):
+    """A ring, turned about the origin and moved."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return tuple(P(middle[0] + e * cos - n * sin, middle[1] + e * sin + n * cos) for e, n in ring)
+
+
+@pytest.mark.parametrize("step", range(0, 200, 7))
+def test_along_a_side_at_the_clearance_is_clear_however_the_zone_is_turned(step):
+    angle = math.radians(step * 1.8)
+    middle = (1234.5 * math.cos(step), 987.6 * math.sin(step))
+    space = Airspace(None, [Zone("hall", turned(box_ring(-20, -10, 20, 10), angle, middle))], 5)
+    for sign in (1, -1):
+        side = [(-40, sign * 15), (-20, sign * 15), (20, sign * 15), (40, sign * 15)]
+        for a, b in pairwise(turned(side, angle, middle)):
+            assert space.leg_clear(a, b)
+        a, b = turned([(-40, sign * 14.999), (40, sign * 14.999)], angle, middle)
+        assert not space.leg_clear(a, b)
+
+
+def test_the_sides_of_drawn_free_space_are_legs():
+    zones = [box("a", 0, 0, 30, 10), Zone("b", Circle(P(60, 40), 12)), box("c", 20, 10, 30, 40)]
+    space = Airspace(box_ring(-100, -100, 150, 150), zones, 5)
+    for free in (space.free, space.free_mitred):
+        (clear,) = polygons_of(free)
+        for ring in (clear.exterior, *clear.interiors):
+            corners = [P(*corner) for corner in ring.coords]
+            for a, b in pairwise(corners):
+                assert space.leg_clear(a, b)
+                assert space.leg_clear(a, a)
+
+
+@pytest.mark.parametrize(("gap_m", "parts"), [(10.0, 2), (10.015, 2), (10.03, 1), (10.1, 1)])
+def test_a_corridor_is_as_wide_as_it_is(gap_m, parts):
+    walls = [box("w", -100, -5, 0, 5), box("e", gap_m, -5, 100, 5)]
+    space = Airspace(box_ring(-100, -50, 100, 50), walls, 5)
+    middle = gap_m / 2
+    assert space.leg_clear(P(middle, -40), P(middle, 40))
+    assert not space.leg_clear(P(middle + 0.06, -40), P(middle + 0.06, 40))
+    assert len(polygons_of(space.free_mitred)) == parts
+    assert not Airspace(None, walls, gap_m / 2 + 1e-5).leg_clear(P(middle, -40), P(middle, 40))
+
+
+def test_zones_whose_clearances_touch_in_a_point_leave_no_way():
+    corners = [box("sw", -50, -50, -5, -5), box("ne", 5, 5, 50, 50)]
+    apart_m = math.dist((-5, -5), (5, 5))
+    space = Airspace(box_ring(-50, -50, 50, 50), corners, apart_m / 2)
+    nw, se = P(-30, 30), P(30, -30)
+    assert space.leg_clear(nw, se)  # exactly as wide as it must be
+    assert not space.with_margin(1e-4).leg_clear(nw, se)
+    assert len(polygons_of(space.free)) == len(polygons_of(space.free_mitred)) == 2
+
+
+def test_what_is_left_of_free_space_is_areas():
+    """Zones that cover it all but for slivers, seams and points."""
+    zones = [box("w", -50, -50, 0, 50), box("e", 0, -50, 50, 50)]
+    assert polygons_of(Airspace(box_ring(-50, -50, 50, 50), zones, 0).free) == []
+    half = Airspace(box_ring(-50, -50, 50, 50), zones[:1], 0)
+    (left,) = polygons_of(half.free)
+    assert left.area == pytest.approx(50 * 100, rel=0.001)
+    assert half.nearest_clear(P(-20, 0)) == pytest.approx((0.01, 0), abs=0.01)
+
+
+@pytest.mark.parametrize("origin", [(0.0, 0.0), (47.4, 8.5), (-78.0, 179.9999)])
+def test_legs_that_are_clear_by_two_centimetres_are_clear_as_they_are_sent(origin):
+    """MAVLink carries 1e-7 degrees, up to 8 mm beside the place."""
+    frame = LocalFrame(Geodetic(*origin))
+    random = np.random.default_rng(5)
+    zones = [
+        Zone(str(n), turned(box_ring(-12, -6, 12, 6), n, random.uniform(-200, 200, 2)))
+        for n in range(40)
+    ]
+    space = Airspace(None, [*zones, Zone("c", Circle(P(0, 0), 30))], 5)
+    starts, ends = random.uniform(-250, 250, (2, 1500, 2))
+    planned = space.with_margin(0.02).legs_clear_between(starts, ends)
+    assert 100 < planned.sum() < 1400
+
+    def sent(points):
+        degrees = np.rint(frame.to_geodetic_many(points) * 1e7) / 1e7
+        moved = frame.to_local_many(*degrees.T)
+        assert np.hypot(*(moved - points).T).max() < 0.0081
+        return moved
+
+    assert space.legs_clear_between(sent(starts), sent(ends))[planned].all()
+
+
+@pytest.mark.parametrize("latitude", [0.0, 50.0, 69.0, -80.0])
+def test_long_sides_that_are_straight_in_degrees_bend_on_the_ground(latitude):
+    frame = LocalFrame(Geodetic(latitude, 179.95))
+    corners = [(0.0, -0.1), (0.0, 0.1), (0.05, 0.1), (0.05, -0.1)]
+    ring = [Geodetic(latitude + lat, (179.95 + lon + 180) % 360 - 180) for lat, lon in corners]
+    dense = dense_ring(ring)
+    places = [frame.to_local(*corner) for corner in dense]
+    line = LineString([*places, places[0]])
+    for (lat, lon), (to_lat, to_lon) in pairwise([*corners, corners[0]]):
+        for share in np.linspace(0, 1, 97):
+            here = (179.95 + lon + share * (to_lon - lon) + 180) % 360 - 180
+            on_map = frame.to_local(latitude + lat + share * (to_lat - lat), here)
+            assert line.distance(LineString([on_map, on_map]).centroid) < 0.2
+    for here, there in pairwise(places):
+        assert math.dist(here, there) < 1020
+    assert dense[0] == ring[0]
+    assert set(ring) <= set(dense)
+
+
+def test_short_rings_stay_as_they_are():
+    ring = [Geodetic(47.0, 8.0), Geodetic(47.001, 8.0), Geodetic(47.001, 8.001)]
+    assert dense_ring(ring) == ring
+    assert dense_ring([]) == []
+    assert len(dense_ring([Geodetic(47.0, 8.0), Geodetic(47.0, 9.0)], step_m=10_000)) == 16
