@@ -16,9 +16,10 @@ from air_router.errors import ExitCode, UsageError
 from sitl.conformance.beside import beside
 from sitl.conformance.book import CONVERSATIONS
 from sitl.conformance.conversation import Conversation, Outcome, Start, converse_all
-from sitl.conformance.line import Line, Link
+from sitl.conformance.line import Line, Link, SilentVehicleError
 from sitl.conformance.local_line import LocalLine
 from sitl.conformance.udp_line import UdpLine
+from sitl.conformance.words import Frame
 from sitl.mavlink_vehicle import VehicleSettings
 from sitl.px4_install import Px4Install, find_px4
 from sitl.px4_process import Px4Process, Px4Settings
@@ -154,7 +155,15 @@ class _Px4Line(UdpLine):
             stack.enter_context(process)
             ports = {Link.API: 14540 + process.instance, Link.GROUND: 14550}
             super().__init__(ports, fresh=True)
+            self._process = process
             self._stack = stack.pop_all()
+
+    def listen(self) -> list[tuple[Link, Frame]]:
+        """See `Line`: a PX4 that has ended says why."""
+        try:
+            return super().listen()
+        except SilentVehicleError as error:
+            raise SilentVehicleError(f"{error}; {self._process.last_words()}") from None
 
     def close(self) -> None:
         """See `Line`: also ends the PX4."""

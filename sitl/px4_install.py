@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ ENVIRONMENT: Final = "PX4_SITL"
 """The environment variable that names a build folder, a source tree or a `px4` executable."""
 
 IMAGE: Final = "px4io/px4-sitl:latest"
+_ANSWER_S: Final = 10.0
 _RUNTIMES: Final = ("docker", "podman")
 _BUILDS: Final = ("build/px4_sitl_default", "build/px4_sitl_sih", ".")
 _RC: Final = "etc/init.d-posix/rcS"
@@ -116,23 +118,19 @@ def find_px4(asked: str | None = None, environment: Mapping[str, str] | None = N
     path = environment.get("PATH")
     asked = asked or environment.get(ENVIRONMENT)
     if asked in _RUNTIMES:
-        runtime = shutil.which(asked, path=path)
-        if runtime is None:
-            raise NoPx4Error(f"no {asked} on the PATH.\n{WHAT_TO_INSTALL}")
-        return _contained(runtime)
+        return _contained(asked, path)
     if asked:
         return _built(Path(asked))
     program = shutil.which("px4", path=path)
     if program is not None:
         return _built(Path(program))
+    reasons = [f"{ENVIRONMENT} is not set", "there is no `px4` on the PATH"]
     for name in _RUNTIMES:
-        runtime = shutil.which(name, path=path)
-        if runtime is not None:
-            return _contained(runtime)
-    raise NoPx4Error(
-        f"no PX4 simulator found: {ENVIRONMENT} is not set, there is no `px4` on the PATH, and "
-        f"neither docker nor podman.\n{WHAT_TO_INSTALL}"
-    )
+        try:
+            return _contained(name, path)
+        except NoPx4Error as error:
+            reasons.append(str(error).splitlines()[0])
+    raise NoPx4Error(f"no PX4 simulator found: {'; '.join(reasons)}.\n{WHAT_TO_INSTALL}")
 
 
 def _built(path: Path) -> BuiltPx4:
@@ -155,5 +153,22 @@ def _etc(program: Path) -> Path | None:
     return root / "etc" if (root / _RC).is_file() else None
 
 
-def _contained(runtime: str) -> ContainedPx4:
+def _contained(name: str, path: str | None) -> ContainedPx4:
+    """A runtime that has the image; nothing is downloaded without being asked for."""
+    runtime = shutil.which(name, path=path)
+    if runtime is None:
+        raise NoPx4Error(f"no {name} on the PATH\n{WHAT_TO_INSTALL}")
+    try:
+        done = subprocess.run(  # noqa: S603 - the user's own container runtime
+            [runtime, "image", "inspect", IMAGE],
+            check=False,
+            capture_output=True,
+            text=True,
+            timeout=_ANSWER_S,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        raise NoPx4Error(f"{name} does not answer\n{WHAT_TO_INSTALL}") from None
+    if done.returncode != 0:
+        said = (done.stderr.strip().splitlines() or ["no words"])[-1]
+        raise NoPx4Error(f"{name} has no image {IMAGE} ({said})\n{WHAT_TO_INSTALL}")
     return ContainedPx4(runtime, f"air-router-px4-{os.getpid()}")

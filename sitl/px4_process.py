@@ -155,10 +155,10 @@ class Px4Process:
             while not stopped():
                 if not self.running:
                     raise Px4Error(
-                        f"PX4 ended with code {self._process.returncode}; {self._said()}"
+                        f"PX4 ended with code {self._process.returncode}; {self.last_words()}"
                     )
                 if time.monotonic() > deadline_s:
-                    raise Px4Error(f"PX4 cannot arm after {timeout_s:.0f} s; {self._said()}")
+                    raise Px4Error(f"PX4 cannot arm after {timeout_s:.0f} s; {self.last_words()}")
                 with contextlib.suppress(TimeoutError):
                     if _can_arm(ear.recv(_LARGEST)):
                         return True
@@ -178,7 +178,8 @@ class Px4Process:
                 self._process.wait(patience_s)
         self._stack.close()
 
-    def _said(self) -> str:
+    def last_words(self) -> str:
+        """What it said last, for an error message."""
         lines = self.log.read_text(errors="replace").splitlines()[-_LAST_WORDS:]
         return "it said last:\n  " + "\n  ".join(lines) if lines else "it said nothing"
 

@@ -1,0 +1,250 @@
+"""Finding, starting and stopping a PX4: a stand-in for it, and a real one where there is one."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+
+from sitl import cli
+from sitl.px4_install import BuiltPx4, ContainedPx4, NoPx4Error, find_px4
+from sitl.px4_process import PortsInUseError, Px4Error, Px4Process, Px4Settings, environment
+from sitl.situation import Place
+
+HOME = Place(40.4406, -79.9959, 280.0)
+LIMIT_S = 20
+
+# Says on the gimbal's port what PX4 says: first that it cannot arm yet, then that it can.
+STAND_IN = """\
+#!{python}
+import json, os, socket, sys, time
+from pymavlink.dialects.v20 import common as mavlink
+instance = int(sys.argv[sys.argv.index("-i") + 1])
+with open({seen!r}, "w") as seen:
+    known = {{n: v for n, v in os.environ.items() if n.startswith("PX4_")}}
+    json.dump({{"arguments": sys.argv[1:], "variables": known, "process": os.getpid()}}, seen)
+print("hello from the stand-in", flush=True)
+if {fails}:
+    sys.exit(7)
+end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+sender = mavlink.MAVLink(None, instance + 1, 1)
+for status in [0] * 3 + [3] * 1000:
+    beat = sender.heartbeat_encode(2, 12, 0, 0, status).pack(sender)
+    end.sendto(beat, ("127.0.0.1", 13280 + instance))
+    time.sleep(0.05)
+"""
+
+
+@pytest.fixture
+def free_instance():
+    """One whose ports nobody has."""
+    for instance in range(100, 240):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("127.0.0.1", 13280 + instance))
+            except OSError:
+                continue
+            return instance
+    return pytest.fail("no instance is free")
+
+
+@pytest.fixture
+def build(tmp_path):
+    """A build folder with a stand-in for PX4; `make(fails)` writes it."""
+
+    def make(*, fails=False):
+        root = tmp_path / "PX4"
+        program = root / "build" / "px4_sitl_default" / "bin" / "px4"
+        program.parent.mkdir(parents=True, exist_ok=True)
+        start_files = program.parent.parent / "etc" / "init.d-posix"
+        start_files.mkdir(parents=True, exist_ok=True)
+        (start_files / "rcS").touch()
+        seen = str(tmp_path / "seen.json")
+        program.write_text(STAND_IN.format(python=sys.executable, seen=seen, fails=fails))
+        program.chmod(0o755)
+        return root
+
+    return make
+
+
+def seen(tmp_path):
+    return json.loads((tmp_path / "seen.json").read_text())
+
+
+def gone(process_id):
+    end_s = time.monotonic() + LIMIT_S
+    while time.monotonic() < end_s:
+        try:
+            os.kill(process_id, 0)
+        except ProcessLookupError:
+            return True
+        os.sched_yield()
+    return False
+
+
+class TestFinding:
+    def test_a_source_tree_a_build_folder_and_an_executable(self, build):
+        root = build()
+        folder = root / "build" / "px4_sitl_default"
+        for place in (root, folder, folder / "bin" / "px4"):
+            install = find_px4(str(place), {})
+            assert install == BuiltPx4(folder / "bin" / "px4", folder / "etc")
+        command = install.command(3, root, {})
+        assert command[1:4] == ["-d", "-i", "3"]
+        assert command[-1] == str(folder / "etc")
+
+    def test_the_environment_and_the_path(self, build, tmp_path):
+        program = build() / "build" / "px4_sitl_default" / "bin" / "px4"
+        assert find_px4(None, {"PX4_SITL": str(program)}).words == str(program)
+        assert find_px4(None, {"PATH": str(program.parent)}).words == str(program)
+        alone = tmp_path / "alone" / "px4"
+        alone.parent.mkdir()
+        alone.symlink_to("/bin/true")
+        found = find_px4(None, {"PATH": str(alone.parent)})
+        assert found.command(0, tmp_path, {}) == [str(alone), "-d", "-i", "0"]
+
+    def test_a_container(self, tmp_path):
+        (tmp_path / "podman").symlink_to("/bin/true")
+        install = find_px4(None, {"PATH": str(tmp_path)})
+        assert isinstance(install, ContainedPx4)
+        command = install.command(2, tmp_path, {"PX4_HOME_LAT": "1.5"})
+        assert command[:2] == [str(tmp_path / "podman"), "run"]
+        assert "PX4_HOME_LAT=1.5" in command
+        assert command[-3:] == ["-d", "-i", "2"]
+        assert install.stop_command()[-1] in command
+        assert find_px4("podman", {"PATH": str(tmp_path)}) == install
+
+    def test_a_container_runtime_without_the_image(self, tmp_path):
+        (tmp_path / "docker").symlink_to("/bin/false")
+        for asked in (None, "docker"):
+            with pytest.raises(NoPx4Error, match=r"docker has no image px4io/px4-sitl:latest"):
+                find_px4(asked, {"PATH": str(tmp_path)})
+
+    @pytest.mark.parametrize("asked", [None, "docker", "/no/such/place"])
+    def test_none_says_what_to_install(self, asked, tmp_path):
+        with pytest.raises(NoPx4Error, match="docker pull px4io/px4-sitl") as raised:
+            find_px4(asked, {"PATH": str(tmp_path)})
+        assert "PX4-Autopilot/releases" in str(raised.value)
+        assert raised.value.exit_code == 4
+
+    def test_a_folder_without_px4(self, tmp_path):
+        with pytest.raises(NoPx4Error, match="no bin/px4 "):
+            find_px4(str(tmp_path), {})
+
+
+class TestProcess:
+    def test_it_is_started_with_home_speed_and_parameters(self, build, tmp_path, free_instance):
+        settings = Px4Settings(HOME, 5.0, {"GF_ACTION": 3}, free_instance, tmp_path / "files")
+        with Px4Process(find_px4(str(build()), {}), settings) as process:
+            assert process.wait_until_armable(timeout_s=LIMIT_S)
+            assert process.running
+            number = seen(tmp_path)["process"]
+            assert number == process.process_id
+        assert not process.running
+        variables = seen(tmp_path)["variables"]
+        assert variables["PX4_HOME_LAT"] == "40.4406"
+        assert variables["PX4_SIM_SPEED_FACTOR"] == "5"
+        assert variables["PX4_PARAM_GF_ACTION"] == "3"
+        assert variables["PX4_SIM_MODEL"] == "sihsim_quadx"
+        assert "hello from the stand-in" in (tmp_path / "files" / "px4.log").read_text()
+        assert gone(number)
+
+    def test_one_that_ends_says_why(self, build, free_instance):
+        settings = Px4Settings(HOME, instance=free_instance)
+        with (
+            Px4Process(find_px4(str(build(fails=True)), {}), settings) as process,
+            pytest.raises(Px4Error, match=r"code 7(?s:.)*hello from the stand-in"),
+        ):
+            process.wait_until_armable(timeout_s=LIMIT_S)
+
+    def test_one_that_never_can_arm(self, build, free_instance):
+        settings = Px4Settings(HOME, instance=free_instance)
+        with (
+            Px4Process(find_px4(str(build()), {}), settings) as process,
+            pytest.raises(Px4Error, match="cannot arm"),
+        ):
+            process.wait_until_armable(timeout_s=0.0)
+
+    def test_waiting_can_be_ended(self, build, free_instance):
+        settings = Px4Settings(HOME, instance=free_instance)
+        with Px4Process(find_px4(str(build()), {}), settings) as process:
+            assert not process.wait_until_armable(lambda: True)
+
+    def test_a_taken_instance(self, build, free_instance):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.bind(("127.0.0.1", 18570 + free_instance))
+            with pytest.raises(PortsInUseError, match="another --instance"):
+                Px4Process(find_px4(str(build()), {}), Px4Settings(HOME, instance=free_instance))
+
+    def test_a_parameter_that_would_be_shell(self):
+        with pytest.raises(Px4Error, match="not the name of a PX4 parameter"):
+            environment(Px4Settings(HOME, parameters={"A;rm": 1}))
+
+
+class TestCommand:
+    def start(self, build, free_instance, **options):
+        return subprocess.Popen(
+            [
+                *(sys.executable, "-m", "sitl", "px4", "--home", "40.4406,-79.9959,280"),
+                *("--px4", str(build()), "--instance", str(free_instance), "--speed", "5"),
+                *("--param", "GF_ACTION=1"),
+            ],
+            stdout=subprocess.PIPE,
+            text=True,
+            **options,
+        )
+
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+    def test_ready_line_and_end(self, build, tmp_path, free_instance, number):
+        with self.start(build, free_instance) as process:
+            ready = json.loads(process.stdout.readline())
+            process.send_signal(number)
+            assert process.wait(LIMIT_S) == 0
+        assert ready["ready"] is True
+        assert ready["system_id"] == free_instance + 1
+        assert ready["truth"] == f"udp://127.0.0.1:{19410 + free_instance}"
+        assert seen(tmp_path)["variables"]["PX4_PARAM_GF_ACTION"] == "1"
+        assert seen(tmp_path)["variables"]["PX4_PARAM_SIM_BAT_DRAIN"] == "1500"
+        assert gone(ready["process_id"])
+
+    def test_killed_it_takes_px4_with_it(self, build, free_instance):
+        with self.start(build, free_instance) as process:
+            ready = json.loads(process.stdout.readline())
+            process.kill()
+            process.wait(LIMIT_S)
+            assert gone(ready["process_id"])
+
+    def test_a_px4_that_dies_is_told(self, build, free_instance):
+        with self.start(build, free_instance) as process:
+            ready = json.loads(process.stdout.readline())
+            os.kill(ready["process_id"], signal.SIGKILL)
+            assert process.wait(LIMIT_S) == 4
+
+    def test_none_found(self, capsys, monkeypatch, tmp_path):
+        monkeypatch.setenv("PATH", str(tmp_path))
+        monkeypatch.delenv("PX4_SITL", raising=False)
+        assert cli.main(["px4"]) == 4
+        assert "Install one of these" in capsys.readouterr().err
+
+
+@pytest.fixture
+def real_px4():
+    try:
+        install = find_px4()
+    except NoPx4Error as error:
+        pytest.skip(str(error).splitlines()[0])
+    return install
+
+
+class TestRealPx4:
+    @pytest.mark.timeout(240)
+    def test_it_holds_to_the_recorded_conversations(self, real_px4, capsys):
+        names = ("arm-twice", "mission-upload-and-download", "goto-into-a-zone", "orbit")
+        code = cli.main(["conform", *names, "--px4", "--speed", "5", "--json"])
+        said = capsys.readouterr()
+        assert code == 0, said.err
+        assert [row["held"] for row in json.loads(said.out)] == [True] * len(names)
