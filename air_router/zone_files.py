@@ -122,7 +122,14 @@ def unique_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
 
 
 def _is_ed269(data: dict[str, object]) -> bool:
-    return isinstance(data.get("features"), list) and data.get("type") != "FeatureCollection"
+    """Whether it has features, and not those of GeoJSON: their geometries are lists of volumes."""
+    features = data.get("features")
+    if not isinstance(features, list):
+        return False
+    if data.get("type") != "FeatureCollection":
+        return True
+    first = next((entry for entry in features if isinstance(entry, dict)), {})
+    return isinstance(first.get("geometry"), list)
 
 
 def _place(draft: Draft, reading: ZoneReading, near: Sequence[FileZone], keys: Keys) -> None:

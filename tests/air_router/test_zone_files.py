@@ -140,6 +140,13 @@ def ed269(**zone):
     return {"identifier": "X1", "restriction": "PROHIBITED", "geometry": [volume], **zone}
 
 
+def test_ed269_that_calls_itself_a_feature_collection(tmp_path):
+    path = tmp_path / "z.json"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [ed269()]}))
+    assert read_zones(path).kind == "ED-269"
+    assert len(read_zones(path).zones) == 1
+
+
 def test_geozones_in_doubt_are_the_larger_zone(tmp_path):
     path = tmp_path / "z.json"
     path.write_text(
