@@ -9,6 +9,7 @@ from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Publis
 from air_router.behaviour import State
 from air_router.events import Request, RobotPose
 from air_router.mission import Waypoint
+from air_router.search import Search
 from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced
 from geo.airspace import Airspace
 from geo.frame import Point
@@ -365,8 +366,16 @@ def island(pretend):
     return flight
 
 
-def test_when_nobody_can_be_sought_it_hovers_and_asks_again_now_and_then(pretend):
+def test_a_robot_that_no_way_leads_to_is_sought_from_outside(pretend):
     flight = island(pretend)
+    flight.fly_until(lambda: any("SEARCH io" in text for text in flight.said))
+    assert any("no clear way leads there, so 56.5 m beside it" in text for text in flight.said)
+    flight.fly_until(lambda: math.dist(flight.position, Point(150.0, 150.0)) < 57.5, 200.0)
+
+
+def test_when_nobody_can_be_sought_it_hovers_and_asks_again_now_and_then(pretend, monkeypatch):
+    flight = island(pretend)
+    monkeypatch.setattr(Search, "_hover_point", lambda _, place: place)
     flight.fly_until(lambda: any("no way to io" in text for text in flight.said))
     assert flight.controller.state is State.SEARCH
     commanded, said = len(flight.motions), len(flight.said)

@@ -1,0 +1,69 @@
+"""Where to look for a robot: as near to it as a clear way leads."""
+
+import json
+import math
+from types import SimpleNamespace
+
+from air_router.mission import load_mission
+from air_router.search import Search
+from geo.frame import Point
+
+
+def box(west, south, east, north):
+    return [[west, south], [east, south], [east, north], [west, north]]
+
+
+def searching(folder, zones):
+    path = folder / "mission.yaml"
+    path.write_text(
+        json.dumps(
+            {
+                "coordinates": "local",
+                "frame": {"origin": [38.5, -98.5]},
+                "home": [0, -60],
+                "altitude_m": 30,
+                "waypoints": [[60, -60]],
+                "fence": [[-100, -100], [100, -100], [100, 100], [-100, 100]],
+                "no_fly_zones": zones,
+            }
+        )
+    )
+    mission = load_mission(path)
+    exploration = SimpleNamespace(longest_unseen=lambda: None)
+    return mission, Search(mission, ("io",), exploration)
+
+
+def aim_at(search, place):
+    search.roster.pose_heard("io", place, 1.0, 1.0)
+    (aim,) = search.aims(2.0)
+    return aim
+
+
+def test_a_robot_in_the_open_is_sought_where_it_is(tmp_path):
+    _, search = searching(tmp_path, [{"name": "hall", "polygon": box(-20, -20, 20, 20)}])
+    aim = aim_at(search, Point(50, 50))
+    assert aim.goal.position == (50, 50)
+    assert aim.beside_m == 0
+    assert aim.reason == "its last position"
+
+
+def test_a_robot_in_a_zone_is_sought_from_the_nearest_clear_place_and_that_is_said(tmp_path):
+    mission, search = searching(tmp_path, [{"name": "hall", "polygon": box(-20, -20, 20, 20)}])
+    aim = aim_at(search, Point(15, 0))
+    assert mission.planning_airspace.point_clear(aim.goal.position)
+    assert math.dist(aim.goal.position, (26.5, 0)) < 0.01
+    assert aim.reason == ("its last position; it is inside no-fly zone 'hall', so 11.5 m beside it")
+    goal, beside_m = search.over("io")
+    assert goal == aim.goal
+    assert beside_m == aim.beside_m
+
+
+def test_a_robot_in_a_closed_yard_is_sought_from_outside_of_it(tmp_path):
+    yard = {"name": "yard", "polygon": box(-40, -30, 40, 40), "holes": [box(-30, -20, 30, 30)]}
+    mission, search = searching(tmp_path, [yard])
+    for place, why in ((Point(0, -10), "no clear way leads there"), (Point(28, 0), "too close")):
+        aim = aim_at(search, place)
+        search.roster.__init__(("io",))
+        assert mission.planning_airspace.point_clear(aim.goal.position)
+        assert max(map(abs, aim.goal.position)) > 35
+        assert why in aim.reason
