@@ -301,7 +301,9 @@ class _Sight:
             if row is not None and gain_m2 >= self.worth_m2:
                 found.append(row)
                 seen = self.seen([row])
-                parts = [rest for p in (part, *parts) for rest in polygons_of(p.difference(seen))]
+                touched = [p for p in (part, *parts) if p.intersects(seen)]
+                parts = [p for p in parts if not p.intersects(seen)]
+                parts += [rest for p in touched for rest in polygons_of(p.difference(seen))]
         return found
 
     def _over(self, part: BaseGeometry, border: Border) -> Iterator[tuple[float, Span]]:

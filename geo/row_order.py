@@ -20,7 +20,7 @@ Joiner = Callable[[Point, Point], Sequence[Point] | None]
 """The shortest clear path between two clear places, both included; None if there is none."""
 
 _PASSES = 8
-_MOST_SINGLE = 300
+_MOST_SINGLE = 500
 """Up to so many rows, single rows are moved too in the end, not only cells."""
 
 _GAIN_M = 0.01
@@ -226,10 +226,17 @@ class _Tour:
         for first in range(len(self.order)):
             while (last := self._stretch_to_turn(first)) is not None:
                 stretch = self.order[first : last + 1]
-                self.order[first : last + 1] = [cell.turned for cell in stretch[::-1]]
-                self._survey()
+                self._turn(first, [cell.turned for cell in stretch[::-1]])
                 better = True
         return better
+
+    def _turn(self, first: int, stretch: list[Cell]) -> None:
+        end = first + len(stretch)
+        self.order[first:end] = stretch
+        self._exits[first + 1 : end + 1] = [cell.exit for cell in stretch]
+        self._entries[first:end] = [cell.entry for cell in stretch]
+        for hop in range(first, end + 1):
+            self._measure(hop)
 
     def _stretch_to_turn(self, first: int) -> int | None:
         before, entry = self._exits[first], self._entries[first]
@@ -306,16 +313,16 @@ class _Tour:
         )
 
     def _hop(self, start: Sequence[float] | Floats, end: Sequence[float] | Floats) -> float:
-        here, there = Point(*map(float, start)), Point(*map(float, end))
-        if math.isnan(here.east_m) or math.isnan(there.east_m):
+        here, there = (float(start[0]), float(start[1])), (float(end[0]), float(end[1]))
+        if math.isnan(here[0]) or math.isnan(there[0]):
             return 0.0
-        return self._ways.length_m(here, there)
+        return self._ways.length_m(Point(*here), Point(*there))
 
 
 def _away(places: Floats, place: Floats) -> Floats:
     """Straight distances; 0 to and from nowhere in particular."""
-    east_m, north_m = (places - place).T
-    away_m: Floats = np.nan_to_num(np.hypot(east_m, north_m))
+    away_m: Floats = np.hypot(places[:, 0] - place[0], places[:, 1] - place[1])
+    away_m[np.isnan(away_m)] = 0.0
     return away_m
 
 
