@@ -18,7 +18,7 @@ from pydantic import BaseModel, Field, model_validator
 from air_router.mapper import MARGIN_M
 from air_router.mission import Mission
 from geo.frame import FrameError, Point
-from geo.zone import Circle, Ring, Shape, ZoneError, checked_ring
+from geo.zone import Circle, Ring, Shape, Zone, ZoneError, checked_ring
 from mocha_link.document import Document, DocumentError, Problem
 from sitl.camera import Camera
 from sitl.default_patrols import default_patrols
@@ -171,7 +171,7 @@ class _Reader:
 
     def _scene(self) -> Scene:
         terrain = self.model.terrain
-        buildings = tuple(_ground_ring(zone.shape) for zone in self.mission.zones)
+        buildings = tuple(_ground_ring(zone.shape) for zone in self._standing())
         if terrain.buildings is not None:
             buildings = self._rings(terrain.buildings, ("terrain", "buildings"))
         return Scene(
@@ -211,7 +211,15 @@ class _Reader:
     def _building_name(self, index: int) -> str:
         if self.model.terrain.buildings is not None:
             return f"building {index + 1}"
-        return f"the no-fly zone '{self.mission.zones[index].name}', which counts as a building"
+        return f"the no-fly zone '{self._standing()[index].name}', which counts as a building"
+
+    def _standing(self) -> list[Zone]:
+        """The zones that stand on the ground, whatever the time is: others are only airspace."""
+        return [
+            zone
+            for zone in self.mission.zones
+            if zone.validity is None and (zone.band is None or zone.band.lower_m <= 0)
+        ]
 
     def _rings(self, polygons: Sequence[list[list[float]]], keys: Keys) -> tuple[Ring, ...]:
         rings: list[Ring] = []

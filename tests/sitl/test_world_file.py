@@ -1,3 +1,4 @@
+import dataclasses
 import itertools
 import math
 from pathlib import Path
@@ -8,6 +9,8 @@ from air_router.mapper import Mapper
 from air_router.mission import load_mission
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
+from geo.validity import Validity
+from geo.zone import Band, Circle, Zone
 from mocha_link.document import DocumentError
 from mocha_link.team import Team
 from sitl.team import crew_of, make_world
@@ -95,6 +98,18 @@ def test_without_a_file_robots_patrol_legal_places_far_apart(pennovation):
     first = [robot.patrol.stops[0] for robot in plan.patrols.values()]
     assert min(math.dist(a, b) for a, b in itertools.combinations(first, 2)) > 100
     assert len(plan.scene.buildings) == len(pennovation.zones)
+
+
+def test_zones_of_the_air_are_no_buildings(pennovation):
+    shape, mast = pennovation.zones[0].shape, Circle(Point(0.0, 0.0), 5.0)
+    zones = (
+        Zone("house", shape),
+        Zone("airway", shape, band=Band(lower_m=60)),
+        Zone("on Sundays", shape, validity=Validity(())),
+        Zone("mast", mast, band=Band(-20, 30)),
+    )
+    plan = load_world(None, dataclasses.replace(pennovation, zones=zones), ROBOTS, seed=7)
+    assert plan.scene.buildings == (shape.ring, mast.corners)
 
 
 def test_the_seed_chooses_the_default_world(pennovation):
