@@ -1,4 +1,4 @@
-"""`air-router plan`: the route between two waypoints, as the vehicle would fly it."""
+"""`air-router plan`: the route between two waypoints, or any places, as it would be flown."""
 
 from __future__ import annotations
 
@@ -16,21 +16,30 @@ from air_router.graph import WaypointGraph
 from air_router.mission import Mission, load_mission
 from air_router.router import Leg, NoRoute, Route, Router
 from air_router.survey import closest_approach, route_time_s
-from geo.frame import Point
+from geo.frame import FrameError, Geodetic, Point
+
+_EPILOG = """\
+examples:
+  air-router plan missions/pennovation/mission.yaml --from 1 --to 34
+  air-router plan missions/pennovation/mission.yaml --from 0 --to 39.9412,-75.2001
+"""
 
 
 def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add `plan` to the command line."""
     parser = commands.add_parser(
         "plan",
-        help="plan a route between two waypoints",
-        description="Plan the route between two waypoints; 0 is home.",
-        epilog="example: air-router plan missions/pennovation/mission.yaml --from 1 --to 34",
+        help="plan a route between two waypoints or places",
+        description="Plan the route between two waypoints (0 is home) or places in degrees.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     add_start(parser)
-    parser.add_argument("--from", type=int, required=True, metavar="N", dest="start", help="start")
-    parser.add_argument("--to", type=int, required=True, metavar="N", dest="end", help="goal")
+    for option, name, text in (("--from", "start", "start"), ("--to", "end", "goal")):
+        parser.add_argument(
+            option, type=_stop, required=True, metavar="N|LAT,LON", dest=name, help=text
+        )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument("--png", type=Path, metavar="F", help="draw mission and route into F")
     parser.set_defaults(run=run)
@@ -40,20 +49,21 @@ def run(arguments: argparse.Namespace) -> int:
     """Plan, and print the route's legs."""
     mission = load_mission(arguments.mission, start=arguments.at)
     graph = WaypointGraph(mission)
-    for node in (arguments.start, arguments.end):
-        if node not in graph.positions:
-            last = len(mission.waypoints)
-            raise UsageError(f"no waypoint {node}; {mission.name} has 1 to {last}, and 0 is home")
-    start = graph.position(arguments.start)
-    route = Router(graph).route(start, arguments.end)
+    begin = _leg(arguments.start, graph, "--from")
+    end = _leg(arguments.end, graph, "--to")
+    start = begin.to
+    route = Router(graph).route(start, end.to if end.node is None else end.node)
     if isinstance(route, NoRoute):
-        sys.stderr.write(f"no route from {arguments.start} to {arguments.end}: {route.reason}\n")
+        sys.stderr.write(f"no route from {_words(arguments.start)} to {_words(arguments.end)}: ")
+        sys.stderr.write(f"{route.reason}\n")
         return ExitCode.ENDED_OTHERWISE
+    for warning in route.warnings:
+        sys.stderr.write(f"{warning}\n")
     if arguments.json:
         json.dump(_facts(mission, arguments.start, arguments.end, route, start), sys.stdout)
         sys.stdout.write("\n")
     else:
-        sys.stdout.write("\n".join(_lines(mission, arguments.start, start, route)) + "\n")
+        sys.stdout.write("\n".join(_lines(mission, begin, route)) + "\n")
     if arguments.png is not None:
         from air_router.picture import draw_mission  # noqa: PLC0415 - an extra
 
@@ -61,17 +71,53 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.DONE
 
 
-def _lines(mission: Mission, node: int, start: Point, route: Route) -> list[str]:
+Stop = int | Geodetic
+"""Where a route begins or ends: a waypoint (0: home), or any place."""
+
+
+def _stop(text: str) -> Stop:
+    try:
+        if "," not in text:
+            return int(text)
+        latitude, longitude = map(float, text.split(","))
+    except ValueError:
+        message = f"{text} is neither a waypoint's number nor LATITUDE,LONGITUDE"
+        raise argparse.ArgumentTypeError(message) from None
+    return Geodetic(latitude, longitude)
+
+
+def _leg(stop: Stop, graph: WaypointGraph, option: str) -> Leg:
+    """A stop as the end of a leg."""
+    mission = graph.mission
+    if isinstance(stop, Geodetic):
+        try:
+            return Leg(mission.frame.to_local(*stop))
+        except FrameError as error:
+            raise UsageError(f"{option}: {error}") from None
+    if stop not in graph.positions:
+        last = len(mission.waypoints)
+        raise UsageError(f"no waypoint {stop}; {mission.name} has 1 to {last}, and 0 is home")
+    return Leg(graph.position(stop), stop)
+
+
+def _words(stop: Stop) -> str:
+    return str(stop) if isinstance(stop, int) else f"{stop[0]:g},{stop[1]:g}"
+
+
+def _lines(mission: Mission, begin: Leg, route: Route) -> list[str]:
+    start = begin.to
+    names = ["start" if begin.node is None else _name(begin), *map(_name, route.legs)]
+    if route.legs and route.legs[-1].node is None:
+        names[-1] = "goal"
     lines = [f"{'from':>10}  {'to':>10}  {'length':>8}  {'east':>8}  {'north':>8}  closest"]
-    name = _name(Leg(start, node))
-    for (before, leg), (near_m, what) in zip(
-        pairwise([Leg(start, node), *route.legs]), _approaches(mission, start, route), strict=True
+    legs = zip(pairwise([begin, *route.legs]), pairwise(names), strict=True)
+    for ((before, leg), (here, there)), (near_m, what) in zip(
+        legs, _approaches(mission, start, route), strict=True
     ):
         lines.append(
-            f"{name:>10}  {_name(leg):>10}  {math.dist(before.to, leg.to):6.1f} m  "
+            f"{here:>10}  {there:>10}  {math.dist(before.to, leg.to):6.1f} m  "
             f"{leg.to.east_m:6.1f} m  {leg.to.north_m:6.1f} m  {_near(near_m, what, 'from')}"
         )
-        name = _name(leg)
     closest_m, closest_to = closest_approach(mission, start, route)
     lines.append(
         f"{route.length_m:.1f} m, about {route_time_s(route, mission.speed_m_s):.0f} s; "
@@ -95,7 +141,7 @@ def _approaches(mission: Mission, start: Point, route: Route) -> list[tuple[floa
     return [mission.airspace.track_distance_m(pair) for pair in pairwise(points)]
 
 
-def _facts(mission: Mission, node: int, end: int, route: Route, start: Point) -> dict[str, Any]:
+def _facts(mission: Mission, begin: Stop, end: Stop, route: Route, start: Point) -> dict[str, Any]:
     closest_m, closest_to = closest_approach(mission, start, route)
     legs = []
     before = start
@@ -115,7 +161,7 @@ def _facts(mission: Mission, node: int, end: int, route: Route, start: Point) ->
         )
         before = leg.to
     return {
-        "from": node,
+        "from": begin,
         "to": end,
         "length_m": round(route.length_m, 3),
         "flight_time_s": round(route_time_s(route, mission.speed_m_s), 1),

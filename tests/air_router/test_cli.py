@@ -98,6 +98,35 @@ def test_plan_for_scripts(capsys):
     assert facts["legs"][-1]["latitude_deg"] == pytest.approx(39.9410544)
 
 
+def test_plan_between_any_places(capsys):
+    here, there = "39.9427,-75.2013", "39.9410,-75.1990"
+    code, out, err = run(capsys, "plan", PENNOVATION, "--from", here, "--to", there)
+    lines = out.splitlines()
+    assert (code, err) == (0, "")
+    assert lines[1].split()[0] == "start"
+    assert lines[-2].split()[1] == "goal"
+    code, out, _ = run(capsys, "plan", PENNOVATION, "--from", here, "--to", 0, "--json")
+    assert json.loads(out)["from"] == [39.9427, -75.2013]
+    assert json.loads(out)["legs"][-1]["node"] == 0
+
+
+def test_plan_says_why_there_is_no_route(capsys):
+    inside = "39.9415,-75.2005"  # zone 2
+    code, out, err = run(capsys, "plan", PENNOVATION, "--from", 1, "--to", inside)
+    assert (code, out) == (1, "")
+    assert err == "no route from 1 to 39.9415,-75.2005: the goal lies inside no-fly zone 'zone 2'\n"
+    code, out, err = run(capsys, "plan", PENNOVATION, "--from", inside, "--to", 1)
+    assert code == 0
+    assert "the vehicle is inside no-fly zone 'zone 2'" in err
+
+
+@pytest.mark.parametrize("place", ["here", "1,2,3", "91,0", "1.5"])
+def test_plan_refuses_what_is_no_place(capsys, place):
+    code, out, err = run(capsys, "plan", PENNOVATION, "--from", 1, "--to", place)
+    assert (code, out) == (2, "")
+    assert place.split(",")[0] in err
+
+
 def test_plan_names_waypoints_that_do_not_exist(capsys):
     code, out, err = run(capsys, "plan", PENNOVATION, "--from", 1, "--to", 40)
     assert (code, out) == (2, "")
