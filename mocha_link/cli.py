@@ -112,7 +112,9 @@ def _add_check(commands: Any) -> None:
         "mocha-link check missions/pennovation/team.yaml",
     )
     check.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
-    check.add_argument("--json", action="store_true", help="print the ids and ports as JSON")
+    check.add_argument(
+        "--json", action="store_true", help="print the ids and ports, or the problems, as JSON"
+    )
     check.set_defaults(run=_check)
 
 
@@ -277,7 +279,12 @@ def _metrics(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    team = Team.load(options.team)
+    try:
+        team = Team.load(options.team)
+    except DocumentError as error:
+        if options.json:
+            print(json.dumps({"problems": [problem.as_json() for problem in error.problems]}))
+        raise
     if options.json:
         print(json.dumps(_ids(team)))
         return DONE

@@ -38,6 +38,19 @@ def test_check_shows_ids_and_ports(team_file, field, capsys):
     assert ids["kinds"]["aerial_robot"]["/slow"]["dtype"] == 3
 
 
+def test_check_gives_problems_to_scripts_too(capsys, tmp_path):
+    path = tmp_path / "team.yaml"
+    robot = "{kind: rover, address: 127.0.0.1, base_port: 65530, clients: [us]}"
+    path.write_text(f"kinds: {{}}\nrobots: {{io: {robot}}}\n")
+    assert main(["check", "--json", str(path)]) == 3
+    out, err = capsys.readouterr()
+    problems = json.loads(out)["problems"]
+    assert [problem["code"] for problem in problems] == ["unknown-kind", "unknown-robot"]
+    for problem, line in zip(problems, err.splitlines(), strict=True):
+        where = f"{path}:{problem['line']}:{problem['column']}"
+        assert line == f"{where}: {problem['message']} [{problem['code']}]"
+
+
 def a_team(path, *, old="", topic="{name: /pose, type: json/A}", rest=""):
     path.write_text(f"""\
 robots:
