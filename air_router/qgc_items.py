@@ -14,6 +14,7 @@ from air_router.draft import Draft, Keys, Spot
 from air_router.qgc_values import PlanValues, shown
 
 SAME_PLACE_M: Final = 0.1
+_AT_HOME_M: Final = 20.0
 NOT_FLOWN: Final = "not-flown"
 """The code of notes about items that only the plan's file keeps."""
 _AMSL_FRAMES, _RELATIVE_FRAMES, _TERRAIN_FRAMES = (0, 5), (3, 6), (10, 11)
@@ -211,8 +212,25 @@ class ItemsReader(PlanValues):
         self._end = keys
         if command == MavCommand.RETURN_TO_LAUNCH:
             return
-        message = f"command {command} lands where it stands; a mission of ours lands at home"
-        self.draft.note((*keys, "command"), message, "lands-at-home")
+        latitude_deg, longitude_deg = self.at(*keys, "params", 4), self.at(*keys, "params", 5)
+        if not latitude_deg and not longitude_deg:  # where the vehicle is by then
+            latitude_deg = longitude_deg = None
+        far_m = self._from_home_m(latitude_deg, longitude_deg)
+        if far_m > _AT_HOME_M:
+            where = f"{far_m:.0f} m from home" if math.isfinite(far_m) else "wherever it is by then"
+            message = f"command {command} lands {where}; a mission of ours lands at home"
+            self.draft.note((*keys, "command"), message, "lands-at-home")
+
+    def _from_home_m(self, latitude_deg: Any, longitude_deg: Any) -> float:
+        """How far a place is from home; infinite if it is none."""
+        home, frame = self.draft.home, self.draft.frame
+        if home is None or frame is None:
+            return math.inf
+        try:
+            place = frame.to_local(float(latitude_deg), float(longitude_deg))
+        except (TypeError, ValueError, OverflowError):
+            return math.inf
+        return math.dist(place, home.position)
 
     def _settle(self) -> None:
         draft = self.draft

@@ -260,10 +260,17 @@ def test_cameras_and_jumps_stay_in_the_file(tmp_path):
     ]  # fmt: skip
 
 
-def test_a_landing_elsewhere_is_told(tmp_path):
+@pytest.mark.parametrize("command", [21, 85])
+def test_a_landing_elsewhere_is_told(tmp_path, command):
     data = plan()
-    data["mission"]["items"][3] = waypoint(47.0003, 8.0006, altitude=0, command=21)
-    assert notes(load_mission(write(tmp_path, data))) == ["lands-at-home"]
+    data["mission"]["items"][3] = waypoint(47.0003, 8.0006, altitude=0, command=command)
+    mission = load_mission(write(tmp_path, data))
+    assert notes(mission) == ["lands-at-home"]
+    assert f"command {command} lands 57 m from home; a mission" in mission.notes[0].message
+    data["mission"]["items"][3]["params"][4:6] = [0, 0]
+    assert "lands wherever it is by then" in load_mission(write(tmp_path, data)).notes[0].message
+    data["mission"]["items"][3]["params"][4:6] = [47.00001, 8.00002]
+    assert notes(load_mission(write(tmp_path, data))) == []
 
 
 def test_altitudes_above_terrain_count_from_the_sea(tmp_path):
