@@ -1,0 +1,200 @@
+"""Whatever is done to a mission, in any order: what was asked for happens, the rest stays."""
+
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from air_router.editor import edits
+from air_router.editor.edits import EditError
+from air_router.editor.manuscript import Manuscript
+from air_router.editor.nodes import SourceError
+
+ROOT = Path(__file__).parents[3]
+HARBOUR = """\
+# a harbour
+home: {position: [54.3200, 10.1400], altitude_amsl_m: 3}  # the pier
+altitude_m: 40
+waypoints: [  # all of them
+    [54.3205, 10.1405],  # crane
+    {position: [54.3215, 10.1420], altitude_m: 60},
+    [54.3220, 10.1390]  # buoy
+  ]
+fences:
+  # the harbour master's
+  - circle: {centre: [54.3210, 10.1400], radius_m: 300}
+  - polygon: [[54.3190, 10.1360], [54.3190, 10.1440], [54.3232, 10.1440], [54.3232, 10.1360]]
+no_fly_zones:
+  - name: yard  # with a court
+    polygon: [[54.3208, 10.1395], [54.3208, 10.1412], [54.3216, 10.1412], [54.3216, 10.1395]]
+    holes:
+      -
+        - [54.3210, 10.1400]
+        # its corner
+        - [54.3210, 10.1407]
+        - [54.3214, 10.1407]
+        - [54.3214, 10.1400]
+  - {name: mast, circle: {centre: [54.3202, 10.1385], radius_m: 15}, clearance_m: 20}
+  - - [54.3222, 10.1375]
+    - [54.3222, 10.1383]
+    # without a name
+    - [54.3227, 10.1383]
+    - - 54.3227
+      - 10.1375
+"""
+TEXTS = {
+    "pennovation.yaml": (ROOT / "missions/pennovation/mission.yaml").read_text(encoding="utf-8"),
+    "pennovation.plan": (ROOT / "tests/data/pennovation.plan").read_text(encoding="utf-8"),
+    "harbour.yaml": HARBOUR,
+    "harbour-crlf.yaml": HARBOUR.replace("\n", "\r\n"),
+}
+
+places = st.tuples(
+    st.floats(-89, 89).map(lambda degrees: round(degrees, 7)),
+    st.floats(-179, 179).map(lambda degrees: round(degrees, 7)),
+)
+
+
+def remarks(text):
+    return re.findall(r"#[^\r\n]*", text)
+
+
+def handles(manuscript):
+    return list(manuscript.drawing.sketch.handles())
+
+
+def pairs(manuscript):
+    return sorted(handle.pair for handle in handles(manuscript))
+
+
+class Hand:
+    """Does something to a mission, and looks whether just that has happened."""
+
+    def __init__(self, draw, manuscript):
+        self.draw = draw
+        self.manuscript = manuscript
+
+    def pick(self, things):
+        return self.draw(st.sampled_from(list(things)))
+
+    def act(self):
+        ways = [self.move, self.remove, self.remove_area, self.resize, self.name, self.set_altitude]
+        ways += [self.add_corner, self.add_waypoint, self.add_rally_point, self.add_area]
+        self.pick(ways)()
+
+    def do(self, edit):
+        before = self.manuscript
+        self.manuscript = before.edited(edit)
+        return before
+
+    def move(self):
+        handle, to = self.pick(handles(self.manuscript)), self.draw(places)
+        before = self.do(edits.Move(do="move", keys=handle.keys, to=to))
+        for old, new in zip(handles(before), handles(self.manuscript), strict=True):
+            assert new.pair == pytest.approx(to if old.keys == handle.keys else old.pair, abs=6e-8)
+        assert remarks(self.manuscript.text) == remarks(before.text)
+        lines = before.text.split("\n"), self.manuscript.text.split("\n")
+        changed = sum(old != new for old, new in zip(*lines, strict=True))
+        assert changed <= (1 if "[" in before.text and "plan" not in before.path.name else 2) + 1
+
+    def remove(self):
+        handle = self.pick(handles(self.manuscript))
+        try:
+            before = self.do(edits.Remove(do="remove", keys=handle.keys))
+        except EditError:
+            return
+        left = pairs(before)
+        left.remove(handle.pair)
+        assert pairs(self.manuscript) == left
+
+    def remove_area(self):
+        region = self.pick(self.manuscript.drawing.sketch.regions)
+        if region.entry is None or len(self.manuscript.drawing.sketch.regions) < 3:
+            return
+        before = self.do(edits.Remove(do="remove", keys=region.keys))
+        kept = [h.pair for h in handles(before) if h.keys[: len(region.keys)] != region.keys]
+        assert pairs(self.manuscript) == sorted(kept)
+
+    def added(self, edit, *new):
+        before = self.do(edit)
+        assert pairs(self.manuscript) == sorted([*pairs(before), *new])
+        assert remarks(self.manuscript.text) == remarks(before.text)
+
+    def add_corner(self):
+        rings = [r for region in self.manuscript.drawing.sketch.regions for r in region.rings]
+        if rings:
+            ring, at = self.pick(rings), self.draw(places)
+            index = self.draw(st.integers(0, len(ring.corners)))
+            self.added(edits.AddCorner(do="add_corner", keys=ring.keys, index=index, at=at), at)
+
+    def add_waypoint(self):
+        at = self.draw(places)
+        index = self.draw(st.integers(0, len(self.manuscript.drawing.sketch.waypoints)))
+        self.added(edits.AddWaypoint(do="add_waypoint", index=index, at=at), at)
+        assert self.manuscript.drawing.sketch.waypoints[index].pair == at
+
+    def add_rally_point(self):
+        at = self.draw(places)
+        self.added(edits.AddRallyPoint(do="add_rally_point", at=at), at)
+
+    def add_area(self):
+        corners = self.draw(st.lists(places, min_size=3, max_size=4).map(tuple))
+        radius_m = self.draw(st.none() | st.floats(0.5, 500))
+        corners = corners[:1] if radius_m else corners
+        self.added(edits.AddArea(do="add_area", corners=corners, radius_m=radius_m), *corners)
+
+    def resize(self):
+        circles = [r for r in self.manuscript.drawing.sketch.regions if r.circle]
+        if circles:
+            region = self.pick(circles)
+            self.do(edits.Resize(do="resize", keys=region.keys, radius_m=12.345))
+            after = {r.keys: r for r in self.manuscript.drawing.sketch.regions}
+            assert after[region.keys].circle.radius_m == pytest.approx(12.3)
+
+    def name(self):
+        zones = [r for r in self.manuscript.drawing.sketch.regions if not r.is_fence]
+        if not zones:
+            return
+        region, name = self.pick(zones), self.draw(st.sampled_from(["hall", "no: 1", "#2", "true"]))
+        try:
+            before = self.do(edits.Rename(do="rename", keys=region.keys, name=name))
+        except EditError:
+            assert self.manuscript.path.suffix == ".plan"
+            return
+        after = {r.keys: r.name for r in self.manuscript.drawing.sketch.regions}
+        assert after[region.keys] == name
+        assert pairs(self.manuscript) == pairs(before)
+
+    def set_altitude(self):
+        handle = self.pick(self.manuscript.drawing.sketch.waypoints)
+        altitude_m = self.draw(st.sampled_from([None, 30.0, 41.25]))
+        if altitude_m is None and self.manuscript.path.suffix == ".plan":
+            return
+        edit = edits.SetAltitude(do="set_altitude", keys=handle.keys, altitude_m=altitude_m)
+        before = self.do(edit)
+        assert pairs(self.manuscript) == pairs(before)
+
+
+@pytest.mark.parametrize("name", TEXTS)
+@settings(max_examples=8, deadline=None)
+@given(data=st.data())
+def test_any_edits_in_any_order(name, data):
+    hand = Hand(data.draw, Manuscript.read(TEXTS[name], Path(name)))
+    for _ in range(8):
+        hand.act()
+    again = Manuscript.read(hand.manuscript.text, Path(name))
+    assert handles(again) == handles(hand.manuscript)
+
+
+def test_what_an_alias_shares_is_not_edited():
+    text = HARBOUR.replace("[54.3205, 10.1405],", "&a [54.3205, 10.1405],").replace(
+        "[54.3220, 10.1390]", "*a"
+    )
+    manuscript = Manuscript.read(text, Path("harbour.yaml"))
+    assert len(manuscript.drawing.sketch.waypoints) == 3
+    for number in (0, 2):
+        keys = ("waypoints", number, "position")
+        with pytest.raises(SourceError, match="alias"):
+            manuscript.edited(edits.Move(do="move", keys=keys, to=(54.0, 10.0)))
