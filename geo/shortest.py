@@ -161,7 +161,7 @@ class ShortestPaths:
         return best
 
     def _clear_path(self, start: Point, end: Point) -> Path | None:
-        if self.airspace.leg_clear(start, end):
+        if self.airspace.leg_clear(start, end) and self._same_part(start, end):
             return (start, end)
         path = self._through(self.mesh, start, end)
         if path is not None:
@@ -169,6 +169,11 @@ class ShortestPaths:
         if not (self.airspace.point_clear(start) and self.airspace.point_clear(end)):
             return None
         return self._through(self._tight, start, end)
+
+    def _same_part(self, a: Point, b: Point) -> bool:
+        """Whether no gap without width lies between two places that see each other."""
+        one, other = self.part_of(a), self.part_of(b)
+        return one is None or other is None or one == other
 
     def _through(self, mesh: Mesh, start: Point, end: Point) -> Path | None:
         """The shortest path in a mesh; the ends may lie where only exact corners reach."""

@@ -1,0 +1,106 @@
+"""Maps made from a seed: scattered concave zones in a fence, waypoints, pairs of start and goal."""
+
+import json
+import math
+import random
+from dataclasses import dataclass
+from pathlib import Path
+
+from shapely import Polygon, STRtree
+
+from geo.airspace import Airspace, Zone
+from geo.frame import Point
+
+CLEARANCE_M = 5.0
+_APART_M = 2.4 * CLEARANCE_M
+"""Zones keep so much between them that there is a way through."""
+
+_PLACE_M = 1.4 * CLEARANCE_M
+
+
+@dataclass(frozen=True, slots=True)
+class Map:
+    name: str
+    airspace: Airspace
+    waypoints: tuple[Point, ...]
+    max_edge_m: float
+    pairs: tuple[tuple[Point, Point], ...]
+
+
+def made(waypoints: int, zones: int, seed: int = 1, pairs: int = 40) -> Map:
+    """A map as large as it needs to be for so many zones and waypoints."""
+    chance = random.Random(f"{waypoints} {zones} {seed}")
+    side_m = max(300.0, 100 * math.sqrt(zones), 60 * math.sqrt(waypoints))
+    half_m = side_m / 2 + 40
+    fence = tuple(
+        Point(*place)
+        for step in range(20)
+        for place in [_on_square(half_m * chance.uniform(1.0, 1.03), step / 20)]
+    )
+    rings = _rings(chance, zones, side_m)
+    airspace = Airspace(fence, [Zone(f"zone {n}", r) for n, r in enumerate(rings, 1)], CLEARANCE_M)
+    tight = airspace.with_clearance(_PLACE_M)
+
+    def place() -> Point:
+        while True:
+            point = Point(*(round(chance.uniform(-0.5, 0.5) * side_m, 3) for _ in "en"))
+            if tight.point_clear(point):
+                return point
+
+    return Map(
+        f"W{waypoints}_Z{zones}",
+        airspace,
+        tuple(place() for _ in range(waypoints)),
+        min(500.0, 2.29 * side_m / math.sqrt(waypoints)),
+        tuple((place(), place()) for _ in range(pairs)),
+    )
+
+
+def read(path: Path) -> Map:
+    """A map from a file: rings and places in metres east and north."""
+    data = json.loads(path.read_text())
+    zones = [Zone(f"zone {n}", _ring(zone)) for n, zone in enumerate(data["zones"], 1)]
+    return Map(
+        path.stem,
+        Airspace(_ring(data["fence"]), zones, data["clearance"]),
+        _ring(data["waypoints"]),
+        data["max_edge"],
+        tuple((Point(*start), Point(*goal)) for start, goal in data["pairs"]),
+    )
+
+
+def _ring(places: list[list[float]]) -> tuple[Point, ...]:
+    return tuple(Point(*place) for place in places)
+
+
+def _rings(chance: random.Random, zones: int, side_m: float) -> list[tuple[Point, ...]]:
+    rings: list[tuple[Point, ...]] = []
+    shapes: list[Polygon] = []
+    while len(rings) < zones:
+        reach_m = 0.2 * side_m / math.sqrt(zones) * chance.lognormvariate(0.0, 0.45)
+        room_m = side_m / 2 - reach_m
+        east_m, north_m = (chance.uniform(-room_m, room_m) for _ in "en")
+        corners = chance.randint(4, 40)
+        ring = tuple(
+            Point(
+                round(east_m + reach_m * share * math.cos(angle), 3),
+                round(north_m + reach_m * share * math.sin(angle), 3),
+            )
+            for step in range(corners)
+            for angle in [math.tau * (step + chance.uniform(-0.4, 0.4)) / corners]
+            for share in [chance.uniform(0.55, 1.0)]
+        )
+        shape = Polygon(ring)
+        if not shape.is_valid:
+            continue
+        if len(STRtree(shapes).query(shape, predicate="dwithin", distance=_APART_M)) == 0:
+            rings.append(ring)
+            shapes.append(shape)
+    return rings
+
+
+def _on_square(half_m: float, share: float) -> tuple[float, float]:
+    """A point on the border of a square, anticlockwise from its south-western corner."""
+    side, along = divmod(4 * share, 1.0)
+    run = half_m * (2 * along - 1)
+    return [(run, -half_m), (half_m, run), (-run, half_m), (-half_m, -run)][int(side)]
