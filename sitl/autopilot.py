@@ -25,6 +25,7 @@ from sitl.notice import Notice, Severity
 from sitl.parameters import Parameters
 from sitl.plan_intake import PlanIntake
 from sitl.plan_store import PlanStore
+from sitl.positioning import Positioning
 from sitl.projection import MapProjection
 from sitl.px4_modes import FlightMode
 from sitl.situation import Place, Situation
@@ -35,6 +36,7 @@ from sitl.wind import Wind, WindSettings
 HOME_AFTER_S: Final = 2.2
 ARMABLE_AFTER_S: Final = 4.5
 _MOVING_M_S: Final = 0.5
+_DRAG_LEAVES: Final = 0.9
 
 
 class Autopilot:
@@ -65,6 +67,7 @@ class Autopilot:
         self.wind = Wind(wind or WindSettings(), seed)
         self.battery = Battery()
         self.plan = PlanStore()
+        self.positioning = Positioning()
         self.failsafe = Failsafe()
         self.watchdog = Watchdog(time_scale)
         self.guard = FenceGuard(self.plan)
@@ -272,6 +275,7 @@ class Autopilot:
         situation, airframe, errors = self.situation, self.airframe, self.errors
         situation.time_s += step_s
         errors.step(step_s, in_air=not situation.landed)
+        self.positioning.step(step_s, errors, situation)
         situation.north_m = airframe.north_m + errors.north_m
         situation.east_m = airframe.east_m + errors.east_m
         situation.altitude_m = self.place.altitude_m + airframe.up_m + errors.altitude_m
@@ -362,6 +366,12 @@ class Autopilot:
             situation.cruise_m_s,
             situation.pace(),
         )
+        if not situation.position_valid:  # it cannot know where it drifts, and brakes by drag alone
+            wanted = replace(
+                wanted,
+                north_m_s=velocity_m_s[0] * _DRAG_LEAVES,
+                east_m_s=velocity_m_s[1] * _DRAG_LEAVES,
+            )
         airframe.step(step_s, wanted, push)
 
     def _end_step(self) -> None:

@@ -17,6 +17,7 @@ _VERTICAL_SIGMA_M: Final = 0.34
 _VERTICAL_TAU_S: Final = 10.0
 _HOME_SIGMA_M: Final = 0.68
 _HOME_TAU_S: Final = 30.0
+_COASTING_M_S15: Final = 0.3  # random walk of the velocity's error without positioning
 _MOST_SIGMA: Final = 3.0
 
 
@@ -58,12 +59,32 @@ class EstimateErrors:
         self.north_m = self.east_m = self.altitude_m = self.home_altitude_m = 0.0
         self._sensors = random.Random(f"sensors {seed}")  # noqa: S311 - noise, not a secret
         self._jump = (0.0, 0.0, 0.0)
+        self._coast = (0.0, 0.0)
+        self._coast_m_s = (0.0, 0.0)
         self.resets = 0
 
     def jump(self, north_m: float, east_m: float, altitude_m: float = 0.0) -> None:
         """Let the estimate be off by so much more from now on, as after a reset of the EKF."""
         north, east, altitude = self._jump
         self._jump = (north + north_m, east + east_m, altitude + altitude_m)
+        self.resets += 1
+
+    def coast(self, step_s: float) -> None:
+        """Nothing holds the estimate to the truth: its error grows faster and faster."""
+        spread = _COASTING_M_S15 * math.sqrt(step_s)
+        north, east = self._coast_m_s
+        self._coast_m_s = (
+            north + self._sensors.gauss(0.0, spread),
+            east + self._sensors.gauss(0.0, spread),
+        )
+        self._coast = (
+            self._coast[0] + self._coast_m_s[0] * step_s,
+            self._coast[1] + self._coast_m_s[1] * step_s,
+        )
+
+    def recover(self) -> None:
+        """Positioning is back: the estimate jumps to where the vehicle is."""
+        self._coast = self._coast_m_s = (0.0, 0.0)
         self.resets += 1
 
     def sensor_noise(self, sigma: float) -> float:
@@ -79,7 +100,7 @@ class EstimateErrors:
         home = gauss(0.0, 1.0)  # drawn always: the same seed means the same noise on every flight
         if in_air:
             self._home.step(step_s, home)
-        self.north_m = self._north.value + self._jump[0]
-        self.east_m = self._east.value + self._jump[1]
+        self.north_m = self._north.value + self._jump[0] + self._coast[0]
+        self.east_m = self._east.value + self._jump[1] + self._coast[1]
         self.altitude_m = self._altitude.value + self._jump[2]
         self.home_altitude_m = self._home.value

@@ -27,6 +27,7 @@ class Action(IntEnum):
     HOLD = 5
     RTL = 6
     LAND = 7
+    DESCEND = 8
     DISARM = 9
     TERMINATE = 10
 
@@ -49,6 +50,7 @@ _MODES: Final = {
     Action.HOLD: FlightMode.AUTO_LOITER,
     Action.RTL: FlightMode.AUTO_RTL,
     Action.LAND: FlightMode.AUTO_LAND,
+    Action.DESCEND: FlightMode.AUTO_LAND,
     Action.DISARM: FlightMode.TERMINATION,
     Action.TERMINATE: FlightMode.TERMINATION,
 }
@@ -152,7 +154,10 @@ class Failsafe:
 
     def _announce(self, intended: FlightMode, situation: Situation) -> None:
         worst = self._worst()
-        if worst.cause is Cause.GENERIC:
+        if worst.action is Action.DESCEND:
+            event = "commander_failsafe_enter_autopilot_disengaged"
+            arguments = struct.pack("<IBB", intended.custom_mode, worst.action, worst.cause)
+        elif worst.cause is Cause.GENERIC:
             event = "commander_failsafe_enter_generic"
             arguments = struct.pack("<IB", intended.custom_mode, worst.action)
         else:

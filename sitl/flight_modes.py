@@ -29,6 +29,17 @@ _SETPOINT_LOSS_ACTIONS: Final[Mapping[int, Action]] = {
     6: Action.TERMINATE,
     7: Action.DISARM,
 }
+_NEED_POSITION: Final = frozenset(
+    {
+        FlightMode.AUTO_LOITER,
+        FlightMode.AUTO_TAKEOFF,
+        FlightMode.AUTO_MISSION,
+        FlightMode.AUTO_RTL,
+        FlightMode.POSCTL,
+        FlightMode.ORBIT,
+        FlightMode.OFFBOARD,
+    }
+)
 _STICK_FALLBACKS: Final[Mapping[int, Action]] = {
     0: Action.FALLBACK_POSITION,
     1: Action.FALLBACK_ALTITUDE,
@@ -78,6 +89,8 @@ class FlightModes:
 
     def can_fly(self, mode: FlightMode, situation: Situation) -> bool:
         """Whether a mode can be flown now, in the air."""
+        if mode in _NEED_POSITION and not situation.position_valid:
+            return False
         if mode is FlightMode.AUTO_MISSION:
             return self._mission.result.valid
         if mode is FlightMode.AUTO_RTL:
@@ -90,7 +103,8 @@ class FlightModes:
 
     def blocks_arming(self, mode: FlightMode, situation: Situation) -> bool:
         """Whether PX4 refuses to arm in a mode, as it is now."""
-        if mode.prevents_arming:
+        lost = mode in _NEED_POSITION and not situation.position_valid
+        if mode.prevents_arming or lost:
             return True
         if mode is FlightMode.AUTO_MISSION or mode is FlightMode.OFFBOARD or mode.needs_pilot:
             return not self.can_fly(mode, situation)
@@ -99,6 +113,9 @@ class FlightModes:
     def fallback(self, mode: FlightMode, situation: Situation) -> Action:
         """What the vehicle does instead of a mode that it was flying and cannot fly any more."""
         parameters = situation.parameters
+        if mode in _NEED_POSITION and not situation.position_valid:
+            piloted = mode is FlightMode.POSCTL and self.pilot.present(situation)
+            return Action.FALLBACK_ALTITUDE if piloted else Action.DESCEND
         if mode is FlightMode.OFFBOARD and not self.offboard.available(situation):
             choice = int(parameters["COM_OBL_RC_ACT"])
             if choice in _STICK_FALLBACKS and self.pilot.present(situation):

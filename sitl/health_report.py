@@ -95,10 +95,11 @@ class HealthReport:
     def _checks(self, now_s: float) -> tuple[_Check, ...]:
         autopilot = self._autopilot
         can_fly, situation = autopilot.modes.can_fly, autopilot.situation
+        lost = now_s < _POSITION_AFTER_S or not situation.position_valid
         open_checks = {
             _NO_ATTITUDE: now_s < _ATTITUDE_AFTER_S,
-            _NO_LOCAL: now_s < _POSITION_AFTER_S,
-            _NO_GLOBAL: now_s < _POSITION_AFTER_S,
+            _NO_LOCAL: lost,
+            _NO_GLOBAL: lost,
             _NO_MISSION: not can_fly(FlightMode.AUTO_MISSION, situation),
             _NO_SETPOINTS: not can_fly(FlightMode.OFFBOARD, situation),
             _NO_STICKS: not can_fly(FlightMode.POSCTL, situation),

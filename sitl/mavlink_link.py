@@ -79,6 +79,7 @@ class MavlinkLink:
         self._delayed: deque[tuple[float, Outgoing]] = deque()
         self._texts = TextChannel(time_scale)
         self._listing: int | None = None
+        self._passed_over: set[str] = set()
         self._handlers: dict[str, Callable[[Any], None]] = {
             "HEARTBEAT": self._on_heartbeat,
             "COMMAND_LONG": self._on_command_long,
@@ -111,6 +112,9 @@ class MavlinkLink:
                 self._reply(self._protocol.handle(message, self._wall_s))
             elif name in self._handlers:
                 self._handlers[name](message)
+            elif name not in self._passed_over:
+                self._passed_over.add(name)
+                _log.warning("%s is not simulated: passed over", name)
         return passed_on
 
     def pass_on(self, frame: bytes) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from sitl.autopilot import HOME_AFTER_S, Autopilot
+from sitl.positioning import FEWEST_SATELLITES
 
 POSITION_AFTER_S: Final = 3.2
 _GPS_NOISE_M: Final = 0.2
@@ -55,20 +56,22 @@ class PositionMessages:
         north, east, _ = self._situation.velocity_m_s
         altitude_m = self._autopilot.place.altitude_m + airframe.up_m + noise(_GPS_ALTITUDE_NOISE_M)
         altitude_mm = _int32(altitude_m * 1e3)
+        satellites = int(self._situation.parameters.limited("SIM_GPS_USED", 0, 254))
+        fix = satellites >= FEWEST_SATELLITES
         return {
             "time_usec": self._boot_us,
-            "fix_type": 3,
+            "fix_type": 3 if fix else 0,
             "lat": latitude,
             "lon": longitude,
             "alt": altitude_mm,
-            "eph": 70,
-            "epv": 110,
+            "eph": 70 if fix else 10000,
+            "epv": 110 if fix else 10000,
             "vel": _uint16(math.hypot(north, east) * 100),
             "cog": _uint16(math.degrees(math.atan2(east, north)) % 360 * 100),
-            "satellites_visible": 10,
+            "satellites_visible": satellites,
             "alt_ellipsoid": altitude_mm,
-            "h_acc": 900,
-            "v_acc": 1780,
+            "h_acc": 900 if fix else 100000,
+            "v_acc": 1780 if fix else 100000,
             "vel_acc": 400,
             "hdg_acc": 0,
             "yaw": 0,

@@ -36,6 +36,7 @@ class Situation:
         altitude_m: Estimated, AMSL.
         velocity_m_s: North, east, up.
         heading_rad: Of the nose.
+        position_valid: Whether the position is good enough to fly by.
         landed: Whether it stands on the ground.
         armed: Whether the motors turn.
         home: North, east in metres, once set.
@@ -55,6 +56,7 @@ class Situation:
     altitude_m: float = 0.0
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     heading_rad: float = 0.0
+    position_valid: bool = True
     landed: bool = True
     armed: bool = False
     home: tuple[float, float] | None = None

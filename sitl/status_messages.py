@@ -16,6 +16,7 @@ _ARMED: Final = 128
 _PRESENT: Final = 0x0300402F
 _ENABLED: Final = 0x0301402F
 _HEALTHY: Final = 0x0320C83F
+_XY_CONTROL: Final = 0x4000
 _PREARM_CHECK: Final = 0x10000000
 _CAPABILITIES: Final = 59647 & ~32  # PX4's, without MAVLink FTP, which is not offered here
 _STANDARD_MODES: Final = {
@@ -96,10 +97,11 @@ class StatusMessages:
     def _sys_status(self) -> Fields:
         battery = self._autopilot.battery
         ready = self._autopilot.can_arm or self._autopilot.armed
+        health = _HEALTHY if self._autopilot.positioning.fused else _HEALTHY & ~_XY_CONTROL
         return {
             "onboard_control_sensors_present": _PRESENT,
             "onboard_control_sensors_enabled": _ENABLED,
-            "onboard_control_sensors_health": _HEALTHY | (_PREARM_CHECK if ready else 0),
+            "onboard_control_sensors_health": health | (_PREARM_CHECK if ready else 0),
             "load": 140,
             "voltage_battery": int(battery.voltage_v * 1e3),
             "current_battery": -100,
@@ -143,14 +145,21 @@ class StatusMessages:
     def _estimator(self) -> Fields:
         return {
             "time_usec": self.boot_us,
-            "flags": 831 if self._situation.time_s >= POSITION_AFTER_S else 229,
+            "flags": self._estimator_flags(),
             **dict.fromkeys(
                 ("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio", "mag_ratio", "hagl_ratio"), 0.1
             ),
             "tas_ratio": math.nan,
-            "pos_horiz_accuracy": 0.2,
+            "pos_horiz_accuracy": self._autopilot.positioning.accuracy_m,
             "pos_vert_accuracy": 0.3,
         }
+
+    def _estimator_flags(self) -> int:
+        if self._situation.time_s < POSITION_AFTER_S:
+            return 229
+        if not self._situation.landed:
+            return 895 if self._autopilot.positioning.fused else 101
+        return 831
 
     def _extended_state(self) -> Fields:
         autopilot = self._autopilot

@@ -7,6 +7,7 @@ from typing import Final
 from sitl.conformance.conversation import Conversation, Start
 from sitl.conformance.flight_steps import Arrives, Landed
 from sitl.conformance.line import Link
+from sitl.conformance.parameter_steps import SetParameter
 from sitl.conformance.plan_steps import Mission, Upload, waypoint
 from sitl.conformance.steps import (
     Beats,
@@ -148,6 +149,32 @@ CONVERSATIONS: Final = (
         "battery; loss 426 s",
         (Command(400, (1,)),),
         parameters={"BAT_LOW_THR": 1.2},
+    ),
+    Conversation(
+        "position-lost",
+        "Five seconds without satellites no mode that needs a position can be flown: it descends "
+        "where it drifts, shown as Land; with satellites again it goes on by itself",
+        "measured",
+        (
+            Upload((waypoint(120, autocontinue=False), waypoint(120, 30))),
+            Mission({"mission_state": 2}),
+            SetMode("AUTO_MISSION"),
+            InMode("AUTO_MISSION"),
+            Wait(4.0),
+            SetParameter("SIM_GPS_USED", 0),
+            StaysInMode("AUTO_MISSION", 2.0),
+            Mark(),
+            InMode("AUTO_LAND", 8.0, status=5, intended="AUTO_MISSION"),
+            Event("commander_failsafe_enter_autopilot_disengaged"),
+            Text("Failsafe activated"),
+            SetMode("AUTO_RTL", "TEMPORARILY_REJECTED"),
+            Event("check_estimator_gnss_fusion_stopped", 8.0),
+            SetParameter("SIM_GPS_USED", 10),
+            Mark(),
+            InMode("AUTO_MISSION", 6.0, status=4),
+            Event("check_estimator_gnss_fusion_started"),
+        ),
+        Start.AIR,
     ),
     Conversation(
         "return-can-be-taken-over",
