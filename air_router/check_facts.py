@@ -16,6 +16,9 @@ _TIGHTEST = 3
 _MOST_LINES = 12
 """So many legs that are flown around, or idle zones, are listed; the rest are counted."""
 
+_MOST_STOPS = 8
+_MOST_RUNS = 24
+
 
 def summary(findings: Survey) -> list[str]:
     """A person's view of a mission that was found to be in order."""
@@ -49,7 +52,7 @@ def summary(findings: Survey) -> list[str]:
     ]
     around = findings.around
     lines += [
-        f"  around     {_way(step)}, because of {' and '.join(step.straight_blockers)}"
+        f"  around     {_way(step)}, because of {_names(step.straight_blockers, ' and ')}"
         for step in around[:_MOST_LINES]
     ]
     if len(around) > _MOST_LINES:
@@ -206,19 +209,29 @@ def _ranges(numbers: list[int]) -> str:
             runs[-1].append(number)
         else:
             runs.append([number])
-    return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+    words = [str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs]
+    if len(words) <= _MOST_RUNS:
+        return ", ".join(words)
+    return f"{', '.join(words[:_MOST_RUNS])} ... ({sum(map(len, runs))} waypoints)"
 
 
-def _names(zones: Iterable[str]) -> str:
+def _names(zones: Iterable[str], comma: str = ", ") -> str:
     names = list(zones)
     if len(names) > 5:
         return f"{', '.join(names[:4])} and {len(names) - 4} more"
-    return ", ".join(names)
+    return comma.join(names)
 
 
 def _way(step: Step) -> str:
-    via = [str(leg.node) if leg.node is not None else "a corner" for leg in step.route.legs[:-1]]
-    through = f" by way of {', '.join(via)}" if via else ""
+    via = [leg.node for leg in step.route.legs[:-1]]
+    stops: list[str] = []
+    for corner, nodes in groupby(via, key=lambda node: node is None):
+        named = [str(node) for node in nodes]
+        corners = "a corner" if len(named) == 1 else f"{len(named)} corners"
+        stops += [corners] if corner else named
+    if len(stops) > _MOST_STOPS:
+        stops[_MOST_STOPS - 1 :] = [f"{len(stops) - _MOST_STOPS + 1} more"]
+    through = f" by way of {', '.join(stops)}" if stops else ""
     return f"{_node(step.start)} to {_node(step.end)}{through}"
 
 
@@ -228,6 +241,8 @@ def _node(node: int) -> str:
 
 def _duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
+    if minutes >= 60:
+        return f"{minutes // 60} h {minutes % 60} min"
     return f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 

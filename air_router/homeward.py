@@ -132,19 +132,26 @@ class Homeward:
     @property
     def worst_waypoint(self) -> tuple[int, Way] | None:
         """The waypoint with the longest way home; None if none has a way."""
-        numbers = [w.number for w in self._mission.waypoints if w.number in self.home]
-        if not numbers:
+        ways = {
+            w.number: self.home[w.number] for w in self._mission.waypoints if w.number in self.home
+        }
+        if not ways:
             return None
-        number = max(numbers, key=lambda n: self.pace.time_s(self.home[n]))
-        return number, self.home[number]
+        number = max(ways, key=lambda n: self.pace.time_s(ways[n]))
+        if self._mission.planner.kind != "shortest":
+            return number, ways[number]
+        return self._worst_of_shortest(ways)
 
     @property
     def worst_place(self) -> tuple[tuple[int, int], Way] | None:
         """The leg of the graph with the place that is farthest from home, and the way from there.
 
         On a leg of length L between a and b that is the place from which both ways home, back by a
-        and on by b, are equally long: (L + way of a + way of b) / 2.
+        and on by b, are equally long: (L + way of a + way of b) / 2. None where routes leave the
+        graph.
         """
+        if self._mission.planner.kind == "shortest":
+            return None
         worst: tuple[tuple[int, int], Way] | None = None
         for a, b, edge in self._graph.graph.edges(data=True):
             if a in self.home and b in self.home:
@@ -179,6 +186,20 @@ class Homeward:
                 to = f"rally point {aim}" if aim else "home"
                 found.append(StraightReturn(waypoint.number, to, cuts))
         return tuple(found)
+
+    def _worst_of_shortest(self, ways: Mapping[int, Way]) -> tuple[int, Way]:
+        """The same where routes leave the graph, whose ways are no shorter than the shortest."""
+        worst: tuple[float, int, Way] | None = None
+        for number in sorted(ways, key=lambda n: -self.pace.time_s(ways[n])):
+            way = ways[number]
+            if worst is not None and self.pace.time_s(way) <= worst[0]:
+                break
+            route = self._router.route(self._graph.position(number), HOME_NODE)
+            if isinstance(route, Route):
+                way = min(way, Way(route.length_m, len(route.legs)))
+            worst = max(worst or (0.0, number, way), (self.pace.time_s(way), number, way))
+        assert worst is not None  # noqa: S101 - there are ways
+        return worst[1], worst[2]
 
     def _with_straight(self, ways: Mapping[int, Way], place: Point) -> dict[int, Way]:
         """The ways, with straight ones to a place where these are clear."""

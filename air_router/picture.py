@@ -52,9 +52,10 @@ __all__ = ["PictureError", "draw_airspace", "draw_home", "draw_mission", "draw_z
 
 _DPI = 130
 _MOST_NUMBERS = 150
-"""With more waypoints their numbers would cover each other."""
+"""With more waypoints their numbers would cover each other; so would legs that are no edges."""
 
 _MOST_NAMES = 60
+_MANY_EDGES = 2_000
 
 
 def draw_mission(  # noqa: PLR0913 - the layers of a picture
@@ -205,13 +206,17 @@ def _draw_graph(axes: Axes, graph: WaypointGraph) -> None:
     lines = [[graph.position(a), *graph.via(a, b), graph.position(b)] for a, b in graph.graph.edges]
     axes.add_collection(
         LineCollection(
-            lines, colors=EDGE, linewidths=0.6, zorder=2.5, label=f"{len(lines)} clear connections"
+            lines,
+            colors=EDGE,
+            linewidths=0.6 if len(lines) < _MANY_EDGES else 0.25,
+            zorder=2.5,
+            label=f"{len(lines)} clear connections",
         )
     )
 
 
 def _draw_around(axes: Axes, legs: Sequence[tuple[Point, Point]]) -> None:
-    if legs:
+    if 0 < len(legs) <= _MOST_NUMBERS:
         axes.add_collection(
             LineCollection(
                 list(legs),
@@ -290,8 +295,9 @@ def _draw_places(
 ) -> None:
     wrong = {spot.position for spot in (() if faults is None else faults.spots)}
     seen = [w for w in mission.waypoints if not far(w.position, mission)]
+    dot = 15 if len(seen) <= _MOST_NUMBERS else 5
     for part, marker, size, colour, label in (
-        ([w.position for w in seen if w.position not in wrong], "o", 15, "white", "waypoint"),
+        ([w.position for w in seen if w.position not in wrong], "o", dot, "white", "waypoint"),
         ([p for p in mission.rally_points if p not in wrong], "D", 17, "#f0a92e", "rally point"),
         ([p for p in wrong if not far(p, mission)], "o", 46, WRONG, "wrong place"),
     ):

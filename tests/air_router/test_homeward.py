@@ -54,6 +54,18 @@ def test_the_worst_waypoint_and_the_worst_place_of_a_leg(tmp_path):
     assert way.length_m == pytest.approx(160.0)
 
 
+def test_where_routes_are_the_shortest_so_is_the_worst_way(tmp_path):
+    waypoints = [[80, 0], [80, 80], [-150, -150], [0, 80]]
+    mission = made(tmp_path, waypoints=waypoints, planner={"kind": "shortest"})
+    found = homeward(mission)
+    assert found.worst_place is None
+    assert found.worst_waypoint == (3, Way(math.hypot(150, 150)))
+    hidden = homeward(made(tmp_path, waypoints=waypoints[:2], planner={"kind": "shortest"}))
+    number, way = hidden.worst_waypoint
+    assert number == 2
+    assert 113 < way.length_m < 160  # around the barn, not by way of waypoint 1
+
+
 def test_no_way_home_is_longer_than_over_the_graph_or_shorter_than_straight(pennovation):
     graph = WaypointGraph(pennovation)
     router = Router(graph)
