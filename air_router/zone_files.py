@@ -21,10 +21,10 @@ from air_router.zone_ed269 import read_ed269
 from air_router.zone_ed318 import is_ed318, read_ed318
 from air_router.zone_geojson import read_geojson
 from air_router.zone_kml import read_kml
-from air_router.zone_reading import FileZone, MapCircle, ZoneReading
-from geo.degree_lines import dense_ring
+from air_router.zone_reading import FileZone, MapCircle, MapRing, ZoneReading
+from geo.degree_lines import STEP_M, dense_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
-from geo.zone import Circle, Outline, Shape, ZoneError
+from geo.zone import Circle, Outline, Ring, Shape, ZoneError
 from mocha_link.document import DocumentError, Problem
 
 MAX_BYTES: Final = 32 * 1024 * 1024
@@ -35,7 +35,12 @@ OPEN_REACH_M: Final = 50_000.0
 """Zones farther than this from the fence, or from the mission's places without one, are left out:
 no mission reaches farther."""
 
+MOST_ZONES: Final = 3_000
+"""Of one file near a mission; more are not looked at one by one by any person."""
+
 _DEGREE_M: Final = 111_000.0
+_MOST_STEPS = 20_000
+"""Corners that a ring of long sides gets in between, more or less."""
 
 
 def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
@@ -88,6 +93,12 @@ def add_zones(draft: Draft, path: Path, keys: Keys, allow: Collection[str] = ())
     draft.notes.extend(reading.notes)
     box = _Box(draft)
     near = [zone for zone in reading.zones if box.near(_corners(zone))]
+    if len(near) > MOST_ZONES:
+        message = (
+            f"{len(near)} zones near the mission, at most {MOST_ZONES} are read; thin them out"
+        )
+        draft.problems.append(reading.source.problem((), message, "too-large"))
+        return
     if not _exchanged(draft, reading, near, box):
         _place(draft, reading, near, keys)
 
@@ -101,11 +112,17 @@ def place_zone(zone: FileZone, frame: LocalFrame) -> Shape:
     """
     if isinstance(zone.shape, MapCircle):
         return Circle(frame.to_local(*zone.shape.centre), zone.shape.radius_m)
-    ring, *holes = (
-        tuple(Point(*place) for place in frame.to_local_many(*zip(*dense_ring(ring), strict=True)))
-        for ring in (zone.shape.ring, *zone.shape.holes)
-    )
+    ring, *holes = (_local_ring(ring, frame) for ring in (zone.shape.ring, *zone.shape.holes))
     return Outline(ring, tuple(holes))
+
+
+def _local_ring(ring: MapRing, frame: LocalFrame) -> Ring:
+    corners = np.array([*ring, ring[0]])
+    sides = np.diff(corners, axis=0)
+    sides[:, 1] = (sides[:, 1] + 180) % 360 - 180
+    around_m = float(np.hypot(*sides.T).sum()) * _DEGREE_M
+    dense = dense_ring(ring, max(STEP_M, around_m / _MOST_STEPS))
+    return tuple(Point(*place) for place in frame.to_local_many(*zip(*dense, strict=True)).tolist())
 
 
 def unique_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:

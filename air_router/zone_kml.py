@@ -174,16 +174,7 @@ class _Reader:
         places = self._places(coordinates)
         if places is None:
             return None
-        ring = [place for place, _ in places]
-        if len(ring) > 1 and ring[0] == ring[-1]:
-            ring.pop()
-        if len(set(ring)) < 3:
-            message = f"a ring has {len(set(ring))} different corners, an area needs 3"
-            self.reading.complain(
-                coordinates.keys, f"{message}; draw it again", "zone-too-few-corners"
-            )
-            return None
-        return tuple(ring)
+        return self.reading.ring([place for place, _ in places], coordinates.keys)
 
     def _places(self, element: Element) -> list[tuple[Geodetic, float]] | None:
         """Places and altitudes of <coordinates>; None, with a problem noted."""

@@ -21,6 +21,7 @@ from mocha_link.document import Problem
 
 MAX_RADIUS_M = 1_000_000.0
 MAX_ALTITUDE_M = 100_000.0
+MAX_CORNERS = 20_000
 
 MapRing = tuple[Geodetic, ...]
 """The corners of an outline in degrees; the last one joins the first."""
@@ -101,6 +102,23 @@ class ZoneReading:
     def note(self, keys: Keys, message: str, code: str) -> None:
         """Note what the operator should know."""
         self.notes.append(self.source.problem(keys, message, code))
+
+    def ring(self, places: list[Geodetic], keys: Keys) -> MapRing | None:
+        """Corners as a ring; None, with a problem noted, if they are too few or too many."""
+        if len(places) > 1 and places[0] == places[-1]:
+            places = places[:-1]
+        different = len(set(places))
+        if different < 3:
+            message = f"a ring has {different} different corners, an area needs 3; draw it again"
+            self.complain(keys, message, "zone-too-few-corners")
+            return None
+        if len(places) > MAX_CORNERS:
+            message = (
+                f"a ring of {len(places)} corners, at most {MAX_CORNERS} are read; simplify it"
+            )
+            self.complain(keys, message, "too-large")
+            return None
+        return tuple(places)
 
     def add(
         self,
@@ -219,13 +237,7 @@ class JsonReader:
             for index in range(len(values)):  # again, to tell what is wrong
                 self.position((*keys, index))
             return None
-        if len(ring) > 1 and ring[0] == ring[-1]:
-            ring.pop()
-        if len(set(ring)) < 3:
-            message = f"a ring has {len(set(ring))} different corners, an area needs 3"
-            self.reading.complain(keys, f"{message}; draw it again", "zone-too-few-corners")
-            return None
-        return tuple(ring)
+        return self.reading.ring(ring, keys)
 
 
 def _place(value: Any) -> Geodetic | None:

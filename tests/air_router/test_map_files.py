@@ -244,6 +244,22 @@ def test_a_whole_mission_in_kml():
     assert_same(chart.zones, from_kml(chart))
 
 
+def test_elements_of_kml_stand_in_the_order_of_its_schema():
+    order = [
+        ["kml"], ["Document"], ["Folder"], ["name"], ["Style"], ["Placemark"],
+        ["styleUrl"], ["ExtendedData"], ["Polygon", "LineString", "Point"],
+        ["extrude"], ["tessellate"], ["altitudeMode"], ["outerBoundaryIs"], ["innerBoundaryIs"],
+        ["LinearRing"], ["coordinates"],
+    ]  # fmt: skip
+    rank = {name: index for index, names in enumerate(order) for name in names}
+    root = ET.fromstring(kml_text(chart_of(read_draft(TOWN))))  # noqa: S314 - our own text
+    for element in root.iter():
+        found = [rank.get(child.tag.removeprefix(KML), -1) for child in element]
+        if element.tag.removeprefix(KML) in ("Placemark", "Polygon", "LineString", "Point"):
+            assert found == sorted(found)
+            assert -1 not in found
+
+
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("outline", [ACROSS, MapOutline(ring_of(8, 47, 0.1, 5))])
 def test_rings_in_kml_run_counterclockwise(outline, turned):

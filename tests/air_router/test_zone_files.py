@@ -328,6 +328,29 @@ def shapely_point(place):
     return ShapelyPoint(place)
 
 
+def test_rings_and_zones_without_end_are_bounded(tmp_path):
+    def star(corners):
+        turns = [k * math.tau / corners for k in range(corners)]
+        reach = [0.01 + 0.3 * (k % 2) for k in range(corners)]
+        ring = [
+            [8 + r * math.cos(a), 47 + r * math.sin(a)] for r, a in zip(reach, turns, strict=True)
+        ]
+        return {"type": "Polygon", "coordinates": [ring]}
+
+    draft = draft_at(Geodetic(47.0, 8.0))
+    started = time.process_time()
+    assert add(tmp_path, draft, star(2000)) == ["z0"]
+    assert len(draft.zones[0].shape.ring) < 50_000
+    assert time.process_time() - started < 5
+    draft = draft_at(Geodetic(47.0, 8.0))
+    assert add(tmp_path, draft, star(20_001)) == []
+    assert [problem.code for problem in draft.problems] == ["too-large"]
+    triangles = [[[[8 + i / 1e5, 47], [8 + i / 1e5, 47.001], [8, 47.002]]] for i in range(1, 3002)]
+    draft = draft_at(Geodetic(47.0, 8.0))
+    assert add(tmp_path, draft, {"type": "MultiPolygon", "coordinates": triangles}) == []
+    assert "3001 zones near the mission" in draft.problems[0].message
+
+
 def test_a_countrys_geozones_are_read_in_seconds(tmp_path):
     zones = [
         ed269(identifier=f"X{i}", geometry=[{
