@@ -40,7 +40,8 @@ class GeozoneReader:
 
     def __init__(self, json: JsonReader, allow: Collection[str]) -> None:
         self._json = json
-        self._allow = {word.upper().replace("AUTHORIZATION", "AUTHORISATION") for word in allow}
+        self._allow = {_british(word): word for word in allow}
+        self._used: set[str] = set()
         self.unrestricted = 0
         self.allowed: list[str] = []
 
@@ -55,11 +56,12 @@ class GeozoneReader:
         if word == NO_RESTRICTION:
             self.unrestricted += 1
             return False
-        known = word.replace("AUTHORIZATION", "AUTHORISATION")
+        matches = {_british(word), _british(identifier)} & self._allow.keys()
         if word not in RESTRICTIONS:
             message = f"unknown restriction {str(restriction)[:30]!r}: read as a no-fly zone"
             self.reading.note(keys, message, "unknown-restriction")
-        elif known in self._allow or identifier.upper() in self._allow:
+        if matches:
+            self._used |= matches
             self.allowed.append(identifier)
             return False
         return True
@@ -74,6 +76,9 @@ class GeozoneReader:
             shown = ", ".join(self.allowed[:10]) + (" ..." if len(self.allowed) > 10 else "")
             message = f"{len(self.allowed)} zones that you allow: left out ({shown})"
             self.reading.note((), message, "zone-allowed")
+        for unused in sorted(self._allow.keys() - self._used):
+            message = f"no zone is of restriction or identifier '{self._allow[unused][:40]}'"
+            self.reading.note((), message, "allow-unused")
 
     def altitudes(
         self, keys: Keys, lower: tuple[str, str], upper: tuple[str, str], metres_per_unit: float
@@ -141,6 +146,11 @@ class GeozoneReader:
     def _doubt(self, keys: Keys, error: ValueError) -> None:
         message = f"when it applies is not clear ({error}): read as always"
         self.reading.note(keys, message, "unclear-time")
+
+
+def _british(word: str) -> str:
+    """ED-269 writes AUTHORISATION, ED-318 AUTHORIZATION."""
+    return word.upper().replace("AUTHORIZATION", "AUTHORISATION")
 
 
 def _hours(entry: Any) -> Hours:

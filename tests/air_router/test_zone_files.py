@@ -134,6 +134,20 @@ def test_what_the_operator_may_do_is_left_out(allow, names):
     assert codes(reading)[-1] == "zone-allowed"
 
 
+def test_what_is_allowed_in_vain_is_noted():
+    reading = read("geozones_ed269.json", allow=["CONDITONAL", "xxa002"])
+    assert [zone.name[:6] for zone in reading.zones] == ["XXA001", "XXA001"]
+    assert codes(reading) == ["no-restriction", "zone-allowed", "allow-unused"]
+    assert "'CONDITONAL'" in reading.notes[-1].message
+
+
+def test_a_mission_allows_zones(tmp_path):
+    entry = f"{{file: '{FILES}/geozones_ed318.json', allow: [PROHIBITED, XXA002, CONDITIONAL]}}"
+    found = load_mission(mission(tmp_path, f"no_fly_files: [{entry}]\n"))
+    assert found.zones == ()
+    assert [note.code for note in found.notes] == ["no-restriction", "zone-allowed"]
+
+
 def ed269(**zone):
     projection = {"type": "Circle", "center": [8.0, 47.0], "radius": 50}
     volume = {"uomDimensions": "M", "horizontalProjection": projection}
