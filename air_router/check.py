@@ -83,7 +83,8 @@ def _draw_wrong(draft: Draft, mission: Mission, path: Path) -> None:
     from air_router.faults import faults_of  # noqa: PLC0415 - only for pictures
     from air_router.picture import draw_mission  # noqa: PLC0415 - an extra
 
-    draw_mission(mission, path, faults=faults_of(draft, mission))
+    graph = None if "planner" in draft.unread else WaypointGraph(mission)
+    draw_mission(mission, path, graph=graph, faults=faults_of(draft, mission))
 
 
 def _print_problems(
