@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
@@ -19,6 +20,8 @@ MAX_MESSAGE_BYTES = 64 * 1024
 MAX_PAGES = 32
 _HEARTBEAT_S = 20.0
 _SHUTDOWN_S = 1.0
+_EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - only where the user says so
+_SOMEWHERE = "192.0.2.1"  # kept free for documentation
 
 Receive = Callable[[Outbox, str], None]
 """Takes what a page has sent."""
@@ -90,7 +93,8 @@ class Site:
             await runner.cleanup()
 
     def _address(self, host: str, port: int) -> str:
-        name = f"[{host}]" if ":" in host else host
+        name = _outward_address() if host in _EVERYWHERE else host
+        name = f"[{name}]" if ":" in name else name
         token = f"?{TOKEN}={self._guard.token}" if self._guard.token else ""
         return f"http://{name}:{port}/{token}"
 
@@ -130,8 +134,18 @@ class Site:
 
     async def _hang_up(self, app: web.Application) -> None:
         del app
-        for socket in list(self._sockets):
-            await socket.close()
+        for open_socket in list(self._sockets):
+            await open_socket.close()
+
+
+def _outward_address() -> str:
+    """The address of this machine that others reach; nothing is sent to find it out."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect((_SOMEWHERE, 9))
+        except OSError:  # no network
+            return "127.0.0.1"
+        return str(probe.getsockname()[0])
 
 
 def as_json(message: dict[str, Any]) -> str:

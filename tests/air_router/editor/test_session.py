@@ -14,6 +14,8 @@ from air_router.editor.edits import EditError, read_edit
 from air_router.editor.judgement import Way
 from air_router.editor.mission_text import ChangedOnDiskError, MissionText, SaveError
 from air_router.editor.session import Session, StaleError, UnconfirmedError
+from air_router.editor.starter import write_starter
+from air_router.errors import UsageError
 from mocha_link.document import DocumentError
 
 ROOT = Path(__file__).parents[3]
@@ -281,6 +283,25 @@ def test_every_part_of_a_plan_can_be_taken_hold_of(plan):
 def test_what_is_no_edit_is_refused(text):
     with pytest.raises(EditError, match="not an edit"):
         read_edit(text)
+
+
+def test_a_new_mission_has_no_problems_and_overwrites_nothing(tmp_path):
+    path = tmp_path / "field.yaml"
+    for place in ("39.9421,-75.1998", "-77.85,166.7", "0,-180"):
+        path.unlink(missing_ok=True)
+        write_starter(path, place)
+        assert Session(MissionText(path)).view()["problems"] == []
+    with pytest.raises(UsageError, match="already"):
+        write_starter(path, "1,2")
+    for name, place in (
+        ("field.plan", "1,2"),
+        ("a.yaml", "1"),
+        ("a.yaml", "91,2"),
+        ("a.yaml", "x,y"),
+    ):
+        with pytest.raises(UsageError):
+            write_starter(tmp_path / name, place)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["field.yaml"]
 
 
 # Saving
