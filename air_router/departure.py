@@ -73,7 +73,7 @@ class Departure:
             self.warnings = (f"the vehicle is {where}: it takes the shortest way out",)
             nearest = self._paths.nearest(self.start)
             self._reach_m = 0.0 if nearest is None else 1.5 * math.dist(self.start, nearest) + 1.0
-            others = self._airspace.without(holders)
+            others = self._airspace.leaving(self.start)
             self._near = others.with_margin((others.margin_m - others.clearance_m) / 2)
             return
         margin_m = self._airspace.margin_m
@@ -89,7 +89,8 @@ class Departure:
             return
         drift_m = math.dist(self.start, self.rest)
         self._reach_m = 2 * (margin_m - kept_m) + drift_m + 1.0
-        self._near = self._airspace.with_margin(kept_m - _GIVE_M)
+        nearest_m = min(self._airspace.distance_m(place) for place in (self.start, self.rest))
+        self._near = self._airspace.eased(margin_m - kept_m + _GIVE_M, nearest_m - _GIVE_M)
 
     def allows(self, end: Point) -> bool:
         """Whether the vehicle may be sent straight to `end`, which is clear."""

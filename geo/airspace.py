@@ -12,7 +12,7 @@ points computed to lie on the limit count as clear).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import datetime
 from functools import cached_property
 from typing import cast
@@ -65,6 +65,7 @@ class Airspace:
         clearance_m: the least distance to every zone that has no clearance of its own, and to the
             fences' borders.
         margin_m: kept on top of every clearance. It may be negative: no distance gets less than 0.
+        ease_m: see `eased`.
 
     Raises:
         ZoneError: a fence is not a simple polygon.
@@ -77,6 +78,7 @@ class Airspace:
         zones: Sequence[Zone],
         clearance_m: float,
         margin_m: float = 0.0,
+        ease_m: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         if not 0 <= clearance_m < math.inf:
             raise ValueError(f"a clearance of {clearance_m} m; it must be 0 or more")
@@ -86,11 +88,9 @@ class Airspace:
         self.zones = tuple(zones)
         self.clearance_m = clearance_m
         self.margin_m = margin_m
-        self.distances_m = tuple(
-            max((clearance_m if z.clearance_m is None else z.clearance_m) + margin_m, 0.0)
-            for z in self.zones
-        )
-        self.fence_distance_m = max(clearance_m + margin_m, 0.0)
+        self.ease_m = ease_m
+        self.distances_m = tuple(self._kept_m(zone.clearance_m) for zone in self.zones)
+        self.fence_distance_m = self._kept_m(None)
         self._fences = tuple(Fence(shape) for shape in self.fences)
 
     def __repr__(self) -> str:
@@ -101,35 +101,56 @@ class Airspace:
 
     def with_clearance(self, clearance_m: float) -> Airspace:
         """The same with another clearance for all that has none of its own."""
-        return Airspace(self.fences, self.zones, clearance_m, self.margin_m)
+        return Airspace(self.fences, self.zones, clearance_m, self.margin_m, self.ease_m)
 
     def with_margin(self, margin_m: float) -> Airspace:
         """The same with another margin on top of every clearance."""
-        return Airspace(self.fences, self.zones, self.clearance_m, margin_m)
+        return Airspace(self.fences, self.zones, self.clearance_m, margin_m, self.ease_m)
 
     def as_drawn(self) -> Airspace:
         """The same fences and zones, with no distance to keep from them."""
         return self.with_margin(-math.inf)
 
+    def eased(self, shortfall_m: float, floor_m: float) -> Airspace:
+        """The same with every distance shorter by `shortfall_m`, but none below `floor_m` for that.
+
+        For a vehicle that is too near to something: it may stay as near for a moment. The floor is
+        how near it is, so that a zone with a wide clearance does not take away all of the others'.
+        """
+        ease_m = (shortfall_m, floor_m)
+        return Airspace(self.fences, self.zones, self.clearance_m, self.margin_m, ease_m)
+
     def without(self, names: Sequence[str]) -> Airspace:
         """The airspace without the zones (or the fences) of these names."""
-        zones = tuple(zone for zone in self.zones if zone.name not in names)
         fences = () if FENCE in names else self.fences
-        return Airspace(fences, zones, self.clearance_m, self.margin_m)
+        return self._of(fences, (zone for zone in self.zones if zone.name not in names))
+
+    def leaving(self, point: Point) -> Airspace:
+        """The airspace without the zones that a point is in, and the fences that it is not in."""
+        place = ShapelyPoint(point)
+        zones = (z for i, z in enumerate(self.zones) if self._zone_distance_m(i, place) > 0)
+        held = zip(self.fences, self._fences, strict=True)
+        return self._of([shape for shape, fence in held if fence.depth_m(place) >= 0], zones)
+
+    def around(self, point: Point, reach_m: float) -> Airspace:
+        """The airspace with only the zones that come nearer than this to a point."""
+        place = ShapelyPoint(point)
+        zones = (z for i, z in enumerate(self.zones) if self._zone_distance_m(i, place) <= reach_m)
+        return self._of(self.fences, zones)
 
     def at(self, low_m: float, high_m: float) -> Airspace:
         """The airspace with only the zones that apply somewhere in a range above home."""
-        zones = [z for z in self.zones if z.band is None or z.band.meets(low_m, high_m)]
-        return Airspace(self.fences, zones, self.clearance_m, self.margin_m)
+        bands = ((zone, zone.band) for zone in self.zones)
+        return self._of(
+            self.fences, (z for z, band in bands if band is None or band.meets(low_m, high_m))
+        )
 
     def during(self, start: datetime, end: datetime | None) -> Airspace:
         """The airspace with only the zones that apply at some time between (None: for ever)."""
-        zones = [
-            zone
-            for zone in self.zones
-            if zone.validity is None or zone.validity.active_between(start, end)
-        ]
-        return Airspace(self.fences, zones, self.clearance_m, self.margin_m)
+        times = ((zone, zone.validity) for zone in self.zones)
+        return self._of(
+            self.fences, (z for z, at in times if at is None or at.active_between(start, end))
+        )
 
     def point_clear(self, point: Point) -> bool:
         """Whether the vehicle may be here."""
@@ -303,6 +324,15 @@ class Airspace:
         return STRtree(
             shapely.box(west - reach_m, south - reach_m, east + reach_m, north + reach_m)
         )
+
+    def _of(self, fences: Sequence[Shape], zones: Iterable[Zone]) -> Airspace:
+        return Airspace(fences, tuple(zones), self.clearance_m, self.margin_m, self.ease_m)
+
+    def _kept_m(self, own_clearance_m: float | None) -> float:
+        clearance_m = self.clearance_m if own_clearance_m is None else own_clearance_m
+        distance_m = clearance_m + self.margin_m
+        shortfall_m, floor_m = self.ease_m
+        return max(distance_m - shortfall_m, min(distance_m, floor_m), 0.0)
 
     def _free(self, grown: _Grown) -> BaseGeometry:
         clear: BaseGeometry = shapely.box(*_UNFENCED_M)

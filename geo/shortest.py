@@ -13,7 +13,6 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
-import shapely
 
 from geo.airspace import Airspace
 from geo.frame import Point
@@ -145,10 +144,7 @@ class ShortestPaths:
         """
         if not len(self.mesh):
             return None
-        east_m, north_m = point
-        box = shapely.box(east_m - _OUT_M, north_m - _OUT_M, east_m + _OUT_M, north_m + _OUT_M)
-        zones = [zone for zone in near.zones if zone.polygon.intersects(box)]
-        local = ShortestPaths(Airspace(near.fences, zones, near.clearance_m, near.margin_m))
+        local = ShortestPaths(near.around(point, 1.5 * _OUT_M))
         best: Path | None = None
         least_m = _OUT_M
         places = [self.mesh.nearest(point)[1], *self.mesh.corners_within(point, _OUT_M)]

@@ -145,6 +145,29 @@ def test_spare_distance_weighs_what_is_kept():
     assert Airspace(FENCED, [], 5).spare_m(P(97, 0)) == (-2, FENCE)
 
 
+def test_easing_for_one_zone_takes_little_from_the_others():
+    zones = [box("wide", 0, 0, 10, 10, clearance_m=50), box("usual", 100, 0, 110, 10)]
+    space = Airspace(FENCED, zones, 5, 1.5)
+    assert space.eased(3, 4).distances_m == (48.5, 4)
+    assert space.eased(48, 3.5).distances_m == (3.5, 3.5)
+    assert space.eased(48, 3.5).fence_distance_m == 3.5
+    assert space.eased(1, 9).distances_m == (50.5, 6.5)
+    assert space.eased(99, -2).distances_m == (0, 0)
+    assert space.eased(48, 3.5).point_clear(P(-4, 5))
+    assert not space.point_clear(P(-4, 5))
+
+
+def test_on_the_way_out_everything_else_still_counts():
+    fences = [Circle(P(0, 0), 50), Outline(FENCED)]
+    space = Airspace(fences, [box("a", 60, 0, 70, 10), box("b", 65, 5, 80, 20)], 5, 1)
+    out = space.leaving(P(66, 6))
+    assert out.fences == (fences[1],)
+    assert out.zones == ()
+    assert [zone.name for zone in space.leaving(P(61, 1)).zones] == ["b"]
+    assert space.leaving(P(0, 0)).fences == tuple(fences)
+    assert (out.clearance_m, out.margin_m) == (5, 1)
+
+
 @pytest.mark.parametrize("margin_m", [math.nan, math.inf])
 def test_a_margin_is_a_distance(margin_m):
     with pytest.raises(ValueError, match="margin"):
