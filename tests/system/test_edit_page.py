@@ -171,6 +171,8 @@ def test_zones_are_reshaped_and_a_draft_is_saved_when_that_is_confirmed(mission,
     page.page.keyboard.press("Control+s")
     page.page.get_by_role("button", name="Save the draft").click()
     page.expect_saved()
+    page.page.locator("#problems button").first.click()
+    sync_api.expect(page.page.locator("#inspector")).to_be_visible()
     assert (
         len(changes((ROOT / "missions/pennovation/mission.yaml").read_text(), mission.read_text()))
         == 2

@@ -167,6 +167,16 @@ async function save(options = {}) {
   }
 }
 
+/** Begin again with what is on the disk. */
+async function load() {
+  if (store.state?.dirty) {
+    const choices = [{ label: "Go on editing", value: "" }, { label: "Load it", value: "load", main: true }];
+    const text = "what you changed since the last save will be lost.";
+    if (!(await question("Load the file?", text, choices))) return;
+  }
+  await store.ask("reload");
+}
+
 /** @param {any} error @param {object} options */
 async function unsaved(error, options) {
   if (error.kind === "unconfirmed") {
@@ -195,7 +205,7 @@ store.addEventListener("setting", (event) => {
 });
 store.addEventListener("disk", (event) => {
   if (!(/** @type {any} */ (event).detail.changed)) return;
-  const reload = { label: "Load it", act: () => store.ask("reload") };
+  const reload = { label: "Load it", act: () => load() };
   say("The file was changed by another program.", reload);
 });
 store.addEventListener("refused", (event) => {
