@@ -6,14 +6,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from sitl.conformance.flight_steps import TakeOff
+from sitl.conformance.flight_steps import Disarmed, TakeOff
 from sitl.conformance.line import Line, Link, SilentVehicleError
-from sitl.conformance.parameter_steps import SetParameter
+from sitl.conformance.parameter_steps import SetParameter, read_value
+from sitl.conformance.plan_steps import ClearAll
 from sitl.conformance.steps import Step
-from sitl.conformance.talk import DepartureError, Talk
+from sitl.conformance.talk import GROUND_STATION, DepartureError, Talk
+from sitl.px4_modes import FlightMode
 
 _READY: int = 0x10000000  # SYS_STATUS: pre-arm check
 _READY_S: float = 60.0
+_HEARD_S: float = 10.0
+_LANDED_S: float = 120.0
+_SETTLE_S: float = 1.5
+_ARMED: int = 128
 
 
 class Start(Enum):
@@ -74,29 +80,32 @@ class Outcome:
 
 
 def converse(conversation: Conversation, line: Line) -> Outcome:
-    """Hold one conversation; the line is to a vehicle that was just started."""
+    """Hold one conversation; a vehicle that was not started for it is brought back afterwards."""
     missing = conversation.links - line.links
     if missing:
         names = ", ".join(link.value for link in missing)
         return Outcome(conversation.name, held=False, departure=f"no {names} link", left_out=True)
     talk = Talk(line)
     step: Step | None = None
+    before: dict[str, float] = {}
     try:
-        unfit = _prepare(conversation, talk)
+        unfit = _prepare(conversation, talk, before)
         if unfit:
             return Outcome(conversation.name, held=False, departure=unfit, left_out=True)
         talk.notes.clear()
         begun_s = talk.now_s
         for step in conversation.steps:
             step.play(talk)
+        took_s, notes = talk.now_s - begun_s, tuple(talk.notes)
+        step = None
+        if not line.fresh:
+            tidy(talk, before)
     except (DepartureError, SilentVehicleError) as error:
-        at = f"{type(step).__name__}: " if step is not None else "before it began: "
+        at = f"{type(step).__name__}: " if step is not None else "before or after it: "
         return Outcome(
             conversation.name, held=False, departure=f"{at}{error}", notes=tuple(talk.notes)
         )
-    return Outcome(
-        conversation.name, held=True, notes=tuple(talk.notes), took_s=talk.now_s - begun_s
-    )
+    return Outcome(conversation.name, held=True, notes=notes, took_s=took_s)
 
 
 def converse_all(
@@ -123,10 +132,15 @@ def converse_all(
     return outcomes
 
 
-def _prepare(conversation: Conversation, talk: Talk) -> str:
-    """Bring the vehicle to the start; why it cannot be used, if so."""
+def _prepare(conversation: Conversation, talk: Talk, before: dict[str, float]) -> str:
+    """Bring the vehicle to the start; why it cannot be used, if so.
+
+    `before` is filled with the values that the parameters had.
+    """
     if conversation.start is Start.BOOT:
-        return ""
+        return "" if talk.line.fresh else "needs a vehicle that was just started"
+    if not talk.line.fresh:
+        tidy(talk, {})
     _wait_ready(talk)
     version = _version(talk)
     talk.two_answers = version <= (1, 17)
@@ -135,10 +149,42 @@ def _prepare(conversation: Conversation, talk: Talk) -> str:
     if conversation.since is not None and version < conversation.since:
         return f"only from PX4 {_words(conversation.since)} on"
     for name, value in conversation.parameters.items():
+        if not talk.line.fresh:
+            before[name] = read_value(talk, name)
         _set(talk, name, value)
     if conversation.start is Start.AIR:
         TakeOff().play(talk)
     return ""
+
+
+def tidy(talk: Talk, parameters: Mapping[str, float]) -> None:
+    """Bring a vehicle back: on the ground, disarmed, in Hold, without a plan.
+
+    Args:
+        talk: With the vehicle.
+        parameters: To be set back.
+    """
+    talk.streams.clear()
+    talk.beats = {Link.API: GROUND_STATION, Link.GROUND: GROUND_STATION}
+    talk.mark()
+    if not talk.run(_HEARD_S, lambda: talk.newest("HEARTBEAT") is not None):
+        raise DepartureError("no HEARTBEAT")
+    beat = talk.newest("HEARTBEAT") or {}
+    if beat["base_mode"] & _ARMED:
+        _ask_mode(talk, "AUTO_LAND")
+        Disarmed(_LANDED_S).play(talk)
+    _ask_mode(talk, "AUTO_LOITER")
+    for kind in (0, 1, 2):
+        ClearAll(kind).play(talk)
+    for name, value in parameters.items():
+        _set(talk, name, value)
+
+
+def _ask_mode(talk: Talk, name: str) -> None:
+    main, sub = FlightMode[name].value[:2]
+    fields = {"param1": 1.0, "param2": float(main), "param3": float(sub), "command": 176}
+    talk.say("COMMAND_LONG", **(talk.target | fields))
+    talk.run(_SETTLE_S)
 
 
 def _wait_ready(talk: Talk) -> None:
@@ -150,8 +196,6 @@ def _wait_ready(talk: Talk) -> None:
 
     if not talk.run(_READY_S, ready):
         raise DepartureError(f"not ready to arm within {_READY_S:g} s")
-    heartbeat = next(iter(talk.since("HEARTBEAT")))
-    talk.vehicle_id = heartbeat.frame.system_id
     talk.run(1.0)
 
 

@@ -78,6 +78,21 @@ class ReadParameter:
             )
 
 
+def read_value(talk: Talk, name: str) -> float:
+    """The value of a parameter: an int where PX4 has one.
+
+    Raises:
+        DepartureError: no answer.
+    """
+    talk.mark()
+    talk.say("PARAM_REQUEST_READ", **talk.target, param_id=name.encode(), param_index=-1)
+    values = _values(talk, name, 1)
+    if not values:
+        raise DepartureError(f"expected the parameter {name}, heard silence")
+    whole = talk.since("PARAM_VALUE")[-1].fields["param_type"] == INT32
+    return int(values[0]) if whole else values[0]
+
+
 @dataclass(frozen=True)
 class ListParameters:
     """PARAM_REQUEST_LIST: every parameter comes, within a time.

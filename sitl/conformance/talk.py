@@ -86,7 +86,7 @@ class Talk:
         track: Every position heard.
         counts: How many messages came in, by link and name.
         two_answers: Whether DO_SET_MODE is answered twice, as PX4 1.17 does.
-        vehicle_id: The vehicle's system id.
+        vehicle_id: The vehicle's system id, as it was heard.
     """
 
     def __init__(self, line: Line) -> None:
@@ -141,6 +141,8 @@ class Talk:
 
     def run(self, seconds: float, until: Callable[[], bool] | None = None) -> bool:
         """Let the vehicle's time pass; whether `until` became true."""
+        while not self.now_s:  # the vehicle's clock was not heard yet
+            self._listen()
         end_s = self.now_s + seconds
         while True:
             if until is not None and until():
@@ -148,8 +150,7 @@ class Talk:
             if self.now_s >= end_s:
                 return until is None
             self._speak_on()
-            for link, frame in self.line.listen():
-                self._hear(link, frame)
+            self._listen()
 
     def since(self, name: str, link: Link = Link.API) -> list[Heard]:
         """The messages of a name since the present exchange began."""
@@ -205,6 +206,10 @@ class Talk:
             home["altitude"] / 1e3,
         )
 
+    def _listen(self) -> None:
+        for link, frame in self.line.listen():
+            self._hear(link, frame)
+
     def _speak_on(self) -> None:
         now_s = self.now_s
         if now_s - self._beat_s >= _BEAT_S:
@@ -227,6 +232,8 @@ class Talk:
     def _hear(self, link: Link, frame: Frame) -> None:
         if frame.component_id != _AUTOPILOT and frame.name != "STATUSTEXT":
             return  # passed on from the other link
+        if frame.name == "HEARTBEAT":
+            self.vehicle_id = frame.system_id
         self.counts[link, frame.name] += 1
         heard = Heard(self.now_s, link, frame)
         self._newest[link, frame.name] = heard

@@ -1,6 +1,8 @@
 """Our autopilot holds to every recorded conversation; and a departure is noticed and told."""
 
 import json
+import socket
+import threading
 
 import pytest
 
@@ -26,6 +28,7 @@ from sitl.conformance.steps import (
 from sitl.conformance.udp_line import UdpLine
 from sitl.mavlink_vehicle import VehicleSettings
 from sitl.situation import Place
+from sitl.vehicle import Ports, VehicleProcess
 
 HOME = Place(47.397742, 8.545594, 489.4)
 
@@ -113,6 +116,37 @@ class TestDepartures:
             silent.close()
         assert "no vehicle sends" in outcome.departure
         assert isinstance(SilentVehicleError("x"), Exception)
+
+
+class TestOverUdp:
+    @pytest.fixture
+    def vehicle(self):
+        """One vehicle as a process would run it, for several conversations."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        ports = Ports(("", 0), ("127.0.0.1", port), ("", 0), None, ("", 0), ("127.0.0.1", 9))
+        settings = VehicleSettings(HOME, speed=20.0, system_id=7, ground_link=False)
+        stop = threading.Event()
+        with VehicleProcess(settings, ports) as process:
+            runner = threading.Thread(target=process.run, args=(stop.is_set,))
+            runner.start()
+            yield port
+            stop.set()
+            runner.join()
+
+    def test_conversations_follow_each_other_on_one_vehicle(self, vehicle, capsys):
+        names = ("fence-around-home", "arm-twice", "goto-into-a-zone", "fence-warning")
+        code = cli.main(["conform", *names, "--connect", f"udpin://127.0.0.1:{vehicle}", "--json"])
+        said = capsys.readouterr()
+        rows = json.loads(said.out)
+        assert code == 0, said.err
+        assert {row["name"]: row["held"] for row in rows} == dict.fromkeys(names, True)
+
+    def test_one_that_needs_a_fresh_vehicle_is_left_out(self, vehicle, capsys):
+        url = f"udpin://127.0.0.1:{vehicle}"
+        assert cli.main(["conform", "arming-before", "--connect", url, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)[0]["left_out"]
 
 
 class TestVersions:
