@@ -127,7 +127,7 @@ def _of_area(path: Path, terms: Terms) -> Field:
         frame = LocalFrame(terms.home or origin)
     except FrameError as error:
         raise UsageError(f"--home: {error}") from None
-    settings = PlannerSettings()
+    settings = PlannerSettings(kind="shortest")  # from row to row, not over other rows' ends
     if terms.clearance_m is not None:
         settings = replace(settings, clearance_m=terms.clearance_m)
     draft = Draft(

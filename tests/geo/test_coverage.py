@@ -1,8 +1,10 @@
 """Rows over areas: what they see is judged point by point, their legs by the airspace."""
 
 import itertools
+import json
 import math
 import random
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from geo.frame import Point
 from geo.missed import Why
 from geo.zone import Circle, Outline, Zone
 
+MAPS = Path(__file__).parents[1] / "data" / "maps"
 OPEN = Airspace(None, [], 5.0)
 FIELD = Polygon([(0, 0), (300, 0), (300, 200), (0, 200)])
 SWATH = Swath(across_m=40.0, along_m=30.0, spacing_m=30.0)
@@ -167,6 +170,20 @@ def test_zones_in_line_with_the_rows_that_touch_each_other(bearing_deg):
     coverage = plan(FIELD, airspace, bearing_deg=bearing_deg, start=Point(10, 10))
     check(coverage, FIELD, airspace)
     assert coverage.share > 0.98
+
+
+@pytest.mark.parametrize("name", ["W100_Z3", "W100_Z20", "W100_Z100"])
+def test_the_maps_of_the_router(name):
+    data = json.loads((MAPS / f"{name}_disjoint.json").read_text())
+    zones = [Zone(str(n), tuple(Point(*c) for c in z)) for n, z in enumerate(data["zones"])]
+    fence = tuple(Point(*corner) for corner in data["fence"])
+    airspace = Airspace(fence, zones, data["clearance"])
+    swath = Swath(50.0, 35.0, 40.0)
+    coverage = plan(Polygon(fence), airspace, swath)
+    check(coverage, Polygon(fence), airspace, swath)
+    assert coverage.share > 0.998
+    inside = airspace.as_drawn()
+    assert all(inside.leg_clear(*leg) for leg in coverage.legs)
 
 
 def test_what_cannot_be_covered_at_all_is_said():
