@@ -13,13 +13,21 @@ from air_router.zone_restriction import METRES_PER_UNIT, GeozoneReader
 
 
 def read_ed269(document: JsonDocument, allow: Collection[str] = ()) -> ZoneReading:
-    """The no-fly zones of an ED-269 file: an object with `features`, or the bare list of them."""
+    """The no-fly zones of an ED-269 file: an object with `features`, or the bare list of them.
+
+    Older files call it `UASZoneList`, and the `schedule` in it `dailyPeriod`.
+    """
     reader = _Reader(document, allow)
-    features: Keys = () if isinstance(document.data, list) else ("features",)
+    features: Keys = () if isinstance(document.data, list) else (zones_key(document.data),)
     for index in range(len(reader.json.entries(features, "the zones"))):
         reader.read_zone((*features, index), index + 1)
     reader.geozone.finish()
     return reader.json.reading
+
+
+def zones_key(data: dict[str, Any]) -> str:
+    """The key of the list of zones."""
+    return "UASZoneList" if "UASZoneList" in data else "features"
 
 
 class _Reader:

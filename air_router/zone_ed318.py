@@ -72,7 +72,9 @@ class _Reader(GeometryReader):
         layer: Keys = (*keys, "layer")
         if self.at(*layer) is None:
             return [(keys, None)]
-        unit = self.choice((*layer, "uom"), "the unit of a layer", METRES_PER_UNIT)
+        unit = 1.0  # metres, unless the layer says otherwise
+        if self.at(*layer, "uom") is not None:
+            unit = self.choice((*layer, "uom"), "the unit of a layer", METRES_PER_UNIT)
         altitudes = self.geozone.altitudes(
             layer, ("lower", "lowerReference"), ("upper", "upperReference"), unit or 1.0
         )

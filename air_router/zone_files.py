@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from air_router.draft import Area, Draft, Keys, Place
 from air_router.json_document import bytes_of, json_from_text, text_in
-from air_router.zone_ed269 import read_ed269
+from air_router.zone_ed269 import read_ed269, zones_key
 from air_router.zone_ed318 import is_ed318, read_ed318
 from air_router.zone_geojson import read_geojson
 from air_router.zone_kml import read_kml
@@ -138,9 +138,9 @@ def unique_names(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
     return answer
 
 
-def _is_ed269(data: dict[str, object]) -> bool:
+def _is_ed269(data: dict[str, Any]) -> bool:
     """Whether it has features, and not those of GeoJSON: their geometries are lists of volumes."""
-    features = data.get("features")
+    features = data.get(zones_key(data))
     if not isinstance(features, list):
         return False
     if data.get("type") != "FeatureCollection":

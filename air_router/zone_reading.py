@@ -6,6 +6,7 @@ Formats differ in their words; readers of JSON formats share how positions and r
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -22,6 +23,8 @@ from mocha_link.document import Problem
 MAX_RADIUS_M = 1_000_000.0
 MAX_ALTITUDE_M = 100_000.0
 MAX_CORNERS = 20_000
+
+_NUMBER = re.compile(r"-?[0-9]{1,9}(\.[0-9]{1,9})?")
 
 MapRing = tuple[Geodetic, ...]
 """The corners of an outline in degrees; the last one joins the first."""
@@ -162,9 +165,16 @@ class JsonReader:
         self.wrong(keys, f"{what} must be a list")
         return []
 
-    def number(self, keys: Keys, what: str, lowest: float, highest: float) -> float | None:
-        """A number in a range; None, with a problem noted, if it is something else."""
+    def number(
+        self, keys: Keys, what: str, lowest: float, highest: float, *, in_text: bool = False
+    ) -> float | None:
+        """A number in a range; None, with a problem noted, if it is something else.
+
+        With `in_text` it may stand in quotes.
+        """
         value = self.at(*keys)
+        if in_text and isinstance(value, str) and _NUMBER.fullmatch(value):
+            value = float(value)
         if not _is_number(value):
             self.wrong(keys, f"{what} must be a number")
             return None

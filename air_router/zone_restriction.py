@@ -99,9 +99,7 @@ class GeozoneReader:
     def _limit(self, keys: Keys, reference_keys: Keys, metres_per_unit: float) -> Limit | None:
         if self._json.at(*keys) is None:
             return None
-        value = self._json.number(
-            keys, "an altitude", -MAX_ALTITUDE_M / metres_per_unit, MAX_ALTITUDE_M / metres_per_unit
-        )
+        value = self._json.number(keys, "an altitude", -1e6, 1e9, in_text=True)
         word = self._json.at(*reference_keys)
         if word is None:
             message = "an altitude that does not say from where it counts: read as without limit"
@@ -111,8 +109,8 @@ class GeozoneReader:
         if reference is None and str(word).upper() == "WGS84":
             message = "an altitude above the ellipsoid: read as without limit"
             self.reading.note(keys, message, "no-reference")
-        if value is None or reference is None:
-            return None
+        if value is None or reference is None or value * metres_per_unit > MAX_ALTITUDE_M:
+            return None  # what ends beyond all flight has no end
         return Limit(value * metres_per_unit, reference)
 
     def validity(
@@ -129,7 +127,7 @@ class GeozoneReader:
 
     def _period(self, keys: Keys, permanent: bool) -> Period:
         daily: list[Hours] = []
-        schedule = self._json.at(*keys, "schedule")
+        schedule = self._json.at(*keys, "schedule") or self._json.at(*keys, "dailyPeriod")
         bounds = [self._json.at(*keys, name) or None for name in ("startDateTime", "endDateTime")]
         start, end = (None, None) if permanent else bounds
         try:
@@ -159,4 +157,7 @@ def _hours(entry: Any) -> Hours:
     for event in ("startEvent", "endEvent"):
         if entry.get(event) is not None:
             raise ValueError(f"it depends on the sun ({entry[event]!s:.10})")
-    return hours_of(days_of(entry.get("day")), entry.get("startTime"), entry.get("endTime"))
+    start, end = entry.get("startTime"), entry.get("endTime")
+    if start is None and end is None:
+        start = end = "00:00Z"  # the whole day
+    return hours_of(days_of(entry.get("day")), start, end)

@@ -278,8 +278,8 @@ MALFORMED = [
     ("z.json", ed269('"uomDimensions": "YD"'), '"YD",', "wrong-type", "one of M, FT"),
     (
         "z.json",
-        ed269('"uomDimensions": "M", "upperLimit": "9", "upperVerticalReference": "AGL"'),
-        '"9", "upperVer',
+        ed269('"uomDimensions": "M", "upperLimit": "FL9", "upperVerticalReference": "AGL"'),
+        '"FL9", "upperV',
         "wrong-type",
         "an altitude must be a number",
     ),
@@ -321,9 +321,9 @@ MALFORMED = [
     ),
     (
         "z.json",
-        ed318(POLYGON[:-1] + ', "layer": {"upper": 3, "upperReference": "AGL"}}'),
-        '{"upper": 3, "',
-        "missing-key",
+        ed318(POLYGON[:-1] + ', "layer": {"upper": 3, "uom": "yd", "upperReference": "AGL"}}'),
+        '"yd"',
+        "wrong-type",
         "the unit of a layer must be one of M, FT",
     ),
     (

@@ -161,6 +161,42 @@ def test_ed269_that_calls_itself_a_feature_collection(tmp_path):
     assert len(read_zones(path).zones) == 1
 
 
+def test_ed269_as_it_was_written_years_ago(tmp_path):
+    daily = {"day": [], "startTime": None, "endTime": None}
+    period = {"permanent": "NO", "startDateTime": None, "endDateTime": None}
+    projection = {"type": "Circle", "center": [8.0, 47.0], "radius": 50}
+    volume = {
+        "uomDimensions": "FT",
+        "lowerLimit": "100",
+        "lowerVerticalReference": "AGL",
+        "upperLimit": None,
+        "upperVerticalReference": "AGL",
+        "horizontalProjection": projection,
+    }
+    zones = [
+        ed269(geometry=[volume], applicability=[{**period, "dailyPeriod": [daily]}]),
+        ed269(applicability=[{**period, "dailyPeriod": [{**daily, "day": ["MON"]}]}]),
+    ]
+    path = tmp_path / "z.json"
+    path.write_text(json.dumps({"formatVersion": "1.0.0", "UASZoneList": zones}))
+    reading = read_zones(path)
+    assert reading.problems == reading.notes == []
+    every, mondays = reading.zones
+    assert every.altitudes == Altitudes(lower=Limit(pytest.approx(30.48), GROUND))
+    assert every.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
+    assert not mondays.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
+
+
+def test_a_layer_counts_metres_unless_it_says_otherwise(tmp_path):
+    document = json.loads((FILES / "geozones_ed318.json").read_text())
+    del document["features"][0]["geometry"]["layer"]["uom"]
+    document["features"][1]["geometry"]["geometries"][1]["layer"]["upper"] = 999_999
+    path = tmp_path / "z.json"
+    path.write_text(json.dumps(document))
+    assert read_zones(path).zones[0].altitudes.upper == Limit(400, GROUND)
+    assert read_zones(path).zones[2].altitudes.upper is None  # beyond all flight
+
+
 def test_geozones_in_doubt_are_the_larger_zone(tmp_path):
     path = tmp_path / "z.json"
     path.write_text(
