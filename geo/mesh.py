@@ -51,17 +51,23 @@ class Mesh:
 
     def __init__(self, parts: Sequence[Polygon]) -> None:
         cut = shapely.constrained_delaunay_triangles(np.array(parts, dtype=object))
-        pieces, part = shapely.get_parts(cut, return_index=True)
-        outlines = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3]
+        part = np.repeat(np.arange(len(parts)), shapely.get_num_geometries(cut))
+        outlines = shapely.get_coordinates(cut).reshape(-1, 4, 2)[:, :3]
+        del cut
         triangles, east_m, north_m = _vertices(outlines)
         back, left, right = _neighbours(triangles, len(east_m))
         self.part = part
-        self.back: list[int] = back.tolist()
+        numbers = list(range(-1, max(back.size, east_m.size)))  # each is one object in all lists
+
+        def listed(values: Integers) -> list[int]:
+            return list(map(numbers.__getitem__, (values + 1).ravel().tolist()))
+
+        self.back = listed(back)
         self.east_m: list[float] = east_m.tolist()
         self.north_m: list[float] = north_m.tolist()
         self.places = list(zip(self.east_m, self.north_m, strict=True))
-        sides = (np.roll(triangles, -step, axis=1).ravel().tolist() for step in range(3))
-        self.entries: list[Entry] = list(zip(*sides, left.tolist(), right.tolist(), strict=True))
+        sides = (listed(np.roll(triangles, -step, axis=1)) for step in range(3))
+        self.entries: list[Entry] = list(zip(*sides, listed(left), listed(right), strict=True))
         self.corner: list[bool] = _reflex(triangles, east_m, north_m).tolist()
         border = np.flatnonzero(back < 0)
         ends = np.roll(triangles, -1, axis=1).ravel()[border]
