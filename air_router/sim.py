@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import json
 import logging
 import math
@@ -25,22 +26,30 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from air_router.command_line import add_start
 from air_router.errors import NoVehicleError
 from air_router.fly import FlyOptions, add_flight_arguments, finish, fly
 from air_router.mission import load_mission
 
 _log = logging.getLogger(__name__)
 
-READY_S = 30.0
+READY_S = 60.0
 STOP_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class SimOptions:
-    """How the world is simulated: times real time, and the seed of everything random in it."""
+    """How the world is simulated.
+
+    Attributes:
+        speed: Times real time.
+        seed: Of everything random in it.
+        px4: Fly a real PX4: where it is, empty where `sitl px4` finds it; None: our own.
+    """
 
     speed: float = 1.0
     seed: int = 1
+    px4: str | None = None
 
 
 class Child:
@@ -51,7 +60,11 @@ class Child:
         self._log = log
         with log.open("wb") as stderr:
             self._process = subprocess.Popen(  # noqa: S603 - our own program and arguments
-                [sys.executable, "-m", "sitl", *arguments],
+                # The world ends with the flight, also if that is killed.
+                [
+                    *(sys.executable, "-m", "sitl.end_with_parent", str(os.getpid())),
+                    *(sys.executable, "-m", "sitl", *arguments),
+                ],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=stderr,
@@ -101,57 +114,58 @@ class World:
 
     Attributes:
         url: Where the flight finds the vehicle.
+        system_id: The vehicle's.
         team: The team file with the ports of this simulation.
         camera: Where the camera's patches come from.
     """
 
     def __init__(self, mission: Path, options: SimOptions, folder: Path) -> None:
+        self._mission = mission
+        self._options = options
         self._folder = folder
         self._report = folder / "world.json"
-        api_port, truth_port, camera_port = _free_ports()
-        epoch_s = str(int(time.time()))
-        common = ["--seed", str(options.seed), "--epoch", epoch_s]
         self._children: list[Child] = []
-        self.url = f"udpin://127.0.0.1:{api_port}"
+        self.url, self.system_id = "", 1
         try:
-            team = self._start(
-                "team",
-                [
-                    "team",
-                    str(mission),
-                    "--truth",
-                    f"udp://127.0.0.1:{truth_port}",
-                    "--camera",
-                    f"tcp://127.0.0.1:{camera_port}",
-                    "--free-ports",
-                    str(folder),
-                    "--report",
-                    str(self._report),
-                    *common,
-                ],
-            )
-            vehicle = self._start(
-                "vehicle",
-                [
-                    "vehicle",
-                    str(mission),
-                    "--speed",
-                    str(options.speed),
-                    "--api-to",
-                    f"127.0.0.1:{api_port}",
-                    "--truth-to",
-                    f"127.0.0.1:{truth_port}",
-                    "--no-gcs",
-                    *common,
-                ],
-            )
-            ready = team.ready()
-            vehicle.ready()
+            ready = self._with_ours() if options.px4 is None else self._with_px4(options.px4)
         except BaseException:
             self.stop()
             raise
         self.team = Path(ready["team"])
         self.camera = str(ready["camera"])
+
+    def _with_ours(self) -> dict[str, Any]:
+        """Our own vehicle and a team around it; both know when time began."""
+        api_port, truth_port, _ = _free_ports()
+        epoch = ["--epoch", str(int(time.time()))]
+        self.url = f"udpin://127.0.0.1:{api_port}"
+        team = self._start_team(f"udp://127.0.0.1:{truth_port}", epoch)
+        ports = ["--api-to", f"127.0.0.1:{api_port}", "--truth-to", f"127.0.0.1:{truth_port}"]
+        vehicle = self._start_vehicle(
+            "vehicle", [*ports, "--no-gcs", "--seed", str(self._options.seed), *epoch]
+        )
+        ready = team.ready()
+        vehicle.ready()
+        return ready
+
+    def _with_px4(self, place: str) -> dict[str, Any]:
+        """A real PX4, which chooses its ports and its time, and a team that follows it."""
+        where = ["--px4", place] if place else []
+        files = ["--log-dir", str(self._folder / "px4")]
+        vehicle = self._start_vehicle("px4", [*where, *files]).ready()
+        self.url, self.system_id = str(vehicle["mavlink"]), int(vehicle["system_id"])
+        return self._start_team(str(vehicle["truth"]), []).ready()
+
+    def _start_vehicle(self, command: str, arguments: list[str]) -> Child:
+        common = [command, str(self._mission), "--speed", str(self._options.speed)]
+        return self._start(command, [*common, *arguments])
+
+    def _start_team(self, truth: str, arguments: list[str]) -> Child:
+        _, _, camera_port = _free_ports()
+        places = ["--truth", truth, "--camera", f"tcp://127.0.0.1:{camera_port}"]
+        files = ["--free-ports", str(self._folder), "--report", str(self._report)]
+        seed = ["--seed", str(self._options.seed)]
+        return self._start("team", ["team", str(self._mission), *places, *files, *seed, *arguments])
 
     def _start(self, name: str, arguments: list[str]) -> Child:
         child = Child(name, arguments, self._folder / f"{name}.log")
@@ -191,23 +205,36 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         epilog="example: air-router sim missions/pennovation/mission.yaml --speed 10",
     )
     add_flight_arguments(parser)
+    add_start(parser)
     parser.add_argument(
         "--speed", type=_speed, default=1.0, metavar="X", help="times real time (default 1)"
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all that is random")
+    parser.add_argument(
+        "--px4",
+        nargs="?",
+        const="",
+        metavar="PATH",
+        help="fly a real PX4 instead of our own: found as `sitl px4` finds it, or there",
+    )
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly in a world of its own, and report on stdout."""
-    mission = load_mission(arguments.mission)
+    mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
+    # The simulated vehicle's clock is today's, whenever the flight is meant to be.
+    mission = dataclasses.replace(
+        mission, window=dataclasses.replace(mission.window, latest_start=None)
+    )
     with _folder(arguments.log_dir) as folder:
-        options = SimOptions(speed=arguments.speed, seed=arguments.seed)
+        options = SimOptions(arguments.speed, arguments.seed, arguments.px4)
         with World(arguments.mission, options, folder) as world:
             result = fly(
                 mission,
                 FlyOptions(
                     url=world.url,
+                    system_id=world.system_id,
                     team=world.team,
                     camera=world.camera,
                     metrics=arguments.metrics,

@@ -324,8 +324,8 @@ IN_AIR: Final = (
         "timings",
         (
             Command(21, (*(_NAN,) * 7,)),
-            Arrives(None, None, 3.5, near_m=0.3, within_s=40.0),
-            Climb(2.0, -0.85, -0.5),
+            Arrives(None, None, 4.6, near_m=0.3, within_s=40.0),
+            Climb(4.5, -0.9, -0.5),
         ),
         Start.AIR,
     ),
