@@ -5,7 +5,7 @@ SPEED ?= 10
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: setup sim test lint bench bench-link clean
+.PHONY: setup sim test lint bench bench-link bench-route clean
 
 setup: $(VENV)/.ready
 
@@ -34,8 +34,13 @@ bench: setup
 bench-link: $(VENV)/.bench
 	$(BIN)/python -m benchmarks.link $(BENCH)
 
+# Options: make bench-route BENCH="--quick --json FILE"
+bench-route: $(VENV)/.bench
+	$(BIN)/python -m benchmarks.route $(BENCH)
+
 $(VENV)/.bench: $(VENV)/.ready
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'extremitypathfinder==2.7.2'  # asks for numpy<2, runs with 2
 	@touch $@
 
 clean:

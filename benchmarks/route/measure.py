@@ -1,0 +1,69 @@
+"""One cell, in a process of its own: one way on one map. Prints a JSON object."""
+
+import gc
+import json
+import os
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from benchmarks.route.maps import Map, made
+from benchmarks.route.ways import WAYS, Query, bare
+
+_PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def main(arguments: list[str]) -> None:
+    name, waypoints, zones, repeats = arguments[0], *map(int, arguments[1:])
+    map_ = made(waypoints, zones)
+    print(json.dumps(measured(name, map_, repeats)), flush=True)
+
+
+def measured(name: str, map_: Map, repeats: int) -> dict[str, Any]:
+    gc.collect()
+    before_mb = _resident_mb()
+    way = WAYS[name](map_)
+    first_ms, query = _least_ms(way.build, 1)
+    cold_ms, lengths_m = _asked(query, map_)
+    after_mb = _resident_mb()
+    warm_ms, _ = _asked(query, map_)
+    build_ms = min(first_ms, _least_ms(way.build, repeats - 1)[0]) if repeats > 1 else first_ms
+    return {
+        "build_ms": build_ms,
+        "bare_ms": _least_ms(lambda: bare(map_), repeats)[0],
+        "cold_median_ms": statistics.median(cold_ms),
+        "cold_worst_ms": max(cold_ms),
+        "warm_median_ms": statistics.median(warm_ms),
+        "warm_worst_ms": max(warm_ms),
+        "memory_mb": after_mb - before_mb,
+        "lengths_m": lengths_m,
+    }
+
+
+def _asked(query: Query, map_: Map) -> tuple[list[float], list[float | None]]:
+    times_ms, lengths_m = [], []
+    for start, goal in map_.pairs:
+        began_s = time.perf_counter()
+        lengths_m.append(query(start, goal))
+        times_ms.append((time.perf_counter() - began_s) * 1e3)
+    return times_ms, lengths_m
+
+
+def _least_ms(function: Callable[[], Any], repeats: int) -> tuple[float, Any]:
+    times_ms = []
+    for _ in range(repeats):
+        began_s = time.perf_counter()
+        result = function()
+        times_ms.append((time.perf_counter() - began_s) * 1e3)
+    return min(times_ms), result
+
+
+def _resident_mb() -> float:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * _PAGE_MB
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
