@@ -42,6 +42,7 @@ _TRIED = 3
 """So many of the most promising bearings are planned to the end."""
 
 _TRIES_ACROSS = 13
+_MOST_ROWS = 5_000
 
 
 class CoverageError(ValueError):
@@ -134,7 +135,8 @@ def cover(  # noqa: PLR0913 - what a survey flight is made from
         stop_m: what a stop at a corner costs, as metres of flight.
 
     Raises:
-        CoverageError: the area is empty, lies inside of zones, or no row over it is clear.
+        CoverageError: the area is empty, lies inside of zones, is too large for such pictures, or
+            no row over it is clear.
     """
     zones = shapely.union_all([zone.polygon for zone in airspace.zones])
     target = area.difference(zones)
@@ -217,6 +219,10 @@ class _Sight:
             middle = (target_low + target_high) / 2
             return np.array([min(max(middle, low + 1e-3), high - 1e-3)])
         count = 1 + math.ceil((last - first) / self.swath.spacing_m - 1e-9)
+        if count > _MOST_ROWS:
+            raise CoverageError(
+                f"the area would take {count} rows; fly higher, overlap less, or cover it in parts"
+            )
         return np.linspace(first, last, count)
 
     def rows(self, sweep: Sweep) -> tuple[list[list[Span]], Floats, list[tuple[float, Span]]]:

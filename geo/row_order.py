@@ -20,6 +20,9 @@ Joiner = Callable[[Point, Point], Sequence[Point] | None]
 """The shortest clear path between two clear places, both included; None if there is none."""
 
 _PASSES = 8
+_MOST_CELLS = 2_000
+"""The order of more cells is left as it begins: nearest first."""
+
 _MOST_SINGLE = 500
 """Up to so many rows, single rows are moved too in the end, not only cells."""
 
@@ -121,7 +124,9 @@ def in_order(cells: Sequence[Cell], path: Joiner, start: Point | None) -> Order:
     Cells to which no way leads are left out.
     """
     ways = _Ways(path)
-    order = _improved(_nearest_first(cells, ways, start), ways, start)
+    order = _nearest_first(cells, ways, start)
+    if len(order) <= _MOST_CELLS:
+        order = _improved(order, ways, start)
     rows = tuple(row for cell in order for row in cell.rows)
     if len(rows) <= _MOST_SINGLE:
         order = _improved([Cell((row,)) for row in rows], ways, start)

@@ -178,7 +178,7 @@ def test_the_maps_of_the_router(name):
     zones = [Zone(str(n), tuple(Point(*c) for c in z)) for n, z in enumerate(data["zones"])]
     fence = tuple(Point(*corner) for corner in data["fence"])
     airspace = Airspace(fence, zones, data["clearance"])
-    swath = Swath(50.0, 35.0, 40.0)
+    swath = Swath(100.0, 70.0, 80.0)
     coverage = plan(Polygon(fence), airspace, swath)
     check(coverage, Polygon(fence), airspace, swath)
     assert coverage.share > 0.998
@@ -193,6 +193,8 @@ def test_what_cannot_be_covered_at_all_is_said():
         plan(FIELD, Airspace(box(0, 0, 8, 8), [], 5.0))
     with pytest.raises(CoverageError, match="the start does not keep"):
         plan(FIELD, Airspace(box(0, 0, 300, 200), [], 5.0), start=Point(1, 1))
+    with pytest.raises(CoverageError, match="would take 20000 rows; fly higher"):
+        plan(FIELD, swath=Swath(0.01, 0.01, 0.01), bearing_deg=90.0)
     with pytest.raises(CoverageError, match="no row over the area"):
         plan(FIELD, Airspace(box(900, 900, 990, 990), [], 5.0))
 
