@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -18,6 +19,10 @@ from mocha_link.document import Problem
 
 Keys = tuple[str | int, ...]
 """The way to a value in a document."""
+
+
+_EARTH_M = 2e7
+"""No two places are farther from each other."""
 
 
 class Source(Protocol):
@@ -151,8 +156,8 @@ class Draft:
         try:
             return Spot(label, self._to_local(pair), keys, altitude_m)
         except FrameError as error:
-            message = f"{label}: {error}; correct it (latitude comes first)"
-            self.complain(keys, message, "not-on-earth")
+            order = "" if self.in_metres else " (latitude comes first)"
+            self.complain(keys, f"{label}: {error}; correct it{order}", "not-on-earth")
             return None
 
     def polygon(
@@ -217,7 +222,10 @@ class Draft:
 
     def _to_local(self, pair: Sequence[float]) -> Point:
         if self.in_metres:
-            return Point(float(pair[0]), float(pair[1]))
+            place = Point(float(pair[0]), float(pair[1]))
+            if not math.hypot(*place) < _EARTH_M:
+                raise FrameError(f"{pair[0]:g}, {pair[1]:g} metres is not a place on Earth")
+            return place
         if self.frame is None:
             raise FrameError("the mission's frame is not known")
         return self.frame.to_local(pair[0], pair[1])

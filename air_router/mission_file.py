@@ -106,6 +106,8 @@ def _salvaged(
 
 def _drop(data: Any, keys: tuple[str | int, ...]) -> None:
     for key in keys[:-1]:
+        if key not in (data if isinstance(data, dict) else range(len(data))):
+            return  # it went with the section that it is in
         data = data[key]
     data.pop(next((key for key in data if str(key) == keys[-1]), None), None)
 

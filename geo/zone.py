@@ -18,6 +18,7 @@ Ring = tuple[Point, ...]
 """The corners of a polygon in order, either way around; the last one joins the first."""
 
 _LEAST_AREA_M2 = 1e-6
+_FARTHEST_M = 1e8
 _LEAST_SEGMENTS, _MOST_SEGMENTS = 12, 360
 
 
@@ -249,8 +250,10 @@ def polygons_of(shape: BaseGeometry) -> list[Polygon]:
 
 def _checked_point(corner: Point | Sequence[float]) -> Point:
     point = Point(float(corner[0]), float(corner[1]))
-    if not (math.isfinite(point.east_m) and math.isfinite(point.north_m)):
+    if not math.hypot(*point) < math.inf:
         raise ZoneError("a corner is not a finite number", "zone-not-finite")
+    if math.hypot(*point) > _FARTHEST_M:
+        raise ZoneError("a corner is not on Earth", "zone-not-finite")
     return point
 
 
