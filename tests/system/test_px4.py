@@ -19,7 +19,7 @@ from air_router.px4_plan import _download, upload_plan
 from air_router.vehicle import FlightMode, ItemReached, PlanReplaced, Telemetry
 from geo.airspace import Airspace
 from geo.frame import Point
-from geo.zone import Zone
+from geo.zone import Circle, Outline, Zone
 
 LIMIT_S = 30
 
@@ -174,10 +174,9 @@ def test_a_stored_plan_that_cannot_be_flown_is_refused(mission, udp_port, monkey
 
 @pytest.mark.usefixtures("vehicle")
 def test_a_fence_with_too_many_points_says_how_many_px4_takes(mission, udp_port):
-    ring = [
-        Point(50 + 10 * math.cos(turn / 8 * math.pi), 50 + 10 * math.sin(turn / 8 * math.pi))
-        for turn in range(16)
-    ]
+    east_m, north_m = mission.waypoints[4].position
+    turns = [turn / 8 * math.pi for turn in range(16)]
+    ring = [Point(east_m + 10 * math.cos(t), north_m + 10 * math.sin(t)) for t in turns]
     drawn = with_zones(mission, *mission.zones, Zone("round", tuple(ring)))
 
     async def script(vehicle):
@@ -186,6 +185,32 @@ def test_a_fence_with_too_many_points_says_how_many_px4_takes(mission, udp_port)
             await vehicle.upload(FlightPlan.of(drawn))
 
     run(mission, udp_port, script)
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_circles_holes_and_several_fences_read_back_as_they_were_sent(mission, udp_port):
+    hole = tuple(Point(*corner) for corner in ((-90.0, 150.0), (-80.0, 150.0), (-80.0, 160.0)))
+    area = Outline(
+        tuple(Point(e, n) for e, n in ((-300, -300), (300, -300), (300, 300), (-300, 300))), (hole,)
+    )
+    fences = (Circle(mission.home, 400.25), area)
+    masts = (Zone("mast", Circle(Point(250.0, 250.0), 7.125)), mission.zones[0])
+    airspace = Airspace(fences, masts, mission.planner.clearance_m)
+    drawn = dataclasses.replace(mission, fences=fences, zones=masts, airspace=airspace)
+    plan = FlightPlan.of(drawn)
+    assert [item.command for item in plan.fence[:1]] == [Command.FENCE_CIRCLE_INCLUSION]
+    assert {item.command for item in plan.fence} == {
+        Command.FENCE_CIRCLE_INCLUSION,
+        Command.FENCE_INCLUSION,
+        Command.FENCE_EXCLUSION,
+        Command.FENCE_CIRCLE_EXCLUSION,
+    }
+
+    async def script(vehicle):
+        await vehicle.connect()
+        await vehicle.upload(plan)  # reads back, compares, and waits until PX4 finds it feasible
+
+    run(drawn, udp_port, script)
 
 
 @pytest.mark.usefixtures("vehicle")
