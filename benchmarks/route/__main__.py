@@ -1,9 +1,9 @@
 """`make bench-route`: how fast, how short and how lean routes are, beside other programs.
 
-Every way runs on every map in a process of its own. Times are in ms: build is the least of some,
-queries are the median and the worst of 40 pairs, asked for the first time and once more. Length is
-that of the paths by that of the shortest ones around fine arcs: median and worst. Memory is what
-the process grew by, in MB. `x bare` is build by the bare shapely calls in it.
+Every way runs on every map in a process of its own. Times are processor time in ms: build is the
+least of some, queries are the median and the worst of 40 pairs, asked for the first time (cold) and
+once more. Length is that of the paths by that of the shortest ones around fine arcs: median and
+worst. Memory is what the process grew by, in MB. `x bare` is build by the bare shapely calls in it.
 """
 
 import argparse
