@@ -12,7 +12,7 @@ points computed to lie on the limit count as clear).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime
 from functools import cached_property
 from typing import cast
@@ -128,15 +128,16 @@ class Airspace:
     def leaving(self, point: Point) -> Airspace:
         """The airspace without the zones that a point is in, and the fences that it is not in."""
         place = ShapelyPoint(point)
-        zones = (z for i, z in enumerate(self.zones) if self._zone_distance_m(i, place) > 0)
+        beyond = shapely.distance(self._geometries, place) > self._radii_m
+        zones = (zone for zone, out in zip(self.zones, beyond, strict=True) if out)
         held = zip(self.fences, self._fences, strict=True)
         return self._of([shape for shape, fence in held if fence.depth_m(place) >= 0], zones)
 
     def around(self, point: Point, reach_m: float) -> Airspace:
         """The airspace with only the zones that come nearer than this to a point."""
-        place = ShapelyPoint(point)
-        zones = (z for i, z in enumerate(self.zones) if self._zone_distance_m(i, place) <= reach_m)
-        return self._of(self.fences, zones)
+        distances_m = shapely.distance(self._geometries, ShapelyPoint(point)) - self._radii_m
+        near = zip(self.zones, distances_m, strict=True)
+        return self._of(self.fences, (zone for zone, distance_m in near if distance_m <= reach_m))
 
     def at(self, low_m: float, high_m: float) -> Airspace:
         """The airspace with only the zones that apply somewhere in a range above home."""
@@ -200,8 +201,9 @@ class Airspace:
     def holders(self, point: Point) -> tuple[str, ...]:
         """Names of the zones that the point is in, and `FENCE` if it is outside of a fence."""
         place = ShapelyPoint(point)
-        near = sorted(self._tree.query(place))
-        names = [self.zones[i].name for i in near if self._zone_distance_m(i, place) <= 0]
+        near = np.sort(self._tree.query(place))
+        within = shapely.distance(self._geometries[near], place) <= self._radii_m[near]
+        names = [self.zones[index].name for index in near[within]]
         if any(fence.depth_m(place) < 0 for fence in self._fences):
             names.append(FENCE)
         return tuple(names)
@@ -216,8 +218,7 @@ class Airspace:
 
     def nearest(self, point: Point) -> tuple[float, str]:
         """`distance_m`, and the name of the zone (or `FENCE`) that is so near; "" for nothing."""
-        distances = ((distance_m, name) for distance_m, _, name in self._distances(point))
-        return min(distances, default=(math.inf, ""))
+        return self._least(point, 0.0, 0.0)
 
     def spare_m(self, point: Point) -> tuple[float, str]:
         """How much farther away than it has to be a point is, and from what; negative: too near.
@@ -225,10 +226,7 @@ class Airspace:
         The least over all zones and fences of the distance to them less the distance to keep.
         Infinite, and "", when there is neither.
         """
-        spares = (
-            (distance_m - kept_m, name) for distance_m, kept_m, name in self._distances(point)
-        )
-        return min(spares, default=(math.inf, ""))
+        return self._least(point, np.array(self.distances_m), self.fence_distance_m)
 
     def kept_m(self, name: str) -> float:
         """The distance to keep from the zones of this name, or from the fences' borders.
@@ -358,20 +356,24 @@ class Airspace:
             for fence in self._fences
         )
 
-    def _zone_distance_m(self, index: int, place: ShapelyPoint) -> float:
-        shape = self.zones[index].shape
-        distance_m = float(shapely.distance(self._geometries[index], place))
-        if isinstance(shape, Circle):
-            return distance_m - shape.radius_m
-        return distance_m if distance_m > 0 else -float(shape.border.distance(place))
-
-    def _distances(self, point: Point) -> Iterator[tuple[float, float, str]]:
-        """For every zone and fence: the distance (negative beyond it), what to keep, the name."""
+    def _least(
+        self, point: Point, kept_m: _Floats | float, fence_kept_m: float
+    ) -> tuple[float, str]:
+        """The least of all distances (negative beyond a border) less these, and to what it is."""
         place = ShapelyPoint(point)
-        for index, zone in enumerate(self.zones):
-            yield self._zone_distance_m(index, place), self.distances_m[index], zone.name
+        least = (math.inf, "")
+        if self.zones:
+            distances_m = shapely.distance(self._geometries, place) - self._radii_m
+            for index in np.flatnonzero(distances_m == 0):
+                shape = self.zones[index].shape
+                if isinstance(shape, Outline):
+                    distances_m[index] = -shape.border.distance(place)
+            spares_m = distances_m - kept_m
+            nearest = int(np.argmin(spares_m))
+            least = (float(spares_m[nearest]), self.zones[nearest].name)
         for fence in self._fences:
-            yield fence.depth_m(place), self.fence_distance_m, FENCE
+            least = min(least, (fence.depth_m(place) - fence_kept_m, FENCE))
+        return least
 
 
 def _threshold(distance_m: float) -> float:
