@@ -58,7 +58,8 @@ class Departure:
         self.start = start
         self.moving = stopping is not None and stopping != start
         self.rest = stopping if stopping is not None else start
-        self.cramped = not (airspace.point_clear(start) and airspace.point_clear(self.rest))
+        here = airspace.point_clear(start)
+        self.cramped = not (here and (not self.moving or airspace.point_clear(self.rest)))
         self.warnings: tuple[str, ...] = ()
         self._near: Airspace | None = airspace
         self._reach_m = 0.0

@@ -164,7 +164,7 @@ class ShortestPaths:
             return (start, end)
         path = self._through(self.mesh, start, end)
         if path is not None:
-            return self._closer(path)
+            return self._closer(self._with_fewer_corners(path))
         if not (self.airspace.point_clear(start) and self.airspace.point_clear(end)):
             return None
         path = self._through(self._tight, start, end)
@@ -227,10 +227,12 @@ class ShortestPaths:
 
     def _with_fewer_corners(self, path: Path) -> Path:
         """A path along arcs as one that turns less often, where that is clear."""
+        if len(path) < 4:
+            return path
         back = path[0] > path[-1]  # the same corners both ways
         blunt = _blunted(path[::-1] if back else path, self._kept_m)
         blunt = blunt[::-1] if back else blunt
-        return blunt if self._all_clear(blunt) else path
+        return blunt if len(blunt) < len(path) and self._all_clear(blunt) else path
 
     def _path_by_doors(
         self, start: Point, end: Point, first: Callable[[Point], bool], doors: list[Point]
