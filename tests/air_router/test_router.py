@@ -1,10 +1,12 @@
 """Routes: every leg is judged again by plain shapely distances."""
 
+import dataclasses
 import itertools
 import json
 import math
 import random
 from pathlib import Path
+from types import SimpleNamespace
 
 import networkx as nx
 import pytest
@@ -15,6 +17,8 @@ from shapely import LineString, MultiPoint, Polygon, union_all
 from air_router.graph import WaypointGraph
 from air_router.mission import load_mission
 from air_router.router import Leg, NoRoute, Route, Router
+from air_router.settings import PlannerSettings
+from benchmarks.route.maps import made as made_map
 from geo.frame import Point
 
 DATA = Path(__file__).parents[1] / "data"
@@ -429,3 +433,70 @@ def _town():
 
 
 _TOWN = _town()
+
+
+# The planner `shortest`, and large graphs.
+
+
+def straightest(mission):
+    return dataclasses.replace(
+        mission, planner=dataclasses.replace(mission.planner, kind="shortest")
+    )
+
+
+def test_the_shortest_planner_is_never_longer_and_as_clear(flown):
+    mission, graph, router, judge = flown
+    shortest = Router(WaypointGraph(straightest(mission)))
+    saved_m = 0.0
+    for a, b in itertools.product(graph.positions, repeat=2):
+        route, straight = router.route(graph.position(a), b), shortest.route(graph.position(a), b)
+        assert_clear(judge, graph.position(a), straight)
+        assert straight.legs[-1].node == b
+        assert len(straight.legs) <= 16
+        # Small turns along an arc are made one, which costs a little.
+        assert straight.length_m <= 1.01 * route.length_m + 1e-9
+        saved_m += route.length_m - straight.length_m
+    assert saved_m > 0
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_shortest_planner_heeds_speed_and_the_margin_too(seed):
+    rng = random.Random(seed)
+    start, goal = (Point(rng.uniform(-190, 150), rng.uniform(-140, 80)) for _ in range(2))
+    rest = Point(start.east_m + rng.uniform(-5, 5), start.north_m + rng.uniform(-5, 5))
+    judge = _TOWN[3]
+    route = _TOWN_SHORTEST.route(start, goal, stopping=rest)
+    if isinstance(route, NoRoute):
+        assert route.reason
+        return
+    first = route.legs[0].to
+    assert _TOWN_SHORTEST.check_leg(start, first, rest)
+    assert judge.clear(goal)
+    if judge.clear(start, rest):
+        assert judge.clear(start, rest, first)
+        onward = Route(route.legs[1:], route.length_m - math.dist(start, first))
+        assert_clear(judge, first, onward)
+
+
+_TOWN_SHORTEST = Router(WaypointGraph(straightest(_TOWN[0])))
+
+
+def test_two_thousand_waypoints_among_a_hundred_zones_hang_together():
+    map_ = made_map(2000, 100)
+    mission = SimpleNamespace(
+        planning_airspace=map_.airspace,
+        home=map_.waypoints[0],
+        waypoints=[SimpleNamespace(position=place) for place in map_.waypoints[1:]],
+        planner=PlannerSettings(max_edge_m=map_.max_edge_m),
+    )
+    graph = WaypointGraph(mission)
+    assert nx.is_connected(graph.graph)
+    assert graph.graph.number_of_edges() > 10_000
+    edges = random.Random(1).sample(sorted(graph.graph.edges), 500)
+    zones = union_all([zone.polygon for zone in map_.airspace.zones])
+    for a, b in edges:
+        way = [graph.position(a), *graph.via(a, b), graph.position(b)]
+        assert zones.distance(LineString(way)) >= 5 - 1e-6
+        length_m = sum(math.dist(c, d) for c, d in itertools.pairwise(way))
+        assert graph.graph.edges[a, b]["length_m"] == pytest.approx(length_m)
