@@ -8,8 +8,9 @@ from itertools import groupby
 from typing import Any
 
 from air_router.flight_plan import FlightPlan
-from air_router.homeward import LANDING_MARGIN, Pace, StraightReturn, Way
+from air_router.homeward import LANDING_MARGIN, Pace, Way
 from air_router.mission import Mission
+from air_router.straight_return import StraightReturn, straight_returns
 from air_router.survey import Step, Survey
 
 _TIGHTEST = 3
@@ -100,7 +101,7 @@ def _coming_home(findings: Survey) -> list[str]:
             )
         else:
             lines.append("  rally      no clear way leads to a rally point")
-    for to, returns in _by_aim(homeward.straight_returns):
+    for to, returns in _by_aim(straight_returns(mission)):
         numbers = [r.waypoint for r in returns]
         zones = dict.fromkeys(name for r in returns for name in r.cuts)
         lines.append(
@@ -182,7 +183,7 @@ def _home_facts(findings: Survey) -> dict[str, Any]:
         "rally_length_m": None if rally is None else round(rally, 2),
         "straight_returns": [
             {"waypoint": r.waypoint, "to": r.to, "cuts": list(r.cuts)}
-            for r in homeward.straight_returns
+            for r in straight_returns(mission)
         ],
     }
 

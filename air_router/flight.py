@@ -199,10 +199,7 @@ class Flight:
         await self._preflight(info, telemetry)
         self._admit()
         await self._vehicle.upload(self._plan)
-        self._status.say(
-            f"on board and read back: {len(self._plan.items)} plan items, "
-            f"{len(self._plan.fence)} fence vertices"
-        )
+        self._status.say(f"on board and read back: {self._plan.size}")
 
     def _admit(self) -> None:
         self._admitted = True

@@ -1,4 +1,4 @@
-"""What goes on board: the mission's nodes as plan items, and its fence.
+"""What goes on board: the mission's nodes as plan items, its fence and its rally points.
 
 The vehicle flies by jumping between the items (MISSION_SET_CURRENT in Mission mode), so every
 node stops it: `autocontinue` is 0 everywhere but on the take-off. The pilot sees the operator's
@@ -16,6 +16,7 @@ from air_router.plan_item import Command, Frame, PlanItem, degrees_e7
 
 if TYPE_CHECKING:
     from air_router.mission import Mission
+    from geo.frame import Point
 
 __all__ = ["HOME_NODE", "Command", "FlightPlan", "Frame", "PlanItem"]
 
@@ -25,11 +26,25 @@ HOME_NODE = 0
 
 @dataclass(frozen=True, slots=True)
 class FlightPlan:
-    """Items and fence of a mission as they go on board, and which item is which node."""
+    """What goes on board of a mission, and which item is which node.
+
+    Attributes:
+        items: speed, take-off and nodes.
+        fence: the vertices and circles of fences and zones.
+        rally: where the autopilot's own return may land beside home.
+        first_node_item: the item of node 0.
+    """
 
     items: tuple[PlanItem, ...]
     fence: tuple[PlanItem, ...]
+    rally: tuple[PlanItem, ...]
     first_node_item: int
+
+    @property
+    def size(self) -> str:
+        """How much it is, in words."""
+        fence, rally = len(self.fence), len(self.rally)
+        return f"{len(self.items)} items, {fence} fence points, {rally} rally points"
 
     def item_of(self, node: int) -> int:
         """The plan item of a node (0 is home, then the operator's waypoint numbers)."""
@@ -83,5 +98,12 @@ class FlightPlan:
         return cls(
             items=tuple(items),
             fence=fence_plan(mission).items,
+            rally=tuple(_rally_point(mission, place) for place in mission.rally_points),
             first_node_item=2,
         )
+
+
+def _rally_point(mission: Mission, place: Point) -> PlanItem:
+    # Height 0: the ground there is taken to be as high as home's, as everywhere in a mission.
+    x, y = degrees_e7(mission.frame, place)
+    return PlanItem(Command.RALLY_POINT, Frame.RELATIVE_ALT_INT, (0.0, 0.0, 0.0, 0.0), x, y)

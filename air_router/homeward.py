@@ -3,9 +3,6 @@
 The vehicle comes home along the waypoint graph; lengths are those of one shortest-path tree from
 home, and one from all rally points together, so that a mission of thousands of waypoints is looked
 at in a fraction of a second. A straight leg home that is clear is taken instead, as in flight.
-The autopilot's own return (RTL_TYPE 0, PX4's default for multicopters) is a straight line to the
-nearest of home and rally points, at 60 m above home or higher (RTL_RETURN_ALT), whatever lies
-between: PX4 tests no fence on it.
 """
 
 from __future__ import annotations
@@ -17,11 +14,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import networkx as nx
-import numpy as np
 
 from air_router.flight_plan import HOME_NODE
 from air_router.router import Route
-from geo.airspace import Airspace
 from geo.frame import Point
 
 if TYPE_CHECKING:
@@ -38,9 +33,6 @@ LANDING_M_S: Final = 0.7
 
 LANDING_MARGIN: Final = 0.10
 """The charge that is left on the ground. At 7 % PX4 returns by itself, straight."""
-
-RETURN_ALTITUDE_M: Final = 60.0
-"""The highest default of RTL_RETURN_ALT: the autopilot's return climbs to it if it is lower."""
 
 _MOVED_M: Final = 5.0
 _ASKED_S: Final = 5.0
@@ -87,21 +79,6 @@ class Pace:
     def need(self, way: Way) -> float | None:
         """The share of a full battery that flying home and landing takes; None if unknown."""
         return None if self.endurance_s is None else self.home_s(way) / self.endurance_s
-
-
-@dataclass(frozen=True, slots=True)
-class StraightReturn:
-    """Where the autopilot's own return from a waypoint would go, and what it would cut.
-
-    Attributes:
-        waypoint: its number.
-        to: `home`, or `rally point N`.
-        cuts: names of zones, and the fence.
-    """
-
-    waypoint: int
-    to: str
-    cuts: tuple[str, ...]
 
 
 class Homeward:
@@ -161,32 +138,6 @@ class Homeward:
                     worst = ((a, b), Way(length_m, legs))
         return worst
 
-    @cached_property
-    def straight_returns(self) -> tuple[StraightReturn, ...]:
-        """From which waypoints the autopilot's own return would cut a zone or the fence.
-
-        With rally points on board it goes to the nearest of them and home, without them home.
-        We do not know which are on board, so both are looked at.
-        """
-        mission = self._mission
-        if not mission.waypoints:
-            return ()
-        airspace = return_airspace(mission)
-        here = np.array([w.position for w in mission.waypoints])
-        ends = np.array([mission.home, *mission.rally_points])
-        away_m = np.hypot(*(here[:, None] - ends[None]).transpose(2, 0, 1))
-        nearest = np.argmin(away_m, axis=1)
-        home = np.zeros_like(nearest)
-        found = []
-        for aims, asked in ((home, home == 0), (nearest, nearest > 0)):
-            cut = asked & ~airspace.legs_clear_between(here, ends[aims])
-            for index in np.flatnonzero(cut):
-                waypoint, aim = mission.waypoints[index], int(aims[index])
-                cuts = airspace.blockers(waypoint.position, Point(*ends[aim].tolist()))
-                to = f"rally point {aim}" if aim else "home"
-                found.append(StraightReturn(waypoint.number, to, cuts))
-        return tuple(found)
-
     def _worst_of_shortest(self, ways: Mapping[int, Way]) -> tuple[int, Way]:
         """The same where routes leave the graph, whose ways are no shorter than the shortest."""
         worst: tuple[float, int, Way] | None = None
@@ -220,14 +171,6 @@ class Homeward:
         if not isinstance(route, Route):
             return {}
         return {nearest: Way(route.length_m, len(route.legs))}
-
-
-def return_airspace(mission: Mission) -> Airspace:
-    """What the autopilot's own return may cut: as drawn, at the altitudes where it flies."""
-    every = Airspace(mission.fences, mission.zones, mission.planner.clearance_m)
-    active = every.during(mission.window.start, mission.window.end)
-    highest_m = max(mission.cruise.upper_m, RETURN_ALTITUDE_M)
-    return active.at(mission.cruise.lower_m, highest_m).as_drawn()
 
 
 class WayHome:

@@ -1,4 +1,4 @@
-"""One item of a plan on board, of the mission or of the fence."""
+"""One item of a plan on board: of the mission, of the fence, or a rally point."""
 
 from __future__ import annotations
 
@@ -21,14 +21,17 @@ class Command(IntEnum):
     FENCE_EXCLUSION = 5002
     FENCE_CIRCLE_INCLUSION = 5003
     FENCE_CIRCLE_EXCLUSION = 5004
+    RALLY_POINT = 5100
 
 
 class Frame(IntEnum):
-    """MAV_FRAME values that PX4 takes and gives back unchanged."""
+    """MAV_FRAME values: those that PX4 gives back unchanged, and two that it makes of them."""
 
     GLOBAL_INT = 5
     MISSION = 2
     RELATIVE_ALT_INT = 6
+    GLOBAL = 0
+    RELATIVE_ALT = 3
 
 
 @dataclass(frozen=True, slots=True)

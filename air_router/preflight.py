@@ -240,6 +240,14 @@ def disk(free_bytes: int | None) -> Check:
     return Check("disk", Verdict.GOOD, found)
 
 
+def notes(mission: Mission) -> list[Check]:
+    """What the mission's files say that is not flown as it is written."""
+    return [
+        Check("mission", Verdict.LOOK, note.message, f"see {note.path.name}:{note.line}")
+        for note in mission.notes
+    ]
+
+
 def peers(reachable: Mapping[str, bool]) -> Check:
     """Who of the team answers now; out of range they need not."""
     if not reachable:

@@ -128,8 +128,7 @@ async def _first_telemetry(vehicle: Vehicle, url: str) -> Telemetry:
 
 
 async def _plan(vehicle: Vehicle, plan: FlightPlan, *, upload: bool) -> Check:
-    """Mission and fence: put on board, read back, equal, and found fit to be flown."""
-    size = f"{len(plan.items)} items, {len(plan.fence)} fence vertices"
+    """The whole plan: put on board, read back, equal, and found fit to be flown."""
     try:
         await (vehicle.upload(plan) if upload else vehicle.recognise(plan))
     except (PlanRefusedError, NotConfirmedError) as error:
@@ -138,4 +137,4 @@ async def _plan(vehicle: Vehicle, plan: FlightPlan, *, upload: bool) -> Check:
         advice = "a flight will put the mission on board"
         return Check("plan", Verdict.LOOK, f"another one is on board: {error}", advice)
     done = "on board, read back, equal, can be flown" if upload else "on board already"
-    return Check("plan", Verdict.GOOD, f"{done}: {size}")
+    return Check("plan", Verdict.GOOD, f"{done}: {plan.size}")

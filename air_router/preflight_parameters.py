@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from air_router.navigator import BRAKING_M_S2
 from air_router.preflight import Check, Verdict
+from air_router.straight_return import straight_returns
 
 if TYPE_CHECKING:
     from air_router.mission import Mission
@@ -173,18 +175,15 @@ def parameters(mission: Mission, values: Mapping[str, float | None]) -> list[Che
 
 def straight_return(mission: Mission) -> Check:
     """Whether PX4's own Return, which knows no zones, would fly through one."""
-    crossing: dict[str, int] = {}
-    for waypoint in mission.waypoints:
-        for name in mission.airspace.blockers(waypoint.position, mission.home):
-            crossing[name] = crossing.get(name, 0) + 1
+    crossing = Counter(name for way in straight_returns(mission) for name in way.cuts)
     if not crossing:
-        return Check("return", Verdict.GOOD, "PX4's straight way home is clear from every waypoint")
-    worst = sorted(crossing, key=lambda name: -crossing[name])
+        return Check("return", Verdict.GOOD, "PX4's straight return is clear from every waypoint")
+    worst = [name for name, _ in crossing.most_common()]
     more = f" and {len(worst) - 3} more" if len(worst) > 3 else ""
     return Check(
         "return",
         Verdict.LOOK,
-        f"PX4's own Return flies straight, from some waypoints too close to "
+        f"PX4's own Return flies straight, from some waypoints through "
         f"{', '.join(worst[:3])}{more}",
         "the pilot should choose Hold rather than Return; type 'home' to come home along the graph",
     )

@@ -78,6 +78,7 @@ class Survey:
             battery(mission, self._router, inspection.battery, inspection.voltage_v),
             *parameters(mission, inspection.parameters),
             straight_return(mission),
+            *preflight.notes(mission),
             preflight.clock(inspection, self._unix()),
             preflight.disk(_free_bytes(self._log_dir)),
         ]

@@ -29,7 +29,7 @@ from air_router.mavsdk_bridge import call, message
 from air_router.px4_connection import Px4Connection
 from air_router.px4_health import arming_problems
 from air_router.px4_inspection import inspect
-from air_router.px4_plan import clear_fence, compare_plan, upload_plan
+from air_router.px4_plan import RALLY, clear_fence, clear_rally_points, compare_plan, upload_plan
 from air_router.px4_telemetry import Px4Telemetry
 from air_router.vehicle import FlightMode, LinkSilent, Vehicle, VehicleEvent, VehicleInfo
 
@@ -144,6 +144,8 @@ class Px4Vehicle(Vehicle):
         """See `Vehicle.upload`: fence first, so that the mission is judged against it."""
         if not plan.fence:
             await clear_fence(self._geofence, self._telemetry)
+        if not plan.rally:
+            await clear_rally_points(self._raw, self._telemetry, self._clear_rally_points)
         await upload_plan(self._raw, self._telemetry, plan)
         self._telemetry.guard_plan()
 
@@ -274,6 +276,10 @@ class Px4Vehicle(Vehicle):
         if self._watch is not None:
             self._watch.cancel()
         await self._connection.close()
+
+    def _clear_rally_points(self) -> None:
+        target = {"target_system": self._connection.system_id, "target_component": AUTOPILOT}
+        self._direct.send_message(message("MISSION_CLEAR_ALL", target | {"mission_type": RALLY}))
 
     async def _mode(
         self, mode: FlightMode, command: Callable[..., None], *, attempts: int = ATTEMPTS

@@ -35,32 +35,40 @@ BUSY_ATTEMPTS: Final = 3
 BUSY_S: Final = 5.5
 """PX4 ignores uploads for five seconds after a transfer that nobody finished."""
 
-MISSION, FENCE = 0, 1  # MAV_MISSION_TYPE
+MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
 
 
 async def upload_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan) -> None:
-    """Upload fence and items, read both back, and wait until PX4 finds the mission feasible.
+    """Upload the plan, read all of it back, and wait until PX4 finds the mission feasible.
+
+    What MAVSDK cannot upload is an empty fence and no rally points: that is what `clear_fence` and
+    `clear_rally_points` are for.
 
     Raises:
         PlanRefusedError: not taken, not the same when read back, or judged infeasible.
     """
     telemetry.forget_words()
-    if plan.fence:  # MAVSDK uploads no empty one: that is what `clear_fence` is for
+    if plan.fence:
         await _upload("the fence", raw.upload_geofence_async, plan.fence, FENCE, telemetry)
+    if plan.rally:
+        upload = raw.upload_rally_points_async
+        await _upload("the list of rally points", upload, plan.rally, RALLY, telemetry)
     await _upload("the mission", raw.upload_mission_async, plan.items, MISSION, telemetry)
     await compare_plan(raw, telemetry, plan)
     await _feasible(telemetry, len(plan.items))
 
 
 async def compare_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan) -> None:
-    """Read fence and items back and compare.
+    """Read fence, rally points and items back and compare.
 
     Raises:
         PlanRefusedError: what is on board is another plan.
     """
     fence = await _download("the fence", raw.download_geofence_async, telemetry)
-    # PX4 gives fence vertices back in a global frame of its choice: they have no altitude.
-    _compare("the fence", [_fence_vertex(v) for v in plan.fence], [_fence_vertex(v) for v in fence])
+    _compare("the fence", [_place(v) for v in plan.fence], [_place(v) for v in fence])
+    what = "the list of rally points"
+    rally = await _download(what, raw.download_rallypoints_async, telemetry)
+    _compare(what, [_place(v) for v in plan.rally], [_place(v) for v in rally])
     items = await _download("the mission", raw.download_mission_async, telemetry)
     _compare("the mission", list(plan.items), items)
 
@@ -74,6 +82,28 @@ async def clear_fence(geofence: Geofence, telemetry: Px4Telemetry) -> None:
     (result,) = await _transfer("no fence", geofence.clear_geofence_async)
     if result != GeofenceResult.SUCCESS:
         raise PlanRefusedError(f"the fence on board stays: {result.name}{telemetry.said()}")
+
+
+async def clear_rally_points(
+    raw: MissionRaw, telemetry: Px4Telemetry, clear: Callable[[], None]
+) -> None:
+    """Take rally points of an earlier mission off board: a return would go there.
+
+    Args:
+        raw: downloads them.
+        telemetry: what the vehicle says.
+        clear: sends a MISSION_CLEAR_ALL for them; MAVSDK has no call for it.
+
+    Raises:
+        PlanRefusedError: they stay.
+    """
+    what = "the list of rally points"
+    for _ in range(BUSY_ATTEMPTS):
+        if not await _download(what, raw.download_rallypoints_async, telemetry):
+            return
+        clear()
+    if await _download(what, raw.download_rallypoints_async, telemetry):
+        raise PlanRefusedError(f"rally points of another mission stay on board{telemetry.said()}")
 
 
 async def _upload(
@@ -93,7 +123,7 @@ async def _upload(
         if attempt + 1 < BUSY_ATTEMPTS:
             await asyncio.sleep(BUSY_S)
     hint = ""
-    if result == MissionRawResult.TOO_MANY_MISSION_ITEMS:
+    if result == MissionRawResult.TOO_MANY_MISSION_ITEMS and mission_type == FENCE:
         count = f"it has {len(items)} points, PX4 1.17 stores {FENCE_POINTS} of a fence"
         hint = f"; {count}: draw it simpler"
     raise PlanRefusedError(f"{what} was not taken: {result.name}{telemetry.said()}{hint}")
@@ -149,7 +179,8 @@ def _compare(what: str, sent: list[PlanItem], on_board: list[PlanItem]) -> None:
             raise PlanRefusedError(f"{what}: item {seq} was sent as {mine}, on board is {theirs}")
 
 
-def _fence_vertex(item: PlanItem) -> PlanItem:
+def _place(item: PlanItem) -> PlanItem:
+    # PX4 gives what is a place only back in a global frame of its choice.
     return PlanItem(
         item.command, Frame.GLOBAL_INT, (item.params[0], 0, 0, 0), item.x_deg_e7, item.y_deg_e7
     )

@@ -10,6 +10,7 @@ from air_router.preflight_parameters import NAMES, parameters, straight_return
 from air_router.router import Router
 from air_router.vehicle import FlightMode, Telemetry, VehicleInfo
 from geo.frame import Point
+from mocha_link.document import Problem
 
 GOOD, LOOK, BAD = Verdict.GOOD, Verdict.LOOK, Verdict.BAD
 WANTED = {
@@ -210,3 +211,11 @@ def test_the_card_on_paper_and_for_scripts():
     assert str(PreflightRefusedError(CARD)) == (
         "not ready to fly:\n  health: not ready; no compass"
     )
+
+
+def test_what_is_not_flown_as_written_is_on_the_card(pennovation):
+    assert preflight.notes(pennovation) == []
+    note = Problem(pennovation.path, 7, 3, "item 4 is a spline; it is flown straight", "spline")
+    (check,) = preflight.notes(dataclasses.replace(pennovation, notes=(note,)))
+    assert (check.verdict, check.found) == (LOOK, note.message)
+    assert check.advice == "see mission.yaml:7"

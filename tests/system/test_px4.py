@@ -286,3 +286,30 @@ def test_a_plan_is_recognised_without_changing_it(mission, udp_port):
         await vehicle.recognise(plan)
 
     run(mission, udp_port, script)
+
+
+def stored(vehicle):
+    return _download("the list", vehicle._raw.download_rallypoints_async, None)
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_the_autopilot_returns_to_this_mission_s_rally_points_only(mission, udp_port):
+    places = [Point(30.0, -20.0), Point(-25.0, 40.0)]
+    with_rally = FlightPlan.of(dataclasses.replace(mission, rally_points=tuple(places)))
+    without = FlightPlan.of(dataclasses.replace(mission, rally_points=()))
+
+    async def script(vehicle):
+        await vehicle.connect()
+        await vehicle.upload(with_rally)
+        found = await stored(vehicle)
+        assert [item.command for item in found] == [Command.RALLY_POINT] * 2
+        for item, place in zip(found, places, strict=True):
+            there = mission.frame.to_local(item.x_deg_e7 / 1e7, item.y_deg_e7 / 1e7)
+            assert math.dist(there, place) < 0.01
+            assert item.z_m == 0.0
+        with pytest.raises(PlanRefusedError, match=r"rally points: 0 items sent, 2 are on board"):
+            await vehicle.recognise(without)
+        await vehicle.upload(without)
+        assert await stored(vehicle) == []
+
+    run(mission, udp_port, script)
