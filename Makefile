@@ -5,7 +5,7 @@ SPEED ?= 10
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: setup sim test lint bench bench-link bench-route clean
+.PHONY: setup sim test rehearse lint bench bench-link bench-route clean
 
 setup: $(VENV)/.ready
 
@@ -21,6 +21,10 @@ sim: setup
 
 test: setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+# 250 flights in which something goes wrong; options: make rehearse REHEARSE="--fault GUSTS"
+rehearse: setup
+	$(BIN)/python -m sitl rehearse $(MISSION) $(REHEARSE)
 
 lint: setup
 	$(BIN)/ruff check

@@ -190,12 +190,15 @@ class Controller(Journeys):
         elif self.state in {State.READY, State.PASSIVE}:
             self._resume()
 
-    def _on_plan_replaced(self, _event: PlanReplaced) -> None:
-        why = "the plan on board was replaced"
+    def _on_plan_replaced(self, event: PlanReplaced) -> None:
+        why = f"the {'fence' if event.only_fence else 'plan'} on board was replaced"
         self._plan_is_ours = False
         if self.state is State.READY and self.telemetry is not None and not self.telemetry.armed:
             self._launch.stayed_why = why
             self._signal(Signal.GROUNDED)
+        elif event.only_fence and self.in_charge and self._giving_up is None:
+            self._giving_up = why  # the leg under way is ours, and leads where a zone may be now
+            self._command(HoldHere(why))
         else:
             self._taken_over(Taker.PILOT, why)
 

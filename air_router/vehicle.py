@@ -73,9 +73,15 @@ class ItemReached:
 
 @dataclass(frozen=True, slots=True)
 class PlanReplaced:
-    """The plan on board is no longer the one that was uploaded: somebody else sent another."""
+    """The plan on board is no longer the one that was uploaded: somebody else sent another.
+
+    Attributes:
+        time_s: Seconds on the vehicle's clock.
+        only_fence: The items are still ours: a zone was added, perhaps, where we are flying to.
+    """
 
     time_s: float
+    only_fence: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The command line: `sitl vehicle | team | px4 | conform`. Each command is a module of its own."""
+"""The command line: `sitl vehicle | team | px4 | conform | rehearse`, each in its module."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from air_router import command_line
 from sitl import conform_command, px4_command, team_command, vehicle_command
+from sitl.rehearsal import command as rehearse_command
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -15,7 +16,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "sitl",
         "The simulated world: a PX4 vehicle, ground robots, radios, a camera.",
         "exit codes: 0 done, 1 ended otherwise, 2 wrong usage, 3 invalid file, 130 interrupted",
-        (vehicle_command, team_command, px4_command, conform_command),
+        (vehicle_command, team_command, px4_command, conform_command, rehearse_command),
     )
     return command_line.run(parser, argv)
 

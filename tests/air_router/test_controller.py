@@ -309,6 +309,16 @@ def test_another_plan_on_board_means_hands_off(pretend):
     assert flight.controller.state is State.PASSIVE
 
 
+def test_another_fence_on_board_stops_our_leg_first_and_means_hands_off_then(pretend):
+    flight = pretend()
+    flight.take_off()
+    fly_away(flight)
+    flight.give(PlanReplaced(flight.now_s, only_fence=True))
+    assert isinstance(flight.motions[-1], HoldHere)
+    assert flight.controller.state is State.PASSIVE
+    assert any("fence on board was replaced" in text for text in flight.said)
+
+
 def test_a_command_that_fails_is_tried_again(pretend):
     flight = pretend()
     flight.take_off()
