@@ -25,7 +25,7 @@ PROTOCOL: Final = 7  # levels above INFO are for programs
 _COMPONENT: Final = 1 << 24
 _FNV_OFFSET, _FNV_PRIME = 0x811C9DC5, 0x01000193
 _CHECK_HEAD: Final = struct.Struct("<IB")  # modes concerned, health component
-_SUMMARY: Final = struct.Struct("<BQQII")  # chunk, errors, warnings, can arm, can run
+_SUMMARY: Final = struct.Struct("<BIIII")  # chunk, errors, warnings, can arm, can run
 _MISSION_MODE: Final = 1 << 3  # NAVIGATION_STATE_AUTO_MISSION
 
 

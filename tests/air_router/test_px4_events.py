@@ -27,8 +27,8 @@ def check(name, *, modes=0xFFFFFFFF, level=3, layout="", values=()):
 
 def reported(*findings, can_arm=MISSION_MODE):
     reports = ArmingReports()
-    summary = event(ARMING_SUMMARY, "BQQII", 0, 0, 0, can_arm, can_arm, level=7)
-    for each in (summary, *findings, event(HEALTH_SUMMARY, "BQQQ", 0, 0, 0, 0, level=7)):
+    summary = event(ARMING_SUMMARY, "BIIII", 0, 0, 0, can_arm, can_arm, level=7)
+    for each in (summary, *findings, event(HEALTH_SUMMARY, "BIII", 0, 0, 0, 0, level=7)):
         reports.take(each)
     return reports.last
 
@@ -96,9 +96,20 @@ def test_a_healthy_vehicle():
     assert (report.problems, report.warnings) == ((), ())
 
 
+def test_a_summary_as_it_was_recorded():
+    """Of a PX4 1.17: before the upload of a mission, and after it."""
+    for mission, can_arm in ((0xB0, False), (0xB8, True)):
+        mask = bytes((mission, 0x3A, 0x7F, 0x80))
+        words = bytes((0, 0, 0, 0x10, 0, 0x80, 0, 0, 0)) + mask + mask
+        reports = ArmingReports()
+        reports.take(Px4Event(event_id(ARMING_SUMMARY), 7, words.ljust(40, b"\0")))
+        reports.take(Px4Event(event_id(HEALTH_SUMMARY), 7, bytes(40)))
+        assert reports.last.can_arm is can_arm
+
+
 def test_half_a_report_is_none():
     reports = ArmingReports()
     reports.take(check("check_battery_low"))
-    reports.take(event(HEALTH_SUMMARY, "BQQQ", 0, 0, 0, 0, level=7))
+    reports.take(event(HEALTH_SUMMARY, "BIII", 0, 0, 0, 0, level=7))
     assert reports.last is None
     assert reports.count == 0

@@ -49,10 +49,10 @@ class Autopilot:
         answer = SimpleNamespace(fields_json=json.dumps({"result": 0 if self.reports else 3}))
         callback(MavlinkDirectResult.SUCCESS, answer, None)
         if self.reports:
-            self._event(ARMING_SUMMARY, struct.pack("<BQQII", 0, 0, 0, 0, 0), 7)
+            self._event(ARMING_SUMMARY, struct.pack("<BIIII", 0, 0, 0, 0, 0), 7)
             for name in self.findings:
                 self._event(name, struct.pack("<IB", 0xFFFFFFFF, 0), 3)
-            self._event(HEALTH_SUMMARY, struct.pack("<BQQQ", 0, 0, 0, 0), 7)
+            self._event(HEALTH_SUMMARY, struct.pack("<BIII", 0, 0, 0, 0), 7)
 
     def _event(self, name, arguments, level):
         padded = list(arguments.ljust(40, b"\0"))
