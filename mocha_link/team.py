@@ -9,6 +9,7 @@ dtype = index of the first occurrence in the sorted list of the types of all top
 from __future__ import annotations
 
 import enum
+import re
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
+MAX_RADIO_ID = 128  # some MAC addresses and an IP address
 IDS = 256  # robot, topic and type ids are one byte on the wire
 MAX_HISTORY = 1000
 
@@ -133,7 +135,20 @@ class Trigger:
     budget_bytes: int | None = None
 
 
-Name = Annotated[str, StringConstraints(pattern=r"^[^\s/:]{1,64}$")]
+def _a_name(text: str) -> str:
+    if not re.fullmatch(r"[^\s/:]{1,64}", text):
+        raise ValueError(f"'{text:.40}' is no name: use 1 to 64 characters without spaces, / and :")
+    return text
+
+
+def _a_type(text: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9_]+/[A-Za-z0-9_]+", text):
+        raise ValueError(f"'{text:.40}' is no type: write package/Type, letters, digits and _ only")
+    return text
+
+
+Name = Annotated[str, AfterValidator(_a_name)]
+TypeKey = Annotated[str, AfterValidator(_a_type)]
 Host = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 
 
@@ -173,7 +188,10 @@ class _RobotModel(BaseModel):
         Annotated[str, AfterValidator(checked)] | None,
         Key(description="the URL of its radio, e.g. udp://host:port"),
     ] = None
-    radio_id: Annotated[str, StringConstraints(min_length=1, max_length=64)] | None = None
+    radio_id: Annotated[
+        Annotated[str, StringConstraints(min_length=1, max_length=MAX_RADIO_ID)] | None,
+        Key(description=f"its addresses for radios, 1 to {MAX_RADIO_ID} characters"),
+    ] = None
     key: Annotated[
         Annotated[str, StringConstraints(pattern=r"^[0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}$")]
         | None,
@@ -197,7 +215,7 @@ class _TeamModel(BaseModel):
     kinds: dict[str, _KindModel]
     trigger: _TriggerModel = _TriggerModel()
     trust: Literal["relays", "signed"] = "relays"
-    definitions: dict[TypeName, str] = {}
+    definitions: dict[TypeKey, str] = {}
 
 
 @dataclass(frozen=True, slots=True)

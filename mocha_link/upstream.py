@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mocha_link.document import Document, DocumentError, Problem, as_yaml
-from mocha_link.team import IDS, Team, UnknownRobotError
+from mocha_link.team import IDS, MAX_RADIO_ID, Team, UnknownRobotError
 from mocha_link.yaml_readings import other_readings
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ PRIORITIES = {
 }
 ROBOT_KEYS = ("node-type", "IP-address", "using-radio", "base-port", "clients")
 TOPIC_KEYS = ("msg_topic", "msg_type", "msg_priority", "msg_history")
-MAX_RADIO_ID = 64
 MAX_TEXT = 256
 
 _NAME = re.compile(r"[^\s/:]{1,64}")

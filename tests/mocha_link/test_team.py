@@ -208,3 +208,11 @@ def test_ports_that_clash():
 def test_wrong_values_name_their_place(old, new, problem):
     found = problems(TEXT.replace(old, new, 1))
     assert any(line.startswith(problem) for line in found), found
+
+
+@pytest.mark.parametrize("wrong", ["a b", "a/b", "x" * 70])
+def test_a_name_that_is_none_is_told_in_words(wrong):
+    with pytest.raises(DocumentError) as error:
+        Team.from_document(Document.from_text(TEXT.replace("titan", f"'{wrong}'"), PATH))
+    told = f"'{wrong:.40}' is no name: use 1 to 64 characters without spaces, / and :"
+    assert all(told in str(problem) for problem in error.value.problems)
