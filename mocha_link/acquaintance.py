@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import secrets
+from collections import deque
 from typing import TYPE_CHECKING
 
 from mocha_link.header import WRAP_MS
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
 
     from mocha_link.database import Record
 
+TICKETS = 3
 BEGUN_BYTES = 64 * 1024 * 1024
 
 
@@ -27,6 +30,7 @@ class Acquaintance:
         terms: what ids mean to us, as one number (`terms.shared_mark`).
 
     Attributes:
+        ticket: what the peer has given us to show that it has reached us; 0: nothing yet.
         foreign: ids mean something else to the peer, as far as its last word on that goes.
     """
 
@@ -35,12 +39,29 @@ class Acquaintance:
     ) -> None:
         self.run = run
         self.terms = terms
+        self.ticket = 0
         self.foreign = False
+        self._tickets: deque[int] = deque(maxlen=TICKETS)  # given to the peer, the newest last
         self._history = history
         self._peer_run: int | None = None
         self._held: dict[int, tuple[int, ...]] = {}  # by topic key: stamps, newest first
         self._begun: dict[int, Record] = {}
         self._begun_bytes = 0
+
+    @property
+    def next_ticket(self) -> int:
+        """For the peer, which shows it when it begins by datagrams: those get back to it."""
+        if not self._tickets:
+            self.renew_ticket()
+        return self._tickets[-1]
+
+    def renew_ticket(self) -> None:
+        """Give it another one next time; so a copy of what it said is of use for a while only."""
+        self._tickets.append(secrets.randbits(64) or 1)
+
+    def admits(self, ticket: int) -> bool:
+        """Whether it is one that we have given to the peer of late."""
+        return ticket in self._tickets
 
     def agrees(self, terms: int) -> bool:
         """The peer says what ids mean to it; whether that is what they mean to us."""

@@ -10,13 +10,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mocha_link import packet as wire
-from mocha_link.outbox import Content, Outbox
+from mocha_link.outbox import Content, Heard, Outbox
 from mocha_link.pacing import AHEAD_S, UNKNOWN_RTT_S, Pacing
 from mocha_link.packet import ACK_BYTES, ACK_DELAY_S, DATA_BYTES, LENGTH_BYTES, MAX_MASK
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+MAX_QUOTA = 1 << 30
 PACKET_BYTES = 1_400  # 1,500 of most links - 20 - 8 - 40 for a seal around it, and some to spare
 PIGGYBACK_BYTES = 16  # a longer list of what arrived goes in a packet of its own
 SECOND_FRAME_BYTES = 300  # with less room left in a packet nobody is asked for another frame
@@ -24,6 +25,8 @@ GRANULARITY_S = 0.01
 QUIET_S = 0.15  # nothing heard for two round trips and this: the link is down
 PROBE_S = 0.1  # then probes leave at this distance, growing
 MAX_PROBE_S = 1.0
+LEAST_QUOTA = 80  # less is not worth a packet
+RETURN = 3  # times the bytes received: more does not leave before the peer has proven its address
 POKE_S = 1.0  # a second poke within this time does not send everything once more
 
 
@@ -38,6 +41,8 @@ class Flow:
 
     rate_bytes_s, rtt_s: what another flow showed of this link, if it is known.
     first_number: of our packets. Who cannot guess it cannot acknowledge what it did not get.
+    proven: what we send gets to whom we talk to, not to somebody in whose name he came. Otherwise
+        that is shown by the first acknowledgement, and little leaves before it.
     """
 
     def __init__(  # noqa: PLR0913 - what a flow may be told
@@ -49,17 +54,21 @@ class Flow:
         rtt_s: float | None = None,
         packet_bytes: int = PACKET_BYTES,
         first_number: int = 0,
+        proven: bool = True,
     ) -> None:
         if len(token) != wire.TOKEN_BYTES:
             raise ValueError(f"a token has {wire.TOKEN_BYTES} bytes, not {len(token)}")
         self.token = token
         self.alive_s: float | None = None
+        self.proven = proven
         self.refused = 0  # packets that were none
         self.repeated = 0  # packets whose frames had arrived before
         self.packets_sent = 0
         self.packets_lost = 0
+        self._bytes_in = self._bytes_out = 0
         self._source = source
         self._packet = packet_bytes
+        self._known_rate = rate_bytes_s
         self._pacing = Pacing(packet_bytes, rate_bytes_s=rate_bytes_s, rtt_s=rtt_s)
         self._link = self._pacing.link
         self._arrivals = wire.Arrivals()
@@ -114,7 +123,8 @@ class Flow:
             overtaken_s = self._outbox.overtaken_s()
             if overtaken_s is not None:
                 times.append(overtaken_s + self._patience_s())
-        if (self._outbox.some_again or not self._dry) and self._may_send():
+        again = self._outbox.some_again and self._quota() >= self._packet
+        if (again or not self._dry) and self._may_send():
             times.append(self._pacing.due_s)
         return min(times) if times else None
 
@@ -127,6 +137,7 @@ class Flow:
             self.refused += 1
             return []
         self.alive_s = now_s
+        self._bytes_in += len(packet)
         if parsed.ack:
             self._acknowledged(parsed.ack, now_s)
         if self._down:
@@ -144,6 +155,9 @@ class Flow:
     def _acknowledged(self, ack: wire.Ack, now_s: float) -> None:
         outbox = self._outbox
         heard = outbox.acknowledged(ack)
+        if heard.stamps and not self.proven:
+            self._prove(heard, ack, now_s)
+            return
         if not heard.stamps or self._down:  # after a gap its length would be measured
             return
         self._tail = False
@@ -156,6 +170,17 @@ class Flow:
                 came_s -= ack.delay_s
         self._lose(now_s)
         self._pacing.arrived(heard.stamps, rtt_s, came_s, outbox.in_flight_bytes)
+
+    def _prove(self, heard: Heard, ack: wire.Ack, now_s: float) -> None:
+        """What left before this said nothing of the link, it was too little: begin now."""
+        self.proven = True
+        rtt_s = None
+        if heard.newest:
+            rtt_s = max(now_s - heard.newest.sent_s - ack.delay_s, 0.0) or None
+        self._outbox.give_up()
+        self._pacing = Pacing(self._packet, rate_bytes_s=self._known_rate, rtt_s=rtt_s)
+        self._pacing.resume(now_s)
+        self._link = self._pacing.link
 
     def _lose(self, now_s: float) -> None:
         for stamp in self._outbox.lose(now_s - self._patience_s()):
@@ -201,17 +226,36 @@ class Flow:
         elif now_s >= self._probe_s:
             self._probe_s = now_s + self._probe_every_s
             self._probe_every_s = min(self._probe_every_s * 1.5, MAX_PROBE_S)
-            out.append(self._send(None, now_s))
+            self._probe(now_s, out)
         if self._hello:
             self._hello = False
             if not out:
-                out.append(self._send(None, now_s))
+                self._probe(now_s, out)
         due_s = self._arrivals.due_s
         if due_s is not None and due_s <= now_s:
-            out.append(wire.only_ack(self.token, self._arrivals.acknowledge(now_s)))
+            packet = wire.only_ack(self.token, self._arrivals.acknowledge(now_s))
+            self._bytes_out += len(packet)
+            out.append(packet)
         return out
 
+    def reclaim(self) -> list[bytes]:
+        """The frames that have not been acknowledged, to send them another way as well."""
+        bodies = self._outbox.bodies()
+        return [frame for body in bodies for frame in wire.split(body, 0) or ()]
+
+    def _probe(self, now_s: float, out: list[bytes]) -> None:
+        if self._quota() >= self._packet:
+            out.append(self._send(None, now_s))
+
+    def _quota(self) -> int:
+        """How many bytes may leave."""
+        if self.proven:
+            return MAX_QUOTA
+        return RETURN * self._bytes_in - self._bytes_out
+
     def _may_send(self) -> bool:
+        if not self.proven and self._quota() < LEAST_QUOTA:
+            return False
         return self._pacing.room(self._outbox.in_flight_bytes) and not self._outbox.full
 
     def _alarm_s(self) -> float:
@@ -240,17 +284,22 @@ class Flow:
             self._probe_s = now_s
         else:
             self._tail = True
-            out.append(self._send(outbox.oldest(), now_s))
+            if self._quota() >= self._packet:
+                out.append(self._send(outbox.oldest(), now_s))
 
     def _fill(self, now_s: float) -> bytes | None:
         """The next packet with frames, or None."""
         outbox = self._outbox
+        scarce = self._quota() < self._packet  # new frames may be made to fit
         content = None
-        if not self._blind:  # else the next acknowledgement tells what of it had arrived
+        if not self._blind and not scarce:  # blind: the next acknowledgement tells what arrived
             content = outbox.again()
         if content is None:
             body = self._pull()
-            content = outbox.content(body) if body else outbox.again()
+            if body:
+                content = outbox.content(body)
+            elif not scarce:
+                content = outbox.again()
         if content is not None:
             return self._send(content, now_s)
         self._dry = True
@@ -259,7 +308,7 @@ class Flow:
 
     def _pull(self) -> bytes:
         """Frames of the source, as they stand in a packet; empty if there is none."""
-        room = self._packet - DATA_BYTES
+        room = min(self._packet, self._quota()) - DATA_BYTES
         if self._arrivals.waiting:
             room -= ACK_BYTES + PIGGYBACK_BYTES
         frames: list[bytes] = []
@@ -294,4 +343,5 @@ class Flow:
         outbox.add(content, self._pacing.sent(len(packet), now_s, outbox.in_flight_bytes))
         self._sent_s = now_s
         self.packets_sent += 1
+        self._bytes_out += len(packet)
         return packet

@@ -37,6 +37,7 @@ class Feed:
         done: all has been given out, or all that the peer's budget allows.
         cut_short: not all, because the budget was used up.
         rejection: why the peer gets nothing, once it has opened.
+        admitted: the peer has shown a ticket of ours.
         messages: that were given out to the end.
         bytes: of all frames.
     """
@@ -46,6 +47,7 @@ class Feed:
         self.done = False
         self.cut_short = False
         self.rejection: Reception | None = None
+        self.admitted = False
         self.messages = 0
         self.bytes = 0
         self._database = database
@@ -89,6 +91,10 @@ class Feed:
             return None
         return bytes(parts[0]) if len(parts) == 1 else b"".join(parts)
 
+    def is_brief(self, room: int) -> bool:
+        """Whether what comes next is a letter of at most so many bytes."""
+        return bool(self._outbox) and sync.LETTER_BYTES + len(self._outbox[0][1]) <= room
+
     def next_parts(self, room: int, prefix: bytes = b"") -> list[sync.Frame] | None:
         """The same, with large data as parts of their own."""
         room -= len(prefix)
@@ -118,6 +124,7 @@ class Feed:
         except VersionError:
             self._reject(letter.round, Reception.UNREADABLE)
             return
+        self.admitted = self._peer.admits(opening.ticket)
         if self._peer.agrees(opening.terms):
             self._open(letter.round, opening)
         else:
@@ -130,7 +137,9 @@ class Feed:
         self._queue.clear()
         self._asked = frozenset()
         self._unknown = True
-        self._outbox = [(sync.HELLO, Hello(why, self._peer.terms).encode(), 0)]
+        self._outbox = [
+            (sync.HELLO, Hello(why, self._peer.terms, ticket=self._peer.next_ticket).encode(), 0)
+        ]
 
     def _open(self, round_: int, opening: letters.Open) -> None:
         self._round = round_
@@ -163,7 +172,7 @@ class Feed:
                 self._peer.forget()
                 new, groups = self._compare(digests)
         reception = Reception.UNKNOWN if self._unknown else Reception.WELCOME
-        hello = Hello(reception, self._peer.terms)
+        hello = Hello(reception, self._peer.terms, ticket=self._peer.next_ticket)
         self._outbox.append((sync.HELLO, hello.encode(), 0))
         if groups:
             self._asked = frozenset(robot_id for robot_id, _ in groups)

@@ -34,7 +34,7 @@ from mocha_link.terms import difference, shared_mark
 from mocha_link.trigger import SILENT_INTERVALS, SyncTrigger
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from mocha_link.clock import Instant
     from mocha_link.database import Record
@@ -300,10 +300,15 @@ class Gossip:
         self._events.clear()
         return actions, events
 
-    def links(self, now: Instant) -> dict[str, LinkMetrics]:
-        """The state of every link."""
-        ages_s = {peer: dict(self._ages_s(peer, now)) for peer in self.me.peers}
-        return self._book.links(now.unix_s, ages_s)
+    def links(
+        self, now: Instant, ages_s: Mapping[str, Mapping[str, float]] | None = None
+    ) -> dict[str, LinkMetrics]:
+        """The state of every link; `ages_s` is what `ages_s` has answered just now."""
+        return self._book.links(now.unix_s, self.ages_s(now) if ages_s is None else ages_s)
+
+    def ages_s(self, now: Instant) -> dict[str, dict[str, float]]:
+        """The ages of the newest messages by peer and topic; any thread may ask at any time."""
+        return {peer: dict(self._ages_s(peer, now)) for peer in self.me.peers}
 
     def _ages_s(self, peer: str, now: Instant) -> Iterator[tuple[str, float]]:
         robot_id = self._team.robot(peer).robot_id
@@ -338,7 +343,7 @@ class Gossip:
             self._book.measure(
                 peer,
                 rtt_s=pull.rtt_s,
-                bandwidth_bytes_s=pull.bandwidth_bytes_s,
+                bandwidth_bytes_s=pull.throughput_bytes_s,
                 path=pull.path,
             )
             self._actions.append(HangUp(peer, pull.broken or pull.path == "udp"))

@@ -133,7 +133,9 @@ class Intake:
 
     def _opening(self, knowledge: Since | Have | Digest) -> list[bytes]:
         known = self._acquaintance
-        opening = letters.Open(known.run, self._budget, knowledge, self._wishes(), known.terms)
+        opening = letters.Open(
+            known.run, self._budget, knowledge, self._wishes(), known.terms, known.ticket
+        )
         return sync.letter_frames(sync.OPEN, self._round, opening.encode(), self._room)
 
     def _knowledge(self) -> Since | Have | Digest:
@@ -183,6 +185,7 @@ class Intake:
             self._done = letters.Done.decode(letter.content)
 
     def _hello(self, hello: letters.Hello, step: Step) -> None:
+        self._acquaintance.ticket = hello.ticket or self._acquaintance.ticket
         if hello.version != letters.VERSION:
             self.rejection = (
                 f"{self.peer} speaks version {hello.version} of the sync, we {letters.VERSION}; "

@@ -23,13 +23,14 @@ MAX_PARTIALS = 64
 MAX_LISTED = 65_535  # messages of a robot in an ANSWER
 GROUP_COUNT = 16
 
-_OPEN = struct.Struct(">BBQQQ")  # version, sort of knowledge, run, budget, terms
+# Version, sort of knowledge, run, budget, terms, ticket.
+_OPEN = struct.Struct(">BBQQQQ")
 _SINCE = struct.Struct(">QQ")
 _COUNT = struct.Struct(">H")
 _DIGEST = struct.Struct(">BQ")
 _PARTIAL = struct.Struct(">QIB")
 _RANGE = struct.Struct(">II")
-_HELLO = struct.Struct(">BBQ")  # reception, version, terms
+_HELLO = struct.Struct(">BBQQ")  # reception, version, terms, ticket
 _SKIP = struct.Struct(">Q")
 _DONE = struct.Struct(">QQIB")
 _GROUPS = struct.Struct(f">B{GROUP_COUNT}Q")
@@ -78,7 +79,8 @@ class Open:
     """What the asking side says first: what it has, what it has in part, what it may take.
 
     `run` is a number of its process. `budget` is in bytes of frames; 0: no limit. `terms` stands
-    for what ids mean to it (`terms.shared_mark`).
+    for what ids mean to it (`terms.shared_mark`). `ticket` is the last one that the serving side
+    has given it; 0: none.
     """
 
     run: int
@@ -86,6 +88,7 @@ class Open:
     knowledge: Since | Have | Digest
     wishes: Sequence[Wish] = ()
     terms: int = 0
+    ticket: int = 0
 
     def encode(self) -> bytes:
         """The content of the letter."""
@@ -104,7 +107,7 @@ class Open:
         for wish in self.wishes:
             parts.append(_PARTIAL.pack(wish.long, wish.total, len(wish.missing)))
             parts += [_RANGE.pack(*each) for each in wish.missing]
-        head = _OPEN.pack(VERSION, sort, self.run, self.budget, self.terms)
+        head = _OPEN.pack(VERSION, sort, self.run, self.budget, self.terms, self.ticket)
         return head + b"".join(parts)
 
     @classmethod
@@ -113,7 +116,7 @@ class Open:
         if content[:1] != bytes((VERSION,)):
             raise VersionError(f"version {content[:1].hex()} of the sync; ours is {VERSION}")
         reader = _Reader(content)
-        _, sort, run, budget, terms = reader.read(_OPEN)
+        _, sort, run, budget, terms, ticket = reader.read(_OPEN)
         knowledge: Since | Have | Digest
         if sort == _KNOWS_SINCE:
             epoch, sequence = reader.read(_SINCE)
@@ -128,7 +131,7 @@ class Open:
         if len(wishes) > MAX_PARTIALS:
             raise FrameError(f"{len(wishes)} partial messages")
         reader.end()
-        return cls(run, budget, knowledge, wishes, terms)
+        return cls(run, budget, knowledge, wishes, terms, ticket)
 
 
 def _wish(reader: _Reader) -> Wish:
@@ -155,15 +158,19 @@ class Reception(enum.IntEnum):
 
 
 class Hello(NamedTuple):
-    """The serving side's first word, with its own terms and version."""
+    """The serving side's first word, with its own terms and version, and a ticket.
+
+    Who shows the ticket in a later OPEN has been reached at its address.
+    """
 
     reception: Reception = Reception.WELCOME
     terms: int = 0
     version: int = VERSION
+    ticket: int = 0
 
     def encode(self) -> bytes:
         """The content of the letter."""
-        return _HELLO.pack(self.reception, self.version, self.terms)
+        return _HELLO.pack(self.reception, self.version, self.terms, self.ticket)
 
     @classmethod
     def decode(cls, content: bytes) -> Hello:
@@ -173,10 +180,10 @@ class Hello(NamedTuple):
         """
         if len(content) > 1 and content[1] != VERSION:
             return cls(Reception.UNREADABLE, 0, content[1])
-        reception, _, terms = _only(_HELLO, content)
+        reception, _, terms, ticket = _only(_HELLO, content)
         if reception > max(Reception):
             raise FrameError(f"a reception of sort {reception}")
-        return cls(Reception(reception), terms)
+        return cls(Reception(reception), terms, ticket=ticket)
 
 
 class Done(NamedTuple):

@@ -44,6 +44,8 @@ __all__ = [
 SMOOTHING = 0.125  # weight of a new round trip in the smoothed one, as TCP has it
 MAX_CONTACTS = 32
 QUIET_S = 10.0
+LEAST_BYTES = 16 * 1024  # what smaller syncs move says nothing of the link,
+LEAST_ROUNDS = 2  # nor do those that are over in fewer round trips
 
 
 class LinkState(enum.Enum):
@@ -91,7 +93,8 @@ class LinkMetrics:
         last_sync_out_s: when the peer's last pull came to its end.
         rtt_s: last round trip of a small request on a standing connection (real seconds).
         rtt_smoothed_s: the same, smoothed as TCP does.
-        bandwidth_bytes_s: what the last pull with any message moved per real second.
+        bandwidth_bytes_s: what the last sync of either direction moved per real second, of those
+            with at least 16 KiB and two round trips.
         rssi_dbm: `signal` where that is in dBm.
         bytes_in: bytes of replies received, complete pulls or not.
         bytes_out: bytes of replies sent.
@@ -245,6 +248,13 @@ class _Account:
         )
 
 
+def throughput_bytes_s(size: int, taken_s: float, rtt_s: float | None) -> float | None:
+    """Bytes per second that a sync moved; None if it was too small to say."""
+    if size < LEAST_BYTES or taken_s <= 0 or taken_s < LEAST_ROUNDS * (rtt_s or 0.0):
+        return None
+    return size / taken_s
+
+
 class LinkBook:
     """Keeps the metrics of all links from what is reported to it.
 
@@ -341,4 +351,9 @@ def _ended(link: _Account, event: SyncEnded) -> None:
     link.syncs[event.direction] += 1
     if event.direction is Direction.OUT:
         link.totals.messages_out += event.messages
+        # From the peer's first word to its last: a round trip of that nothing moved.
+        moved_s = event.duration_s - (link.rtt_s or 0.0)
+        link.bandwidth_bytes_s = (
+            throughput_bytes_s(event.bytes, moved_s, link.rtt_s) or link.bandwidth_bytes_s
+        )
     link.turn(event.direction, LinkState.ENDED)

@@ -286,8 +286,9 @@ class Node(Startable):
 
     def links(self) -> dict[str, LinkMetrics]:
         """The state of the link to every peer, by its name."""
+        ages_s = self._gossip.ages_s(self._now())  # thousands of them: nobody waits for that
         with self._lock:
-            return self._gossip.links(self._now())
+            return self._gossip.links(self._now(), ages_s)
 
     def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
         """Call back on the node's thread for every event; call the answer to end it.

@@ -90,6 +90,10 @@ class Outbox:
         content = self._contents[self.next] = Content(self.next, body)
         return content
 
+    def bodies(self) -> list[bytes]:
+        """Everything that has not arrived, in the order in which it went first."""
+        return [self._contents[number].body for number in sorted(self._contents)]
+
     def again(self) -> Content | None:
         """The next content that has to be sent again."""
         while self._again:

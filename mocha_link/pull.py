@@ -16,6 +16,7 @@ from mocha_link.credit import Credit
 from mocha_link.datagram import Flow
 from mocha_link.intake import Intake
 from mocha_link.link_events import Direction, SyncEnded, SyncTimedOut
+from mocha_link.metrics import throughput_bytes_s
 from mocha_link.protocol import ID_BYTES, SERRM, SYNC1, SYNCC, SYNCF, request
 from mocha_link.step import Step
 
@@ -143,12 +144,17 @@ class Pull:
         if self.path == "original":
             return step
         self._id = step.frames[0][:ID_BYTES]
+        acquainted = self._acquaintance.ticket != 0
         opening = self._intake.open(now).frames
         first = request(self._id, SYNC1, self._credit.grant + opening[0])
         rest = [request(self._id, SYNCF, frame) for frame in opening[1:]]
         step.frames[:0] = [first, *rest]
         if self._datagrams:
             self._outbox.extend(opening)
+            size = sum(map(len, opening))
+            if not acquainted and size < LETTER_ROOM:
+                # The peer sends little more than it got before it knows that it is us.
+                self._outbox.append(bytes(LETTER_ROOM - size))
             known = self._memory.rtt_s is not None
             wait_s = PATIENCE_S if self._memory.is_near else 0.0 if known else LOOK_S
             self._cast_at_s = now.steady_s + wait_s
@@ -226,6 +232,7 @@ class Pull:
             return self.fail(silent if midway else self._session.why_silent(), now)
         since_s = max(self._last_s, self._began_s)
         if self._relies_on_datagrams and now.steady_s - since_s > IDLE * self._timeout_s:
+            self._memory.udp_misses += 1
             return self.fail("only small datagrams of the peer get here", now)
         return Step(packets=self._cast(now))
 
@@ -271,6 +278,12 @@ class Pull:
             return self._session.bandwidth_bytes_s
         taken_s = self._last_s - self._first_s
         return self._intake.bytes / taken_s if self._intake.messages and taken_s > 0 else None
+
+    @property
+    def throughput_bytes_s(self) -> float | None:
+        """What it moved per second, if it was enough to say something of the link."""
+        rate = self.bandwidth_bytes_s
+        return throughput_bytes_s(self.bytes_in, self.bytes_in / rate, self.rtt_s) if rate else None
 
     @property
     def _relies_on_datagrams(self) -> bool:
@@ -334,13 +347,8 @@ class Pull:
         return step
 
     def _learn(self) -> None:
-        memory = self._memory
-        if self._intake.rejection:
-            return
+        """What nothing came of says nothing of datagrams: the contact may have been too short."""
         if self.path == "zmq":
-            memory.rate_bytes_s = self.bandwidth_bytes_s or memory.rate_bytes_s
-        if self._relies_on_datagrams and (self.path == "udp" or self._session.reached):
-            if self._intake.messages or self._intake.complete:
-                memory.udp_misses = 0
-            else:
-                memory.udp_misses += 1
+            self._memory.rate_bytes_s = self.bandwidth_bytes_s or self._memory.rate_bytes_s
+        elif self.path == "udp" and (self._intake.messages or self._intake.complete):
+            self._memory.udp_misses = 0

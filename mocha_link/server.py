@@ -42,6 +42,8 @@ LINGER_S = 2.0  # so long our last packets are repeated to a peer that has said 
 REMEMBERED = 16  # pulls that are over; what comes late of them begins no new one
 REPLACED_S = 0.5  # a sync that has heard its peer within this time is not replaced by a datagram
 MOST_UNHEARD = 3  # after so many flows in a row without an acknowledgement
+UNHEARD_S = 0.1  # so long an acknowledgement may be late
+PADDING = b"\0"  # what a frame without meaning begins with
 DEAF_S = 10.0  # datagrams open nothing for so long; connections do
 
 _HELLO_ROOM = 64
@@ -63,7 +65,10 @@ class _Sync:
         self.began_s = now.steady_s
         self.heard_s = now.steady_s
         self.by_datagram = False
+        self.all_cast = False  # everything that was given out went by datagrams
         self.route: Route | None = None
+        self.routed_s = 0.0
+        self.again: deque[bytes] = deque()  # frames that datagrams may not have brought
         self.sent = 0
         self.allowed = 0
         self.chunk = MIN_CHUNK
@@ -159,7 +164,11 @@ class Server:
             near = self._flow.rtt_s is not None and self._flow.rtt_s < NEAR_S
             if not near and (self._flow.rate_bytes_s or 0) < FAST_BYTES_S:
                 return None
-            sync.by_datagram = False
+            sync.by_datagram = sync.all_cast = False
+        if sync.again:
+            frame = sync.id + sync.again.popleft()
+            sync.sent += len(frame)
+            return sync.route, [frame]
         room = sync.allowed - sync.sent
         if room <= 0:
             return None
@@ -180,8 +189,24 @@ class Server:
         sync = self._sync
         if sync is None and self._flow and now.steady_s - self._ended_s > LINGER_S:
             self._close_flow()
+        if sync:
+            self._doubt_datagrams(sync, now)
         if sync and now.steady_s - sync.heard_s > PATIENCE_S:
             self._break_off(sync, f"the peer said nothing for {PATIENCE_S:g} s", now)
+
+    def _doubt_datagrams(self, sync: _Sync, now: Instant) -> None:
+        """Where ours do not get back to the peer, the connection serves.
+
+        Its request was more than a round trip behind the peer's datagrams, and an acknowledgement
+        takes no longer.
+        """
+        flow = self._flow
+        if not sync.by_datagram or sync.route is None or flow is None or flow.rtt_s is not None:
+            return
+        if now.steady_s - sync.routed_s > 2 * (sync.routed_s - sync.began_s) + UNHEARD_S:
+            sync.by_datagram = False
+            sync.all_cast = sync.feed.done
+            sync.again.extend(flow.reclaim())
 
     def take(self) -> list[LinkEvent]:
         """What is to be told since the last call."""
@@ -214,7 +239,7 @@ class Server:
             sync.feed = Feed(self._database, self._acquaintance)
             sync.allowed = 0
         if sync.route is None or code == SYNC1:
-            sync.route, sync.sent = route, 0
+            sync.route, sync.sent, sync.routed_s = route, 0, now.steady_s
             self._opened = (request_id, route)
         if code == SYNC1:
             sync.grant(argument[: GRANT.size])
@@ -248,11 +273,13 @@ class Server:
             rate_bytes_s=self._rate_bytes_s,
             rtt_s=self._rtt_s,
             first_number=self._number(),
+            proven=False,
         )
-        frames = flow.receive(packet, now.steady_s)
+        frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
         if not frames or not all(self._opens(sync, frame) for frame in frames):
             return False
-        sync.by_datagram = True
+        flow.proven = sync.feed.admitted
+        sync.by_datagram = sync.all_cast = True
         self._begin(sync, now)
         self._close_flow()
         self._flow = flow
@@ -263,7 +290,8 @@ class Server:
 
     @staticmethod
     def _next_for_datagram(sync: _Sync, room: int) -> bytes | None:
-        return sync.feed.next(room) if sync.by_datagram and room >= MIN_ROOM else None
+        fits = room >= MIN_ROOM or sync.feed.is_brief(room)
+        return sync.feed.next(room) if sync.by_datagram and fits else None
 
     def _feed_frame(self, frame: bytes, now: Instant) -> None:
         if self._sync and self._flow and self._sync.id == self._flow.token:
@@ -323,7 +351,7 @@ class Server:
         )
 
     def _break_off(self, sync: _Sync, reason: str, now: Instant) -> None:
-        if sync.feed.done and sync.by_datagram and self._flow and self._flow.settled:
+        if sync.feed.done and sync.all_cast and self._flow and self._flow.settled:
             self._end(sync, now)  # all has arrived, only the peer's END has not
             return
         self._sync = None
@@ -336,5 +364,6 @@ class Server:
         if flow:
             self._unheard = self._unheard + 1 if flow.rtt_s is None else 0
         if flow and flow.rtt_s is not None:
+            self._acquaintance.renew_ticket()
             self._rtt_s = flow.rtt_s
             self._rate_bytes_s = flow.rate_bytes_s or self._rate_bytes_s

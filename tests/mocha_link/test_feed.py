@@ -70,7 +70,7 @@ def test_nothing_is_said_before_the_peer_asks(node):
 def test_an_empty_database_is_done_at_once(node):
     served = Served(node)
     assert served.hear() == [
-        Hello(),
+        Hello(ticket=served.feed._peer.next_ticket),
         Done(node.database.epoch, 0, 0, cut_short=False),
     ]
     assert served.feed.done
@@ -252,7 +252,8 @@ def test_an_unknown_epoch_or_number_is_said_and_asked_again(node, of):
     wish = Wish(sync.long_id(0, 1, START_MS), len(body), [(0, 10), (4_000, len(body))])
     since = Since(node.database.epoch + of[0], node.database.sequence + of[1], ())
     served = Served(node, since, wishes=[wish])
-    assert served.hear() == [Hello(Reception.UNKNOWN)]
+    ticket = served.feed._peer.next_ticket
+    assert served.hear() == [Hello(Reception.UNKNOWN, ticket=ticket)]
     node.store(0, 2, START_MS)
     assert served.hear() == []
     assert not served.feed.done

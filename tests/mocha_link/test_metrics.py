@@ -19,10 +19,40 @@ from mocha_link.metrics import (
     SyncEnded,
     SyncStarted,
     SyncTimedOut,
+    throughput_bytes_s,
 )
 from mocha_link.reading import Reading, Unit
 
 IN, OUT = Direction.IN, Direction.OUT
+
+
+@pytest.mark.parametrize(
+    ("size", "taken_s", "rtt_s", "rate"),
+    [
+        (16_384, 1.0, 0.1, 16_384.0),
+        (16_383, 1.0, 0.1, None),
+        (141, 0.0003, 0.0002, None),
+        (50_000, 0.2, 0.1, 250_000.0),
+        (50_000, 0.19, 0.1, None),
+        (50_000, 0.5, None, 100_000.0),
+        (50_000, 0.0, None, None),
+        (50_000, -0.1, 0.1, None),
+    ],
+)
+def test_what_says_something_of_the_link(size, taken_s, rtt_s, rate):
+    assert throughput_bytes_s(size, taken_s, rtt_s) == rate
+
+
+def test_the_bandwidth_of_what_the_peer_pulls():
+    """A round trip passes before its first message and after the last."""
+    book = LinkBook(("io",))
+    book.measure("io", rtt_s=0.5)
+    book.note(SyncEnded("io", 3, OUT, 4, 500, 1.0))
+    assert book.links()["io"].bandwidth_bytes_s is None
+    book.note(SyncEnded("io", 3, OUT, 4, 200_000, 2.5))
+    assert book.links()["io"].bandwidth_bytes_s == 100_000
+    book.note(SyncEnded("io", 4, OUT, 1, 500, 1.0))  # says nothing new
+    assert book.links()["io"].bandwidth_bytes_s == 100_000
 
 
 def test_states_of_both_directions():

@@ -61,7 +61,7 @@ def test_two_nodes_exchange_both_ways(field):
     link = io.links()["titan"]
     assert (link.state_in, link.syncs_in, link.rssi_dbm) == (LinkState.ENDED, 1, -60.0)
     assert link.rtt_s > 0
-    assert link.bandwidth_bytes_s > 0
+    assert link.bandwidth_bytes_s is None  # it was too little to say
     assert link.bytes_in >= ended.bytes
     assert link.newest_age_s == 0
     assert io.links()["callisto"].state is LinkState.IDLE

@@ -77,6 +77,21 @@ def test_nothing_new(ether):
     assert sum(len(c.data) for c in ether.carried[before:]) < 700
 
 
+@pytest.mark.parametrize("datagrams", [True, False])
+def test_both_sides_know_what_the_link_moved(team, datagrams):
+    ether = Ether(team, datagrams=datagrams, delay_s=FAR_S)
+    ether.publish("titan", "/map", noise(2_000_000))
+    ether.pull("io", "titan")
+    ether.wait(1)
+    moved = 2_000_000 / ended(ether).duration_s
+    for name, peer in (("io", "titan"), ("titan", "io")):
+        found = ether.nodes[name].links(ether.now)[peer].bandwidth_bytes_s
+        assert 0.8 * moved < found < 2 * moved
+        ether.publish("titan", "/slow", b"small")
+        ether.pull("io", "titan")
+        assert ether.nodes[name].links(ether.now)[peer].bandwidth_bytes_s == found
+
+
 def test_a_far_peer_by_datagrams(ether):
     """They carry the messages before a connection stands."""
     ether.pull("io", "titan")
@@ -173,11 +188,51 @@ def test_where_udp_is_blocked_the_connection_serves(ether):
 def test_where_answers_by_udp_are_blocked_the_connection_serves_before_long(ether):
     """Datagrams get there, and what comes back does not: a firewall, or another interface."""
     ether.blocked = blocked(DOWN)
-    for _ in range(MAX_MISSES + 1):
+    for _ in range(5):
+        ether.publish("titan", "/map", noise(20_000))
         ether.pull("io", "titan")
+        assert path(ether) == "zmq"
+        assert ended(ether).complete
+        assert ended(ether).duration_s < 10 * 2 * FAR_S
+        assert ether.held("io") == ether.held("titan")
         ether.wait(1)
+    assert not ether.told("io", SyncTimedOut)
+    assert not [e for e in ether.told("titan", SyncTimedOut) if e.direction is not OUT]
+
+
+def test_where_only_our_acknowledgements_are_lost_nothing_is_taken_twice_or_left_out(ether):
+    """What the connection repeats are the same frames, so none stands for another."""
+    for topic in ("/map", "/slow"):
+        ether.publish("titan", topic, noise(60_000))
+    ether.lets_by = lambda piece: piece[:3] != UP or len(piece.data) > 1_000  # the opening
+    ether.pull("io", "titan")
+    assert ended(ether).complete
+    assert ended(ether).messages == 2
     assert ether.held("io") == ether.held("titan")
-    assert path(ether) == "zmq"
+    assert not ether.told("io", SyncTimedOut)
+
+
+@pytest.mark.parametrize("until", [0, 1, 2, 5])
+def test_a_contact_that_dies_says_nothing_of_datagrams(team, until):
+    """A relay on the way accepts the connection, and the contact is over after some datagrams."""
+    ether = Ether(team, datagrams=True, delay_s=FAR_S)
+    ether.publish("titan", "/map", noise(500_000))
+    came = 0
+
+    def first_ones(piece: Carried) -> bool:
+        nonlocal came
+        came += piece[:3] == DOWN
+        return piece[:3] != ("zmq", "titan", "io") and (piece[:3] != DOWN or came <= until)
+
+    ether.lets_by = first_ones
+    for _ in range(3 * MAX_MISSES):
+        came = 0
+        ether.carried.clear()
+        ether.pull("io", "titan")
+        assert ether.sent(*UP), "not tried"
+        ether.wait(20)
+    assert not ether.told("io", SyncEnded)
+    assert ether.nodes["io"]._memories["titan"].udp_misses == 0
 
 
 def test_where_tcp_is_blocked_datagrams_serve(ether):

@@ -66,12 +66,14 @@ class Asker:
         self.server = server
         self.id = request_id
         self.database = Database()
+        known = Acquaintance(7)
+        known.ticket = server._acquaintance.next_ticket  # they have met
         self.intake = Intake(
             "titan",
             team=TEAM,
             database=self.database,
             shelf=Shelf(),
-            acquaintance=Acquaintance(7),
+            acquaintance=known,
             room=1100,
         )
         (self.opening,) = self.intake.open(at(0)).frames

@@ -48,6 +48,7 @@ OPENS = st.builds(
     ),
     st.lists(wishes(), max_size=5).filter(lambda each: all(w.total for w in each)),
     U64,
+    U64,
 )
 
 
@@ -60,7 +61,8 @@ def test_an_open_says_what_it_is_told(opening):
 def test_small_letters(epoch, sequence, frames, flag, reception):
     done = Done(epoch, sequence, frames, flag)
     assert Done.decode(done.encode()) == done
-    assert Hello.decode(Hello(reception, epoch).encode()) == Hello(reception, epoch)
+    hello = Hello(reception, epoch, ticket=sequence)
+    assert Hello.decode(hello.encode()) == hello
     assert letters.decode_skip(letters.encode_skip(epoch)) == epoch
 
 
@@ -225,7 +227,7 @@ def test_another_version_is_refused():
 
 def test_of_another_versions_hello_only_that_is_read():
     hello = Hello.decode(bytes((0, VERSION + 1)) + b"anything")
-    assert hello == (Reception.UNREADABLE, 0, VERSION + 1)
+    assert hello == (Reception.UNREADABLE, 0, VERSION + 1, 0)
     with pytest.raises(FrameError, match="a reception of sort 9"):
         Hello.decode(b"\x09" + Hello().encode()[1:])
 
