@@ -15,7 +15,7 @@ from sitl.dynamics import Limits, Wanted
 _XY_GAIN: Final = 0.95
 _Z_GAIN: Final = 1.0
 _AGILE: Final = Limits(
-    acceleration_m_s2=5.0,
+    acceleration_m_s2=8.0,
     jerk_m_s3=20.0,
     climb_acceleration_m_s2=5.0,
     sink_acceleration_m_s2=5.0,

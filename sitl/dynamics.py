@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 GRAVITY_M_S2: Final = 9.80665
+_HELP_FELT: Final = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +104,9 @@ class Multirotor:
         else:
             self._follow(step_s, wanted)
         if not self.on_ground:
-            self.velocity_north_m_s += push_m_s2[0] * step_s
-            self.velocity_east_m_s += push_m_s2[1] * step_s
+            share = 1.0 if wanted is None else self._felt(push_m_s2, wanted)
+            self.velocity_north_m_s += push_m_s2[0] * step_s * share
+            self.velocity_east_m_s += push_m_s2[1] * step_s * share
         self.north_m += self.velocity_north_m_s * step_s
         self.east_m += self.velocity_east_m_s * step_s
         self.up_m += self.velocity_up_m_s * step_s
@@ -123,6 +125,13 @@ class Multirotor:
             -math.atan2(forward, GRAVITY_M_S2),
             self.yaw_rad,
         )
+
+    def _felt(self, push_m_s2: tuple[float, float], wanted: Wanted) -> float:
+        """How much of a push is felt: where it helps, the controller asks less of the motors."""
+        helps = push_m_s2[0] * (wanted.north_m_s - self.velocity_north_m_s) + push_m_s2[1] * (
+            wanted.east_m_s - self.velocity_east_m_s
+        )
+        return _HELP_FELT if helps > 0 else 1.0
 
     def _follow(self, step_s: float, wanted: Wanted) -> None:
         limits = wanted.limits or self.limits

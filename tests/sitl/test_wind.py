@@ -21,9 +21,11 @@ def blow(settings, seconds=60.0, seed=1):
     ]
 
 
-def test_no_wind_costs_nothing():
+def test_in_still_air_only_what_moves_is_held_back():
     _, pushes = blow(WindSettings())
     assert set(pushes) == {(0.0, 0.0)}
+    drag_m_s2 = Wind(WindSettings(), 1).step(STEP_S, (5.0, 0.0), flying=True)[0]
+    assert -3.0 < drag_m_s2 < -2.5
 
 
 def test_it_comes_from_where_it_is_said_to():
