@@ -126,9 +126,19 @@ class Gossip:
         self._events: deque[LinkEvent] = deque()
         self._refusals: Counter[str] = Counter()
 
-    def publish(self, topic: Topic, data: bytes, now: Instant, *, at_once: bool = False) -> Header:
-        """Take a message of our own. Raises PayloadError."""
-        header, stored = self._publisher.publish(topic, data, now.unix_s, at_once=at_once)
+    def publish(
+        self,
+        topic: Topic,
+        data: bytes,
+        now: Instant,
+        *,
+        at_once: bool = False,
+        frame: bytes | None = None,
+    ) -> Header:
+        """Take a message of our own, compressed to `frame` perhaps. Raises PayloadError."""
+        header, stored = self._publisher.publish(
+            topic, data, now.unix_s, at_once=at_once, frame=frame
+        )
         for record in stored:
             self._tell_own(record, now)
         return header

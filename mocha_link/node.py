@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 CLOSE_S = 0.95  # of the second, for all parts together
 LEAST_CLOSE_S = 0.05
+LARGE_BYTES = 64 * 1024  # takes long to compress
 
 
 class NodeClosedError(MochaLinkError):
@@ -217,8 +218,11 @@ class Node(Startable):
                 f"the data of {topic} must be bytes, not {type(data).__name__}; e.g. "
                 "json.dumps(value).encode(), or what mocha_link.typed.Typed(team).encode makes"
             ) from None
+        payload.check_size(data)
+        large = len(data) >= LARGE_BYTES and not known.aggregate
+        frame = payload.compress(data) if large else None  # meanwhile the node goes on
         with self._lock:
-            header = self._gossip.publish(known, data, self._now(), at_once=now)
+            header = self._gossip.publish(known, data, self._now(), at_once=now, frame=frame)
         self._wake()
         if self._storage and not (self._transport and self._transport.is_current_thread()):
             self._storage.wait()

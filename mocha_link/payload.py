@@ -87,10 +87,12 @@ def pack(  # noqa: PLR0913 - what a message is made from
     ids: Ids | None = None,
     sign: Callable[[bytes], bytes] | None = None,
     checksum: bool = True,
+    frame: bytes | None = None,
 ) -> bytes:
     """The body for data: with a trailer if `stamp_ms` is given, signed if `sign` is.
 
-    Without `ids` the trailer is of version 1.
+    Without `ids` the trailer is of version 1. `frame` is what `compress` made of the data, if
+    somebody has called it already.
 
     Without `stamp_ms` and `checksum` it is byte for byte what original nodes make. A body with a
     trailer is covered by its CRC; one without has the LZ4 frame's own checksum.
@@ -100,7 +102,8 @@ def pack(  # noqa: PLR0913 - what a message is made from
     """
     check_size(data)
     prefix = bytes((dtype, priority))
-    frame: bytes = lz4.frame.compress(data, content_checksum=checksum and stamp_ms is None)
+    if frame is None:
+        frame = compress(data, checksum=checksum and stamp_ms is None)
     if stamp_ms is None:
         return prefix + frame
     if not 0 <= stamp_ms < STAMPS_MS:
@@ -114,6 +117,12 @@ def pack(  # noqa: PLR0913 - what a message is made from
     for part in (prefix, frame, head, signature):
         crc = zlib.crc32(part, crc)
     return b"".join((prefix, frame, head, signature, _CRC.pack(crc)))
+
+
+def compress(data: bytes, *, checksum: bool = False) -> bytes:
+    """The LZ4 frame of data: the longest part of `pack`."""
+    frame: bytes = lz4.frame.compress(data, content_checksum=checksum)
+    return frame
 
 
 def check_size(data: bytes) -> None:

@@ -28,6 +28,7 @@ class _Draft:
     made_s: float
     parts: list[bytes] = field(default_factory=list)
     size: int = 0
+    frame: bytes | None = None  # of the only part
 
     def add(self, data: bytes) -> None:
         self.parts.append(data)
@@ -58,12 +59,19 @@ class Publisher:
         self._latest: dict[str, tuple[_Draft, Header]] = {}
 
     def publish(
-        self, topic: Topic, data: bytes, now_s: float, *, at_once: bool
+        self,
+        topic: Topic,
+        data: bytes,
+        now_s: float,
+        *,
+        at_once: bool,
+        frame: bytes | None = None,
     ) -> tuple[Header, list[Record]]:
         """The header of a new message, and what was stored now because of it.
 
         A message that comes before the topic's interval since the last stored one is over is held
-        until then; the next one replaces it, or joins it if the topic says `aggregate`.
+        until then; the next one replaces it, or joins it if the topic says `aggregate`. `frame` is
+        what `payload.compress` made of the data, if somebody has called it.
 
         Raises:
             PayloadError: larger than any node would accept.
@@ -85,6 +93,7 @@ class Publisher:
             draft = self._held[topic.name] = _Draft(stamp_ms, now_s)
         draft.stamp_ms, draft.made_s = stamp_ms, now_s
         draft.add(data)
+        draft.frame = None if topic.aggregate else frame
         header = Header.at(self._robot.robot_id, topic.topic_id, stamp_ms)
         if at_once or self._is_due(topic.name, now_s):
             record = self._flush(topic, now_s)
@@ -125,6 +134,7 @@ class Publisher:
             self._last_ms[topic.name] = draft.stamp_ms
             record = self._record(topic, draft)
             self._database.insert(record, now_s)
+        draft.frame = None  # it is in the record
         self._latest[topic.name] = (draft, record.header)
         return record
 
@@ -136,6 +146,7 @@ class Publisher:
             stamp_ms=draft.stamp_ms,
             ids=payload.Ids(self._robot.robot_id, topic.topic_id),
             sign=self._signs.get(topic.name),
+            frame=draft.frame,
         )
         header = Header.at(self._robot.robot_id, topic.topic_id, draft.stamp_ms)
         return Record(header, topic.priority, body, draft.stamp_ms, received_s=draft.made_s)

@@ -35,6 +35,15 @@ def often(team):
     return team.topic("titan", "/map")
 
 
+def test_what_was_compressed_before_is_the_same():
+    data = bytes(range(256)) * 1000
+    for stamp_ms in (None, 1_795_175_905_123):
+        ids = payload.Ids(1, 2) if stamp_ms else None
+        frame = payload.compress(data, checksum=stamp_ms is None)
+        made = payload.pack(1, 2, data, stamp_ms=stamp_ms, ids=ids, frame=frame)
+        assert made == payload.pack(1, 2, data, stamp_ms=stamp_ms, ids=ids)
+
+
 def ids_of(record: Record) -> payload.Ids:
     return payload.Ids(record.header.robot_id, record.header.topic_id)
 
