@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import zip_longest
 
 from sitl.conformance.conversation import Conversation, Outcome
 
@@ -10,11 +11,11 @@ from sitl.conformance.conversation import Conversation, Outcome
 def beside(
     conversations: Iterable[Conversation], ours: Iterable[Outcome], theirs: Iterable[Outcome]
 ) -> str:
-    """The table: every conversation, its fact, how each run ended and what was seen."""
+    """The table: every conversation, its fact, how each run ended and what was seen differently."""
     by_name = {outcome.name: outcome for outcome in theirs}
     own = {outcome.name: outcome for outcome in ours}
     lines = [
-        "| conversation | fact | ours | PX4 | seen: ours / PX4 |",
+        "| conversation | fact (recorded in) | ours | PX4 | seen otherwise: ours / PX4 |",
         "|---|---|---|---|---|",
     ]
     for conversation in conversations:
@@ -24,7 +25,7 @@ def beside(
             f"{conversation.fact} ({conversation.recorded})",
             _word(mine),
             "not held" if other is None else _word(other),
-            f"{_notes(mine)} / {'' if other is None else _notes(other)}",
+            _differences(mine, other),
         )
         lines.append(f"| {' | '.join(_cell(text) for text in cells)} |")
     return "\n".join(lines)
@@ -36,8 +37,11 @@ def _word(outcome: Outcome) -> str:
     return f"{'left out' if outcome.left_out else '**departs**'}: {outcome.departure}"
 
 
-def _notes(outcome: Outcome) -> str:
-    return "; ".join(outcome.notes)
+def _differences(mine: Outcome, other: Outcome | None) -> str:
+    if other is None:
+        return "; ".join(mine.notes)
+    pairs = zip_longest(mine.notes, other.notes, fillvalue="nothing")
+    return "; ".join(f"{one} / {two}" for one, two in pairs if one != two)
 
 
 def _cell(text: str) -> str:
