@@ -139,12 +139,6 @@ WISHES: Final = (
         lambda _mission, value: 5.0 <= value <= 60.0,
     ),
     Wish(
-        "MIS_TKO_LAND_REQ",
-        "0 or 1",
-        "PX4 refuses a mission that has no landing item, as ours",
-        _is(0, 1),
-    ),
-    Wish(
         "RTL_RETURN_ALT",
         "at least the mission's altitude",
         "a return by the autopilot is lower than what was planned",

@@ -14,10 +14,9 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from mocha_link import Team
 
-WITHIN_S = 20.0  # the machine that tests may be busy
-PX4, ARDUPILOT, NO_AUTOPILOT = 12, 3, 8
+WITHIN_S = 60.0  # the machine that tests may be very busy
+PX4 = 12
 MULTIROTOR = 2
-GROUND_STATION = {"kind": 6, "autopilot": NO_AUTOPILOT, "system_id": 255, "component_id": 190}
 
 
 class Stranger:
@@ -105,12 +104,9 @@ def test_peers_that_listen_are_reachable_and_looking_changes_nothing(
     assert "\x1b[" not in out
 
 
-STRANGERS = (
+STRANGERS = (  # the others: tests/system/test_px4.py
     (None, "nothing heard within 5 s"),
     ({}, "no positions"),
-    ({"system_id": 7}, "say --sysid 7"),
-    ({"autopilot": ARDUPILOT}, "not PX4"),
-    (GROUND_STATION, "system 255"),
 )
 
 
