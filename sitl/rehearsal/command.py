@@ -9,7 +9,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from air_router.graph import WaypointGraph
 from air_router.mission import load_mission
 from air_router.router import Router
 from sitl.rehearsal.faults import Fault, Scene, scenes
+from sitl.rehearsal.over_mavlink import RealFlight, scenes_over_mavlink
 from sitl.rehearsal.report import table
 from sitl.rehearsal.stage import Stage, hurried
 
@@ -50,21 +51,27 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         metavar="N",
         help="processes (default: CPUs)",
     )
+    parser.add_argument(
+        "--mavlink",
+        action="store_true",
+        help="42 flights of `air-router fly` over UDP against `sitl vehicle` instead",
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object per flight instead")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Rehearse, and print what became of it."""
+    fly = rehearse_over_mavlink if arguments.mavlink else rehearse
     chosen = [
         scene
-        for scene in scenes(arguments.share)
+        for scene in (scenes_over_mavlink() if arguments.mavlink else scenes(arguments.share))
         if (not arguments.fault or scene.fault.name in arguments.fault)
         and arguments.seed in {None, scene.seed}
     ]
     began_s = time.monotonic()
     verdicts = []
-    for verdict in rehearse(arguments.mission, chosen, arguments.jobs):
+    for verdict in fly(arguments.mission, chosen, arguments.jobs):
         verdicts.append(verdict)
         if arguments.json:
             sys.stdout.write(json.dumps(_as_json(verdict)) + "\n")
@@ -83,6 +90,12 @@ def rehearse(path: Path, chosen: Sequence[Scene], jobs: int) -> Iterator[Verdict
         return
     with ProcessPoolExecutor(jobs) as pool:
         yield from pool.map(functools.partial(_fly, path), chosen, chunksize=4)
+
+
+def rehearse_over_mavlink(path: Path, chosen: Sequence[Scene], jobs: int) -> Iterator[Verdict]:
+    """Fly scenes with the real programs; threads only wait for these."""
+    with ThreadPoolExecutor(jobs) as pool:
+        yield from pool.map(lambda scene: RealFlight(scene, path.absolute()).fly(), chosen)
 
 
 @functools.cache
