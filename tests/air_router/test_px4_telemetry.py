@@ -1,6 +1,7 @@
 import pytest
 
 from air_router.clock import VehicleClock
+from air_router.px4_events import event_id
 from air_router.px4_telemetry import ARMED, Px4Telemetry
 from air_router.vehicle import FlightMode, ItemReached, PlanReplaced
 
@@ -105,3 +106,41 @@ def test_another_plan_is_told_once_and_only_when_guarded(vehicle):
     for plan in (2, 2, 3, 4):
         current(plan)
     assert [type(e) for e in vehicle.events] == [PlanReplaced]
+
+
+@pytest.mark.parametrize(
+    ("plan", "fence", "only_fence"), [(1, 8, True), (2, 7, False), (2, 8, False)]
+)
+def test_another_fence_is_told_from_another_mission(vehicle, plan, fence, only_fence):
+    vehicle.telemetry.guard_plan()
+    vehicle.says("_on_mission_current", seq=2, total=5, mission_id=1, fence_id=7)
+    vehicle.says("_on_mission_current", seq=2, total=5, mission_id=plan, fence_id=fence)
+    (event,) = vehicle.events
+    assert event.only_fence is only_fence
+
+
+def test_why_a_plan_is_refused_is_kept_until_something_else_is_asked(vehicle):
+    telemetry = vehicle.telemetry
+    event = {"log_levels": 0x33, "arguments": [3, 0, *[0] * 38]}
+    vehicle.says("_on_event", id=event_id("navigator_mis_geofence_violation"), **event)
+    vehicle.says("_on_event", id=event_id("check_battery_low"), **event)
+    assert telemetry.refusals == ["plan item 3 lies in a no-fly zone or outside the fence"]
+    assert "plan item 3" in telemetry.said()
+    assert "battery" not in telemetry.said()
+    telemetry.forget_words()
+    assert (telemetry.refusals, telemetry.said()) == ([], "")
+
+
+def test_a_lost_fix_and_the_target_show_in_telemetry(vehicle, pennovation):
+    latitude_deg, longitude_deg = pennovation.frame.to_geodetic(pennovation.home)
+    home = round(latitude_deg * 1e7), round(longitude_deg * 1e7)
+    vehicle.beats(HOLD)
+    vehicle.is_at(*home)
+    assert (vehicle.events[-1].fix, vehicle.events[-1].target) == (True, None)
+    vehicle.says("_on_gps", fix_type=1, satellites_visible=3, h_acc=0)
+    vehicle.says("_on_target", lat_int=home[0], lon_int=home[1])
+    vehicle.is_at(*home)
+    assert not vehicle.events[-1].fix
+    assert vehicle.events[-1].target == pytest.approx(pennovation.home, abs=0.1)
+    vehicle.beats(MISSION)
+    assert vehicle.events[-1].target is None  # it was the other mode's
