@@ -18,6 +18,7 @@ _DRAG_1_S: Final = 0.58  # of PX4's simulated airframe, by its own speed
 _WIND_1_S: Final = 0.2  # of a real small quadrotor: PX4's simulator has no wind
 _GUST_TAU_S: Final = 3.0
 _TRIM_S: Final = 8.0
+_FORGET_S: Final = 4.0
 _GUST_SHARE: Final = 0.3
 
 
@@ -76,7 +77,8 @@ class Wind:
             _WIND_1_S * self.north_m_s - _DRAG_1_S * velocity_m_s[0],
             _WIND_1_S * self.east_m_s - _DRAG_1_S * velocity_m_s[1],
         )
-        share = min(step_s / _TRIM_S, 1.0)
+        learning = math.hypot(*push) > math.hypot(*self._trim)
+        share = min(step_s / (_TRIM_S if learning else _FORGET_S), 1.0)
         self._trim = (
             self._trim[0] + (push[0] - self._trim[0]) * share,
             self._trim[1] + (push[1] - self._trim[1]) * share,
