@@ -291,7 +291,7 @@ class TestMission:
         start_mission(rig, rig.item(0, 20, 0, 15), rig.item(1, 90, 0, 15, go_on=0))
         rig.run(30, lambda: rig.position()[0] > 40)
         assert set_mode(rig, HOLD) == [0, 0]
-        rig.run(5)
+        rig.run(10)
         stopped = rig.position()[0]
         assert 44 < stopped < 50
         rig.send("mission_set_current", 1, 1, 0)
