@@ -35,6 +35,9 @@ BUSY_ATTEMPTS: Final = 3
 BUSY_S: Final = 5.5
 """PX4 ignores uploads for five seconds after a transfer that nobody finished."""
 
+_PASSING: Final = frozenset(
+    {MissionRawResult.BUSY, MissionRawResult.ERROR, MissionRawResult.TIMEOUT}
+)
 MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
 
 
@@ -114,14 +117,9 @@ async def _upload(
     telemetry: Px4Telemetry,
 ) -> None:
     raw_items = [_to_raw(seq, item, mission_type) for seq, item in enumerate(items)]
-    for attempt in range(BUSY_ATTEMPTS):
-        result = (await _transfer(what, method, raw_items))[0]
-        if result == MissionRawResult.SUCCESS:
-            return
-        if result not in {MissionRawResult.BUSY, MissionRawResult.ERROR}:
-            break
-        if attempt + 1 < BUSY_ATTEMPTS:
-            await asyncio.sleep(BUSY_S)
+    result, *_ = await _patiently(what, method, raw_items)
+    if result == MissionRawResult.SUCCESS:
+        return
     hint = ""
     if result == MissionRawResult.TOO_MANY_MISSION_ITEMS and mission_type == FENCE:
         count = f"it has {len(items)} points, PX4 1.17 stores {FENCE_POINTS} of a fence"
@@ -132,12 +130,22 @@ async def _upload(
 async def _download(
     what: str, method: Callable[..., None], telemetry: Px4Telemetry
 ) -> list[PlanItem]:
-    result, items = await _transfer(what, method)
+    result, items = await _patiently(what, method)
     if result == MissionRawResult.NO_MISSION_AVAILABLE:
         return []
     if result != MissionRawResult.SUCCESS:
         raise PlanRefusedError(f"{what} cannot be read back: {result.name}{telemetry.said()}")
     return [_from_raw(what, item) for item in items]
+
+
+async def _patiently(what: str, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:
+    """A transfer that is begun again where another is under way, or too many packets were lost."""
+    for _ in range(BUSY_ATTEMPTS - 1):
+        answer = await _transfer(what, method, *arguments)
+        if answer[0] not in _PASSING:
+            return answer
+        await asyncio.sleep(BUSY_S)
+    return await _transfer(what, method, *arguments)
 
 
 async def _transfer(what: str, method: Callable[..., None], *arguments: Any) -> tuple[Any, ...]:

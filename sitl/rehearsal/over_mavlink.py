@@ -128,13 +128,13 @@ class RealFlight:
             gone = self.scene.fault in {Fault.KILL, Fault.PILOT}
             wait_until(lambda: companion.ended or not relay.armed, 8.0 if gone else FLIGHT_S)
             wait_until(lambda: companion.ended, 5.0)
-            end = self._end(mission, relay)
+            end = self._end(mission, relay) if judge.ours_s > 0 else End.STAYED
         finally:
             if not companion.ended:
                 companion.kill()
             self._done.set()
             watching.join()
-        allowed = {End.LANDED, End.FAILSAFE}
+        allowed = {End.LANDED, End.FAILSAFE}  # a flight that never began shows as not as it should
         allowed |= {Fault.PILOT: {End.PILOT}, Fault.KILL: {End.HOVERS}}.get(self.scene.fault, set())
         return Verdict(
             scene=f"{self.scene} over MAVLink",
