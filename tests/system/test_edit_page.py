@@ -226,6 +226,23 @@ def test_the_keyboard_alone_moves_adds_and_removes(mission, open_page):
     ]
 
 
+def test_waypoints_clicked_in_haste_keep_their_order(mission, open_page):
+    before = mission.read_text()
+    page = open_page(mission)
+    page.page.keyboard.press("w")
+    for x in (480, 520, 560, 600):
+        page.page.mouse.click(x, 700)
+    sync_api.expect(page.place("waypoint 43")).to_have_count(1, timeout=LIMIT_MS)
+    page.page.keyboard.press("Control+s")
+    if page.page.get_by_role("button", name="Save the draft").is_visible():
+        page.page.get_by_role("button", name="Save the draft").click()
+    page.expect_saved()
+    added = [line for line in changes(before, mission.read_text()) if line.startswith("+")]
+    longitudes_deg = [float(line.split(",")[1].strip(" ]")) for line in added]
+    assert len(longitudes_deg) == 4
+    assert longitudes_deg == sorted(longitudes_deg)
+
+
 def test_a_route_between_two_waypoints_is_shown_and_follows_the_mission(mission, open_page):
     page = open_page(mission)
     page.page.keyboard.press("p")

@@ -25,6 +25,7 @@ export class Tools extends EventTarget {
     this.corners = [];
     /** @type {number[]} nodes that were clicked for a route */
     this.chosen = [];
+    this.adding = Promise.resolve();
     this.shape = L.polygon([], {
       className: "sketching", interactive: false, renderer: L.svg({ pane: "route" }), pane: "route",
     }).addTo(map);
@@ -93,8 +94,15 @@ export class Tools extends EventTarget {
     return this.tool !== "waypoint";
   }
 
+  /** One after the other: the next click waits until the waypoint before it is there.
+   *  @param {number[]} at @returns {Promise<void>} */
+  addWaypoint(at) {
+    this.adding = this.adding.then(() => this.insertWaypoint(at));
+    return this.adding;
+  }
+
   /** @param {number[]} at */
-  async addWaypoint(at) {
+  async insertWaypoint(at) {
     const { places } = this.store.state;
     const own = places.filter((place) => place.kind === "waypoint" && place.keys);
     const before = own.find((place) => this.selection.has(place.keys))?.index ?? own.length;
