@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 import logging
+import re
 import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Protocol
 
 from air_router.errors import EXPECTED, ExitCode, exit_code, told
+
+_SOUTHERN = re.compile(r"-[\d.]+,")
+"""How a place, or bounds, with a negative latitude begin."""
 
 
 class CommandModule(Protocol):
@@ -60,10 +64,25 @@ def _moment(text: str) -> datetime:
     return moment.astimezone(UTC)
 
 
+def _with_places(argv: Sequence[str]) -> list[str]:
+    """The arguments with places in the southern hemisphere joined to their options.
+
+    `--home -33.9,151.2` is taken for two options by argparse, `--home=-33.9,151.2` is not.
+    """
+    joined: list[str] = []
+    for word in argv:
+        option = joined[-1] if joined else ""
+        if option.startswith("--") and "=" not in option and _SOUTHERN.match(word):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
 def run(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
     """Run one command; returns its exit code. Results go to stdout, all else to stderr."""
     try:
-        arguments = parser.parse_args(argv)
+        arguments = parser.parse_args(_with_places(sys.argv[1:] if argv is None else argv))
     except SystemExit as end:  # argparse has said why
         return end.code if isinstance(end.code, int) else ExitCode.USAGE
     logging.basicConfig(

@@ -210,3 +210,16 @@ def test_without_zones_and_fence_nothing_is_near(capsys, tmp_path):
     assert code == 0
     assert "inf" not in out
     assert "closest approach nothing near" in out
+
+
+def test_places_in_the_southern_hemisphere_need_no_equals_sign(capsys, tmp_path):
+    mission = tmp_path / "sydney.yaml"
+    mission.write_text(
+        "home: [-33.9000, 151.2000]\naltitude_m: 40\nwaypoints: [[-33.9010, 151.2000]]\n"
+        "fence: null\nno_fly_zones: []\n"
+    )
+    ends = ("--from", "-33.9005,151.2005", "--to", "-33.9,151.2")
+    code, out, _ = run(capsys, "plan", mission, *ends, "--json")
+    assert code == 0
+    assert json.loads(out)["length_m"] == pytest.approx(72.3, abs=0.5)
+    assert run(capsys, "plan", mission, "--from", "-1", "--to", "0")[0] == 2
