@@ -13,7 +13,7 @@ from air_router.camera import CAMERAS, Camera, camera_of
 from air_router.cover_area import Terms, read_field
 from air_router.cover_facts import facts_of, lines_of, place_of
 from air_router.cover_write import place_text, waypoints_of, written
-from air_router.errors import AirRouterError, ExitCode
+from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.whole_file import write_whole
 from geo.coverage import CoverageError, Swath, cover
 from geo.frame import Geodetic
@@ -100,6 +100,10 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan rows, and write what was asked for."""
+    if arguments.out is not None and arguments.out.suffix.lower() not in {".yaml", ".yml"}:
+        raise UsageError(
+            f"{arguments.out}: a mission file ends with .yaml; `air-router convert` writes plans"
+        )
     camera = camera_of(arguments.camera)
     camera = camera.turned if arguments.portrait else camera
     field = read_field(arguments.area, arguments.mission, _terms(arguments))

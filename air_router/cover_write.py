@@ -80,6 +80,9 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
         Spot(f"waypoint {number}", place, (), field.altitude_m)
         for number, place in enumerate(waypoints, start=1)
     ]
+    judge(draft)  # home may be too near to a zone, the sea's level that limits count from not known
+    if draft.problems:
+        raise MissionFileError(draft.problems)
     return mission_text(draft, folder)
 
 

@@ -216,6 +216,20 @@ def test_zones_of_files_and_the_area_as_a_fence(capsys, tmp_path):
     assert inside["covered_percent"] > 99.9
 
 
+def test_a_mission_that_could_not_be_flown_is_not_written(capsys, tmp_path):
+    area, target = geojson(tmp_path), tmp_path / "m.yaml"
+    zones = tmp_path / "zones.geojson"
+    ring = [[-75.2010, 39.9408], [-75.2004, 39.9408], [-75.2004, 39.9412], [-75.2010, 39.9408]]
+    limits = {"name": "pond", "upper_m": 100, "reference": "amsl"}
+    zone = {"type": "Polygon", "coordinates": [ring]}
+    zones.write_text(json.dumps({"type": "Feature", "properties": limits, "geometry": zone}))
+    options = (area, *WIDE, "--altitude", "30", "--zones", zones, "--out", target)
+    code, _, err = run(capsys, "cover", *options, "--home", "39.9398,-75.2000")
+    assert code == 3
+    assert "[home-altitude-unknown]" in err
+    assert not target.exists()
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -251,6 +265,7 @@ def test_pictures(capsys, tmp_path):
         (("{area}", *WIDE, "--altitude", "30", "--angle", "nan"), "not an angle"),
         (("{area}", *WIDE, "--altitude", "30", "--home", "here"), "LATITUDE,LONGITUDE"),
         (("{area}", *WIDE, "--altitude", "30", "--home", "91,0"), "--home"),
+        (("{area}", *WIDE, "--altitude", "30", "--out", "survey.plan"), "ends with .yaml"),
         (("{area}", *WIDE, "--mission", str(PLAN), "--home", "1,2"), "the mission's to say"),
         (("{nothing}", *WIDE), "has no fence"),
     ],
