@@ -134,10 +134,10 @@ class Router:
     def _no_route(self, start: Point, target: Leg, rule: Departure) -> NoRoute:
         walls = Regions(self._airspace).separators(start, target.to)
         if walls:
-            keep = f"{self._airspace.fence_distance_m:g} m"
-            return NoRoute(
-                f"{names_of(walls)} separate start and goal at {keep} of distance", walls
-            )
+            kept_m = sorted({self._airspace.kept_m(name) for name in walls})
+            keep = " and ".join(f"{metres:g} m" for metres in kept_m)
+            verb = "separates" if len(walls) == 1 else "separate"
+            return NoRoute(f"{names_of(walls)} {verb} start and goal at {keep} of distance", walls)
         if rule.moving:
             return NoRoute(
                 "no first leg is clear at this speed", self._airspace.blockers(start, rule.rest)

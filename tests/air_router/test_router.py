@@ -236,6 +236,19 @@ def test_a_goal_behind_walls_names_them(tmp_path):
     assert "the fence and no-fly zone 'wall' separate start and goal" in answer.reason
 
 
+def test_a_goal_in_a_courtyard_is_told_by_what_is_kept_from_its_walls(tmp_path):
+    holes = [box(-60, 40, -20, 80)]
+    _, _, router, _ = made(
+        tmp_path,
+        no_fly_zones=[
+            {"name": "court", "polygon": box(-70, 30, -10, 90), "holes": holes, "clearance_m": 8}
+        ],
+    )
+    answer = router.route(Point(0, 0), Point(-40, 60))
+    told = "no-fly zone 'court' separates start and goal at 9.5 m of distance"
+    assert answer == NoRoute(told, ("court",))
+
+
 # Where the vehicle is, how fast it moves.
 
 
