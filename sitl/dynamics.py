@@ -13,6 +13,8 @@ from typing import Final
 
 GRAVITY_M_S2: Final = 9.80665
 _HELP_FELT: Final = 0.2
+_ACROSS_FELT: Final = 0.2
+_ON_THE_WAY_M_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +106,9 @@ class Multirotor:
         else:
             self._follow(step_s, wanted)
         if not self.on_ground:
-            share = 1.0 if wanted is None else self._felt(push_m_s2, wanted)
-            self.velocity_north_m_s += push_m_s2[0] * step_s * share
-            self.velocity_east_m_s += push_m_s2[1] * step_s * share
+            north, east = push_m_s2 if wanted is None else self._felt(push_m_s2, wanted)
+            self.velocity_north_m_s += north * step_s
+            self.velocity_east_m_s += east * step_s
         self.north_m += self.velocity_north_m_s * step_s
         self.east_m += self.velocity_east_m_s * step_s
         self.up_m += self.velocity_up_m_s * step_s
@@ -126,12 +128,25 @@ class Multirotor:
             self.yaw_rad,
         )
 
-    def _felt(self, push_m_s2: tuple[float, float], wanted: Wanted) -> float:
-        """How much of a push is felt: where it helps, the controller asks less of the motors."""
-        helps = push_m_s2[0] * (wanted.north_m_s - self.velocity_north_m_s) + push_m_s2[1] * (
-            wanted.east_m_s - self.velocity_east_m_s
+    def _felt(self, push_m_s2: tuple[float, float], wanted: Wanted) -> tuple[float, float]:
+        """How much of a push is felt.
+
+        Where it helps, the controller asks less of the motors; across the way it holds the line.
+        """
+        north, east = push_m_s2
+        missing_north = wanted.north_m_s - self.velocity_north_m_s
+        missing_east = wanted.east_m_s - self.velocity_east_m_s
+        if north * missing_north + east * missing_east > 0:
+            return north * _HELP_FELT, east * _HELP_FELT
+        speed = math.hypot(wanted.north_m_s, wanted.east_m_s)
+        if speed < _ON_THE_WAY_M_S:
+            return push_m_s2
+        way_north, way_east = wanted.north_m_s / speed, wanted.east_m_s / speed
+        along = north * way_north + east * way_east
+        return (
+            along * way_north + (north - along * way_north) * _ACROSS_FELT,
+            along * way_east + (east - along * way_east) * _ACROSS_FELT,
         )
-        return _HELP_FELT if helps > 0 else 1.0
 
     def _follow(self, step_s: float, wanted: Wanted) -> None:
         limits = wanted.limits or self.limits
