@@ -46,7 +46,12 @@ FLIGHTS: Final = {
     Fault.KILL: 2,
     Fault.BATTERY: 3,
 }
-_HOLD, _RETURN, _POSITION = 0x03040000, 0x05040000, 0x00030000
+_ALLOWED: Final = {
+    Fault.PILOT: frozenset({End.PILOT}),
+    Fault.KILL: frozenset({End.HOVERS}),
+    Fault.LOSS_20: frozenset({End.STAYED}),  # over such a link a plan may not get on board
+}
+_HOLD, _RETURN = 0x03040000, 0x05040000
 _AIRBORNE: Final = "READY -> INIT"
 _HURRIED: Final = (
     ("init_s: 180", "init_s: 20"),
@@ -134,8 +139,7 @@ class RealFlight:
                 companion.kill()
             self._done.set()
             watching.join()
-        allowed = {End.LANDED, End.FAILSAFE}  # a flight that never began shows as not as it should
-        allowed |= {Fault.PILOT: {End.PILOT}, Fault.KILL: {End.HOVERS}}.get(self.scene.fault, set())
+        allowed = {End.LANDED, End.FAILSAFE} | _ALLOWED.get(self.scene.fault, frozenset())
         return Verdict(
             scene=f"{self.scene} over MAVLink",
             fault=self.scene.fault.name,
