@@ -84,11 +84,11 @@ class Pace:
 class Homeward:
     """The ways home, and to the nearest rally point, of all nodes of a waypoint graph."""
 
-    def __init__(self, graph: WaypointGraph, router: Router) -> None:
-        self._graph = graph
+    def __init__(self, router: Router) -> None:
+        self._graph = router.graph
         self._router = router
-        self._mission = graph.mission
-        self.pace = Pace.of(graph.mission)
+        self._mission = router.graph.mission
+        self.pace = Pace.of(self._mission)
 
     @cached_property
     def home(self) -> Mapping[int, Way]:

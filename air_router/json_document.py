@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 from bisect import bisect_right
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -79,6 +80,16 @@ def json_from_text(text: str, path: Path) -> JsonDocument:
             raise _one(path, line, column, str(error), error.code) from None
         raise _one(path, 1, 1, f"not valid JSON: {reason}; export it again", "not-json") from None
     return JsonDocument(path, data, text)
+
+
+def value_at(data: Any, keys: Iterable[str | int]) -> Any:
+    """The value at a key path, None if there is none."""
+    for key in keys:
+        try:
+            data = data[key]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return data
 
 
 def json_text(data: Any) -> str:

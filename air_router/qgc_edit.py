@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from air_router.draft import Keys
 from air_router.errors import AirRouterError, ExitCode
-from air_router.json_document import json_text
+from air_router.json_document import json_text, value_at
 from air_router.qgc_items import MavCommand
 from geo.frame import Geodetic
 
@@ -62,19 +62,19 @@ class PlanEdit:
             )
         latitude_deg, longitude_deg = _rounded(place)
         if keys[-2:-1] == ("params",):
-            values, first = self._value(keys[:-1]), int(keys[-1])
+            values, first = value_at(self.data, keys[:-1]), int(keys[-1])
         elif keys[:2] == ("geoFence", "circles") and len(keys) == 3:
-            values, first = self._value((*keys, "circle", "center")), 0
+            values, first = value_at(self.data, (*keys, "circle", "center")), 0
         else:
-            values, first = self._value(keys), 0
+            values, first = value_at(self.data, keys), 0
         if not isinstance(values, list) or len(values) < first + 2:
             raise PlanEditError(f"the plan has no place at {keys}; nothing was changed")
         values[first : first + 2] = [latitude_deg, longitude_deg]
 
     def set_altitude(self, keys: Keys, altitude_above_home_m: float) -> None:
         """Give a waypoint another altitude; it counts from home then."""
-        params = self._value(keys[:-1])
-        item = self._value(keys[:-2])
+        params = value_at(self.data, keys[:-1])
+        item = value_at(self.data, keys[:-2])
         if not isinstance(item, dict) or not isinstance(params, list) or len(params) < 7:
             raise PlanEditError(f"the plan has no waypoint at {keys}; nothing was changed")
         params[6] = altitude_above_home_m
@@ -85,14 +85,14 @@ class PlanEdit:
 
     def set_radius(self, keys: Keys, radius_m: float) -> None:
         """Give a circle another radius."""
-        circle = self._value((*keys, "circle"))
+        circle = value_at(self.data, (*keys, "circle"))
         if not isinstance(circle, dict):
             raise PlanEditError(f"the plan has no circle at {keys}; nothing was changed")
         circle["radius"] = radius_m
 
     def set_corners(self, keys: Keys, corners: Sequence[Geodetic]) -> None:
         """Draw a polygon anew."""
-        polygon = self._value(keys)
+        polygon = value_at(self.data, keys)
         if not isinstance(polygon, dict) or "polygon" not in polygon:
             raise PlanEditError(f"the plan has no polygon at {keys}; nothing was changed")
         polygon["polygon"] = [_rounded(corner) for corner in corners]
@@ -128,7 +128,7 @@ class PlanEdit:
         before: Keys | None = None,
     ) -> Keys:
         """Add a waypoint before another item, or behind the last waypoint; returns its keys."""
-        items = self._value(_ITEMS)
+        items = value_at(self.data, _ITEMS)
         index = int(before[2]) if before else self._behind_waypoints(items)
         latitude_deg, longitude_deg = _rounded(place)
         item = simple_item(
@@ -145,7 +145,7 @@ class PlanEdit:
         Keys of what comes behind it count one less from then on.
         """
         entry = keys[:3]
-        values = self._value(entry[:-1])
+        values = value_at(self.data, entry[:-1])
         known = entry[:-1] in (_ITEMS, _RALLY, ("geoFence", "polygons"), ("geoFence", "circles"))
         if not known or not isinstance(values, list) or int(entry[-1]) >= len(values):
             raise PlanEditError(f"the plan has nothing to remove at {keys}; nothing was changed")
@@ -166,15 +166,6 @@ class PlanEdit:
                 break
             index -= 1
         return index
-
-    def _value(self, keys: Keys) -> Any:
-        value: Any = self.data
-        for key in keys:
-            try:
-                value = value[key]
-            except (KeyError, IndexError, TypeError):
-                return None
-        return value
 
 
 def simple_item(

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from air_router.draft import Draft, Keys
+from air_router.json_document import value_at
 
 EXPORT_AGAIN: Final = "save the plan with a current QGroundControl"
 
@@ -20,13 +21,7 @@ class PlanValues:
 
     def at(self, *keys: str | int) -> Any:
         """The value at a key path, None if there is none."""
-        value = self._data
-        for key in keys:
-            try:
-                value = value[key]
-            except (KeyError, IndexError, TypeError):
-                return None
-        return value
+        return value_at(self._data, keys)
 
     def number(self, *keys: str | int) -> float | None:
         """A number; None, with a problem noted, if it is something else."""

@@ -53,7 +53,7 @@ class Router:
     """
 
     def __init__(self, graph: WaypointGraph, planner: Planner | None = None) -> None:
-        self._graph = graph
+        self.graph = graph
         self._mission = graph.mission
         self._airspace = graph.mission.planning_airspace
         self._departing = self._airspace.with_margin(graph.mission.planner.departure_margin_m)
@@ -113,9 +113,9 @@ class Router:
 
     def _goal(self, goal: Point | int) -> Leg:
         if isinstance(goal, int):
-            return Leg(self._graph.position(goal), goal)
-        away_m, node = self._graph.nearest_node(goal)
-        return Leg(self._graph.position(node), node) if away_m <= _SAME_M else Leg(goal)
+            return Leg(self.graph.position(goal), goal)
+        away_m, node = self.graph.nearest_node(goal)
+        return Leg(self.graph.position(node), node) if away_m <= _SAME_M else Leg(goal)
 
     def _bad_goal(self, target: Leg) -> NoRoute:
         holders = self._airspace.holders(target.to)

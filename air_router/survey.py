@@ -45,7 +45,7 @@ class Survey:
         self.mission = graph.mission
         self.graph = graph
         self.router = Router(graph)
-        self.homeward = Homeward(graph, self.router)
+        self.homeward = Homeward(self.router)
         self.steps = tuple(self._steps())
 
     @property

@@ -15,7 +15,7 @@ from typing import Any, TypeGuard
 
 from air_router.altitudes import Altitudes
 from air_router.draft import Keys, Source
-from air_router.json_document import JsonDocument
+from air_router.json_document import JsonDocument, value_at
 from geo.frame import Geodetic
 from geo.validity import Validity
 from mocha_link.document import Problem
@@ -149,13 +149,7 @@ class JsonReader:
 
     def at(self, *keys: str | int) -> Any:
         """The value at a key path, None if there is none."""
-        value = self.document.data
-        for key in keys:
-            try:
-                value = value[key]
-            except (KeyError, IndexError, TypeError):
-                return None
-        return value
+        return value_at(self.document.data, keys)
 
     def entries(self, keys: Keys, what: str) -> list[Any]:
         """A list; empty, with a problem noted, if it is something else."""

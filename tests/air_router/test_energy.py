@@ -2,8 +2,9 @@ import dataclasses
 
 import pytest
 
-from air_router.energy import battery, farthest_s, up_and_down_s
+from air_router.energy import CLIMB_M_S, battery
 from air_router.graph import WaypointGraph
+from air_router.homeward import LANDING_MARGIN, Homeward
 from air_router.preflight import Verdict
 from air_router.router import Router
 
@@ -17,10 +18,16 @@ def check(mission, router, charge, **changes):
     return battery(dataclasses.replace(mission, **changes), router, charge, 15.8)
 
 
-def test_times(pennovation, router):
-    assert 40 < up_and_down_s(pennovation) < 90
-    farthest_m = max(router.route(w.position, 0).length_m for w in pennovation.waypoints)
-    assert farthest_s(pennovation, router) > farthest_m / pennovation.speed_m_s
+def test_what_is_good_on_the_ground_reaches_the_farthest_waypoint_in_flight(pennovation, router):
+    homeward = Homeward(router)
+    _, way = homeward.worst_waypoint
+    out_s = pennovation.altitude_above_home_m / CLIMB_M_S + homeward.pace.time_s(way)
+    for reserve in (0.0, 0.25):
+        turning = max(reserve, homeward.pace.home_s(way) / 1500 + LANDING_MARGIN)
+        for spare, verdict in ((0.001, Verdict.GOOD), (-0.001, Verdict.BAD)):
+            charge = turning + out_s / 1500 + spare
+            wanted = {"endurance_s": 1500.0, "duration_s": None, "battery_reserve": reserve}
+            assert check(pennovation, router, charge, **wanted).verdict is verdict
 
 
 @pytest.mark.parametrize(
