@@ -71,7 +71,7 @@ class Viewer:
                     "keys": None,
                     "name": area.name,
                     "fence": False,
-                    "outline": _outlines(draft.frame, area.shape.polygon),
+                    "outline": self._buffer(draft.frame, area.shape, 0.0),
                     "rings": [],
                     "circle": None,
                     "wrong": False,

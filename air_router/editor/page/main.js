@@ -153,7 +153,7 @@ function button(id, what, name, key) {
 
 function markAreas() {
   for (const { shape, area } of airspace.drawn.values()) {
-    const chosen = selection.now !== null && same(selection.now.area, area.keys);
+    const chosen = area.keys !== null && same(selection.now?.area, area.keys);
     shape.getElement()?.classList.toggle("selected", chosen);
   }
 }

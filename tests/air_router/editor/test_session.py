@@ -220,6 +220,20 @@ def test_metres_are_edited_as_metres(tmp_path):
     assert session.view()["problems"] == []
 
 
+def test_circles_of_other_files_are_shown_round(path):
+    (path.parent / "mast.geojson").write_text(
+        '{"type": "Feature", "properties": {"name": "mast", "radius_m": 30},'
+        ' "geometry": {"type": "Point", "coordinates": [-75.2030, 39.9400]}}'
+    )
+    path.write_text(path.read_text() + "no_fly_files: [mast.geojson]\n")
+    mast = Session(MissionText(path)).view()["areas"][-1]
+    assert (mast["name"], mast["keys"]) == ("mast", None)
+    ((ring,),) = mast["outline"]
+    apart_deg = [abs(place[0] - 39.94) for place in ring]
+    assert len(ring) > 100
+    assert max(apart_deg) * 111_035 == pytest.approx(30, abs=0.1)
+
+
 def test_numbers_and_altitudes(session):
     session.edit(edits.SetNumber(do="set_number", name="clearance_m", value=9.5))
     assert "clearance_m: 9.5 " in session.manuscript.text
