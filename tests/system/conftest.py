@@ -9,10 +9,12 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import common as mavlink
 
 from mocha_link import Team
 from sitl.free_ports import derive_team
@@ -94,6 +96,59 @@ def udp_port():
 @pytest.fixture
 def free_udp_port():
     return find_udp_port
+
+
+class Heartbeats:
+    """Somebody who sends heartbeats to a port, and nothing else."""
+
+    def __init__(self, port, *, kind, autopilot, system_id, component_id=1):
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._stop = threading.Event()
+        sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+
+        def send():
+            while not self._stop.wait(0.05):
+                frame = sender.heartbeat_encode(kind, autopilot, 0, 0, 3).pack(sender)
+                self._socket.sendto(frame, ("127.0.0.1", port))
+
+        self._thread = threading.Thread(target=send)
+        self._thread.start()
+
+    def close(self):
+        self._stop.set()
+        self._thread.join()
+        self._socket.close()
+
+
+@pytest.fixture
+def heartbeats():
+    """Begins to send heartbeats to a port: `heartbeats(port, kind=, autopilot=, system_id=)`."""
+    with contextlib.ExitStack() as stack:
+
+        def start(port, **who):
+            stack.callback(Heartbeats(port, **who).close)
+
+        yield start
+
+
+@pytest.fixture
+def vehicle(command, udp_port, free_udp_port, short_mission):
+    """Starts a simulated PX4 that sends to `udp_port`, by default at the mission's home."""
+
+    def start(*more, speed=10):
+        process = command(
+            "sitl",
+            "vehicle",
+            *(more or (short_mission,)),
+            f"--speed={speed}",
+            f"--api-to=127.0.0.1:{udp_port}",
+            "--no-gcs",
+            f"--truth-to=127.0.0.1:{free_udp_port()}",
+        )
+        process.ready()
+        return process
+
+    return start
 
 
 @pytest.fixture

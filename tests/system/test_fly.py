@@ -32,24 +32,6 @@ class Watcher:
 
 
 @pytest.fixture
-def vehicle(command, udp_port, free_udp_port, short_mission):
-    def start(speed=15):
-        process = command(
-            "sitl",
-            "vehicle",
-            short_mission,
-            f"--speed={speed}",
-            f"--api-to=127.0.0.1:{udp_port}",
-            "--no-gcs",
-            f"--truth-to=127.0.0.1:{free_udp_port()}",
-        )
-        process.ready()
-        return process
-
-    return start
-
-
-@pytest.fixture
 def fly(command, udp_port, short_mission):
     def start(*more):
         return command(
@@ -77,7 +59,7 @@ def test_a_flight_that_meets_nobody_comes_home(vehicle, fly):
 
 
 def test_ctrl_c_in_flight_leaves_the_vehicle_holding(vehicle, fly, udp_port):
-    vehicle()
+    vehicle(speed=15)
     flight = fly("--arm", "--yes")
     flight.wait_for("READY -> INIT")
     flight.interrupt()
@@ -95,7 +77,7 @@ def test_ctrl_c_in_flight_leaves_the_vehicle_holding(vehicle, fly, udp_port):
 
 
 def test_kill_9_in_flight_leaves_the_vehicle_on_its_checked_leg(vehicle, fly, udp_port):
-    vehicle()
+    vehicle(speed=15)
     flight = fly("--arm", "--yes")
     flight.wait_for("READY -> INIT")
     flight.process.kill()
@@ -112,7 +94,7 @@ def test_kill_9_in_flight_leaves_the_vehicle_on_its_checked_leg(vehicle, fly, ud
 
 
 def test_without_arm_it_waits_for_the_pilot(vehicle, fly):
-    vehicle()
+    vehicle(speed=15)
     flight = fly()
     flight.wait_for("waiting for the pilot to arm and choose Mission mode")
     flight.interrupt()
@@ -141,7 +123,7 @@ def test_a_port_in_use_is_one_clear_error(fly, udp_port, shared):
 
 
 def test_a_gossip_port_in_use_is_refused_before_anything_is_uploaded(vehicle, fly, short_mission):
-    vehicle()
+    vehicle(speed=15)
     titan = Team.load(short_mission.with_name("team.yaml")).robot("titan")
     with socket.socket() as other:
         other.bind((titan.listen, titan.base_port))

@@ -3,11 +3,8 @@
 import asyncio
 import dataclasses
 import math
-import socket
-import threading
 
 import pytest
-from pymavlink.dialects.v20 import common as mavlink
 
 from air_router import px4_connection, px4_plan
 from air_router.clock import VehicleClock
@@ -24,45 +21,19 @@ from geo.zone import Circle, Outline, Zone
 LIMIT_S = 30
 
 
-class Heartbeats:
-    """Somebody who sends heartbeats to a port, and nothing else."""
-
-    def __init__(self, port, *, kind, autopilot, system_id, component_id=1):
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._stop = threading.Event()
-        sender = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
-
-        def send():
-            while not self._stop.wait(0.05):
-                frame = sender.heartbeat_encode(kind, autopilot, 0, 0, 3).pack(sender)
-                self._socket.sendto(frame, ("127.0.0.1", port))
-
-        self._thread = threading.Thread(target=send)
-        self._thread.start()
-
-    def close(self):
-        self._stop.set()
-        self._thread.join()
-        self._socket.close()
-
-
 @pytest.fixture
 def mission(short_mission):
     return load_mission(short_mission)
 
 
 @pytest.fixture
-def vehicle(command, udp_port, free_udp_port, short_mission):
-    process = command(
-        "sitl",
-        "vehicle",
-        short_mission,
-        "--speed=20",
-        f"--api-to=127.0.0.1:{udp_port}",
-        f"--truth-to=127.0.0.1:{free_udp_port()}",
-        "--no-gcs",
-    )
-    process.ready()
+def vehicle(vehicle):
+    vehicle(speed=20)
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    monkeypatch.setattr(px4_connection, "FIND_S", 1.5)
 
 
 def run(mission, port, script, **options):
@@ -246,14 +217,11 @@ def test_nobody_there(mission, udp_port, monkeypatch):
         ({"kind": 2, "autopilot": 12, "system_id": 7}, "system id 7, not 1.*--sysid 7"),
     ],
 )
-def test_somebody_else_is_there(mission, udp_port, monkeypatch, who, said):
-    monkeypatch.setattr(px4_connection, "FIND_S", 1.5)
-    others = Heartbeats(udp_port, **who)
-    try:
-        with pytest.raises(NoVehicleError, match=said):
-            run(mission, udp_port, lambda vehicle: vehicle.connect())
-    finally:
-        others.close()
+@pytest.mark.usefixtures("impatient")
+def test_somebody_else_is_there(mission, heartbeats, udp_port, who, said):
+    heartbeats(udp_port, **who)
+    with pytest.raises(NoVehicleError, match=said):
+        run(mission, udp_port, lambda vehicle: vehicle.connect())
 
 
 @pytest.mark.usefixtures("vehicle")
