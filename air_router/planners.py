@@ -79,7 +79,9 @@ class WaypointPlanner:
         way = self._way(rule, target)
         if way is None:
             return self._shortest.legs(rule, target)
-        legs = [Leg(self._graph.position(way[0]), way[0])]
+        first = self._graph.position(way[0])
+        there = first == rule.start and not rule.special  # nothing to fly, no leg
+        legs = [] if there else [Leg(first, way[0])]
         for before, node in pairwise(way):
             legs += map(Leg, self._graph.via(before, node))
             legs.append(Leg(self._graph.position(node), node))

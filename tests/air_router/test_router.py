@@ -513,3 +513,12 @@ def test_two_thousand_waypoints_among_a_hundred_zones_hang_together():
         assert zones.distance(LineString(way)) >= 5 - 1e-6
         length_m = sum(math.dist(c, d) for c, d in itertools.pairwise(way))
         assert graph.graph.edges[a, b]["length_m"] == pytest.approx(length_m)
+
+
+def test_no_leg_leads_from_a_waypoint_to_itself(flown):
+    _, graph, router, _ = flown
+    for start in graph.positions:
+        for goal in (1, max(graph.positions)):
+            route = router.route(graph.position(start), goal)
+            assert isinstance(route, Route)
+            assert start == goal or route.legs[0].node != start
