@@ -15,12 +15,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.errors import AirRouterError, NoVehicleError
+from mocha_link.lifetime import Closeable
 from sitl.px4_install import Px4Install
 from sitl.situation import Place
 
@@ -63,7 +63,7 @@ class Px4Settings:
     folder: Path | None = None
 
 
-class Px4Process:
+class Px4Process(Closeable):
     """Runs a PX4 SITL with its built-in simulator; a context manager that ends it.
 
     It also ends when this process is killed.
@@ -109,17 +109,6 @@ class Px4Process:
             self._stack.close()
             raise
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.stop()
-
     @property
     def running(self) -> bool:
         """Whether it has not ended."""
@@ -164,7 +153,7 @@ class Px4Process:
                         return True
         return False
 
-    def stop(self) -> None:
+    def close(self) -> None:
         """End it and wait until it has ended; does nothing the second time."""
         stop_command = self._install.stop_command()
         if self.running and stop_command is not None:

@@ -7,9 +7,9 @@ import select
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
+from mocha_link.lifetime import Closeable
 from sitl.mavlink_link import MavlinkLink
 from sitl.mavlink_vehicle import STEP_S, MavlinkVehicle, VehicleSettings
 from sitl.udp_link import Address, UdpLink
@@ -53,7 +53,7 @@ def px4_ports(instance: int) -> Ports:
     )
 
 
-class VehicleProcess:
+class VehicleProcess(Closeable):
     """Runs a vehicle; a context manager that frees its ports.
 
     Args:
@@ -76,17 +76,6 @@ class VehicleProcess:
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
     @property
     def vehicle(self) -> MavlinkVehicle:
