@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from air_router.errors import AirRouterError
+
+
+def _on_earth(longitude_deg: float) -> float:
+    turns = 0 if abs(longitude_deg) <= 180 else round(longitude_deg / 360)
+    return longitude_deg - 360 * turns
+
 
 _Key = Annotated[str, Field(max_length=64)] | Annotated[int, Field(ge=0, le=1_000_000)]
 _Keys = Annotated[tuple[_Key, ...], Field(min_length=1, max_length=16)]
 _Latitude = Annotated[float, Field(ge=-90, le=90)]
-_Longitude = Annotated[float, Field(ge=-180, le=180)]
+_Longitude = Annotated[float, Field(ge=-540, le=540), AfterValidator(_on_earth)]
+"""On a map around the antimeridian longitudes go on beyond 180 degrees."""
+
 _Place = tuple[_Latitude, _Longitude]
 _Radius = Annotated[float, Field(gt=0, le=10_000)]
 _Index = Annotated[int, Field(ge=0, le=1_000_000)]

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from air_router.draft import Area, Keys
 from air_router.editor.drawing import Drawing
 from air_router.editor.judgement import Judgement
-from air_router.editor.sketch import Handle, Region
+from air_router.editor.sketch import Handle, Pair, Region
 from air_router.mission import Mission
 from air_router.router import Route
 from geo.frame import FrameError, LocalFrame, Point
@@ -137,14 +137,14 @@ class _Marks:
     def __init__(self, drawing: Drawing) -> None:
         self._places: dict[Keys, list[Degrees]] = {}
         for handle in drawing.sketch.handles():
-            self._places[handle.keys] = _known([drawing.geodetic(handle.pair)])
+            self._places[handle.keys] = _known([_on_map(drawing, handle.pair)])
             if handle.entry:
                 self._places[handle.entry] = self._places[handle.keys]
         self._names = {handle.entry: handle.keys for handle in drawing.sketch.handles()}
         for region in drawing.sketch.regions:
             corners = [corner for ring in region.rings for corner in ring.corners]
             corners += [region.circle.centre] if region.circle else []
-            places = _known(drawing.geodetic(corner.pair) for corner in corners)
+            places = _known(_on_map(drawing, corner.pair) for corner in corners)
             self._places[region.keys] = places
 
     def problem(self, problem: Problem, *, note: bool) -> dict[str, Any]:
@@ -176,7 +176,7 @@ def _places(drawing: Drawing, judgement: Judgement, wrong: set[Keys]) -> Iterabl
     kinds = [("home", [sketch.home] if sketch.home else []), ("waypoint", sketch.waypoints)]
     for kind, handles in [*kinds, ("rally", sketch.rally_points)]:
         for index, handle in enumerate(handles, start=1):
-            at = drawing.geodetic(handle.pair)
+            at = _on_map(drawing, handle.pair)
             if at is None:
                 continue
             spot = spots.get(handle.keys)
@@ -212,7 +212,7 @@ def _region(drawing: Drawing, region: Region) -> dict[str, Any]:
         if len(corners := _corners(drawing, ring.corners)) == len(ring.corners)
     ]
     circle = None
-    if region.circle and (centre := drawing.geodetic(region.circle.centre.pair)):
+    if region.circle and (centre := _on_map(drawing, region.circle.centre.pair)):
         circle = {
             "keys": list(region.circle.centre.keys),
             "centre": list(centre),
@@ -230,7 +230,7 @@ def _region(drawing: Drawing, region: Region) -> dict[str, Any]:
 
 
 def _corners(drawing: Drawing, corners: Iterable[Handle]) -> list[Degrees]:
-    return _known(drawing.geodetic(corner.pair) for corner in corners)
+    return _known(_on_map(drawing, corner.pair) for corner in corners)
 
 
 def _known(places: Iterable[tuple[float, float] | None]) -> list[Degrees]:
@@ -311,9 +311,22 @@ def _rings(polygon: Polygon) -> Iterable[Any]:
 
 def _degrees(frame: LocalFrame, point: Point) -> Degrees:
     try:
-        return [round(value, _DECIMALS) for value in frame.to_geodetic(point)]
+        place = [round(value, _DECIMALS) for value in frame.to_geodetic(point)]
     except FrameError:
-        return [round(value, _DECIMALS) for value in frame.origin]
+        place = [round(value, _DECIMALS) for value in frame.origin]
+    return list(_beside(frame.origin, (place[0], place[1])))
+
+
+def _on_map(drawing: Drawing, pair: Pair) -> Pair | None:
+    """A pair of the file as it is drawn; None if it is not on Earth."""
+    place, origin = drawing.geodetic(pair), drawing.sketch.origin
+    return place if place is None or origin is None else _beside(origin, place)
+
+
+def _beside(origin: Pair, place: Pair) -> Pair:
+    """A place with its longitude on the origin's side of the antimeridian: 180.1 beside 179.9."""
+    turns = round((origin[1] - place[1]) / 360)
+    return place if turns == 0 else (place[0], round(place[1] + 360 * turns, _DECIMALS))
 
 
 def _node_name(node: int) -> str:

@@ -86,7 +86,8 @@ export class Inspector {
 
   /** @param {number[]} at */
   at(at) {
-    this.box.append(element("p", { textContent: at.map((degrees) => degrees.toFixed(7)).join(", ") }));
+    const { lat, lng } = L.latLng(at).wrap();
+    this.box.append(element("p", { textContent: `${lat.toFixed(7)}, ${lng.toFixed(7)}` }));
   }
 
   /** @param {...any} buttons label, what it does, and perhaps a class */

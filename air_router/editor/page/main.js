@@ -221,7 +221,7 @@ tools.addEventListener("hint", (event) => say(/** @type {any} */ (event).detail)
 tools.addEventListener("chosen", () => places.mark());
 selection.addEventListener("change", markAreas);
 map.on("mousemove", ({ latlng }) => {
-  byId("pointer").textContent = `${latlng.lat.toFixed(7)}, ${latlng.lng.toFixed(7)}`;
+  byId("pointer").textContent = `${latlng.lat.toFixed(7)}, ${latlng.wrap().lng.toFixed(7)}`;
 });
 byId("undo").addEventListener("click", () => store.ask("undo"));
 byId("redo").addEventListener("click", () => store.ask("redo"));

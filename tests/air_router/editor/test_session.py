@@ -234,6 +234,27 @@ def test_circles_of_other_files_are_shown_round(path):
     assert max(apart_deg) * 111_035 == pytest.approx(30, abs=0.1)
 
 
+def test_a_mission_on_the_antimeridian_is_drawn_in_one_place(tmp_path):
+    path = tmp_path / "fiji.yaml"
+    path.write_text(
+        "home: [-16.5000, 179.9999]\naltitude_m: 40\nwaypoints:\n  - [-16.4990, -179.9995]\n"
+        "fence:\n  polygon: [[-16.51, 179.99], [-16.51, -179.99], [-16.49, -179.99], "
+        "[-16.49, 179.99]]\n"
+        "no_fly_zones:\n  - circle: {centre: [-16.4980, -179.9990], radius_m: 20}\n"
+    )
+    session = Session(MissionText(path))
+    view = session.view()
+    fence, zone = view["areas"]
+    drawn = [place["at"] for place in view["places"]]
+    drawn += [*fence["rings"][0]["corners"], zone["circle"]["centre"]]
+    drawn += [place for area in (fence, zone) for place in area["buffers"][0][0][0]]
+    drawn += [place for leg in view["legs"] for place in leg["points"]]
+    assert all(179.98 < longitude_deg < 180.02 for _, longitude_deg in drawn)
+    added = '{"do": "add_waypoint", "index": 1, "at": [-16.4985, 180.0002]}'
+    session.edit(read_edit(added))
+    assert "  - [-16.4985000, -179.9998000]\n" in session.manuscript.text
+
+
 def test_numbers_and_altitudes(session):
     session.edit(edits.SetNumber(do="set_number", name="clearance_m", value=9.5))
     assert "clearance_m: 9.5 " in session.manuscript.text
