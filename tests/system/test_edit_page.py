@@ -243,6 +243,20 @@ def test_waypoints_clicked_in_haste_keep_their_order(mission, open_page):
     assert longitudes_deg == sorted(longitudes_deg)
 
 
+@pytest.mark.parametrize("place", ["[86.0, 30.0]", "[-16.5, 180.0]"])
+def test_missions_near_the_pole_and_on_the_antimeridian_fill_the_map(tmp_path, open_page, place):
+    path = tmp_path / "far.yaml"
+    path.write_text(
+        f"coordinates: local\nframe: {{origin: {place}}}\nhome: [0, 0]\naltitude_m: 40\n"
+        "waypoints: [[100, 0], [-100, 0], [0, 100], [0, -100]]\nfence: null\nno_fly_zones: []\n"
+    )
+    page = open_page(path)
+    page.page.keyboard.press("f")
+    east, west, north, south = (page.middle(page.place(f"waypoint {n}")) for n in (1, 2, 3, 4))
+    assert east[0] - west[0] > 300
+    assert south[1] - north[1] == pytest.approx(east[0] - west[0], rel=0.02)
+
+
 def test_a_route_between_two_waypoints_is_shown_and_follows_the_mission(mission, open_page):
     page = open_page(mission)
     page.page.keyboard.press("p")

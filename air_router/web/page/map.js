@@ -9,6 +9,7 @@ const PANES = { backdrop: 150, grid: 160, buffers: 360, graph: 380, areas: 400, 
 
 /** @param {HTMLElement} element @returns {any} a Leaflet map */
 export function createMap(element) {
+  L.Projection.SphericalMercator.MAX_LATITUDE = 89.99; // no tiles, so no square world to stay in
   const map = L.map(element, {
     zoomControl: false,
     zoomSnap: 0.1,
