@@ -189,7 +189,7 @@ def test_case_13_a_route_keeps_its_clearance_as_it_is_sent(tmp_path):
 
 
 def test_case_14_corners_are_flown_to_within_the_acceptance_radius_not_cut(tmp_path):
-    mission = routing(tmp_path, [])._graph.mission
+    mission = routing(tmp_path, []).graph.mission
     assert mission.planner.acceptance_radius_m == 2.0
 
 
