@@ -121,10 +121,10 @@ class Wire:
         source, sink = self._pairs[fd]
         try:
             data = source.recv(65536)
+            self.seen["tcp"] += data  # before the other end can act on it
             sink.sendall(data)
         except OSError:
             data = b""
-        self.seen["tcp"] += data
         if not data:
             for each in (source, sink):
                 poller.unregister(each.fileno())
