@@ -69,6 +69,7 @@ class Airspaces:
         zones: All zones of the mission, in the file's order.
         cruise: What applies where the mission flies, with its clearance.
         column: What applies from the ground to there.
+        above: What applies there and higher.
         idle: The zones that are not in `cruise`.
         altitudes: The cruise altitudes, margin included, in metres above home.
     """
@@ -76,6 +77,7 @@ class Airspaces:
     zones: tuple[Zone, ...]
     cruise: Airspace
     column: Airspace
+    above: Airspace
     idle: tuple[IdleZone, ...]
     altitudes: Band
 
@@ -89,6 +91,7 @@ def airspaces_of(draft: Draft, window: FlightWindow) -> Airspaces:
     active = everything.during(window.start, window.end)
     column = active.at(-math.inf, altitudes.upper_m)
     cruise = active.at(altitudes.lower_m, altitudes.upper_m)
+    above = active.at(altitudes.lower_m, math.inf)
     heeded, below = {id(zone) for zone in cruise.zones}, {id(zone) for zone in column.zones}
     in_time = {id(zone) for zone in active.zones}
     idle = []
@@ -98,7 +101,7 @@ def airspaces_of(draft: Draft, window: FlightWindow) -> Airspaces:
         elif id(zone) not in heeded and zone.band is not None:
             reason = _out_of_height(zone.band, altitudes)
             idle.append(IdleZone(zone, reason, below=id(zone) in below))
-    return Airspaces(zones, cruise, column, tuple(idle), altitudes)
+    return Airspaces(zones, cruise, column, above, tuple(idle), altitudes)
 
 
 def cruise_altitudes(draft: Draft) -> Band:

@@ -15,6 +15,7 @@ from air_router.actions import (
     FlyToNode,
     HoldHere,
     LandHere,
+    Motion,
     PublishMap,
     StateChanged,
     Taker,
@@ -136,6 +137,8 @@ class Controller(Journeys):
             case Sign.LOST:
                 self._hold(finding.words)
                 self._say(finding.words)
+            case Sign.BLIND if self._schedule.take_retry():
+                self._hold("GPS has no fix")  # unless that is what it does
             case Sign.BACK:
                 self._say(finding.words)
                 self._schedule.retry_in(0.0)
@@ -185,7 +188,9 @@ class Controller(Journeys):
             self._schedule.retry_in(RETRY_S)
 
     def _on_request(self, request: Request) -> None:
-        if request is Request.COME_HOME:
+        if self._giving_up is not None:
+            self._say(f"hands off in a moment: {self._giving_up}")
+        elif request is Request.COME_HOME:
             self._come_home("the operator's word")
         elif self.state in {State.READY, State.PASSIVE}:
             self._resume()
@@ -220,6 +225,12 @@ class Controller(Journeys):
         PlanReplaced: _on_plan_replaced,
         LinkSilent: _on_link_silent,
     }
+
+    def _command(self, motion: Motion) -> None:
+        """Only to hold, before hands are off and without a fix: whatever asks for more waits."""
+        blind = self._watch.blind or (self.telemetry is not None and not self.telemetry.fix)
+        if isinstance(motion, HoldHere) or not (blind or self._giving_up is not None):
+            super()._command(motion)
 
     # Transitions.
 

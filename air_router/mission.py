@@ -72,6 +72,8 @@ class Mission:
         planning_airspace: The same with the tracking margin on top: what routes are checked with.
         column_airspace: As `airspace`, with the zones that apply below the cruise altitudes too:
             for taking off and landing.
+        above_airspace: As `airspace`, with the zones that apply above the cruise altitudes too: for
+            a vehicle that a pilot has flown higher.
         idle_zones: The zones that are not in `airspace`, and why.
         notes: What the operator should know.
     """
@@ -101,11 +103,14 @@ class Mission:
     airspace: Airspace
     planning_airspace: Airspace
     column_airspace: Airspace
+    above_airspace: Airspace
     idle_zones: tuple[IdleZone, ...]
     notes: tuple[Problem, ...]
 
     def airspace_at(self, altitude_m: float) -> Airspace:
         """The airspace that counts at an altitude above home, with its clearance."""
+        if altitude_m > self.cruise.upper_m:
+            return self.above_airspace
         return self.airspace if altitude_m >= self.cruise.lower_m else self.column_airspace
 
     @property
@@ -199,6 +204,7 @@ def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Miss
         airspace=airspaces.cruise,
         planning_airspace=airspaces.cruise.with_margin(draft.planner.tracking_margin_m),
         column_airspace=airspaces.column,
+        above_airspace=airspaces.above,
         idle_zones=airspaces.idle,
         notes=tuple(draft.notes),
     )

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from air_router.mission import Mission
     from air_router.router import Router
     from air_router.vehicle import Telemetry
+    from geo.airspace import Airspace
 
 BRAKING_M_S2 = 2.0
 """Deceleration to count on. PX4 brakes with MPC_ACC_HOR 3 m/s2, but jerk-limited, so later."""
@@ -85,8 +86,8 @@ class Navigator:
         self._settle_until_s = -math.inf
         self._stands_since_s: float | None = None
         self._swept: tuple[Point, ...] = ()
-        column = mission.column_airspace.with_margin(mission.planner.departure_margin_m)
-        self._column = column if any(idle.below for idle in mission.idle_zones) else None
+        self._column = self._with_more_zones(mission.column_airspace)
+        self._above = self._with_more_zones(mission.above_airspace)
 
     def go(self, goal: Goal, telemetry: Telemetry) -> Motion | None:
         """Set out for a goal from where the vehicle is, however fast it moves.
@@ -221,7 +222,7 @@ class Navigator:
             self._legs = legs
             if self.clear(telemetry, self._legs[0].to):
                 return self._command(self._legs.popleft(), telemetry)
-            route = self._low_refusal(telemetry, self._legs[0].to) or NoRoute(
+            route = self._height_refusal(telemetry, self._legs[0].to) or NoRoute(
                 "the first leg is not clear from here", ()
             )
         if _speed_m_s(telemetry) >= STANDING_M_S and not self._braking:
@@ -259,23 +260,34 @@ class Navigator:
         stopping = stopping_point(telemetry, self.reaction_s)
         return (
             self._router.check_leg(telemetry.position, target, stopping=stopping)
-            and self._low_refusal(telemetry, target) is None
+            and self._height_refusal(telemetry, target) is None
         )
 
-    def _low_refusal(self, telemetry: Telemetry, target: Point) -> NoRoute | None:
-        """Why a leg is not clear that begins below the cruise altitudes, where more zones count.
+    def _with_more_zones(self, airspace: Airspace) -> Airspace | None:
+        """What legs are checked with off the cruise altitudes; None where that is the same."""
+        if len(airspace.zones) == len(self._mission.airspace.zones):
+            return None
+        return airspace.with_margin(self._mission.planner.departure_margin_m)
 
-        The vehicle climbs on its way: which part of it is low is not known, so all of it counts.
+    def _height_refusal(self, telemetry: Telemetry, target: Point) -> NoRoute | None:
+        """Why a leg is not clear that begins off the cruise altitudes, where other zones count.
+
+        The vehicle climbs or sinks on its way: which part of it is low, or high, is not known, so
+        all of it counts.
         """
-        if self._column is None or telemetry.altitude_m >= self._mission.cruise.lower_m:
+        cruise, altitude_m = self._mission.cruise, telemetry.altitude_m
+        low, high = altitude_m < cruise.lower_m, altitude_m > cruise.upper_m
+        airspace = self._column if low else self._above if high else None
+        if airspace is None:
             return None
         stopping = stopping_point(telemetry, self.reaction_s)
-        if self._column.swept_clear([telemetry.position, stopping, target]):
+        if airspace.swept_clear([telemetry.position, stopping, target]):
             return None
-        names = self._column.blockers(telemetry.position, target)
+        names = airspace.blockers(telemetry.position, target)
+        where, way_out = ("lower", "climb") if low else ("higher", "descend")
         return NoRoute(
-            f"the vehicle is {telemetry.altitude_m:.0f} m above home, lower than the mission "
-            f"flies, where {' and '.join(names) or 'a zone'} is in the way; climb first",
+            f"the vehicle is {altitude_m:.0f} m above home, {where} than the mission "
+            f"flies, where {' and '.join(names) or 'a zone'} is in the way; {way_out} first",
             names,
         )
 

@@ -67,6 +67,11 @@ class Watch:
         self._blind = False
         self._seen_since_s: float | None = None
 
+    @property
+    def blind(self) -> bool:
+        """Whether GPS has had no fix, or not for long enough."""
+        return self._blind
+
     def look(self, telemetry: Telemetry, custody: Custody) -> Finding:
         """What keeps the mission from going on now, the gravest first."""
         stranger = self._stranger(telemetry, custody)
@@ -97,10 +102,11 @@ class Watch:
         here, (place, spare_m) = telemetry.position, self._inside
         if not telemetry.in_air or math.dist(here, place) < spare_m:
             return None
-        airspace = self._mission.airspace_at(telemetry.altitude_m)
-        # What is near in the column is near at every altitude; the mission's zones are part of it.
-        self._inside = (here, self._mission.column_airspace.distance_m(here))
-        holders = airspace.holders(here)
+        mission = self._mission
+        # What is near neither below nor above is near at no altitude.
+        everywhere = (mission.column_airspace, mission.above_airspace)
+        self._inside = (here, min(airspace.distance_m(here) for airspace in everywhere))
+        holders = mission.airspace_at(telemetry.altitude_m).holders(here)
         return f"breach of {', '.join(holders)}" if holders else None
 
     def _stranger(self, telemetry: Telemetry, custody: Custody) -> str | None:

@@ -7,7 +7,7 @@ import pytest
 
 from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, PublishMap, Taker
 from air_router.behaviour import State
-from air_router.events import Request, RobotPose
+from air_router.events import CommandConfirmed, Request, RobotPose
 from air_router.mission import Waypoint
 from air_router.search import Search
 from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced
@@ -596,6 +596,65 @@ def test_without_a_fix_it_holds_and_goes_on_some_seconds_after_it_is_back(preten
     flight.fly_until(lambda: flight.finished is not None)
     assert flight.finished.landed_by_us
     assert sum("lost its fix" in text for text in flight.said) == 1
+
+
+def in_comm(flight):
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    flight.fly_to_state(State.COMM)
+    flight.robots = {}
+    return flight.controller.robot
+
+
+def has_moved(robot, flight):
+    return RobotPose(robot, Point(60.0, 0.0), flight.now_s + 1.0, robot)
+
+
+def test_without_a_fix_nothing_that_happens_moves_the_vehicle(pretend):
+    flight = pretend()
+    robot = in_comm(flight)
+    flight.fix = False
+    flight.step()
+    commanded = len(flight.motions)
+    flight.give(has_moved(robot, flight))
+    flight.operator_asks(Request.COME_HOME)
+    assert flight.controller.state is State.HOME
+    flight.fix = True
+    for _ in range(25):
+        flight.step()
+    assert len(flight.motions) == commanded
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+
+
+def test_a_hold_without_a_fix_that_failed_is_asked_for_again(pretend):
+    flight = pretend()
+    flight.take_off()
+    fly_away(flight)
+    flight.fix, flight.deaf = False, True
+    flight.step()
+    flight.deaf = False
+    commanded = len(flight.motions)
+    flight.fly_until(lambda: len(flight.motions) > commanded, 5.0)
+    assert isinstance(flight.motions[-1], HoldHere)
+    for _ in range(100):
+        flight.step()
+    assert len(flight.motions) == commanded + 1
+
+
+def test_between_a_breach_and_hands_off_nothing_moves_the_vehicle(pretend):
+    flight = pretend()
+    robot = in_comm(flight)
+    controller = flight.controller
+    flight.position, flight.velocity = in_a_zone(flight), (0.0, 0.0)
+    (hold,) = controller.handle(flight.telemetry(), flight.now_s)
+    assert isinstance(hold, HoldHere)  # and it takes its time to be confirmed
+    assert controller.handle(has_moved(robot, flight), flight.now_s) == []
+    (said,) = controller.handle(Request.COME_HOME, flight.now_s)
+    assert "hands off in a moment" in said.text
+    assert controller.objection(hold, flight.now_s) is None
+    flight.give(CommandConfirmed(hold))
+    assert controller.state is State.PASSIVE
 
 
 def in_a_zone(flight):

@@ -242,6 +242,33 @@ def test_in_a_low_zone_is_a_breach_only_when_it_is_low(tmp_path):
     assert any("breach of z" in text for text in flight.said)
 
 
+def test_above_the_cruise_altitudes_no_leg_crosses_a_high_zone(tmp_path):
+    mission = load(tmp_path, zone([50, 40], "altitude: {lower_m: 80}"))
+    assert heeded(mission) == (False, False)
+    navigator = Navigator(mission, PretendFlight(mission).router)
+    beyond = Goal(Point(50.0, 90.0))
+    assert navigator.go(beyond, telemetry(64.0)) is not None
+    assert navigator.go(beyond, telemetry(100.0)) is None
+    assert navigator.refusal.reason == (
+        "the vehicle is 100 m above home, higher than the mission flies, where z is in the way; "
+        "descend first"
+    )
+    assert navigator.go(Goal(Point(90.0, 0.0)), telemetry(100.0)) is not None
+
+
+def test_in_a_high_zone_is_a_breach_only_when_it_is_high(tmp_path):
+    mission = load(tmp_path, zone([50, 40], "altitude: {lower_m: 80}"))
+    flight = PretendFlight(mission, seek=())
+    flight.take_off()
+    flight.fly_to_state(State.INIT)
+    flight.position, flight.velocity = Point(50.0, 40.0), (0.0, 0.0)
+    flight.step()
+    assert not any("breach" in text for text in flight.said)
+    flight.altitude_m = 90.0
+    flight.step()
+    assert any("breach of z" in text for text in flight.said)
+
+
 def test_a_start_is_late_only_where_zones_come_and_go(tmp_path):
     text = zone([50, 200], "active: [{days: [sun]}]") + "duration_s: 600\n"
     assert load(tmp_path, text).latest_start == START + LAUNCH_WAIT
