@@ -6,7 +6,7 @@ import argparse
 import json
 import math
 import sys
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,9 @@ examples:
   air-router plan missions/pennovation/mission.yaml --from 1 --to 34
   air-router plan missions/pennovation/mission.yaml --from 0 --to 39.9412,-75.2001
 """
+
+_STEPS = (0, -1, 1)
+"""Around a place, in the last digit that is printed of a degree: a centimetre."""
 
 
 def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -55,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     route = Router(graph).route(start, end.to if end.node is None else end.node)
     if isinstance(route, NoRoute):
         sys.stderr.write(f"no route from {_words(arguments.start)} to {_words(arguments.end)}: ")
-        sys.stderr.write(f"{route.reason}\n")
+        sys.stderr.write(f"{route.reason}{_instead(graph, start, end.to)}\n")
         return ExitCode.ENDED_OTHERWISE
     for warning in route.warnings:
         sys.stderr.write(f"{warning}\n")
@@ -98,6 +101,29 @@ def _leg(stop: Stop, graph: WaypointGraph, option: str) -> Leg:
         last = len(mission.waypoints)
         raise UsageError(f"no waypoint {stop}; {mission.name} has 1 to {last}, and 0 is home")
     return Leg(graph.position(stop), stop)
+
+
+def _instead(graph: WaypointGraph, start: Point, goal: Point) -> str:
+    """The place to hover that a flight would choose for a goal that is not clear, in words.
+
+    In the digits that are printed it is clear too: they can be copied into `--to`.
+    """
+    mission, airspace = graph.mission, graph.mission.planning_airspace
+    place = None if airspace.point_clear(goal) else graph.paths.nearest(goal, reachable_from=start)
+    if place is None:
+        return ""
+    latitude_deg, longitude_deg = mission.frame.to_geodetic(place)
+    printed = [
+        Geodetic(round(latitude_deg + north / 1e7, 7), round(longitude_deg + east / 1e7, 7))
+        for north, east in product(_STEPS, _STEPS)
+    ]
+    away_m = {at: math.dist(mission.frame.to_local(*at), goal) for at in printed}
+    clear = [at for at in printed if airspace.point_clear(mission.frame.to_local(*at))]
+    best = min(clear or printed[:1], key=lambda at: away_m[at])
+    return (
+        f"; the nearest place to hover is {best.latitude_deg:.7f},{best.longitude_deg:.7f}, "
+        f"{away_m[best]:.1f} m away"
+    )
 
 
 def _words(stop: Stop) -> str:

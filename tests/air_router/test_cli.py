@@ -1,11 +1,13 @@
 """The commands check and plan: what they print where, and their exit codes."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 
 from air_router.cli import main
+from air_router.mission import load_mission
 
 ROOT = Path(__file__).parents[2]
 PENNOVATION = ROOT / "missions" / "pennovation" / "mission.yaml"
@@ -114,7 +116,16 @@ def test_plan_says_why_there_is_no_route(capsys):
     inside = "39.9415,-75.2005"  # zone 2
     code, out, err = run(capsys, "plan", PENNOVATION, "--from", 1, "--to", inside)
     assert (code, out) == (1, "")
-    assert err == "no route from 1 to 39.9415,-75.2005: the goal lies inside no-fly zone 'zone 2'\n"
+    reason, place = err.rstrip().split("; the nearest place to hover is ")
+    assert (
+        reason == "no route from 1 to 39.9415,-75.2005: the goal lies inside no-fly zone 'zone 2'"
+    )
+    hover, away = place.split(", ")
+    code, out, err = run(capsys, "plan", PENNOVATION, "--from", 1, "--to", hover)
+    assert (code, err) == (0, "")
+    zone = load_mission(PENNOVATION).frame.to_local(39.9415, -75.2005)
+    beside = load_mission(PENNOVATION).frame.to_local(*map(float, hover.split(",")))
+    assert away == f"{math.dist(zone, beside):.1f} m away"
     code, out, err = run(capsys, "plan", PENNOVATION, "--from", inside, "--to", 1)
     assert code == 0
     assert "the vehicle is inside no-fly zone 'zone 2'" in err
