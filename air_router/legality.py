@@ -124,6 +124,21 @@ def _check_altitudes(draft: Draft) -> None:
             draft.complain_area(area, message, "home-altitude-unknown")
         except ZoneError as error:
             draft.complain_area(area, f"{label}: {error}", error.code)
+        else:
+            _note_contradiction(draft, area)
+
+
+def _note_contradiction(draft: Draft, area: Area) -> None:
+    given, home_amsl_m = area.altitudes, draft.home_altitude_amsl_m
+    if given is None or not given.contradicts(home_amsl_m, draft.planner.terrain_relief_m):
+        return
+    home = "" if home_amsl_m is None else f", and home is {home_amsl_m:g} m above the sea"
+    draft.note_area(
+        area,
+        f"no-fly zone '{area.name}' reaches from {given.lower} up to {given.upper}{home}: its "
+        "limits exclude each other here; read as at every altitude",
+        "altitudes-contradict",
+    )
 
 
 def _check_distances(draft: Draft) -> set[str]:

@@ -275,3 +275,33 @@ def test_a_start_is_late_only_where_zones_come_and_go(tmp_path):
     text = zone([50, 200], "crosses_fence: true") + "duration_s: 600\n"
     assert load(tmp_path, text).latest_start is None
     assert load(tmp_path, zone([50, 200], "active: [{days: [sun]}]")).latest_start is None
+
+
+CONTRADICTING = (
+    "altitude: {lower_m: 0, lower_reference: ground, upper_m: 100, upper_reference: amsl}"
+)
+
+
+def test_limits_that_exclude_each_other_here_make_the_larger_zone(tmp_path):
+    mission = load(tmp_path, zone([50, 50], CONTRADICTING))
+    assert heeded(mission) == (True, True)
+    (note,) = mission.notes
+    assert note.code == "altitudes-contradict"
+    assert note.message == (
+        "no-fly zone 'z' reaches from 0 m above ground up to 100 m above the sea, and home is "
+        "400 m above the sea: its limits exclude each other here; read as at every altitude"
+    )
+
+
+def test_limits_of_one_reference_that_exclude_each_other_are_wrong(tmp_path):
+    inverted = "altitude: {lower_m: 100, upper_m: 0, reference: amsl}"
+    with pytest.raises(MissionFileError) as caught:
+        load(tmp_path, zone([50, 50], inverted))
+    assert [problem.code for problem in caught.value.problems] == ["zone-altitudes-inverted"]
+
+
+def test_limits_of_two_references_that_agree_are_kept(tmp_path):
+    agreeing = CONTRADICTING.replace("100", "500")
+    mission = load(tmp_path, zone([50, 50], agreeing))
+    assert mission.zones[0].band == Band(-20, 100)
+    assert mission.notes == ()
