@@ -14,6 +14,7 @@ from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.validity import Validity
 from geo.zone import Circle, Ring, Shape, ZoneError
 from mocha_link.document import Problem
+from mocha_link.printable import printable
 
 Line = tuple[Geodetic, ...]
 
@@ -75,7 +76,7 @@ def chart_of(draft: Draft) -> Chart:
     frame = draft.frame
     if frame is None:
         raise ValueError("a mission without a frame has no chart")
-    chart = Chart(draft.name, home_altitude_amsl_m=draft.home_altitude_amsl_m)
+    chart = Chart(printable(draft.name), home_altitude_amsl_m=draft.home_altitude_amsl_m)
     if draft.home is not None:
         chart.home = MapSpot("home", frame.to_geodetic(draft.home.position), 0.0)
     chart.fences = [_area(area, frame) for area in draft.fences]

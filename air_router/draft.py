@@ -16,6 +16,7 @@ from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.validity import Validity
 from geo.zone import Circle, Outline, Ring, Shape, ZoneError
 from mocha_link.document import Problem
+from mocha_link.printable import printable
 
 Keys = tuple[str | int, ...]
 """The way to a value in a document."""
@@ -77,6 +78,9 @@ class Area:
     altitudes: Altitudes | None = None
     validity: Validity | None = None
     place: Place | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", printable(self.name))
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from geo.airspace import Airspace
 from geo.frame import LocalFrame, Point
 from geo.zone import Band, Shape, Zone
 from mocha_link.document import Document, DocumentError, Problem
+from mocha_link.printable import printable
 
 __all__ = [
     "Mission",
@@ -176,7 +177,7 @@ def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Miss
     if draft.frame is None or draft.home is None:
         return None
     return Mission(
-        name=draft.name,
+        name=printable(draft.name),
         path=draft.document.path,
         frame=draft.frame,
         home=draft.home.position,

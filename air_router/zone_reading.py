@@ -19,6 +19,7 @@ from air_router.json_document import JsonDocument, value_at
 from geo.frame import Geodetic
 from geo.validity import Validity
 from mocha_link.document import Problem
+from mocha_link.printable import printable
 
 MAX_RADIUS_M = 1_000_000.0
 MAX_ALTITUDE_M = 100_000.0
@@ -133,6 +134,7 @@ class ZoneReading:
         validity: Validity | None = None,
     ) -> None:
         """Add a zone; one of several shapes becomes as many, with a number behind the name."""
+        name = printable(name)
         for number, (keys, shape) in enumerate(shapes, start=1):
             numbered = name if len(shapes) == 1 else f"{name}, part {number}"
             self.zones.append(

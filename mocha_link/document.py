@@ -18,6 +18,7 @@ import yaml
 
 from mocha_link.complaint import Key, as_label, code_of, complaint
 from mocha_link.errors import MochaLinkError
+from mocha_link.printable import printable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -52,7 +53,7 @@ class Problem:
     keys: tuple[Key, ...] = field(default=(), compare=False)
 
     def __str__(self) -> str:
-        return f"{self.path}:{self.line}:{self.column}: {self.message} [{self.code}]"
+        return f"{self.path}:{self.line}:{self.column}: {printable(self.message)} [{self.code}]"
 
     def as_json(self) -> dict[str, Any]:
         """What ``--json`` prints of it."""

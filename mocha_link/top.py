@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from mocha_link.display import event_line, path_text, signal_text
+from mocha_link.printable import printable
 
 MAX_NEWS = 200
 SILENT_S = 3.0  # snapshots come every second
@@ -118,11 +119,6 @@ def _is_news(event: Mapping[str, Any]) -> bool:
     if event["event"] == "SyncEnded":
         return bool(event.get("messages")) or event.get("complete") is False
     return bool(event["event"] != "SyncStarted")
-
-
-def printable(text: str) -> str:
-    """The text without what a terminal would obey."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def _table(fields: Mapping[str, Any], later_s: float, *, unicode: bool) -> list[list[str]]:

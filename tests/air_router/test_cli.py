@@ -234,3 +234,26 @@ def test_places_in_the_southern_hemisphere_need_no_equals_sign(capsys, tmp_path)
     assert code == 0
     assert json.loads(out)["length_m"] == pytest.approx(72.3, abs=0.5)
     assert run(capsys, "plan", mission, "--from", "-1", "--to", "0")[0] == 2
+
+
+def test_names_do_not_reach_into_the_terminal(capsys, tmp_path):
+    mission = tmp_path / "mission.yaml"
+    mission.write_text(r"""
+name: "a\0b\e[31m c"
+home: [46.52, 6.56]
+altitude_m: 40
+waypoints: [[46.521, 6.561]]
+fence: null
+no_fly_zones: [{name: "p\u202Eo\n\e[2Jnd", circle: {centre: [46.5203, 6.5603], radius_m: 5}}]
+""")
+    code, out, err = run(capsys, "check", mission, "--png", tmp_path / "mission.png")
+    assert (code, err) == (0, "")
+    assert out.startswith("a?b?[31m c: 1 waypoint")
+    middle = "46.5203,6.5603"
+    _, _, err = run(capsys, "plan", mission, "--from", 0, "--to", middle)
+    assert "inside no-fly zone 'p?o ?[2Jnd'" in err
+    mission.write_text(mission.read_text() + '"\\e[31mred": 1\n')
+    code, out, err = run(capsys, "check", mission)
+    assert code == 3
+    assert "\x1b" not in out + err
+    assert "?[31mred" in out + err

@@ -283,3 +283,8 @@ def places(node: yaml.Node) -> Iterator[tuple[int, int, int, str]]:
     for child in node.value if isinstance(node, yaml.CollectionNode) else ():
         for inner in child if isinstance(child, tuple) else (child,):
             yield from places(inner)
+
+
+def test_a_problem_is_one_printable_line():
+    problem = Problem(Path("a.yaml"), 1, 2, "no robot 'x\x1b[2J\ud800\n'", "unknown-robot")
+    assert str(problem) == "a.yaml:1:2: no robot 'x?[2J? ' [unknown-robot]"
