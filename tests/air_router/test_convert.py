@@ -314,6 +314,13 @@ def test_a_disk_that_is_full_leaves_what_was_there(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["old.txt"]
 
 
+def test_a_folder_that_is_not_there_is_told_by_the_file_that_was_asked_for(tmp_path):
+    target = tmp_path / "none" / "new.txt"
+    with pytest.raises(FileNotFoundError) as caught:
+        write_whole(target, "mine", replace=False)
+    assert caught.value.filename == str(target)
+
+
 def test_nothing_of_a_mission_file_is_lost_in_another(tmp_path):
     extra = """
         timers: {init_s: 1, explore_s: 2, search_s: 3, communicate_s: 4}
