@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 from datetime import time
 from typing import Any
 
@@ -19,6 +20,9 @@ from geo.frame import FrameError, Geodetic, LocalFrame
 from geo.validity import DAYS, Hours, Period, Validity
 from geo.zone import Shape
 from mocha_link.document import Document, DocumentError
+
+_ORIGIN_M = 50_000.0
+"""Farther from its origin a frame is turned noticeably, and its distances are wrong."""
 
 _LISTS = {
     "waypoints": "position",
@@ -130,6 +134,7 @@ def _fill(draft: Draft, model: MissionForm, places: dict[str, list[int]]) -> Non
         return
     if "home" not in draft.unread:
         draft.home = draft.spot("home", model.home.position, ("home", "position"))
+        _check_origin(draft)
     keys: Keys
     for index, waypoint in zip(places["waypoints"], model.waypoints, strict=True):
         keys = ("waypoints", index, "position")
@@ -195,6 +200,14 @@ def _fill_frame(draft: Draft, model: MissionForm) -> None:
     except FrameError as error:
         message = f"{keys[0]}: {error}; correct it (latitude comes first)"
         draft.complain(keys, message, "not-on-earth")
+
+
+def _check_origin(draft: Draft) -> None:
+    """Far from its origin a frame's distances are wrong, and its north is not north."""
+    far_m = 0.0 if draft.home is None else math.hypot(*draft.home.position)
+    if far_m > _ORIGIN_M:
+        message = f"the frame's origin is {far_m / 1000:.0f} km from home; put it near home"
+        draft.complain(("frame", "origin"), message, "far-from-home")
 
 
 def _shape(draft: Draft, area: AreaForm, name: str, keys: Keys) -> Shape | None:

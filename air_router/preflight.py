@@ -31,7 +31,12 @@ FEWEST_SATELLITES: Final = 6
 GOOD_SATELLITES: Final = 10
 WORST_ACCURACY_M: Final = 3.0
 CLOCK_S: Final = 2.0
+WRONG_CLOCK_S: Final = 600.0
+"""Zones are heeded so much longer than a flight may take, anyway."""
 KILOMETRES_M: Final = 10_000.0
+GPS_ALTITUDE_M: Final = 10.0
+WRONG_ALTITUDE_M: Final = 50.0
+"""What no satellite receiver with a fix, and no model of the sea's level, is wrong by."""
 LEAST_UNIX_S: Final = 1_704_067_200.0  # 2024: before it was written no clock is right
 LEAST_DISK_B: Final = 50_000_000
 GOOD_DISK_B: Final = 500_000_000
@@ -182,6 +187,21 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
     return Check("place", Verdict.GOOD, f"{away_m:.1f} m from the mission's home, inside the fence")
 
 
+def altitude(mission: Mission, info: VehicleInfo) -> list[Check]:
+    """Whether home is as high as zones with altitude limits were reckoned with; else no line."""
+    told_m, found_m = mission.home_altitude_amsl_m, info.home_altitude_amsl_m
+    if told_m is None or found_m is None or all(zone.band is None for zone in mission.zones):
+        return []
+    off_m = abs(found_m - told_m)
+    found = f"home at {found_m:.0f} m above the sea, {told_m:.0f} m in the mission"
+    advice = "zones' limits above the sea are reckoned from it: correct 'altitude_amsl_m' of home"
+    if off_m > WRONG_ALTITUDE_M:
+        return [Check("altitude", Verdict.BAD, found, advice)]
+    if off_m > max(mission.planner.vertical_margin_m, GPS_ALTITUDE_M):
+        return [Check("altitude", Verdict.LOOK, found, advice)]
+    return [Check("altitude", Verdict.GOOD, found)]
+
+
 def _far(distance_m: float) -> str:
     return f"{distance_m:.0f} m" if distance_m < KILOMETRES_M else f"{distance_m / 1e3:.0f} km"
 
@@ -215,8 +235,8 @@ def gps(fix: GpsFix | None) -> Check:
     return Check("GPS", Verdict.GOOD, found)
 
 
-def clock(inspection: Inspection, unix_s: float) -> Check:
-    """Whether our clock is right: gossip and the hours of no-fly zones go by it."""
+def clock(inspection: Inspection, unix_s: float, *, hours: bool = False) -> Check:
+    """Whether our clock is right: gossip and the `hours` of no-fly zones (if any) go by it."""
     if unix_s < LEAST_UNIX_S:
         return Check("clock", Verdict.BAD, "this computer does not know the date", "set its clock")
     if inspection.unix_s is None:
@@ -224,7 +244,11 @@ def clock(inspection: Inspection, unix_s: float) -> Check:
     off_s = abs(unix_s - inspection.unix_s)
     if off_s > CLOCK_S:
         found = f"this computer and the vehicle's GPS differ by {off_s:.0f} s"
-        return Check("clock", Verdict.LOOK, found, "synchronise it (chrony); simulated time runs")
+        wrong = hours and off_s > WRONG_CLOCK_S
+        advice = "synchronise it (chrony); simulated time runs"
+        if wrong:
+            advice = "no-fly zones apply at certain hours: synchronise it (chrony)"
+        return Check("clock", Verdict.BAD if wrong else Verdict.LOOK, found, advice)
     return Check("clock", Verdict.GOOD, f"within {off_s:.1f} s of GPS")
 
 

@@ -73,13 +73,16 @@ class Survey:
         checks: list[Check] = [
             *first,
             preflight.place(mission, self._router, info, telemetry),
+            *preflight.altitude(mission, info),
             *preflight.health(inspection),
             preflight.gps(inspection.gps),
             battery(mission, self._router, inspection.battery, inspection.voltage_v),
             *parameters(mission, inspection.parameters),
             straight_return(mission),
             *preflight.notes(mission),
-            preflight.clock(inspection, self._unix()),
+            preflight.clock(
+                inspection, self._unix(), hours=any(zone.validity for zone in mission.zones)
+            ),
             preflight.disk(_free_bytes(self._log_dir)),
         ]
         if reachable is not None:

@@ -219,6 +219,17 @@ def test_far_off_places_are_told_once_each(tmp_path):
     ]
 
 
+def test_a_frame_whose_origin_is_far_is_refused(tmp_path):
+    text = (
+        "frame: {origin: [60.0, 8.0]}\nhome: [47.0, 8.0]\naltitude_m: 20\n"
+        "waypoints: [[47.001, 8.0]]\nfence: [[46.9, 7.9], [47.1, 7.9], [47.1, 8.1], [46.9, 8.1]]\n"
+        "no_fly_zones: []\n"
+    )
+    (problem,) = problems(tmp_path, text)
+    assert (problem.line, problem.code) == (1, "far-from-home")
+    assert "origin is 1447 km from home" in problem.message
+
+
 def test_in_degrees_a_crossing_is_told_in_degrees(tmp_path):
     found = problems(
         tmp_path,

@@ -10,6 +10,7 @@ from air_router.preflight_parameters import NAMES, parameters, straight_return
 from air_router.router import Router
 from air_router.vehicle import FlightMode, Telemetry, VehicleInfo
 from geo.frame import Point
+from geo.zone import Band, Circle, Zone
 from mocha_link.document import Problem
 
 GOOD, LOOK, BAD = Verdict.GOOD, Verdict.LOOK, Verdict.BAD
@@ -119,6 +120,27 @@ def test_clocks():
     assert preflight.clock(Inspection(unix_s=now_s + 60.0), now_s).verdict is LOOK
     assert preflight.clock(Inspection(), now_s).verdict is LOOK
     assert preflight.clock(Inspection(), 1000.0).verdict is BAD
+
+
+def test_a_wrong_clock_grounds_missions_with_hours():
+    now_s = 1.8e9
+    off = Inspection(unix_s=now_s + 3600.0)
+    assert preflight.clock(off, now_s).verdict is LOOK
+    assert preflight.clock(off, now_s, hours=True).verdict is BAD
+    assert preflight.clock(Inspection(unix_s=now_s + 60.0), now_s, hours=True).verdict is LOOK
+
+
+def test_the_altitude_that_zones_were_reckoned_with(pennovation):
+    def verdicts(home_amsl_m, zones):
+        mission = dataclasses.replace(pennovation, home_altitude_amsl_m=home_amsl_m, zones=zones)
+        return [check.verdict for check in preflight.altitude(mission, info())]
+
+    banded = (Zone("z", Circle(HOME, 5.0), band=Band(lower_m=100.0)),)
+    assert verdicts(None, banded) == []
+    assert verdicts(500.0, pennovation.zones) == []
+    assert verdicts(6.0, banded) == [GOOD]
+    assert verdicts(20.0, banded) == [LOOK]
+    assert verdicts(60.0, banded) == [BAD]
 
 
 @pytest.mark.parametrize(
