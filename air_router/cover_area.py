@@ -27,6 +27,8 @@ from mocha_link.document import Document, DocumentError
 _MISSION_KEYS = frozenset({"home", "waypoints", "no_fly_zones", "fence", "fences", "altitude_m"})
 _ABOUT_WAYPOINTS = ("waypoint-", "no-waypoints", "same-place")
 """Codes of problems with waypoints, which a coverage replaces."""
+_FAR_M = 50_000.0
+"""Farther from home than this is a typing error, as in a mission."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,16 +69,24 @@ def read_field(area: Path, mission: Path | None, terms: Terms) -> Field:
 
     Raises:
         MissionFileError: the mission cannot be flown, or the area is none; every problem at once.
-        UsageError: something that has to be known is missing.
+        UsageError: something that has to be known is missing, or home is far from the area.
     """
     try:
         if mission is None and _is_mission(area):
-            return _of_mission(area, None, terms)
-        if mission is not None:
-            return _of_mission(mission, area, terms)
-        return _of_area(area, terms)
+            field = _of_mission(area, None, terms)
+        elif mission is not None:
+            field = _of_mission(mission, area, terms)
+        else:
+            field = _of_area(area, terms)
     except DocumentError as error:
         raise MissionFileError(error.problems) from None
+    far_m = 0.0 if field.home is None else field.area.distance(shapely.Point(field.home))
+    if far_m > _FAR_M:
+        message = (
+            f"the area is {far_m / 1000:,.0f} km from home; correct one (latitude comes first)"
+        )
+        raise UsageError(message)
+    return field
 
 
 def _is_mission(path: Path) -> bool:
