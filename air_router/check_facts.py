@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import Any
 
+from air_router.counted import counted
 from air_router.flight_plan import FlightPlan
 from air_router.homeward import LANDING_MARGIN, Pace, Way
 from air_router.mission import Mission
@@ -31,16 +32,17 @@ def summary(findings: Survey) -> list[str]:
     on_board = len(FlightPlan.of(mission).fence)
     lines = [
         (
-            f"{mission.name}: {len(mission.waypoints)} waypoints, "
-            f"{len(mission.zones)} no-fly zones, {_fences(mission)}, "
-            f"{len(mission.rally_points)} rally points"
+            f"{mission.name}: {counted(len(mission.waypoints), 'waypoints')}, "
+            f"{counted(len(mission.zones), 'no-fly zones')}, {_fences(mission)}, "
+            f"{counted(len(mission.rally_points), 'rally points')}"
         ),
         f"  flies      {_altitudes(mission)} above home at {mission.speed_m_s:g} m/s",
         f"  keeps      {planner.distance_m:g} m from zones and fence ({margin}){_own(mission)}",
-        f"  on board   {on_board} fence points",
+        f"  on board   {counted(on_board, 'fence points')}",
         (
-            f"  graph      {findings.edges} clear connections up to {planner.max_edge_m:g} m, "
-            f"{findings.detours} detours, {pieces}; routes: {planner.kind}"
+            f"  graph      {counted(findings.edges, 'clear connections')} up to "
+            f"{planner.max_edge_m:g} m, {counted(findings.detours, 'detours')}, "
+            f"{pieces}; routes: {planner.kind}"
         ),
         (
             f"  exploring  {findings.length_m:.0f} m from home through all waypoints and back, "

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from air_router.chart import Chart, Line, MapArea, chart_of, chart_of_zones, degrees, outline_of
+from air_router.counted import counted
 from air_router.draft import Draft
 from air_router.errors import ExitCode, MissionFileError, UsageError
 from air_router.geojson_write import geojson_text
@@ -150,10 +151,10 @@ class _Report:
             sys.stderr.write(f"not carried over: {loss}\n")
         if self.problems:
             sys.stderr.write(
-                f"it cannot be flown as it is: {len(self.problems)} problems; "
+                f"it cannot be flown as it is: {counted(len(self.problems), 'problems')}; "
                 f"see `air-router check {self.source}`\n"
             )
-        counts = ", ".join(f"{count} {what}" for what, count in self.counts.items() if count)
+        counts = ", ".join(counted(count, what) for what, count in self.counts.items() if count)
         sys.stdout.write(f"{self.target}: {counts or 'nothing'}\n")
 
     def _facts(self) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from typing import Any
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from air_router.counted import counted
 from air_router.errors import PictureError
 from air_router.faults import Faults, far
 from air_router.graph import WaypointGraph
@@ -119,7 +120,8 @@ def _subtitle(mission: Mission) -> str:
     height = lowest if lowest == highest else f"{lowest} to {highest}"
     idle = f" ({len(mission.idle_zones)} do not apply)" if mission.idle_zones else ""
     return (
-        f"{len(mission.waypoints)} waypoints, {len(mission.zones)} no-fly zones{idle}, "
+        f"{counted(len(mission.waypoints), 'waypoints')}, "
+        f"{counted(len(mission.zones), 'no-fly zones')}{idle}, "
         f"{height} m above home"
     )
 
@@ -127,7 +129,7 @@ def _subtitle(mission: Mission) -> str:
 def _told(faults: Faults | None) -> str:
     if faults is None:
         return ""
-    problems = "1 problem" if faults.count == 1 else f"{faults.count} problems"
+    problems = counted(faults.count, "problems")
     if not faults.off_sheet:
         return f"cannot be flown: {problems}"
     return f"cannot be flown: {problems}; off this sheet: {', '.join(faults.off_sheet)}"

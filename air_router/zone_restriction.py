@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection
 from typing import Any, Final
 
 from air_router.altitudes import Altitudes, Limit, Reference
+from air_router.counted import counted
 from air_router.draft import Keys
 from air_router.zone_reading import MAX_ALTITUDE_M, JsonReader, ZoneReading
 from air_router.zone_schedule import days_of, hours_of, period_of
@@ -70,11 +71,11 @@ class GeozoneReader:
         """Tell of the zones that were left out."""
         if self.unrestricted:
             count = self.unrestricted
-            message = f"{count} zones of type {NO_RESTRICTION}: left out"
+            message = f"{counted(count, 'zones')} of type {NO_RESTRICTION}: left out"
             self.reading.note((), message, "no-restriction")
         if self.allowed:
             shown = ", ".join(self.allowed[:10]) + (" ..." if len(self.allowed) > 10 else "")
-            message = f"{len(self.allowed)} zones that you allow: left out ({shown})"
+            message = f"{counted(len(self.allowed), 'zones')} that you allow: left out ({shown})"
             self.reading.note((), message, "zone-allowed")
         for unused in sorted(self._allow.keys() - self._used):
             message = f"no zone is of restriction or identifier '{self._allow[unused][:40]}'"

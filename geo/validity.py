@@ -104,4 +104,5 @@ def _hours_words(hours: Hours) -> str:
     days = "daily" if len(names) == len(DAYS) else " ".join(names)
     if hours.start == hours.end == _MIDNIGHT:
         return days
-    return f"{days} {hours.start:%H:%M}-{hours.end:%H:%M}"
+    end = "24:00" if hours.end == _MIDNIGHT else f"{hours.end:%H:%M}"
+    return f"{days} {hours.start:%H:%M}-{end}"

@@ -248,7 +248,7 @@ no_fly_zones: [{name: "p\u202Eo\n\e[2Jnd", circle: {centre: [46.5203, 6.5603], r
 """)
     code, out, err = run(capsys, "check", mission, "--png", tmp_path / "mission.png")
     assert (code, err) == (0, "")
-    assert out.startswith("a?b?[31m c: 1 waypoint")
+    assert out.startswith("a?b?[31m c: 1 waypoint, 1 no-fly zone, no fence, 0 rally points\n")
     middle = "46.5203,6.5603"
     _, _, err = run(capsys, "plan", mission, "--from", 0, "--to", middle)
     assert "inside no-fly zone 'p?o ?[2Jnd'" in err

@@ -151,7 +151,7 @@ def test_what_stays_in_the_plan_is_told(tmp_path, capsys):
 def test_the_report_for_people(tmp_path, capsys):
     assert convert(FILES / "town.yaml", tmp_path / "town.plan") == ExitCode.DONE
     out, err = capsys.readouterr()
-    assert out == f"{tmp_path}/town.plan: 3 waypoints, 2 fences, 3 no-fly zones, 1 rally points\n"
+    assert out == f"{tmp_path}/town.plan: 3 waypoints, 2 fences, 3 no-fly zones, 1 rally point\n"
     assert "not carried over: no-fly zone 'yard': its holes are closed" in err
 
 

@@ -88,6 +88,7 @@ def test_in_words():
     period = Period(None, at(8), (Hours(frozenset({6, 5}), time(8), time(17, 30)),))
     assert str(period) == "until 2026-11-20 08:00, sat sun 08:00-17:30"
     assert str(weekly(range(7), (0, 0), (0, 0))) == "daily"
+    assert str(weekly(range(7), (8, 0), (0, 0))) == "daily 08:00-24:00"
 
 
 minutes = st.integers(0, 14 * 24 * 60).map(lambda m: FRIDAY + timedelta(minutes=m))
