@@ -355,3 +355,19 @@ def test_nothing_of_a_mission_file_is_lost_in_another(tmp_path):
     plain = {field.name: getattr(Draft(mine.document), field.name) for field in dataclasses.fields(mine)}  # fmt: skip  # noqa: E501
     same_as_without = {name for name, value in plain.items() if value == getattr(theirs, name)}
     assert same_as_without <= {"in_metres", "start", "unread", "problems", "notes", "refused"}
+
+
+def test_a_zone_on_the_antimeridian_comes_back_as_two_that_touch(tmp_path):
+    mission = tmp_path / "mission.yaml"
+    mission.write_text(
+        "home: [-17.01, 179.999]\naltitude_m: 30\nwaypoints: [[-17.011, 179.999]]\nfence: null\n"
+        "no_fly_zones: [[[-17, 179.999], [-17, -179.999], [-16.999, -179.999]]]\n"
+    )
+    target = tmp_path / "mission.geojson"
+    assert convert(mission, target) == ExitCode.DONE
+    rings = [zone.shape.ring for zone in read_zones(target).zones]
+    shapes = [shapely.Polygon([(lon % 360, lat) for lat, lon in ring]) for ring in rings]
+    drawn = shapely.Polygon([(179.999, -17), (180.001, -17), (180.001, -16.999)])
+    assert len(shapes) == 2
+    assert shapes[0].distance(shapes[1]) == 0
+    assert shapely.union_all(shapes).symmetric_difference(drawn).area < 1e-4 * drawn.area

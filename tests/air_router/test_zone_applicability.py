@@ -305,3 +305,15 @@ def test_limits_of_two_references_that_agree_are_kept(tmp_path):
     mission = load(tmp_path, zone([50, 50], agreeing))
     assert mission.zones[0].band == Band(-20, 100)
     assert mission.notes == ()
+
+
+def test_corners_on_a_line_in_degrees_are_a_zone_that_is_kept_away_from(tmp_path):
+    path = tmp_path / "mission.yaml"
+    path.write_text(
+        "home: [46.52, 6.56]\naltitude_m: 40\nwaypoints: [[46.5205, 6.561]]\nfence: null\n"
+        "no_fly_zones: [[[46.521, 6.565], [46.522, 6.566], [46.523, 6.567]]]\n"
+    )
+    mission = load_mission(path)
+    on_the_line = mission.frame.to_local(46.5215, 6.5655)
+    assert not mission.airspace.point_clear(on_the_line)
+    assert abs(mission.airspace.distance_m(on_the_line)) < 0.01
