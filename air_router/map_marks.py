@@ -40,7 +40,7 @@ def drawn(shape: Shape) -> BaseGeometry:
 
 
 def write_name(axes: Axes, text: str, place: Point, *, ink: str, halo: str) -> None:
-    """The name of an area, at a place in it."""
+    """The name of an area, at a place in it; no disc of a waypoint hides it."""
     axes.text(
         place.east_m,
         place.north_m,
@@ -49,7 +49,7 @@ def write_name(axes: Axes, text: str, place: Point, *, ink: str, halo: str) -> N
         va="center",
         fontsize=6.5,
         color=ink,
-        zorder=3.5,
+        zorder=8.5,
         clip_on=True,
         path_effects=[patheffects.withStroke(linewidth=2.5, foreground=halo)],
     )

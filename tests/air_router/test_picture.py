@@ -4,8 +4,10 @@ import json
 import struct
 
 import pytest
+from matplotlib.figure import Figure
 
 from air_router.graph import WaypointGraph
+from air_router.map_marks import write_name
 from air_router.mission import load_mission
 from air_router.picture import draw_mission
 from air_router.router import Router
@@ -66,3 +68,10 @@ def test_a_track_outside_of_the_fence_is_still_in_the_picture(tmp_path):
 def test_other_formats(tmp_path):
     draw_mission(made(tmp_path), tmp_path / "mission.svg")
     assert b"<svg" in (tmp_path / "mission.svg").read_bytes()[:2000]
+
+
+def test_names_of_areas_lie_above_the_discs_of_waypoints():
+    axes = Figure().add_subplot()
+    disc = axes.scatter([0], [0], zorder=7)
+    write_name(axes, "mast", Point(0, 0), ink="black", halo="white")
+    assert axes.texts[0].get_zorder() > disc.get_zorder()
