@@ -136,7 +136,9 @@ function show(state) {
 function facts({ settings, places: all }) {
   const count = all.filter((place) => place.kind === "waypoint").length;
   const time = settings.time_s === null ? "" : `, about ${duration(settings.time_s)}`;
-  return `· ${count} waypoints, ${(settings.length_m / 1000).toFixed(2)} km${time}`;
+  const waypoints = count === 1 ? "1 waypoint" : `${count} waypoints`;
+  const km = (settings.length_m / 1000).toFixed(2);
+  return `· ${waypoints}, ${km} km to the last one${time}`;
 }
 
 /** @param {number} seconds @returns {string} */
