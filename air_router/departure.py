@@ -6,6 +6,7 @@
 * A moving vehicle needs the whole area clear that its curve may sweep.
 * A vehicle that is closer than that already (wind, noise, a newly drawn zone), or comes to rest
   closer, may be as close as it is or will be anyhow in the first metres, and then the leg is clear.
+  To what it keeps the clearance from now it keeps it all the way.
 * One that would come to rest within the clearance has to brake first.
 * A vehicle inside a zone, or outside of the fence, takes a short way out that meets no other zone.
 * Where no such leg leads out of a tight place (a lane between two zones), the steps of the shortest
@@ -62,6 +63,7 @@ class Departure:
         self.cramped = not (here and (not self.moving or airspace.point_clear(self.rest)))
         self.warnings: tuple[str, ...] = ()
         self._near: Airspace | None = airspace
+        self._kept: Airspace | None = None
         self._reach_m = 0.0
         if self.cramped:
             self._squeeze()
@@ -92,6 +94,7 @@ class Departure:
         self._reach_m = 2 * (margin_m - kept_m) + drift_m + 1.0
         nearest_m = min(self._airspace.distance_m(place) for place in (self.start, self.rest))
         self._near = self._airspace.eased(margin_m - kept_m + _GIVE_M, nearest_m - _GIVE_M)
+        self._kept = self._airspace.with_margin(0.0).kept_from(self.start, self.rest)
 
     def allows(self, end: Point) -> bool:
         """Whether the vehicle may be sent straight to `end`, which is clear."""
@@ -101,17 +104,14 @@ class Departure:
             return self._airspace.swept_clear([self.start, self.rest, end])
         if self._near is None:
             return False
-        length_m = math.dist(self.start, end)
-        if length_m <= self._reach_m:
-            onward = True
-        else:
-            share = self._reach_m / length_m
-            turn = Point(
-                self.start.east_m + share * (end.east_m - self.start.east_m),
-                self.start.north_m + share * (end.north_m - self.start.north_m),
-            )
-            onward = self._airspace.leg_clear(turn, end)
-        return onward and self._near.swept_clear([self.start, self.rest, end])
+        area = [self.start, self.rest, end]
+        if self._kept is not None and not self._kept.swept_clear(area):
+            return False
+        if math.dist(self.start, end) > self._reach_m:
+            turns = [_along(place, end, self._reach_m) for place in (self.start, self.rest)]
+            if not self._airspace.swept_clear([*turns, end]):
+                return False
+        return self._near.swept_clear(area)
 
     @property
     def special(self) -> bool:
@@ -153,6 +153,18 @@ class Departure:
         if not self.moving:
             return straight
         return [ok and self.allows(end) for ok, end in zip(straight, ends, strict=True)]
+
+
+def _along(start: Point, end: Point, reach_m: float) -> Point:
+    """The point of a leg that is so far from its start; its end if it is shorter."""
+    length_m = math.dist(start, end)
+    if length_m <= reach_m:
+        return end
+    share = reach_m / length_m
+    return Point(
+        start.east_m + share * (end.east_m - start.east_m),
+        start.north_m + share * (end.north_m - start.north_m),
+    )
 
 
 def names_of(names: Sequence[str]) -> str:

@@ -52,9 +52,6 @@ _Flags = npt.NDArray[np.bool_]
 _dwithin = cast("Callable[..., _Flags]", shapely.dwithin)
 """Takes a distance for each pair, which shapely's annotations do not know."""
 
-_dwithin = cast("Callable[..., _Flags]", shapely.dwithin)
-"""Takes a distance for each pair, which shapely's annotations do not know."""
-
 
 class Airspace:
     """Fences (or none), no-fly zones, and the distance to keep from both.
@@ -132,6 +129,15 @@ class Airspace:
         zones = (zone for zone, out in zip(self.zones, beyond, strict=True) if out)
         held = zip(self.fences, self._fences, strict=True)
         return self._of([shape for shape, fence in held if fence.depth_m(place) >= 0], zones)
+
+    def kept_from(self, start: Point, end: Point) -> Airspace:
+        """The airspace with only those zones and fences that a leg keeps its distance from."""
+        leg = _line(start, end)
+        kept = ~_dwithin(self._geometries, leg, self._thresholds_m)
+        zones = (zone for zone, clear in zip(self.zones, kept, strict=True) if clear)
+        things, threshold_m = np.array([leg], dtype=object), _threshold(self.fence_distance_m)
+        held = zip(self.fences, self._fences, strict=True)
+        return self._of([shape for shape, f in held if f.keeps(things, threshold_m)[0]], zones)
 
     def around(self, point: Point, reach_m: float) -> Airspace:
         """The airspace with only the zones that come nearer than this to a point."""

@@ -14,12 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import LineString, MultiPoint, Polygon, union_all
 
+from air_router.departure import Departure
 from air_router.graph import WaypointGraph
 from air_router.mission import load_mission
 from air_router.router import Leg, NoRoute, Route, Router
 from air_router.settings import PlannerSettings
 from benchmarks.route.maps import made as made_map
+from geo.airspace import Airspace
 from geo.frame import Point
+from geo.shortest import ShortestPaths
+from geo.zone import Circle, Zone
 
 DATA = Path(__file__).parents[1] / "data"
 MISSIONS = Path(__file__).parents[2] / "missions"
@@ -522,3 +526,14 @@ def test_no_leg_leads_from_a_waypoint_to_itself(flown):
             route = router.route(graph.position(start), goal)
             assert isinstance(route, Route)
             assert start == goal or route.legs[0].node != start
+
+
+@pytest.mark.parametrize(("aside_m", "allowed"), [(14.9, False), (15.1, True)])
+def test_who_is_too_near_to_one_zone_keeps_the_clearance_of_others(aside_m, allowed):
+    near = Zone("near", Circle(Point(0.0, -12.7), 10.0))
+    wide = Zone("wide", Circle(Point(-30.0, 0.0), 5.0), clearance_m=60.0)
+    other = Zone("other", Circle(Point(40.0, aside_m), 10.0))
+    airspace = Airspace(None, [near, wide, other], 5.0, 1.5)
+    rule = Departure(airspace, ShortestPaths(airspace), Point(0.0, 0.0), None)
+    assert rule.cramped
+    assert rule.allows(Point(100.0, 0.0)) is allowed
