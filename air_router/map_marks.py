@@ -39,18 +39,22 @@ def drawn(shape: Shape) -> BaseGeometry:
     return shape.polygon
 
 
-def write_name(axes: Axes, text: str, place: Point, *, ink: str, halo: str) -> None:
-    """The name of an area, at a place in it; no disc of a waypoint hides it."""
-    axes.text(
-        place.east_m,
-        place.north_m,
+def write_name(
+    axes: Axes, text: str, place: Point, colours: tuple[str, str], *, below: bool = False
+) -> None:
+    """The name of an area in a colour and one around it, at a place or below what is there."""
+    ink, halo = colours
+    axes.annotate(
         text,
+        place,
+        xytext=(0, -10 if below else 0),
+        textcoords="offset points",
         ha="center",
         va="center",
         fontsize=6.5,
         color=ink,
-        zorder=8.5,
-        clip_on=True,
+        zorder=3.5,
+        annotation_clip=True,
         path_effects=[patheffects.withStroke(linewidth=2.5, foreground=halo)],
     )
 

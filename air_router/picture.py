@@ -118,7 +118,7 @@ def _subtitle(mission: Mission) -> str:
     altitudes = altitudes or [mission.altitude_above_home_m]
     lowest, highest = f"{min(altitudes):g}", f"{max(altitudes):g}"
     height = lowest if lowest == highest else f"{lowest} to {highest}"
-    idle = f" ({len(mission.idle_zones)} do not apply)" if mission.idle_zones else ""
+    idle = f" ({len(mission.idle_zones)} not in force)" if mission.idle_zones else ""
     return (
         f"{counted(len(mission.waypoints), 'waypoints')}, "
         f"{counted(len(mission.zones), 'no-fly zones')}{idle}, "
@@ -188,7 +188,7 @@ def draw_zones(axes: Axes, zones: Sequence[Zone], grown: Sequence[BaseGeometry],
     )
     if len(zones) <= _MOST_NAMES:
         for zone in zones:
-            write_name(axes, zone.name, roomiest(zone.polygon), ink="#8d2124", halo="#eeb4ae")
+            write_name(axes, zone.name, roomiest(zone.polygon), ("#8d2124", "#eeb4ae"))
 
 
 def _draw_idle(axes: Axes, mission: Mission) -> None:
@@ -201,7 +201,9 @@ def _draw_idle(axes: Axes, mission: Mission) -> None:
         )
         if len(mission.idle_zones) <= _MOST_NAMES:
             place = roomiest(idle.zone.polygon)
-            write_name(axes, idle.zone.name, place, ink="#7a8188", halo=GROUND)
+            reach_m = math.sqrt(idle.zone.polygon.area) / 4
+            below = any(math.dist(w.position, place) < reach_m for w in mission.waypoints)
+            write_name(axes, idle.zone.name, place, ("#7a8188", GROUND), below=below)
 
 
 def _draw_graph(axes: Axes, graph: WaypointGraph) -> None:
@@ -212,7 +214,7 @@ def _draw_graph(axes: Axes, graph: WaypointGraph) -> None:
             colors=EDGE,
             linewidths=0.6 if len(lines) < _MANY_EDGES else 0.25,
             zorder=2.5,
-            label=f"{len(lines)} clear connections",
+            label=counted(len(lines), "clear connections"),
         )
     )
 

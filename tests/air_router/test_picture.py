@@ -70,8 +70,8 @@ def test_other_formats(tmp_path):
     assert b"<svg" in (tmp_path / "mission.svg").read_bytes()[:2000]
 
 
-def test_names_of_areas_lie_above_the_discs_of_waypoints():
+def test_a_name_does_not_lie_under_what_is_marked_at_its_place():
     axes = Figure().add_subplot()
-    disc = axes.scatter([0], [0], zorder=7)
-    write_name(axes, "mast", Point(0, 0), ink="black", halo="white")
-    assert axes.texts[0].get_zorder() > disc.get_zorder()
+    write_name(axes, "mast", Point(0, 0), ("black", "white"))
+    write_name(axes, "mill", Point(0, 0), ("black", "white"), below=True)
+    assert [text.get_position() for text in axes.texts] == [(0, 0), (0, -10)]
