@@ -20,7 +20,7 @@ sim: setup
 	$(BIN)/air-router sim $(MISSION) --speed $(SPEED) --log-dir logs
 
 test: setup
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 # 250 flights in which something goes wrong; options: make rehearse REHEARSE="--fault GUSTS"
 rehearse: setup
