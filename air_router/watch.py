@@ -29,6 +29,11 @@ STRANGE_M: Final = 4.0
 BRAKED_S: Final = 3.0
 """After so long in Hold the place that it hovers at is where we stopped it."""
 
+BRAKING_M: Final = 15.0
+"""It stops nearer than this to where it is then; a place farther off is somebody else's."""
+
+_ELSEWHERE: Final = "somebody gave it another place to go to"
+
 FIX_BACK_S: Final = 3.0
 """A satellite fix counts again after so long."""
 
@@ -145,6 +150,9 @@ class Watch:
         if place is not None:
             return _elsewhere(telemetry, place)
         if telemetry.time_s - since_s >= BRAKED_S:
+            target = telemetry.target
+            if target is not None and math.dist(target, telemetry.position) > BRAKING_M:
+                return _ELSEWHERE
             self._held = (hold, since_s, telemetry.target)
         return None
 
@@ -153,7 +161,7 @@ def _elsewhere(telemetry: Telemetry, ours: Point) -> str | None:
     target = telemetry.target
     if target is None or math.dist(target, ours) <= STRANGE_M:
         return None
-    return "somebody gave it another place to go to"
+    return _ELSEWHERE
 
 
 def low(mission: Mission, telemetry: Telemetry) -> bool:

@@ -60,6 +60,12 @@ def test_where_it_stopped_is_ours_and_another_place_is_not(watched):
     assert watched(hold, (10.0, 12.0), target=HERE) is Sign.STRANGER
 
 
+def test_a_far_place_right_after_a_hold_is_not_where_it_stopped(watched, pennovation):
+    hold, far = HoldHere("why"), Point(pennovation.home.east_m + 60.0, pennovation.home.north_m)
+    assert watched(hold, (1.0, 3.9, 4.0, 5.4), target=far) is Sign.GOOD
+    assert watched(hold, (5.5,), target=far) is Sign.STRANGER
+
+
 def test_another_plan_item_in_mission_mode(watched, plan):
     jump = FlyToNode(3, HERE)
     assert watched(jump, (1.0, 9.0), item=plan.item_of(3)) is Sign.GOOD
