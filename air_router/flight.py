@@ -291,6 +291,8 @@ class Flight:
         now_s = self._clock.boot_s()
         self._recorder.event(event, now_s)
         self.ledger.event(event, now_s)
+        if self._leaving:
+            return  # the vehicle is let go: nothing is decided any more
         for action in self.controller.handle(event, now_s):
             self._recorder.action(action, now_s)
             self.ledger.action(action)
@@ -377,15 +379,16 @@ class Flight:
         await asyncio.gather(*tasks, return_exceptions=True)
         ours = self._flies_by_us()
         self._leaving = True
-        if ours:
-            try:
+        try:
+            if ours:
                 await self._vehicle.hold()
                 self._status.say("the vehicle holds; take over, or let it return")
-            except AirRouterError as error:
-                self._status.say(f"the vehicle was told to hold and did not confirm: {error}")
-        self._status.end()
-        self._gossip.close()
-        await self._vehicle.close()
+        except AirRouterError as error:
+            self._status.say(f"the vehicle was told to hold and did not confirm: {error}")
+        finally:
+            self._status.end()
+            self._gossip.close()
+            await self._vehicle.close()
 
     def _flies_by_us(self) -> bool:
         controller, telemetry = self.controller, self.controller.telemetry

@@ -238,6 +238,19 @@ def test_a_signal_from_elsewhere_brings_it_home(rig):
     assert any("the operator's word" in text for text in flight.vehicle.announced)
 
 
+def test_everything_is_closed_whatever_holding_ends_in(rig):
+    flight = rig(arm=True)
+    flight.vehicle.failures["hold"] = [OSError("the link broke")]
+    flight.at(
+        lambda: "READY -> INIT" in flight.out.getvalue(),
+        lambda: os.kill(os.getpid(), signal.SIGINT),
+    )
+    with pytest.raises(OSError, match="the link broke"):
+        flight.run()
+    assert flight.vehicle.verbs[-2:] == ["hold", "close"]
+    assert flight.gossip.closed
+
+
 def test_ctrl_c_leaves_a_pilot_s_vehicle_alone(rig):
     flight = rig(duration_s=None)
     airframe = flight.vehicle.airframe
