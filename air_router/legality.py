@@ -231,8 +231,9 @@ def _complain_of_spot(draft: Draft, spot: Spot, airspace: Airspace) -> None:
         )
     elif holders:
         zones = " and ".join(f"'{name}'" for name in holders)
-        needs = _needs(draft, max(airspace.kept_m(name) for name in holders))
-        message = f"{spot.label} lies inside no-fly zone {zones}; move it out, to {needs}"
+        kept_m = max(airspace.kept_m(name) for name in holders)
+        to = f", to {_needs(draft, kept_m)}" if "planner" not in draft.unread else ""
+        message = f"{spot.label} lies inside no-fly zone {zones}; move it out{to}"
         draft.complain(spot.keys, message, inside)
     else:
         spare_m, name = airspace.spare_m(spot.position)

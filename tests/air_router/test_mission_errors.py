@@ -238,3 +238,10 @@ def test_in_degrees_a_crossing_is_told_in_degrees(tmp_path):
     )
     assert [problem.code for problem in found] == ["zone-self-intersects"]
     assert "(self-intersection) near 47.015" in found[0].message
+
+
+def test_while_the_planner_cannot_be_read_no_distance_is_made_up(tmp_path):
+    text = FILE.replace("clearance_m: 5,", "clearance_m: five,").replace("- [50, 0]", "- [15, 30]")
+    inside, unread = problems(tmp_path, text)
+    assert (inside.code, unread.code) == ("waypoint-in-zone", "wrong-type")
+    assert inside.message.endswith("; move it out")
