@@ -27,7 +27,7 @@ from shapely.ops import nearest_points
 
 from geo.fence import PREPARED_FROM, Fence
 from geo.frame import Point
-from geo.inflation import mitred, rounded
+from geo.inflation import rounded
 from geo.zone import Circle, Outline, Ring, Shape, Zone
 
 __all__ = ["FENCE", "TOLERANCE_M", "Airspace", "Zone"]
@@ -44,7 +44,6 @@ never fail their own test by rounding."""
 _UNFENCED_M = (-1e6, -1e6, 1e6, 1e6)
 """What is drawn of an airspace without a fence."""
 
-_Grown = Callable[[Shape, float], BaseGeometry]
 _Geometries = npt.NDArray[np.object_]
 _Floats = npt.NDArray[np.float64]
 _Flags = npt.NDArray[np.bool_]
@@ -285,12 +284,11 @@ class Airspace:
 
         For finding places and telling regions apart; the tests above do not use it.
         """
-        return self._free(rounded)
-
-    @cached_property
-    def free_mitred(self) -> BaseGeometry:
-        """The clear area with few corners; up to a tenth of the clearance too small at corners."""
-        return self._free(mitred)
+        clear: BaseGeometry = shapely.box(*_UNFENCED_M)
+        for number, fence in enumerate(self.fences):
+            inside = rounded(fence, -(self.fence_distance_m + _NODE_MARGIN_M))
+            clear = clear.intersection(inside) if number else inside
+        return clear.difference(shapely.union_all(self.inflated(_NODE_MARGIN_M)))
 
     def inflated(self, extra_m: float = 0.0) -> list[BaseGeometry]:
         """Every zone, grown by the distance to keep from it and `extra_m`, or slightly more.
@@ -337,15 +335,6 @@ class Airspace:
         distance_m = clearance_m + self.margin_m
         shortfall_m, floor_m = self.ease_m
         return max(distance_m - shortfall_m, min(distance_m, floor_m), 0.0)
-
-    def _free(self, grown: _Grown) -> BaseGeometry:
-        clear: BaseGeometry = shapely.box(*_UNFENCED_M)
-        for number, fence in enumerate(self.fences):
-            inside = grown(fence, -(self.fence_distance_m + _NODE_MARGIN_M))
-            clear = clear.intersection(inside) if number else inside
-        reaches = zip(self.zones, self.distances_m, strict=True)
-        zones = [grown(zone.shape, distance_m + _NODE_MARGIN_M) for zone, distance_m in reaches]
-        return clear.difference(shapely.union_all(zones))
 
     def _clear(self, shape: BaseGeometry) -> bool:
         return len(self._close(shape)) == 0 and self._within_fences(shape)
