@@ -88,6 +88,11 @@ class Acquaintance:
             stamps = sorted((*held, stamp_ms), reverse=True)
             self._held[key] = tuple(stamps[: self._depth(key)])
 
+    @property
+    def newest(self) -> dict[tuple[int, int], int]:
+        """What it is known to hold: by robot id and topic id, the newest stamp in milliseconds."""
+        return {(key >> 8, key & 0xFF): stamps[0] for key, stamps in self._held.items()}
+
     def lacks(self, record: Record, long: int) -> bool:
         """Whether the peer may want a message, as far as is known."""
         key, stamp_ms = long >> 48, record.stamp_ms

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import shutil
 import signal
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from mocha_link import bridges
 from mocha_link.bridges import run as ros_bridge
 from mocha_link.bridges.zeromq import ZeroMqBridge
-from mocha_link.command_help import add_command, endpoint
+from mocha_link.command_help import add_command, endpoint, log_level
 
 if TYPE_CHECKING:
     import argparse
@@ -38,7 +39,7 @@ NEEDS = {"ros1": ("rospy",), "ros2": ("rclpy", "cyclonedds")}
 DEFAULT_PYTHON = "/usr/bin/python3"  # what Debian's and Ubuntu's ROS packages are installed for
 
 
-def add_parser(commands: Any) -> None:
+def register(commands: Any) -> None:
     """Add the command to the subcommands of a parser."""
     command = add_command(
         commands,
@@ -110,7 +111,7 @@ def _run_ros(options: argparse.Namespace) -> int:
 
 def _become(python: str, options: argparse.Namespace) -> NoReturn:
     folder = str(Path(bridges.__file__).parent)
-    verbose = ["-v"] if options.verbose else []
+    verbose = ["-v"] if log_level(options, logging.INFO) <= logging.DEBUG else []
     sys.stderr.flush()
     os.execv(python, [python, folder, *verbose, options.kind, *_arguments(options)])  # noqa: S606
 

@@ -66,6 +66,30 @@ def event_line(fields: dict[str, Any], *, date: bool = True) -> str:
     return " ".join([f"{at}Z", str(fields["event"]), str(fields["peer"]), *words])
 
 
+class News:
+    """Tells which events are worth a line for a person who watches a node.
+
+    Left out is what only repeats: that a sync begins, that one found nothing new after another
+    that came to its end, and that one breaks off for the same reason as the one before.
+    """
+
+    def __init__(self) -> None:
+        self._outcomes: dict[tuple[str, str], str | None] = {}
+
+    def is_new(self, fields: dict[str, Any]) -> bool:
+        """Whether to show an event, given as for `event_line`."""
+        kind = fields["event"]
+        if kind == "SyncStarted":
+            return False
+        if kind not in ("SyncEnded", "SyncTimedOut"):
+            return True
+        link = (fields["peer"], fields["direction"])
+        known, before = link in self._outcomes, self._outcomes.get(link)
+        self._outcomes[link] = fields.get("reason")
+        brought = bool(fields.get("messages")) or fields.get("complete") is False
+        return brought or not known or before != fields.get("reason")
+
+
 _LINK_HEADS = (
     *("peer", "state", "path", "signal", "syncs in", "ago", "syncs out", "ago"),
     *("RTT", "bandwidth", "newest", "broken", "refused"),

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import re
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,11 +16,12 @@ import pydantic
 import yaml
 
 from mocha_link.complaint import Key, as_label, code_of, complaint
-from mocha_link.errors import MochaLinkError
-from mocha_link.printable import printable
+from mocha_link.problem import DocumentError, Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Sequence
+
+__all__ = ["Document", "DocumentError", "Problem", "as_yaml"]
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_VALUES = 200_000  # aliases may repeat a value; this bounds what they expand to
@@ -32,46 +32,6 @@ M = TypeVar("M", bound=pydantic.BaseModel)
 
 _TAG = "tag:yaml.org,2002:"
 _MAPPING, _SEQUENCE = _TAG + "map", _TAG + "seq"
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Problem:
-    """One thing wrong with a file.
-
-    ``str()`` is ``path:line:column: message [code]``; line and column count from 1.
-
-    Attributes:
-        code: What kind of problem it is, for programs and for docs/errors.md.
-        keys: The way to the value in its document, where that is known.
-    """
-
-    path: Path
-    line: int
-    column: int
-    message: str
-    code: str
-    keys: tuple[Key, ...] = field(default=(), compare=False)
-
-    def __str__(self) -> str:
-        return f"{self.path}:{self.line}:{self.column}: {printable(self.message)} [{self.code}]"
-
-    def as_json(self) -> dict[str, Any]:
-        """What ``--json`` prints of it."""
-        return {
-            "path": str(self.path),
-            "line": self.line,
-            "column": self.column,
-            "code": self.code,
-            "message": self.message,
-        }
-
-
-class DocumentError(MochaLinkError):
-    """A file cannot be used; carries every problem found in it, in file order."""
-
-    def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = tuple(sorted(set(problems)))
-        super().__init__("\n".join(map(str, self.problems)))
 
 
 class _Loader(yaml.SafeLoader):

@@ -3,3 +3,7 @@
 
 class MochaLinkError(Exception):
     """Anything that mocha_link reports: the message says what, where, and what to do."""
+
+
+class UsageError(MochaLinkError):
+    """Somebody asks for what the team does not have: of a command, wrong usage."""

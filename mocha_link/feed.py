@@ -22,15 +22,17 @@ _DONE_BYTES = sync.LETTER_BYTES + letters.DONE_BYTES
 # What would take less than this share of a frame is left for the next one rather than cut in two.
 _SMALL_SHARE = 4
 _ROOMY = 16_384  # larger frames need not be full, so nothing is cut in two once half is used
+_BRIEF, _MUCH = 4_096, 16_384  # so little goes before a rest of so much
 _FEW = 8  # new ones are put in their place one by one
-_BEGUN = 1 << 64  # in a rank
+_BEGUN, _FIRST = 1 << 64, 1 << 65  # in a rank
 
 
 class Feed:
     """Gives one peer what it lacks, the most urgent first, in frames of any size.
 
     Looks into the database before every frame, so what is stored meanwhile joins in. Order:
-    priority, then what was begun, then the newest. Make one per pull.
+    priority, then what was begun, then the newest. Where much was begun one small message goes
+    before it, so that a contact too short for the rest still brings something. Make one per pull.
 
     Attributes:
         over: the peer has said that it is.
@@ -180,6 +182,7 @@ class Feed:
         if not self._unknown:
             self._resume(opening.wishes)
             self._enqueue(new)
+            self._put_one_first()
 
     def _note(self, longs: Iterable[int]) -> None:
         for long in longs:
@@ -208,6 +211,8 @@ class Feed:
                     if groups >> group & 1:
                         self._enqueue(self._database.headers_in(robot_id, group))
         self._asked = frozenset()
+        if not self._number:
+            self._put_one_first()
 
     def _resume(self, wishes: Iterable[letters.Wish]) -> None:
         begun = []
@@ -254,6 +259,19 @@ class Feed:
         else:
             for rank in new:
                 insort(self._queue, rank)
+
+    def _put_one_first(self) -> None:
+        """Before much that was begun the smallest new message that is as urgent, if it is small."""
+        top = max((rank for rank in self._queue if rank & _BEGUN), default=None)
+        if top is None:
+            return
+        rest = sum(end - start for start, end in self._missing[_long(top)])
+        urgent = top // (_FIRST << 1)
+        new = [r for r in self._queue if not r & _BEGUN and r // (_FIRST << 1) == urgent]
+        least = min(new, key=lambda rank: (len(self._records[rank].body), -rank), default=None)
+        if least is not None and len(self._records[least].body) <= _BRIEF and rest > _MUCH:
+            self._queue.remove(least)
+            self._push(least | _FIRST, self._records.pop(least))
 
     def _push(self, rank: int, record: Record) -> None:
         insort(self._queue, rank)
@@ -321,8 +339,9 @@ class Feed:
         if missing is None:
             missing = self._missing[long] = [(0, total)]
             self._peer.begin(long, record)
+            first = self._queue[-1] & _FIRST
             self._pop()
-            self._push(_rank(long, record.priority, begun=True), record)
+            self._push(_rank(long, record.priority, begun=True) | first, record)
         start, end = missing.pop()
         size = min(end - start, room - sync.PIECE.size)
         pieces.append(sync.PIECE.pack(long, total, start, size))
@@ -348,7 +367,7 @@ class Feed:
 
 def _rank(long: int, priority: int, *, begun: bool) -> int:
     """Sorts by urgency; holds the long id."""
-    return (priority << 1 | begun) << 64 | (long & sync.STAMP_MASK) << 16 | long >> 48
+    return (priority << 2 | begun) << 64 | (long & sync.STAMP_MASK) << 16 | long >> 48
 
 
 def _long(rank: int) -> int:

@@ -320,6 +320,11 @@ class Gossip:
         """The ages of the newest messages by peer and topic; any thread may ask at any time."""
         return {peer: dict(self._ages_s(peer, now)) for peer in self.me.peers}
 
+    def held(self, peer: str) -> dict[tuple[int, int], int]:
+        """What a peer is known to hold; see `Acquaintance.newest`."""
+        self._check(peer)
+        return self._known[peer].newest
+
     def _ages_s(self, peer: str, now: Instant) -> Iterator[tuple[str, float]]:
         robot_id = self._team.robot(peer).robot_id
         for topic in self._team.topics_of(peer):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import argparse
 
 
-def add_parser(commands: Any) -> None:
+def register(commands: Any) -> None:
     """Add the command to the subcommands of a parser."""
     command = add_command(
         commands,

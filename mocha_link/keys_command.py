@@ -46,7 +46,7 @@ class _Plan(NamedTuple):
     public: str | None = None
 
 
-def add_parser(commands: Any) -> None:
+def register(commands: Any) -> None:
     """Add the command to the parsers of `mocha-link`."""
     parser = add_command(
         commands,

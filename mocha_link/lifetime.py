@@ -1,12 +1,16 @@
-"""Things that are started, and given up by `close`, also at the end of a ``with``."""
+"""Things that are started, and given up by `close`, also at the end of a ``with``.
+
+Python 3.8 reads this file too: see `mocha_link.asking`.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from types import TracebackType
+    from typing import Self
 
 
 class Closeable(ABC):

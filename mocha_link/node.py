@@ -294,6 +294,20 @@ class Node(Startable):
         with self._lock:
             return self._gossip.links(self._now(), ages_s)
 
+    def held(self, peer: str) -> dict[tuple[str, str], float]:
+        """What a peer is known to hold: by robot and topic, the newest stamp in Unix seconds.
+
+        It has named these, or handed them to us; what it fetched from us is not among them.
+        Original nodes name nothing.
+
+        Raises:
+            UnknownRobotError: the peer is not linked to this robot.
+        """
+        with self._lock:
+            newest = self._gossip.held(peer)
+        known = ((self.team.by_ids(*ids), stamp_ms) for ids, stamp_ms in newest.items())
+        return {(of[0].name, of[1].name): stamp_ms / 1000 for of, stamp_ms in known if of}
+
     def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
         """Call back on the node's thread for every event; call the answer to end it.
 

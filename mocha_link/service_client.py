@@ -1,23 +1,17 @@
 """Asks a node's service (``mocha-link node --serve``) from another process.
 
 Made to be used by any Python from 3.8 on that has `pyzmq`, e.g. that of a ROS installation: it
-imports nothing else, and nothing of the node.
+imports nothing else of others, and nothing of the node.
 """
 
 from __future__ import annotations
 
-import json
-import time
 from typing import TYPE_CHECKING, Any
 
-import zmq
-
+from mocha_link.asking import Asker
 from mocha_link.errors import MochaLinkError
 
 if TYPE_CHECKING:
-    from types import TracebackType
-    from typing import Self
-
     Place = tuple[str, int]  # epoch and sequence number
 
 
@@ -33,7 +27,7 @@ class ServiceUnreachableError(MochaLinkError):
     """Nobody answers at the endpoint, or somebody who is no node."""
 
 
-class ServiceClient:
+class ServiceClient(Asker):
     """Asks one node. One thread may use it; a context manager.
 
     A node that does not answer may come back: every request tries anew.
@@ -46,33 +40,15 @@ class ServiceClient:
         ServiceUnreachableError: the endpoint is none.
     """
 
-    def __init__(self, endpoint: str, *, timeout_s: float = 5.0) -> None:
-        self.endpoint = endpoint
-        self._timeout_s = timeout_s
-        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._socket: zmq.Socket[bytes] | None = None
-        self._number = 0
-        try:
-            self._connected()
-        except ServiceUnreachableError:
-            self.close()
-            raise
+    whom, option = "node", "--serve"
 
-    def close(self) -> None:
-        """Give up the connection; may be called twice."""
-        self._hang_up()
-        self._context.term()
+    def refused(self, message: str, *, again: bool) -> ServiceError:
+        """See `Asker`."""
+        return ServiceError(message, again=again)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
+    def unreachable(self, message: str) -> ServiceUnreachableError:
+        """See `Asker`."""
+        return ServiceUnreachableError(message)
 
     def publish(
         self,
@@ -131,7 +107,7 @@ class ServiceClient:
             messages = list(zip(fields["messages"], parts))  # noqa: B905 - Python 3.8
             return (fields["epoch"], fields["sequence"]), messages
         except (LookupError, TypeError):
-            raise self._no_node() from None
+            raise self.another() from None
 
     def team(self) -> dict[str, Any]:
         """Which robot this is, and what there is in the team: robots, topics, types."""
@@ -146,61 +122,9 @@ class ServiceClient:
             ServiceError: the node refused.
             ServiceUnreachableError: no answer in time.
         """
-        self._number += 1
-        asked = {"request": name, "id": self._number, **fields}
-        asked = {key: value for key, value in asked.items() if value is not None}
-        frames = [json.dumps(asked).encode()] + ([] if data is None else [data])
         wait = fields.get("wait_s")
-        until_s = (
-            time.monotonic() + self._timeout_s + (wait if isinstance(wait, (int, float)) else 0)
-        )
-        socket = self._connected()
-        try:
-            socket.send_multipart(frames, zmq.NOBLOCK)
-            while True:
-                left_ms = int((until_s - time.monotonic()) * 1000)
-                if left_ms <= 0 or not socket.poll(left_ms):
-                    break
-                answer, *parts = socket.recv_multipart()
-                values = json.loads(answer)
-                if values.get("id") != self._number:
-                    continue  # to a request that we gave up
-                if values["ok"]:
-                    return values, parts
-                raise ServiceError(str(values["error"]), again=values.get("again") is True)
-        except zmq.ZMQError:
-            pass  # its queue is full: it has not been there for long
-        except (ValueError, LookupError, AttributeError, TypeError, RecursionError):
-            raise self._no_node() from None
-        self._hang_up()
-        raise ServiceUnreachableError(
-            f"no answer from {self.endpoint} within {self._timeout_s:g} s; is a node running there "
-            f"with --serve {self.endpoint}?"
-        )
-
-    def _connected(self) -> zmq.Socket[bytes]:
-        if self._socket is None:
-            socket = self._context.socket(zmq.DEALER)
-            socket.setsockopt(zmq.LINGER, 0)
-            try:
-                socket.connect(self.endpoint)
-            except zmq.ZMQError as error:
-                socket.close()
-                raise ServiceUnreachableError(
-                    f"'{self.endpoint}' is no endpoint ({zmq.strerror(error.errno or 0)}); write "
-                    "ipc://path or tcp://address:port"
-                ) from None
-            self._socket = socket
-        return self._socket
-
-    def _no_node(self) -> ServiceUnreachableError:
-        self._hang_up()
-        return ServiceUnreachableError(f"what answers at {self.endpoint} is no node")
-
-    def _hang_up(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        wait_s = wait if isinstance(wait, (int, float)) else 0.0
+        return self.ask({"request": name, **fields}, data, wait_s=wait_s)
 
 
 def split(about: dict[str, Any], data: bytes) -> list[bytes]:

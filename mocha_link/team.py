@@ -9,28 +9,20 @@ dtype = index of the first occurrence in the sorted list of the types of all top
 from __future__ import annotations
 
 import enum
-import re
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, StringConstraints
-from pydantic import Field as Key
-
-from mocha_link.document import Document, DocumentError, Problem, as_yaml
-from mocha_link.errors import MochaLinkError
-from mocha_link.radios.url import checked
+from mocha_link.document import Document, DocumentError, as_yaml
+from mocha_link.errors import MochaLinkError, UsageError
+from mocha_link.team_file import RobotModel, TeamModel, TriggerModel, problems_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
-MAX_RADIO_ID = 128  # some MAC addresses and an IP address
-IDS = 256  # robot, topic and type ids are one byte on the wire
-MAX_HISTORY = 1000
 
-
-class UnknownRobotError(MochaLinkError):
+class UnknownRobotError(UsageError):
     """A name that is not a robot of the team, or not a robot that is linked to the asking one."""
 
     def __init__(self, name: str, known: Mapping[str, Any] | tuple[str, ...], where: str) -> None:
@@ -135,89 +127,6 @@ class Trigger:
     budget_bytes: int | None = None
 
 
-def _a_name(text: str) -> str:
-    if not re.fullmatch(r"[^\s/:]{1,64}", text):
-        raise ValueError(f"'{text:.40}' is no name: use 1 to 64 characters without spaces, / and :")
-    return text
-
-
-def _a_type(text: str) -> str:
-    if not re.fullmatch(r"[A-Za-z0-9_]+/[A-Za-z0-9_]+", text):
-        raise ValueError(f"'{text:.40}' is no type: write package/Type, letters, digits and _ only")
-    return text
-
-
-Name = Annotated[str, AfterValidator(_a_name)]
-TypeKey = Annotated[str, AfterValidator(_a_type)]
-Host = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
-
-
-TypeName = Annotated[
-    str,
-    StringConstraints(pattern=r"^[A-Za-z0-9_]+/[A-Za-z0-9_]+$"),
-    Key(description="package/Type, letters, digits and _ only"),
-]
-
-
-class _TopicModel(BaseModel):
-    name: Annotated[str, StringConstraints(min_length=1, max_length=256)]
-    type: TypeName
-    priority: Literal["none", "low", "medium", "high"] = "none"
-    min_interval_s: Annotated[float, Key(ge=0)] = 0.0
-    history: Annotated[int, Key(ge=1, le=MAX_HISTORY, description="how many messages to keep")] = 1
-    aggregate: bool = False
-
-
-class _KindModel(BaseModel):
-    topics: Annotated[list[_TopicModel], Key(max_length=IDS)]
-
-
-class _RobotModel(BaseModel):
-    kind: Annotated[str, Key(description="one of the names under kinds")]
-    address: Annotated[Host, Key(description="host name or IPv4 address that the others dial")]
-    base_port: Annotated[int, Key(ge=1, le=65535, description="first of its ports")]
-    clients: Annotated[
-        list[Name | None], Key(description="the robots that may link to it, in port order")
-    ]
-    listen: Annotated[
-        str,
-        StringConstraints(pattern=r"^(\*|[A-Za-z0-9][A-Za-z0-9._-]*)$"),
-        Key(description="* or an address of this machine"),
-    ] = "*"
-    radio: Annotated[
-        Annotated[str, AfterValidator(checked)] | None,
-        Key(description="the URL of its radio, e.g. udp://host:port"),
-    ] = None
-    radio_id: Annotated[
-        Annotated[str, StringConstraints(min_length=1, max_length=MAX_RADIO_ID)] | None,
-        Key(description=f"its addresses for radios, 1 to {MAX_RADIO_ID} characters"),
-    ] = None
-    key: Annotated[
-        Annotated[str, StringConstraints(pattern=r"^[0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}$")]
-        | None,
-        Key(description="40 characters in quotes, as 'mocha-link keys' writes them"),
-    ] = None
-    original: bool = False
-    ros: Literal[1, 2] = 1
-
-
-class _TriggerModel(BaseModel):
-    rssi_threshold_dbm: Annotated[float, Key(ge=-200, le=200)] = -75.0
-    snr_threshold_db: Annotated[float, Key(ge=-200, le=200)] = 10.0
-    device_threshold: Annotated[float, Key(ge=-1e6, le=1e6)] = 20.0
-    hysteresis_db: Annotated[float, Key(ge=0, le=100)] = 3.0
-    interval_s: Annotated[float, Key(gt=0)] = 2.0
-    budget_bytes: Annotated[int, Key(ge=1024)] | None = None
-
-
-class _TeamModel(BaseModel):
-    robots: Annotated[dict[Name, _RobotModel], Key(min_length=1, max_length=IDS)]
-    kinds: dict[str, _KindModel]
-    trigger: _TriggerModel = _TriggerModel()
-    trust: Literal["relays", "signed"] = "relays"
-    definitions: dict[TypeKey, str] = {}
-
-
 @dataclass(frozen=True, slots=True)
 class Team:
     """All robots and topics, with the ids that the wire format uses for them.
@@ -241,8 +150,8 @@ class Team:
     @classmethod
     def from_document(cls, document: Document) -> Self:
         """Build the team from a loaded document. Raises DocumentError."""
-        model = document.parse(_TeamModel)
-        problems = list(_problems(document, model))
+        model = document.parse(TeamModel)
+        problems = list(problems_of(document, model))
         if problems:
             raise DocumentError(problems)
         types = sorted(topic.type for kind in model.kinds.values() for topic in kind.topics)
@@ -336,7 +245,7 @@ class Team:
         return as_yaml(self._data())
 
     def _data(self) -> dict[str, Any]:
-        robot_keys = [key for key in _RobotModel.model_fields if key != "clients"]
+        robot_keys = [key for key in RobotModel.model_fields if key != "clients"]
         return {
             "robots": {
                 name: {
@@ -361,89 +270,7 @@ class Team:
                 }
                 for name, topics in self.kinds.items()
             },
-            "trigger": {key: getattr(self.trigger, key) for key in _TriggerModel.model_fields},
+            "trigger": {key: getattr(self.trigger, key) for key in TriggerModel.model_fields},
             "trust": self.trust.value,
             "definitions": dict(self.definitions),
         }
-
-
-def _problems(document: Document, model: _TeamModel) -> Iterator[Problem]:
-    """What a model of single values cannot see: names that must fit together, ports that clash."""
-    count = 0
-    original = next((name for name, robot in model.robots.items() if robot.original), None)
-    for name, kind in model.kinds.items():
-        seen: dict[str, int] = {}
-        for index, topic in enumerate(kind.topics):
-            keys = ("kinds", name, "topics", index, "name")
-            if topic.name in seen:
-                message = f"topic '{topic.name}' is listed twice; remove one"
-                yield document.problem(keys, message, "named-twice")
-            seen[topic.name] = index
-            count += 1
-            if topic.aggregate and not topic.min_interval_s:
-                message = "aggregate needs min_interval_s: the seconds of messages that go together"
-                where = ("kinds", name, "topics", index, "aggregate")
-                yield document.problem(where, message, "aggregate-without-interval")
-            if topic.aggregate and original:
-                message = (
-                    f"the original node of {original} ends over messages that go together; "
-                    "remove aggregate"
-                )
-                where = ("kinds", name, "topics", index, "aggregate")
-                yield document.problem(where, message, "not-for-original-nodes")
-    if count > IDS:
-        message = f"{count} topics, at most {IDS} fit; remove some"
-        yield document.problem(["kinds"], message, "too-many")
-    for name, robot in model.robots.items():
-        if robot.kind not in model.kinds:
-            kinds = ", ".join(model.kinds) or "none"
-            message = f"no kind '{robot.kind}' under kinds; use one of {kinds}, or add it"
-            yield document.problem(["robots", name, "kind"], message, "unknown-kind")
-        if robot.key and robot.original:
-            message = "an original node knows no keys; remove key, or original"
-            yield document.problem(["robots", name, "key"], message, "not-for-original-nodes")
-        yield from _client_problems(document, model, name, robot)
-        yield from _port_problems(document, model, name, robot)
-
-
-def _client_problems(
-    document: Document, model: _TeamModel, name: str, robot: _RobotModel
-) -> Iterator[Problem]:
-    for index, client in enumerate(robot.clients):
-        keys = ("robots", name, "clients", index)
-        if client is None:
-            continue  # a port that stays unused
-        if client in robot.clients[:index]:
-            message = f"'{client}' is listed twice; remove one"
-            yield document.problem(keys, message, "named-twice")
-        elif client not in model.robots:
-            names = ", ".join(sorted(model.robots))
-            message = f"no robot '{client}' under robots; use one of {names}"
-            yield document.problem(keys, message, "unknown-robot")
-        elif name not in model.robots[client].clients:
-            message = f"'{client}' does not list '{name}'; add it to the clients of {client}"
-            yield document.problem(keys, message, "client-one-sided")
-
-
-def _port_problems(
-    document: Document, model: _TeamModel, name: str, robot: _RobotModel
-) -> Iterator[Problem]:
-    keys = ("robots", name, "base_port")
-    last = robot.base_port + len(robot.clients) - 1
-    if last > 65535:
-        message = f"the last port would be {last}; use a lower base_port"
-        yield document.problem(keys, message, "port-too-high")
-    for other_name, other in model.robots.items():
-        if other_name == name:
-            break  # each pair once, reported at the later robot
-        other_last = other.base_port + len(other.clients) - 1
-        if (
-            other.address == robot.address
-            and robot.base_port <= other_last
-            and other.base_port <= last
-        ):
-            message = (
-                f"ports {robot.base_port} to {last} overlap those of {other_name} at the same "
-                f"address ({other.base_port} to {other_last}); use {other_last + 1} or more"
-            )
-            yield document.problem(keys, message, "ports-overlap")

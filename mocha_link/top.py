@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from mocha_link.display import event_line, path_text, signal_text
+from mocha_link.display import News, event_line, path_text, signal_text
 from mocha_link.printable import printable
 
 MAX_NEWS = 200
@@ -68,6 +68,7 @@ class Picture:
         self._endpoint = endpoint
         self._links: dict[str, Any] = {}
         self._heard_s = 0.0
+        self._told = News()
         self._news: deque[str] = deque(maxlen=MAX_NEWS)
 
     @property
@@ -86,7 +87,7 @@ class Picture:
             self._links = fields
         else:
             line = printable(event_line(fields, date=False))  # what is strange is found out here
-            if _is_news(fields):
+            if self._told.is_new(fields):
                 self._news.append(line)
         self._heard_s = steady_s
 
@@ -112,13 +113,6 @@ class Picture:
             news = list(self._news)[-room:]
             lines += ["", *(style.paint(line[: size.columns], DIM) for line in news)]
         return lines[: max(1, size.rows - 1)]
-
-
-def _is_news(event: Mapping[str, Any]) -> bool:
-    """Whether it says more than the table does; nodes that have nothing new sync all the time."""
-    if event["event"] == "SyncEnded":
-        return bool(event.get("messages")) or event.get("complete") is False
-    return bool(event["event"] != "SyncStarted")
 
 
 def _table(fields: Mapping[str, Any], later_s: float, *, unicode: bool) -> list[list[str]]:

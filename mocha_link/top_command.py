@@ -13,7 +13,7 @@ import tty
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from mocha_link.command_help import add_command, endpoint
+from mocha_link.command_help import add_command, coloured, endpoint
 from mocha_link.telemetry import MetricsError, Subscription
 from mocha_link.top import Picture, Size, Style
 
@@ -36,7 +36,7 @@ class _Terminated(BaseException):
     """SIGTERM came."""
 
 
-def add_parser(commands: Any) -> None:
+def register(commands: Any) -> None:
     """Add the command to the parsers of `mocha-link`."""
     parser = add_command(
         commands,
@@ -64,10 +64,9 @@ def run(options: argparse.Namespace) -> int:
                     f"nothing from {options.endpoint} for {FIRST_S:g} s; is a node running there "
                     f"with --metrics {options.endpoint}?"
                 )
-        style = Style(colour=not os.environ.get("NO_COLOR"), unicode=_shows_blocks())
+        style = Style(colour=coloured(sys.stdout), unicode=_shows_blocks())
         if not (sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"):
-            plain = Style(colour=False, unicode=style.unicode)
-            _write("\n".join(picture.lines(PRINTED, plain, time.monotonic())) + "\n")
+            _write("\n".join(picture.lines(PRINTED, style, time.monotonic())) + "\n")
             return DONE
         with contextlib.suppress(_Terminated), _screen() as resized:
             _follow(subscription, picture, style, resized)

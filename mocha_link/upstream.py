@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mocha_link.document import Document, DocumentError, Problem, as_yaml
-from mocha_link.team import IDS, MAX_RADIO_ID, Team, UnknownRobotError
+from mocha_link.port_range import PortRange
+from mocha_link.team import Team, UnknownRobotError
+from mocha_link.team_file import IDS, MAX_RADIO_ID
 from mocha_link.yaml_readings import other_readings
 
 if TYPE_CHECKING:
@@ -277,26 +279,12 @@ class _Converter:
         return made
 
     def _check_ports(self, robots: dict[str, _Robot]) -> None:
-        before: list[tuple[str, _Robot]] = []
+        before: dict[str, PortRange] = {}
         for name, robot in robots.items():
-            keys = (name, "base-port")
-            last = robot.base_port + len(robot.clients) - 1
-            if last > 65535:
-                message = f"the last port would be {last}; use a lower base-port"
-                self._refuse(self._robot_file, keys, message, "port-too-high")
-            for other_name, other in before:
-                end = other.base_port + len(other.clients) - 1
-                if (
-                    other.address == robot.address
-                    and robot.base_port <= end
-                    and other.base_port <= last
-                ):
-                    message = (
-                        f"ports {robot.base_port} to {last} overlap those of {other_name} at the "
-                        f"same address ({other.base_port} to {end}); use {end + 1} or more"
-                    )
-                    self._refuse(self._robot_file, keys, message, "ports-overlap")
-            before.append((name, robot))
+            ports = PortRange(robot.address, robot.base_port, len(robot.clients))
+            for code, message in ports.faults(before, "base-port"):
+                self._refuse(self._robot_file, (name, "base-port"), message, code)
+            before[name] = ports
 
     def _items(
         self, document: Document, keys: tuple[Key, ...], what: str

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 E = TypeVar("E")
 _hosts = itertools.count()
 
-WAIT_S = 20  # a limit against hangs; nothing waits so long unless something is broken
+WAIT_S = 60  # a limit against hangs; nothing waits so long unless something is broken
 TEAM = """\
 robots:
   titan: {kind: aerial_robot, address: 127.0.0.1, base_port: 10, clients: [callisto, io]}

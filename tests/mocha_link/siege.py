@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from mocha_link.link_events import LinkEvent
 
-WAIT_S = 20.0  # a limit against hangs
-TIMEOUT_S = 1.0
+WAIT_S = 60.0  # a limit against hangs
+TIMEOUT_S = 3.0
 GROWTH_BYTES = 20_000_000
 WARM = 3  # checks
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")

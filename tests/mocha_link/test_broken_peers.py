@@ -20,7 +20,15 @@ from mocha_link.payload import STAMPS_MS
 from mocha_link.protocol import ID_BYTES
 from mocha_link.sync import DONE, HELLO, WHOLE, chunks_frame, letter_frame, long_id
 from mocha_link.terms import shared_mark
-from tests.mocha_link.siege import HANDSHAKE_OF_ROUTER, Besieged, Liar, message, requests, say
+from tests.mocha_link.siege import (
+    HANDSHAKE_OF_ROUTER,
+    TIMEOUT_S,
+    Besieged,
+    Liar,
+    message,
+    requests,
+    say,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -112,4 +120,4 @@ def test_a_reply_with_a_wrong_id_ends_the_pull(besieged):
 def test_a_peer_that_never_answers_costs_the_time_out(besieged, frames):
     with io_says(besieged, *frames, patient=True) as liar:
         besieged.check()  # meanwhile the others are served
-    assert liar.end.reason.startswith("no byte for 1 s")
+    assert liar.end.reason.startswith(f"no byte for {TIMEOUT_S:g} s")

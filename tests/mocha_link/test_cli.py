@@ -12,7 +12,7 @@ import sys
 
 import pytest
 
-from mocha_link import cli
+from mocha_link import cli, metrics_command
 from mocha_link.cli import main
 from mocha_link.display import event_line, links_table
 from mocha_link.metrics import Direction, LinkMetrics, SyncEnded
@@ -116,7 +116,7 @@ def test_the_version(capsys):
 )
 def test_verbose_stands_anywhere(monkeypatch, arguments):
     seen = []
-    monkeypatch.setattr(cli, "watch", lambda *_, **__: iter(()))
+    monkeypatch.setattr(metrics_command, "watch", lambda *_, **__: iter(()))
     monkeypatch.setattr(cli.logging, "basicConfig", lambda **given: seen.append(given["level"]))
     assert main(arguments) == 0
     assert seen == [logging.DEBUG if "-v" in arguments else logging.INFO]
@@ -211,11 +211,14 @@ def test_metrics_of_a_node(field, capsys):
     assert "is a node running there" in capsys.readouterr().err
 
 
+SNAPSHOT = {"robot": "io", "at_s": 1_795_175_902.5, "links": {}}
+
+
 def test_metrics_are_followed_line_by_line(field, capsys, monkeypatch):
-    snapshot = {"robot": "io", "at_s": 1_795_175_902.5, "links": {}}
+    snapshot = SNAPSHOT
     event = {"event": "RssiChanged", "peer": "io", "at_s": 1_795_175_900.25, "rssi_dbm": -61.0}
     news = [("links", snapshot), ("event", event), ("links", snapshot)]
-    monkeypatch.setattr(cli, "watch", lambda *_, **__: iter(news))
+    monkeypatch.setattr(metrics_command, "watch", lambda *_, **__: iter(news))
     assert main(["metrics", "tcp://x:1", "--follow"]) == 0
     heads = "state  path  signal  syncs in  ago  syncs out  ago  RTT  bandwidth  newest  broken"
     assert capsys.readouterr().out.splitlines() == [
@@ -227,6 +230,29 @@ def test_metrics_are_followed_line_by_line(field, capsys, monkeypatch):
     assert [json.loads(line) for line in capsys.readouterr().out.splitlines()] == [
         fields for _, fields in news
     ]
+
+
+def test_syncs_that_repeat_are_left_out_of_what_people_read(capsys, monkeypatch):
+    def event(kind, **fields):
+        return "event", {"event": kind, "peer": "io", "at_s": 5.0, "direction": "in", **fields}
+
+    found, nothing, cut = (
+        event("SyncEnded", messages=1),
+        event("SyncEnded", messages=0),
+        event("SyncTimedOut", reason="cut"),
+    )
+    told = [event("SyncStarted"), nothing, nothing, found, found, cut, cut, nothing, nothing]
+    monkeypatch.setattr(
+        metrics_command, "watch", lambda *_, **__: iter([("links", SNAPSHOT), *told])
+    )
+    assert main(["metrics", "tcp://x:1", "--follow"]) == 0
+    shown = [line.partition("io ")[2] for line in capsys.readouterr().out.splitlines()[2:]]
+    assert shown == [
+        *("direction=in messages=0", "direction=in messages=1", "direction=in messages=1"),
+        *("direction=in reason=cut", "direction=in messages=0"),
+    ]
+    assert main(["metrics", "tcp://x:1", "--follow", "--json"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 1 + len(told)
 
 
 @pytest.mark.parametrize(
@@ -241,7 +267,7 @@ def test_metrics_are_followed_line_by_line(field, capsys, monkeypatch):
 )
 @pytest.mark.parametrize("options", [[], ["--json"]])
 def test_metrics_that_are_none(capsys, monkeypatch, kind, fields, options):
-    monkeypatch.setattr(cli, "watch", lambda *_, **__: iter([(kind, fields)]))
+    monkeypatch.setattr(metrics_command, "watch", lambda *_, **__: iter([(kind, fields)]))
     assert main(["metrics", "tcp://x:1", "--follow", *options]) == 1
     assert "what tcp://x:1 sends is not a node's metrics" in capsys.readouterr().err
 
@@ -303,7 +329,7 @@ def test_a_node_does_not_wait_for_the_reader_of_its_events(field, team_file):
         while not saw.wait(SyncEnded, peer="io", direction=Direction.OUT).messages:
             pass
         process.terminate()
-        process.communicate(timeout=20)
+        process.communicate(timeout=60)
     os.close(reader)
     assert process.returncode == 0
 
@@ -327,7 +353,7 @@ def test_a_node_in_its_own_process(field, team_file, number, code):
                 assert event["messages"] == 1
                 break
         process.send_signal(number)
-        process.communicate(timeout=20)
+        process.communicate(timeout=60)
         assert process.returncode == code
 
 

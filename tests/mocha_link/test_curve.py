@@ -18,7 +18,7 @@ from mocha_link.curve import CurveUnavailableError, Gatekeeper, Refusal
 from mocha_link.keys import SecretKey
 from mocha_link.zmtp import Connection
 
-WAIT_S = 20  # a limit against hangs
+WAIT_S = 60  # a limit against hangs
 TITAN, IO, EUROPA = (SecretKey(bytes([number]) * 32) for number in (1, 2, 3))
 FAILURES = (
     zmq.Event.HANDSHAKE_FAILED_AUTH

@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from mocha_link.document import Document
-from mocha_link.team import Team, _RobotModel, _TopicModel, _TriggerModel
+from mocha_link.team import Team
+from mocha_link.team_file import RobotModel, TopicModel, TriggerModel
 
 DOCS = Path(__file__).parents[2] / "docs"
 
 
-@pytest.mark.parametrize("model", [_RobotModel, _TopicModel, _TriggerModel])
+@pytest.mark.parametrize("model", [RobotModel, TopicModel, TriggerModel])
 def test_every_key_is_documented_with_its_default(model):
     text = (DOCS / "team-file.md").read_text()
     rows = dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", text, re.MULTILINE))
@@ -38,3 +39,4 @@ def test_the_examples_are_teams():
     )
     assert team.robot("titan").port_for("io") == 24400
     assert two_nodes.robot("a").peers == ("b",)
+    assert two_nodes.dump() == Team.load(DOCS.parent / "missions" / "two" / "team.yaml").dump()

@@ -33,7 +33,7 @@ from mocha_link.team import Trigger
 DOCS = Path(__file__).parents[2] / "docs"
 EMBEDDING, RADIOS = ((DOCS / f"{name}.md").read_text() for name in ("embedding", "radios"))
 PLANNER, READER = re.findall(r"```python\n(.*?)```", EMBEDDING, re.DOTALL)
-WAIT_S = 20
+WAIT_S = 60
 
 
 def rows(text):
@@ -57,8 +57,9 @@ def test_the_planner_meets_everybody(field, tmp_path):
             timeout=WAIT_S,
             check=True,
         )
-    first, *_, callisto, io = planner.stdout.splitlines()
-    assert re.fullmatch(r"met (callisto|io); seek (callisto|io), heard at None", first)
+    *met, callisto, io = planner.stdout.splitlines()  # both may be met before it looks
+    for line in met:
+        assert re.fullmatch(r"met (callisto|io); seek (callisto|io), heard at None", line)
     assert re.fullmatch(r"callisto: data of 1 topics, newest \d[\d.e-]* s", callisto)
     assert re.fullmatch(r"io: data of 1 topics, newest \d[\d.e-]* s", io)
 

@@ -110,6 +110,22 @@ def test_what_the_peer_has_in_part_comes_before_the_rest_of_its_priority(node):
     assert next(piece[0] for chunks in first for piece in chunks.pieces) == begun
 
 
+@pytest.mark.parametrize(("left", "first"), [(30_000, True), (16_000, False)])
+def test_one_small_message_comes_before_a_long_rest(node, left, first):
+    urgent = record_id(node.store(0, 0, START_MS, priority=2))
+    newer = record_id(node.store(0, 1, START_MS + 9, size=3_000))
+    small = record_id(node.store(0, 2, START_MS, size=2_000))
+    total = len(node.store(0, 3, START_MS, size=40_000).body)
+    begun = sync.long_id(0, 3, START_MS)
+    served = Served(node, wishes=[Wish(begun, total, [(total - left, total)])])
+    order = []
+    for said in served.hear(MIN_ROOM):
+        if isinstance(said, sync.Chunks):
+            order += [whole[0] for whole in said.wholes] + [piece[0] for piece in said.pieces]
+    order = list(dict.fromkeys(order))
+    assert order == ([urgent, small, begun, newer] if first else [urgent, begun, newer, small])
+
+
 @pytest.mark.parametrize("total", [999, 1_001])
 def test_a_part_of_something_else_is_not_continued(node, total):
     node.store(0, 0, START_MS, size=1_000)

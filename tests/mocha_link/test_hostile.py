@@ -68,7 +68,7 @@ def test_bad_requests(besieged, recorded):
     """On the ROUTER: syncs that begin well, and what must not follow."""
     fuzzer = Fuzzer(recorded, 1)
     with zmq.Context() as context:
-        while besieged.frames < 25_000:
+        while besieged.frames < 20_000:
             with context.socket(zmq.DEALER) as dealer:
                 dealer.linger = 0
                 dealer.connect("tcp://{}:{}".format(*besieged.place))
@@ -91,7 +91,7 @@ def test_bad_datagrams(besieged, recorded):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as caster:
         caster.bind((besieged.field.host, 0))
         caster.setblocking(False)
-        while besieged.frames < 45_000:
+        while besieged.frames < 36_000:
             for _ in range(CHECK_EVERY // BATCH):
                 token = fuzzer.random.randbytes(ID_BYTES)
                 packets = [fuzzer.opening_packet(token)]
@@ -204,7 +204,8 @@ def test_bad_bytes_where_answers_are_expected(besieged, recorded):
                     hello = HANDSHAKE_OF_ROUTER
                     if fuzzer.random.random() < 0.7:
                         say(connection, hello)
-                        request_id = requests(connection, parser)[0][:ID_BYTES]
+                        for request in requests(connection, parser)[:1]:  # none: it was too late
+                            request_id = request[:ID_BYTES]
                         hello = b""
                     answers = [fuzzer.good_reply(HELLO, request_id)]
                     answers += [fuzzer.reply(request_id) for _ in range(9)]

@@ -21,7 +21,7 @@ from mocha_link.line import EAGER_S, CurveLine, Line, TcpLine
 from mocha_link.zmtp import Connection
 from tests.mocha_link.conftest import free_ports, own_host
 
-WAIT_S = 20  # a limit against hangs
+WAIT_S = 60  # a limit against hangs
 HOST = "127.0.0.1"
 GREETING = bytes.fromhex("ff00000000000000017f03014e554c4c") + bytes(48)
 READY = bytes.fromhex("04190552454144590b536f636b65742d5479706500000003524550")

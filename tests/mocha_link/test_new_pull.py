@@ -27,7 +27,7 @@ from tests.mocha_link.test_line import (
     turn_until,
 )
 
-WAIT_S = 20
+WAIT_S = 60
 SMALL = 4096
 
 

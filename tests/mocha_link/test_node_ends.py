@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import sqlite3
 import threading
-import time
 
 from mocha_link.metrics import SyncStarted
-from mocha_link.node import Node
+from mocha_link.node import LEAST_CLOSE_S, Node
 from mocha_link.storage import Storage
 
-WAIT_S = 20
+WAIT_S = 60
 
 
 def join_nodes() -> None:
@@ -80,10 +79,13 @@ def test_a_listener_that_hangs_and_a_slow_disk_do_not_add_up(field, tmp_path, mo
     SlowDisk.released.clear()
     threading.Thread(target=node.publish, args=("/map", b"grid"), daemon=True).start()
     assert SlowDisk.waiting.wait(WAIT_S)
-    began_s = time.monotonic()
+    granted_s = []
+    ends = Storage.close
+    monkeypatch.setattr(
+        Storage, "close", lambda self, limit_s: granted_s.append(limit_s) or ends(self, limit_s)
+    )
     node.close()
-    took_s = time.monotonic() - began_s
     released.set()
     SlowDisk.released.set()
     join_nodes()
-    assert took_s < 1.1
+    assert granted_s == [LEAST_CLOSE_S]  # the listener has had the rest

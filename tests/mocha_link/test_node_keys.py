@@ -260,7 +260,7 @@ def test_a_wrong_key_is_refused_and_counted(locked, tmp_path, caplog):
     folder.mkdir()
     keys.write(folder / "io.key", "io", impostor)
     hall.field.team = hall.field.team.with_robots({"io": {"key": impostor.public.text}})
-    fake, _, saw = hall.field.node("io", keys=folder, timeout_s=0.5)
+    fake, _, saw = hall.field.node("io", keys=folder, timeout_s=60)
     fake.sync("titan")
     broken = saw.wait(SyncTimedOut, peer="titan", direction=IN)
     assert broken.reason == "the peer refused our key"
@@ -281,7 +281,7 @@ def test_whom_we_take_for_another_we_tell_nothing(locked):
     refused = refusal(titan)
     titan.publish("/map", b"false grid")
     hall.field.team = team
-    io, _, saw = hall.node("io", timeout_s=0.5)
+    io, _, saw = hall.node("io", timeout_s=60)
     io.sync("titan")
     broken = saw.wait(SyncTimedOut, peer="titan", direction=IN)
     assert "the keys do not fit" in broken.reason
@@ -382,7 +382,7 @@ def test_a_robot_without_the_others_keys_is_told_why(locked):
     titan.publish("/map", b"grid")
     without = {name: {"key": None} for name in NAMES}
     hall.field.team = hall.field.team.with_robots(without)
-    io, _, saw = hall.field.node("io", timeout_s=0.5)
+    io, _, saw = hall.field.node("io", timeout_s=60)
     io.sync("titan")
     broken = saw.wait(SyncTimedOut, peer="titan", direction=IN)
     assert "the peer wants" in broken.reason

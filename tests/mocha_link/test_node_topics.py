@@ -166,7 +166,7 @@ def test_many_large_messages_over_one_connection(field_of, way):
     titan, _, _ = field.node("titan")
     for number in range(200):
         titan.publish(f"/t{number}", noise(100_000, number))
-    io, _, saw = field.node("io", timeout_s=3)
+    io, _, saw = field.node("io", timeout_s=60)
     for _ in range(2):
         io.sync("titan")
         saw.wait(SyncEnded, direction=IN)

@@ -249,7 +249,7 @@ def test_an_original_node_whose_database_is_locked(mixed, old):
     io.put(bytes([1, 0, 0, 0, 0, 0]), body_of(mixed, "io", "/pose", SMALL))
     io.header_list()
     assert io.stopped
-    titan, _, saw = mixed.node("titan", timeout_s=0.4)
+    titan, _, saw = mixed.node("titan", timeout_s=2)
     callisto.publish("/pose", SMALL)
     titan.sync("io")
     assert pull(titan, saw, "callisto").messages == 1
@@ -260,7 +260,7 @@ def test_an_original_node_whose_database_is_locked(mixed, old):
 def test_a_peer_that_falls_silent(field, old, mute):
     field.team = field.team.with_robots({"io": {"original": True}})
     callisto = old("callisto")
-    titan, _, saw = field.node("titan", timeout_s=0.4)
+    titan, _, saw = field.node("titan", timeout_s=2)
     callisto.publish("/pose", SMALL)
     sent = SMALL
     with Original(

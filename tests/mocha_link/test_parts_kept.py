@@ -272,7 +272,7 @@ def test_a_disk_that_is_full_keeps_no_parts_in_memory(team, path):
     for _ in range(3):
         meetings.nodes["io"].save(meetings.now)
         meetings.storage.retry()
-        meetings.storage.wait(30)
+        meetings.storage.wait(60)
     assert not meetings.storage._pending.parts
     assert meetings.storage.fault is not None
     meetings.meet()
@@ -293,7 +293,7 @@ def test_a_file_that_is_out_of_reach_for_a_while_forgets_the_parts_from_before(t
     path.rmdir()
     shutil.move(aside, path)
     meetings.storage.retry()
-    assert meetings.storage.wait(30)
+    assert meetings.storage.wait(60)
     meetings.meet()
     assert meetings.got == LARGE
     meetings.die()
@@ -313,7 +313,7 @@ data = memoryview(bytes(range(256)) * (SAVE_BYTES // 64))
 for start in range(0, 3 * SAVE_BYTES, 10_000):
     shelf.add(int(sys.argv[2]), len(data), start, data[start:start + 10_000])
     shelf.save(0.0)
-assert storage.wait(30)
+assert storage.wait(60)
 print("saved", flush=True)
 sys.stdin.read()
 """

@@ -276,7 +276,7 @@ def test_a_connection_that_sleeps_does_not_hold_up_the_next_one(field, clients, 
     grant = struct.pack(">QI", 1 << 40, 1_000_000)
     sleeper = clients.dial(titan.robot, asleep=True)
     sleeper.send_multipart([b"", b"ididid" + b"SYNC1" + grant + frame])
-    assert held_up.wait(20)
+    assert held_up.wait(60)
     io, _, saw = field.node("io", datagrams=False)
     io.sync("titan")
     assert saw.wait(SyncEnded, peer="titan", direction=Direction.IN).messages == 1

@@ -38,7 +38,7 @@ from mocha_link.radios.mavlink import parse_radio_status
 from mocha_link.radios.reports import MAX_LINE_BYTES, Lines
 from mocha_link.team import UnknownRobotError
 
-WAIT_S = 20
+WAIT_S = 60
 
 
 class Heard:

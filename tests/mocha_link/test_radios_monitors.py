@@ -19,7 +19,7 @@ from mocha_link.radios.wifi import parse_station_dump
 
 DATA = Path(__file__).parents[1] / "data" / "radios"
 SAMPLES = {path.name: path.read_text() for path in sorted(DATA.iterdir())}
-WAIT_S = 20
+WAIT_S = 60
 
 A, A2, B = "04:f0:21:38:cf:5b", "04:f0:21:38:86:bd", "04:f0:21:38:d3:22"
 

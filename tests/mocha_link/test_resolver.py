@@ -13,7 +13,7 @@ from mocha_link import resolver as module
 from mocha_link.metrics import Direction, SyncEnded, SyncTimedOut
 from mocha_link.resolver import FRESH_S, RETRY_S, Resolver
 
-WAIT_S = 20
+WAIT_S = 60
 
 
 class Names:
@@ -142,12 +142,12 @@ def test_a_node_whose_name_server_hangs_talks_to_the_others(field, names):
     io, _, _ = field.node("io")
     io.publish("/pose", b"here")
     field.team = field.team.with_robots({"callisto": {"address": "callisto.local"}})
-    titan, _, saw = field.node("titan", timeout_s=0.4)
+    titan, _, saw = field.node("titan", timeout_s=2)
     titan.sync("callisto")
     titan.sync("io")
     assert saw.wait(SyncEnded, peer="io", direction=Direction.IN).messages == 1
     broken = saw.wait(SyncTimedOut, peer="callisto", direction=Direction.IN)
-    assert "no connection within 0.4 s" in broken.reason
+    assert "no connection within 2 s" in broken.reason
     titan.close()  # quick, also while the look-up hangs
     names.released.set()
 

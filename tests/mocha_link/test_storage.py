@@ -57,10 +57,10 @@ class Shelter:
 
     def retry(self):
         self.storage.retry()
-        return self.storage.wait(30)
+        return self.storage.wait(60)
 
     def fault(self):
-        return self.faults.get(timeout=30)
+        return self.faults.get(timeout=60)
 
 
 @pytest.fixture
@@ -104,7 +104,7 @@ def test_everything_comes_back(shelter):
 def test_numbers_are_never_given_twice(shelter, tmp_path):
     node = shelter()
     node.write(*range(10))
-    assert node.storage.wait(30)
+    assert node.storage.wait(60)
     for name in ("messages.db", "messages.db-wal"):  # as a backup does, or a crash soon after
         shutil.copy(tmp_path / name, tmp_path / f"copy-{name}")
     node.write(*range(10, 20))
@@ -151,7 +151,7 @@ def test_what_is_not_kept_is_not_on_disk_either(shelter, tmp_path):
     assert stamps == [(T_MS + 135,), (T_MS + 140,), (T_MS + 145,)]
     again = shelter(depth=1)  # the team file says less now
     assert numbers(again.database) == [145]
-    assert again.storage.wait(30)
+    assert again.storage.wait(60)
     again.storage.close()
     assert numbers(shelter(depth=3).database) == [145]
 
@@ -163,7 +163,7 @@ def test_the_file_stays_small(shelter, tmp_path):
         body = chance.randbytes(20_000)
         node.database.insert(record(5 * number, topic_id=number % 20, body=body), NOW_S)
         if number % 10 == 0:
-            assert node.storage.wait(30)
+            assert node.storage.wait(60)
     size = sum(path.stat().st_size for path in tmp_path.iterdir())
     assert size < 12_000_000  # of 40 MB
     for number in range(2000, 2020):
@@ -189,7 +189,7 @@ class Gate(sqlite3.Connection):
     def execute(self, sql, *arguments):
         if sql == "COMMIT":
             self.waiting.set()
-            self.open.wait(30)
+            self.open.wait(60)
             self.commits += 1
             if self.error:
                 raise self.error
@@ -213,11 +213,11 @@ def test_what_comes_during_a_commit_shares_the_next_one(shelter):
     gate.open.clear()
     gate.waiting.clear()
     node.write(0)
-    assert gate.waiting.wait(30)
+    assert gate.waiting.wait(60)
     node.write(*range(1, 150))
     assert not node.storage.wait(0)
     gate.open.set()
-    assert node.storage.wait(30)
+    assert node.storage.wait(60)
     assert gate.commits == 2
     assert node.storage.wait(0)
 
@@ -323,7 +323,7 @@ def test_a_disk_that_fails_for_a_while(shelter):
     gates = []
     node = shelter(connect=lambda path: gated(path, gates))
     node.write(0, 1, 2)
-    assert node.storage.wait(30)
+    assert node.storage.wait(60)
     gates[0].error = sqlite3.OperationalError("disk I/O error")
     node.write(3, 4, 5)
     fault = node.fault()
@@ -339,7 +339,7 @@ def test_it_is_tried_again_by_itself(shelter, tmp_path):
     node.write(1)
     (tmp_path / "none").mkdir()
     assert node.fault() is None
-    assert node.storage.wait(30)
+    assert node.storage.wait(60)
 
 
 def test_a_directory_that_is_missing(shelter, tmp_path, caplog):
@@ -376,7 +376,7 @@ def test_a_file_that_another_node_has(shelter):
     owner = shelter()
     owner.write(*range(5), 110)
     owner.database.learn("titan", Knowledge(9, 8, 7))
-    assert owner.storage.wait(30)
+    assert owner.storage.wait(60)
     node = shelter()
     assert isinstance(node.fault(), StorageLockedError)
     assert node.database.epoch != owner.database.epoch
@@ -439,7 +439,7 @@ def test_a_file_that_is_damaged_while_it_is_used(shelter, tmp_path):
     gates = []
     node = shelter(connect=lambda path: gated(path, gates))
     node.write(*range(20))
-    assert node.storage.wait(30)
+    assert node.storage.wait(60)
     error = sqlite3.DatabaseError("database disk image is malformed")
     error.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
     gates[0].error = error
@@ -481,7 +481,7 @@ def test_an_empty_file_is_a_new_one(shelter, tmp_path):
     (tmp_path / "messages.db").touch()
     node = shelter()
     node.write(1)
-    assert node.storage.wait(30)
+    assert node.storage.wait(60)
     assert node.storage.fault is None
 
 

@@ -13,9 +13,15 @@ from pathlib import Path
 import pytest
 import zmq
 
-from mocha_link import transport
 from mocha_link.gossip import Gossip
-from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.metrics import (
+    Direction,
+    LinkState,
+    MessageStored,
+    SyncEnded,
+    SyncStarted,
+    SyncTimedOut,
+)
 from mocha_link.node import Node
 from mocha_link.pull import LOOK_S
 from mocha_link.radios import ManualRadio
@@ -217,7 +223,7 @@ def test_robots_with_several_addresses(field):
 
 
 def test_many_pulls_at_once_end_with_the_node(field):
-    """All of them hang; the node is gone within its second."""
+    """All of them hang, and nobody waits until they have timed out."""
     with contextlib.ExitStack() as stack:
         for peer in ("titan", "callisto"):
             port = field.team.robot(peer).port_for("io")
@@ -226,14 +232,13 @@ def test_many_pulls_at_once_end_with_the_node(field):
         for peer in ("titan", "callisto"):
             io.sync(peer)
             saw.wait(SyncStarted, peer=peer)
-        begin = time.monotonic()
         io.close()
-        assert time.monotonic() - begin < transport.CLOSE_S
+        assert {io.links()[peer].state_in for peer in ("titan", "callisto")} == {LinkState.STARTED}
 
 
 def test_a_peer_that_comes_late_is_reached(field):
     """Nobody is there at first; then the node starts, and the next pull finds it."""
-    io, _, saw = field.node("io", timeout_s=1)
+    io, _, saw = field.node("io", timeout_s=60)
     io.sync("titan")
     assert "refused" in saw.wait(SyncTimedOut, peer="titan").reason
     titan, _, _ = field.node("titan")
@@ -243,7 +248,7 @@ def test_a_peer_that_comes_late_is_reached(field):
 
 
 def test_a_peer_that_restarts_is_reached_again(field):
-    io, _, saw = field.node("io", timeout_s=1)
+    io, _, saw = field.node("io", timeout_s=60)
     for number in range(3):
         with Node(field.team, "titan", radio=ManualRadio()) as titan:
             titan.publish("/map", b"life %d" % number)

@@ -45,7 +45,7 @@ class Peer:
         self.zmq.setsockopt(zmq.LINGER, 0)
         self.zmq.setsockopt(zmq.RCVTIMEO, WAIT_MS)
         port = self.zmq.bind_to_random_port("tcp://127.0.0.1")
-        self.tcp = socket.create_connection(("127.0.0.1", port), timeout=20)
+        self.tcp = socket.create_connection(("127.0.0.1", port), timeout=60)
         self.connection = Connection(limit)
         self.heard = b""
 
@@ -189,7 +189,7 @@ def test_libzmq_takes_our_answers_to_its_heartbeats():
         router.setsockopt(zmq.HEARTBEAT_TIMEOUT, 5_000)
         port = router.bind_to_random_port("tcp://127.0.0.1")
         connection = Connection(LIMIT)
-        with socket.create_connection(("127.0.0.1", port), timeout=20) as tcp:
+        with socket.create_connection(("127.0.0.1", port), timeout=60) as tcp:
             tcp.sendall(connection.hello)
             answers = b""
             while answers.count(b"PONG") < 3:

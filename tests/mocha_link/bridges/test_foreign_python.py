@@ -16,6 +16,7 @@ from mocha_link.bridges.rcl import Rcl
 
 PACKAGE = Path(mocha_link.__file__).parent
 FOREIGN = {
+    "mocha_link.asking",
     "mocha_link.bridges.__main__",
     "mocha_link.bridges.bridge",
     "mocha_link.bridges.cdr",
@@ -24,6 +25,7 @@ FOREIGN = {
     "mocha_link.bridges.ros1",
     "mocha_link.bridges.run",
     "mocha_link.errors",
+    "mocha_link.lifetime",
     "mocha_link.service_client",
 }
 

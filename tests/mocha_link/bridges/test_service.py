@@ -97,14 +97,15 @@ def test_waiting_in_vain(client):
 def test_who_waits_is_answered_when_the_node_ends(client, server, monkeypatch):
     place, _ = client.since()
     take = server._take
+    closing = threading.Thread(target=server.close)
 
     def taken(*arguments):
         take(*arguments)
-        threading.Thread(target=server.close).start()
+        closing.start()
 
     monkeypatch.setattr(server, "_take", taken)
     assert client.since(place, wait_s=20.0) == (place, [])
-    server._thread.join()
+    closing.join()
 
 
 def test_in_the_form_of_either_ros(client, one, two, pulled):
@@ -294,16 +295,17 @@ def test_any_socket_may_ask(server):
 
 
 def test_a_node_that_comes_back(one, server):
-    with ServiceClient(server.endpoint, timeout_s=0.3) as client:
-        client.publish("/goal", b"1")
-        place, _ = client.since(own=True)
+    with (
+        ServiceClient(server.endpoint, timeout_s=60) as patient,
+        ServiceClient(server.endpoint, timeout_s=0.3) as hasty,
+    ):
+        patient.publish("/goal", b"1")
+        place, _ = patient.since(own=True)
         server.close()
         with pytest.raises(ServiceUnreachableError, match="no answer from"):
-            client.team()
+            hasty.team()
         with ServiceServer(one, server.endpoint):
-            patient = ServiceClient(server.endpoint, timeout_s=60)
-            with patient:
-                again, messages = patient.since(place, own=True)
+            again, messages = patient.since(place, own=True)
         assert again != place
         assert len(messages) == 1
 
