@@ -1,0 +1,1 @@
+"""Experiments: towns full of robots in simulated time, thousands of times faster than real."""

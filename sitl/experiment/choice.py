@@ -1,0 +1,54 @@
+"""Which rows of an experiment are wanted: `radius_m=5,10`, `ugvs=3`, or patterns of labels."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Iterable
+
+from air_router.errors import UsageError
+from sitl.experiment.plan import Experiment, Row
+from sitl.experiment.results import flat
+from sitl.experiment.settings import value_of
+
+
+class NoSuchRowError(UsageError):
+    """No row of the experiment is meant."""
+
+
+def _said(row: Row, key: str) -> str:
+    """What a row has of a setting, as people write it; `timers.init_s` is one within another."""
+    value = value_of(flat(row.settings), key)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def chosen_rows(experiment: Experiment, choices: Iterable[str]) -> tuple[Row, ...]:
+    """The rows for which all `key=value[,value]` hold, and whose label fits one of the patterns.
+
+    Raises:
+        NoSuchRowError: a choice fits no row.
+    """
+    rows = experiment.rows
+    patterns = []
+    for choice in choices:
+        key, equals, values = choice.partition("=")
+        if not equals:
+            patterns.append(choice)
+            continue
+        wanted = set(values.split(","))
+        among = dict.fromkeys(_said(row, key) for row in experiment.rows)
+        if set(among) == {str(None)}:
+            raise NoSuchRowError(f"no row has {choice}; '{key}' is no setting of these rows")
+        kept = tuple(row for row in rows if _said(row, key) in wanted)
+        if not kept:
+            raise NoSuchRowError(f"no row has {choice}; '{key}' is one of {', '.join(among)}")
+        rows = kept
+    if patterns:
+        rows = tuple(
+            row for row in rows if any(fnmatch.fnmatchcase(row.label, p) for p in patterns)
+        )
+        if not rows:
+            labels = "', '".join(row.label for row in experiment.rows)
+            raise NoSuchRowError(f"no row fits {' or '.join(patterns)}; there are '{labels}'")
+    return rows

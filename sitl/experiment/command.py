@@ -1,0 +1,268 @@
+"""`sitl experiment`: many simulated runs of many teams, a table with intervals, and figures."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import json
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from air_router.counted import counted
+from air_router.errors import AirRouterError, ExitCode, UsageError
+from air_router.status import StatusLine
+from sitl.experiment import results, table
+from sitl.experiment.campaign import Campaign
+from sitl.experiment.choice import chosen_rows
+from sitl.experiment.crew import Crew, Failed, Record
+from sitl.experiment.plan import Experiment, Task
+from sitl.experiment.plan_file import load_experiment
+from sitl.experiment.pool import ProcessPool
+from sitl.experiment.program import program
+from sitl.experiment.run_log import RunLog, read_runs
+from sitl.experiment.shipped import experiment_names
+
+if TYPE_CHECKING:
+    from sitl.experiment.crew import Work
+
+_EPILOG = """\
+Every finished run is kept in DIR/runs.jsonl at once; the same command goes on where it was stopped,
+and with more --seeds or other --rows it makes only what is missing. See docs/experiments.md.
+
+examples:
+  sitl experiment table1 --seeds 30
+  sitl experiment table1 --rows radius_m=30 ugvs=3,5 --seeds 5
+  sitl experiment mine.yaml --cluster tcp://10.0.0.1:8786
+"""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `experiment` to the command line."""
+    parser = commands.add_parser(
+        "experiment",
+        help="run many simulated teams and compare them",
+        description="Run an experiment: every row of its file with several seeds, each run half an "
+        "hour of a town with robots in a second or so. Prints a table with confidence intervals; "
+        "writes results.csv, figures and what the runs say about the paper's claims.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "experiment", nargs="?", metavar="NAME|FILE", help=f"one of {', '.join(experiment_names())}"
+    )
+    parser.add_argument("--seeds", type=_count, metavar="N", help="runs per row (default: file's)")
+    parser.add_argument(
+        "--rows", nargs="+", default=[], metavar="WHICH", help="key=value[,value], or label pattern"
+    )
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--jobs", type=_count, metavar="N", help="processes (default: CPUs)")
+    where.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:PORT")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="for runs and results (default: experiments/NAME)"
+    )
+    begin = parser.add_mutually_exclusive_group()
+    begin.add_argument("--fresh", action="store_true", help="forget the finished runs in DIR")
+    begin.add_argument(
+        "--only-evaluate", action="store_true", help="make no runs; table and figures of what is"
+    )
+    parser.add_argument(
+        "--docs",
+        type=Path,
+        metavar="FILE",
+        help="put table, claims and figures into a Markdown file, between its marks",
+    )
+    parser.add_argument("--no-figures", action="store_true", help="draw nothing")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
+    parser.add_argument("--list", action="store_true", help="list the experiments and their rows")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the experiment, and say what came out."""
+    if arguments.list:
+        _print_list(arguments.json)
+        return ExitCode.DONE
+    from sitl.experiment.running import make_run, put_together  # noqa: PLC0415 - only with SciPy
+
+    return run_with(arguments, make_run, put_together)
+
+
+def run_with(
+    arguments: argparse.Namespace, work: Work, try_out: Callable[[Task], object] | None = None
+) -> int:
+    """The command, with what makes one run, and what looks whether that can be done."""
+    if arguments.experiment is None:
+        raise UsageError(f"which experiment? a file, or one of {', '.join(experiment_names())}")
+    experiment, _ = load_experiment(arguments.experiment)
+    rows = chosen_rows(experiment, arguments.rows)
+    seeds = arguments.seeds or experiment.seeds
+    folder = arguments.out or Path("experiments") / experiment.name
+    if arguments.docs is not None:
+        _has_place(arguments.docs, experiment)
+    interrupted = False
+    if arguments.only_evaluate:
+        campaign = Campaign(experiment, rows, seeds, read_runs(folder), folder, StatusLine())
+    else:
+        with RunLog(folder, fresh=arguments.fresh) as log:
+            campaign = Campaign(experiment, rows, seeds, log.records, folder, StatusLine())
+            if try_out is not None:
+                for task in {task.row.label: task for task in campaign.missing}.values():
+                    try_out(task)
+            if arguments.fresh:
+                log.clear()
+            interrupted = _carry_out(campaign, arguments, work, log)
+    _evaluate(campaign, folder, arguments)
+    if interrupted:
+        return ExitCode.INTERRUPTED
+    return ExitCode.ENDED_OTHERWISE if campaign.failed else ExitCode.DONE
+
+
+def _carry_out(campaign: Campaign, arguments: argparse.Namespace, work: Work, log: RunLog) -> bool:
+    """Make the missing runs; whether somebody stopped it."""
+    missing, wanted = len(campaign.missing), len(campaign.wanted)
+    if not missing:
+        campaign.status.say(f"all {counted(wanted, 'runs')} are there")
+        return False
+    if missing < wanted:
+        campaign.status.say(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
+    try:
+        with _crew(arguments) as crew, _terminated():
+            campaign.carry_out(crew, work, log.add)
+    except KeyboardInterrupt:
+        kept = wanted - len(campaign.missing)
+        campaign.status.say(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
+        return True
+    for failure in campaign.failed:
+        if isinstance(failure, Failed):
+            sys.stderr.write(f"{failure.task.name}:\n{failure.why}\n")
+    return False
+
+
+@contextlib.contextmanager
+def _crew(arguments: argparse.Namespace) -> Iterator[Crew]:
+    if arguments.cluster is None:
+        yield ProcessPool(arguments.jobs or os.cpu_count() or 1)
+        return
+    from sitl.experiment.dask_crew import DaskCrew  # noqa: PLC0415 - only with Dask
+
+    crew = DaskCrew(arguments.cluster)
+    try:
+        yield crew
+    finally:
+        crew.close()
+
+
+@contextlib.contextmanager
+def _terminated() -> Iterator[None]:
+    """SIGTERM is Ctrl-C here: the processes end, and what is finished is kept."""
+
+    def stop(_number: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _tell_of_other_programs(campaign: Campaign) -> None:
+    others = sorted({record["program"] for record in campaign.records} - {program()})
+    if others:
+        campaign.status.say(
+            f"note: some of the runs are from other versions of the program ({', '.join(others)}; "
+            f"this is {program()}); --fresh makes them again"
+        )
+
+
+def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -> None:
+    records = campaign.records
+    _tell_of_other_programs(campaign)
+    if not records:
+        if arguments.only_evaluate:
+            raise UsageError(f"{folder} has no finished run of these rows; leave --only-evaluate")
+        return
+    experiment = campaign.experiment
+    tidy = results.tidy(records)
+    found = table.lines(experiment, records)
+    results.write_csv(tidy, folder / "results.csv")
+    results.write_parquet(tidy, folder / "results.parquet")
+    text = table.as_text(experiment, found)
+    (folder / "table.txt").write_text(text + "\n", encoding="utf-8")
+    (folder / "table.md").write_text(table.as_markdown(experiment, found) + "\n", encoding="utf-8")
+    from sitl.experiment.claims import claims_of  # noqa: PLC0415 - only with SciPy
+
+    claims = claims_of(experiment, records)
+    summary = {
+        "experiment": experiment.name,
+        "runs": len(records),
+        "rows": table.as_plain(found),
+        "claims": [{**dataclasses.asdict(claim), "answer": claim.answer} for claim in claims],
+    }
+    results.write_json(summary, folder / "summary.json")
+    figures = [] if arguments.no_figures else _figures(experiment, records, folder)
+    if arguments.json:
+        answer = {**summary, "figures": [str(p) for p in figures], "folder": str(folder)}
+        sys.stdout.write(json.dumps(results.without_nan(answer)) + "\n")
+    else:
+        sys.stdout.write(text + "\n")
+        for claim in claims:
+            sys.stdout.write(f"\nclaim {claim.number}: {claim.text}\n  {claim.answer}\n")
+    if arguments.docs is not None:
+        from sitl.experiment.document_part import blocks_of, fill  # noqa: PLC0415 - with SciPy
+
+        fill(arguments.docs, experiment.name, blocks_of(experiment, records), figures)
+    sys.stderr.write(f"results and {counted(len(figures), 'figures')} are in {folder}\n")
+
+
+def _has_place(document: Path, experiment: Experiment) -> None:
+    """Look before the runs whether there is something to fill afterwards."""
+    from sitl.experiment.document_part import blocks_in  # noqa: PLC0415 - only with SciPy
+
+    blocks_in(document, experiment.name)
+
+
+def _figures(experiment: Experiment, records: list[Record], folder: Path) -> list[Path]:
+    try:
+        from sitl.experiment.figures import draw_all  # noqa: PLC0415 - only with matplotlib
+    except AirRouterError as error:
+        sys.stderr.write(f"no figures: {error}\n")
+        return []
+    return draw_all(experiment, records, folder)
+
+
+def _print_list(as_json: bool) -> None:
+    found: list[dict[str, Any]] = []
+    for name in experiment_names():
+        experiment, path = load_experiment(name)
+        found.append(
+            {
+                "name": name,
+                "title": experiment.title,
+                "question": experiment.question,
+                "rows": [row.label for row in experiment.rows],
+                "seeds": experiment.seeds,
+                "path": str(path),
+            }
+        )
+    if as_json:
+        sys.stdout.write(json.dumps(found) + "\n")
+        return
+    for entry in found:
+        count = f"{counted(len(entry['rows']), 'rows')}, {counted(entry['seeds'], 'seeds')}"
+        sys.stdout.write(f"{entry['name']:12} {entry['title']} ({count})\n")
+
+
+def _count(text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 1")
+    return number

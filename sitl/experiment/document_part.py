@@ -1,0 +1,139 @@
+"""Puts an experiment's table, claims and figures into a document, between marks that stand there.
+
+A block of the document begins with `<!-- begin NAME WHAT -->` and ends with `<!-- end -->`; NAME is
+the experiment, WHAT one of facts, table, pairs, claims, links. What is between is replaced, so the
+document can be made again from any runs. Figures go beside it, into `images/experiments`.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from air_router.counted import counted
+from air_router.errors import UsageError
+from sitl.experiment import pairs, table
+from sitl.experiment.claims import Claim, claims_of, near_paper, within_factor
+from sitl.experiment.crew import Record
+from sitl.experiment.links import comparison, halves
+from sitl.experiment.paper import TABLE
+from sitl.experiment.plan import Experiment
+from sitl.experiment.progress import in_words
+from sitl.experiment.table import Line
+
+IMAGES: Final = Path("images") / "experiments"
+_END: Final = "<!-- end -->"
+
+
+class NoMarksError(UsageError):
+    """The document has no place for this experiment."""
+
+
+def claims_text(claims: Sequence[Claim]) -> str:
+    """Claims, their answers and the numbers, for a document."""
+    text = []
+    for claim in claims:
+        text.append(f"**{claim.number}. {claim.text}** {_answer(claim)}")
+        text.append("")
+        text += [
+            f"* {'yes' if part.holds else 'no'}: {part.what} ({part.because})"
+            for part in claim.parts
+        ]
+        text.append("")
+    return "\n".join(text).rstrip()
+
+
+def facts_text(experiment: Experiment, found: Sequence[Line], records: Sequence[Record]) -> str:
+    """What was run, how long it took, and how near the paper's waits it came."""
+    measures = [record["measures"] for record in records]
+    cpu_s = sum(run["cpu_s"] for run in measures)
+    slowest = min(found, key=lambda line: line.speed_up)
+    quickest = max(found, key=lambda line: line.speed_up)
+    text = (
+        f"{counted(len(records), 'runs')} ({counted(len(found), 'rows')}), "
+        f"{in_words(cpu_s)} of processor time, {cpu_s / len(records):.1f} s each; "
+        f"{slowest.speed_up:,.0f} to {quickest.speed_up:,.0f} times real time in one process "
+        f"('{slowest.label}', '{quickest.label}'); "
+        f"{max(record['peak_memory_MB'] for record in records)} MB per process."
+    )
+    ratios = near_paper(records) if table.of_the_paper(experiment) else []
+    if len(ratios) == len(TABLE):
+        low, high = (pick(ratios, key=lambda entry: entry[1]) for pick in (min, max))
+        text += (
+            " The mean wait is within a factor of two of the paper's in "
+            f"{within_factor(ratios)} of {len(ratios)} rows; it is {low[1]:.2f} times the paper's "
+            f"at the least ({low[0]}) and {high[1]:.2f} times at the most ({high[0]})."
+        )
+    return text
+
+
+def links_text(records: Sequence[Record]) -> str:
+    """How well links were predicted, for a document."""
+    text = ["| predicted from | Brier score | AUC |", "|---|---:|---:|"]
+    for name, found in comparison(records).items():
+        text.append(f"| {name} | {found.brier:.4f} | {found.area:.3f} |")
+    return "\n".join(text)
+
+
+def blocks_of(experiment: Experiment, records: Sequence[Record]) -> dict[str, str]:
+    """The text for each kind of block."""
+    found = table.lines(experiment, records)
+    links = [record for record in records if "links" in record["curves"]]
+    return {
+        "pairs": pairs.as_markdown(pairs.compared(experiment, records)),
+        "links": links_text(links) if all(halves(links)) else "",
+        "table": table.as_markdown(experiment, found),
+        "claims": claims_text(claims_of(experiment, records)),
+        "facts": facts_text(experiment, found, records),
+    }
+
+
+def blocks_in(document: Path, name: str) -> str:
+    """The text of a document that has a block of an experiment.
+
+    Raises:
+        NoMarksError: it has none.
+        OSError: it cannot be read.
+    """
+    text = document.read_text(encoding="utf-8")
+    if f"<!-- begin {name} " not in text:
+        raise NoMarksError(
+            f"{document} has no place for '{name}'; put '<!-- begin {name} table -->' and "
+            f"'{_END}' on lines of their own"
+        )
+    return text
+
+
+def fill(document: Path, name: str, blocks: Mapping[str, str], figures: Sequence[Path]) -> None:
+    """Replace an experiment's blocks in a document, and put those figures beside it that it shows.
+
+    A block for which there is nothing stays as it is.
+
+    Raises:
+        NoMarksError: the document has no block of the experiment.
+    """
+    text = blocks_in(document, name)
+    for what, content in blocks.items():
+        if not content:
+            continue
+        begin = f"<!-- begin {name} {what} -->"
+        pattern = re.escape(begin) + r"\n.*?" + re.escape(_END)
+        new = f"{begin}\n{content}\n{_END}"
+        text = re.sub(pattern, new.replace("\\", r"\\"), text, flags=re.DOTALL)
+    document.write_text(text, encoding="utf-8")
+    into = document.parent / IMAGES
+    for figure in figures:
+        copy = into / f"{name}-{figure.name}"
+        if (IMAGES / copy.name).as_posix() in text:
+            into.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(figure, copy)
+
+
+def _answer(claim: Claim) -> str:
+    held = sum(part.holds for part in claim.parts)
+    if held == len(claim.parts):
+        return "Confirmed."
+    return f"It depends: {held} of {len(claim.parts)} parts hold." if held else "Not confirmed."

@@ -1,0 +1,8 @@
+"""Worker processes import what they run by name, so this folder is a place to import from."""
+
+import sys
+from pathlib import Path
+
+HERE = str(Path(__file__).parent)
+if HERE not in sys.path:
+    sys.path.insert(0, HERE)

@@ -1,0 +1,33 @@
+"""What worker processes do in tests: it imports little, so that they start quickly."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+
+def answer(task):
+    return {"row": task.row.label, "number": task.number, "seed": task.seed}
+
+
+def sometimes_deadly(task):
+    """Number 1 kills its first worker, number 2 every one; number 3 meets a fault of the model.
+
+    Number 4 lacks a file, which is nobody's fault.
+    """
+    mark = Path(task.folder) / f"tried-{task.number}"
+    if task.number == 2 or (task.number == 1 and not mark.exists()):
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    if task.number == 3:
+        raise ZeroDivisionError("the model's own fault")
+    if task.number == 4:
+        raise FileNotFoundError(2, "No such file or directory", "town.yaml")
+    return answer(task)
+
+
+def leisurely(task):
+    """Says where it is made, and takes its time."""
+    (Path(task.folder) / f"at-{os.getpid()}").touch()
+    time.sleep(0.05)  # the work itself: nobody waits for anything here
+    return {**answer(task), "pid": os.getpid()}

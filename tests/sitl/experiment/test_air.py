@@ -1,0 +1,191 @@
+"""Exchanges on the air, over a channel of which the test says everything."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mocha_link.link_events import MessageStored, SyncEnded, SyncTimedOut
+from sitl.experiment.account import Account
+from sitl.experiment.agenda import Agenda
+from sitl.experiment.air import Air
+from sitl.experiment.channel import Change, Stage
+from sitl.experiment.crowd import crowd_of
+from sitl.experiment.node import Node
+
+HEADER, DATA, END = Stage
+NOWHERE = np.zeros((0, 3))
+
+
+class Script:
+    """A channel on which every transmission takes a second."""
+
+    pull_every_s = None
+    frame_by_frame = False
+
+    def __init__(self, patience_s):
+        self.patience_s = patience_s
+        self.changes = []
+
+    def look(self, now_s, places):
+        changes, self.changes = self.changes, []
+        return changes
+
+    def duration_s(self, link, load, now_s):
+        return 1.0
+
+    def turn(self, link, ready_s):
+        return link
+
+    def pick(self, waiting, busy):
+        return None if busy else 0
+
+
+class Once:
+    """A robot that says something, and then no more."""
+
+    def __init__(self, said):
+        self.said = said
+
+    def __call__(self):
+        said, self.said = self.said, []
+        return said
+
+
+class Field:
+    """Two ground robots and a UAV that have something to say."""
+
+    def __init__(self, protocol, patience_s=math.inf):
+        self.agenda = Agenda()
+        self.channel = Script(patience_s)
+        crowd = crowd_of(1, 2, base=False, original=protocol == "original")
+        self.events = {name: [] for name in crowd.names}
+        self.nodes = [
+            Node(
+                number,
+                name,
+                crowd.team,
+                self.agenda,
+                publish=Once([("/pose", name.encode()), ("/path", b"way")]),
+                hear=self.events[name].append,
+            )
+            for number, name in enumerate(crowd.names)
+        ]
+        self.account = Account([].append)
+        self.air = Air(self.agenda, self.channel, self.nodes, self.account)
+
+    def contact(self, a, b, *, up):
+        self.channel.changes = [Change(a, b, up)]
+        self.air.look(NOWHERE)
+
+    def rows(self, *, complete=True):
+        rows = self.account.transmissions()
+        return rows[rows["complete"] == complete]
+
+    def stored(self, name):
+        return {
+            (event.robot, event.topic)
+            for event in self.events[name]
+            if isinstance(event, MessageStored) and event.robot != name
+        }
+
+    def ended(self, name, kind=SyncEnded):
+        return [event.direction.value for event in self.events[name] if isinstance(event, kind)]
+
+
+@pytest.mark.parametrize("protocol", ["original", "ours"])
+def test_two_robots_meet(protocol):
+    field = Field(protocol)
+    field.contact(1, 2, up=True)
+    field.agenda.run(60.0)
+    assert field.stored("ugv01") == {("ugv02", "/pose"), ("ugv02", "/path")}
+    assert field.stored("ugv02") == {("ugv01", "/pose"), ("ugv01", "/path")}
+    assert sorted(field.ended("ugv01")) == ["in", "out"]
+    assert (field.account.complete, field.account.broken, field.air.open) == (2, 0, 0)
+    rows = field.rows()
+    stages = [Stage(row["stage"]) for row in rows if row["asking"] == 1]
+    # Ours takes both messages in one frame, and needs no word at the end.
+    assert stages == ([HEADER, DATA, DATA, END] if protocol == "original" else [HEADER, DATA])
+    assert rows["messages"][rows["stage"] == DATA].sum() == 4
+
+
+def test_who_comes_later_in_the_order_waits():
+    field = Field("original")
+    field.contact(1, 2, up=True)
+    field.agenda.run(60.0)
+    rows = field.rows()
+    assert np.all(rows["start_s"][1:] == rows["end_s"][:-1])
+    second = rows[rows["asking"] == 2]
+    assert second["ready_s"][0] == 0.0
+    assert second["start_s"][0] == 4.0  # after the four of the first
+    waits = rows["start_s"] - rows["ready_s"]
+    assert waits[rows["asking"] == 1].max() == 0.0
+
+
+@pytest.mark.parametrize("protocol", ["original", "ours"])
+def test_what_is_held_goes_on_at_the_next_contact_and_then_everything_new_follows(protocol):
+    field = Field(protocol)
+    field.contact(1, 2, up=True)
+    field.agenda.run(1.5)  # in the middle of the first piece of data
+    field.contact(1, 2, up=False)
+    assert field.stored("ugv01") == set()
+    field.agenda.run(100.0)
+    field.contact(1, 2, up=True)
+    field.agenda.run(150.0)
+    again = field.rows()[1]
+    (cut,) = field.rows(complete=False)
+    assert (cut["stage"], cut["ready_s"], cut["messages"]) == (DATA, 1.0, 0)
+    assert 0 < cut["bytes"] < again["bytes"]
+    assert (again["stage"], again["ready_s"], again["start_s"]) == (DATA, 1.0, 100.0)
+    assert field.stored("ugv01") == {("ugv02", "/pose"), ("ugv02", "/path")}
+    assert (field.account.broken, field.air.open) == (0, 0)
+    assert field.account.complete == 4  # the two that were held, and one each for the new contact
+
+
+@pytest.mark.parametrize("protocol", ["original", "ours"])
+def test_after_the_time_out_an_exchange_begins_anew(protocol):
+    field = Field(protocol, patience_s=5.0)
+    field.contact(1, 2, up=True)
+    field.agenda.run(1.5)
+    field.contact(1, 2, up=False)
+    field.agenda.run(4.0)
+    field.contact(1, 2, up=True)  # in time
+    field.agenda.run(4.5)
+    field.contact(1, 2, up=False)
+    field.agenda.run(9.4)
+    assert field.account.broken == 0
+    field.agenda.run(20.0)
+    assert field.account.broken == 2
+    assert "in" in field.ended("ugv01", SyncTimedOut)
+    field.contact(1, 2, up=True)
+    field.agenda.run(60.0)
+    assert field.stored("ugv01") == {("ugv02", "/pose"), ("ugv02", "/path")}
+    assert field.account.complete == 2
+    assert field.account.contacts(field.air.lasting()).tolist() == [
+        (0.0, 1.5, 1, 2),
+        (4.0, 4.5, 1, 2),
+        (20.0, 60.0, 1, 2),
+    ]
+
+
+@pytest.mark.parametrize("protocol", ["original", "ours"])
+def test_news_travel_over_a_third_robot(protocol):
+    field = Field(protocol)
+    field.contact(1, 2, up=True)
+    field.agenda.run(30.0)
+    field.contact(1, 2, up=False)
+    field.contact(0, 2, up=True)
+    field.agenda.run(60.0)
+    assert ("ugv01", "/pose") in field.stored("uav01")
+    assert field.nodes[0].age_s("ugv01", "/pose") == 60.0
+    assert field.nodes[0].age_s("ugv01", "/claimed_goals") == math.inf
+
+
+def test_in_a_contact_that_lasts_robots_pull_again_as_often_as_the_channel_says():
+    field = Field("ours")
+    field.channel.pull_every_s = 10.0
+    field.contact(1, 2, up=True)
+    for second in range(1, 40):
+        field.agenda.run(float(second))
+        field.air.look(NOWHERE)
+    assert field.account.complete == 8

@@ -1,0 +1,308 @@
+"""`sitl experiment`: runs are kept, resumed and never mixed; tables, files and figures of them."""
+
+import argparse
+import csv
+import dataclasses
+import json
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import made_up
+import numpy as np
+import pytest
+
+from air_router.errors import PictureError, UsageError
+from sitl.experiment import command, intervals, table
+from sitl.experiment.crew import Failed, Finished, Lost, News
+from sitl.experiment.document_part import NoMarksError
+from sitl.experiment.intervals import interval, ratio, student_t
+from sitl.experiment.plan_file import load_experiment
+from sitl.experiment.program import program
+from sitl.experiment.progress import Progress, in_words
+from sitl.experiment.run_log import InUseError, MixedRunsError, RunLog, RunLogError, read_runs
+from sitl.experiment.running import UnfitSettingsError
+from sitl.experiment.settings import RunSettings
+
+ROOT = Path(__file__).parents[3]
+SMALL = """
+name: small
+title: A small experiment
+seeds: 3
+settings: {duration_s: 600, timers: {init_s: 99}}
+cross: {radius_m: [5, 30], ugvs: [3, 5]}
+"""
+
+
+class Here:
+    """A crew in this process; it can be interrupted after some runs."""
+
+    workers = 2
+
+    def __init__(self, most=math.inf):
+        self.most = most
+        self.made = []
+
+    def run(self, work, tasks):
+        for task in tasks:
+            if len(self.made) == self.most:
+                raise KeyboardInterrupt
+            self.made.append((task.row.label, task.number))
+            try:
+                yield Finished(task, work(task))
+            except ZeroDivisionError as error:
+                yield Failed(task, str(error))
+
+
+@pytest.fixture
+def sitl(tmp_path, monkeypatch):
+    """Runs the command on the small experiment; returns its exit code and its crew."""
+    path = tmp_path / "small.yaml"
+    path.write_text(SMALL, encoding="utf-8")
+
+    def call(*words, crew=None, work=made_up.work, figures=False, try_out=None):
+        parser = argparse.ArgumentParser()
+        command.register(parser.add_subparsers())
+        fixed = ["experiment", str(path), "--out", str(tmp_path / "out")]
+        arguments = parser.parse_args([*fixed, *([] if figures else ["--no-figures"]), *words])
+        crew = crew or Here()
+        monkeypatch.setattr(command, "ProcessPool", lambda _jobs: crew)
+        return command.run_with(arguments, work, try_out), crew
+
+    call.path = path
+    return call
+
+
+def test_a_stopped_experiment_goes_on_where_it_was(sitl, tmp_path, capsys):
+    code, crew = sitl(crew=Here(most=5))
+    assert code == 130
+    assert "stopped; 5 of 12 runs are kept" in capsys.readouterr().err
+    with (tmp_path / "out" / "runs.jsonl").open("a") as file:
+        file.write('{"row": "5 m, 3 UG')  # the power went while this line was written
+    code, again = sitl()
+    assert code == 0
+    assert len(again.made) == 7
+    assert not set(crew.made) & set(again.made)
+    out = capsys.readouterr()
+    assert "5 of 12 runs are there" in out.err
+    assert "A small experiment" in out.out
+    code, third = sitl()
+    assert (code, third.made) == (0, [])
+    _, more = sitl("--seeds", "4", "--rows", "radius_m=5")
+    assert sorted(more.made) == [("5 m, 3 UGVs", 3), ("5 m, 5 UGVs", 3)]
+    _, fresh = sitl("--fresh")
+    assert len(fresh.made) == 12
+    _, none = sitl("--only-evaluate", "--seeds", "9")
+    assert none.made == []
+
+
+def test_runs_of_other_settings_are_not_mixed_in(sitl, tmp_path):
+    sitl()
+    sitl.path.write_text(SMALL.replace("99", "98"), encoding="utf-8")
+    with pytest.raises(MixedRunsError, match="with other settings"):
+        sitl()
+    # Rows are as they were, but seeds follow from what they differ in besides what is paired.
+    sitl.path.write_text(SMALL + "paired: [radius_m]\n", encoding="utf-8")
+    with pytest.raises(MixedRunsError, match="or seeds"):
+        sitl()
+    with (tmp_path / "out" / "runs.jsonl").open("a") as file:
+        file.write('{"no": "run"}\n')
+    with pytest.raises(RunLogError, match=r"runs\.jsonl:13: not a run"):
+        sitl()
+    with RunLog(tmp_path / "other"), pytest.raises(InUseError, match="in use by another"):
+        RunLog(tmp_path / "other")
+
+
+def test_a_fault_of_the_model_is_told_and_the_others_go_on(sitl, capsys):
+    code, _ = sitl("--seeds", "2", work=made_up.failing_work)
+    assert code == 1
+    err = capsys.readouterr().err
+    assert "5 m, 3 UGVs, seed 1 failed: the model's own fault" in err
+
+
+def elsewhere(task):
+    return {**made_up.work(task), "program": "0.0 of before", "machine": "field-pc"}
+
+
+def test_runs_of_another_version_are_not_taken_from_workers(sitl, tmp_path, capsys):
+    code, _ = sitl("--seeds", "1", work=elsewhere)
+    assert code == 1
+    assert read_runs(tmp_path / "out") == []
+    assert "another version of the program: 0.0 of before on field-pc" in capsys.readouterr().err
+    sitl("--seeds", "1")
+    assert "other versions" not in capsys.readouterr().err
+    path = tmp_path / "out" / "runs.jsonl"
+    path.write_text(path.read_text().replace(program(), "0.0 of before"), encoding="utf-8")
+    sitl("--seeds", "1")
+    err = capsys.readouterr().err
+    assert "all 4 runs are there" in err
+    assert "runs are from other versions of the program (0.0 of before; this is" in err
+
+
+def test_what_would_be_in_vain_is_told_before_the_first_run(sitl, tmp_path):
+    with pytest.raises(UsageError, match="no finished run of these rows"):
+        sitl("--only-evaluate")
+    page = tmp_path / "page.md"
+    page.write_text("# Nothing\n", encoding="utf-8")
+    crew = Here()
+    tried = []
+
+    def unfit(task):
+        tried.append(task.row.label)
+        if task.row.label == "30 m, 5 UGVs":
+            raise UnfitSettingsError("no run can be made of it")
+
+    sitl("--seeds", "2", "--rows", "ugvs=3")
+    with pytest.raises(UnfitSettingsError):
+        sitl("--seeds", "2", "--fresh", crew=crew, try_out=unfit)
+    assert len(set(tried)) == len(tried)  # each row once
+    assert len(read_runs(tmp_path / "out")) == 4  # --fresh has forgotten nothing yet
+    with pytest.raises(NoMarksError, match="no place for 'small'"):
+        sitl("--docs", str(page), crew=crew)
+    assert crew.made == []
+
+
+class Unlucky(Here):
+    """Workers die: of one run once, of another for good."""
+
+    def run(self, work, tasks):
+        first, second, *others = tasks
+        yield Lost(first, 1, "its process was ended by SIGKILL", again=True)
+        yield Lost(second, 3, "its process ended with code 1", again=False)
+        yield News("worker tcp://10.0.0.7 is gone")
+        yield from super().run(work, [first, *others])
+
+
+def test_a_lost_run_is_told(sitl, capsys):
+    code, crew = sitl(crew=Unlucky())
+    assert code == 1
+    assert len(crew.made) == 11
+    err = capsys.readouterr().err
+    assert "lost its worker (its process was ended by SIGKILL), 1 time; it is begun again" in err
+    assert "lost its worker (its process ended with code 1), 3 times; given up" in err
+    assert "worker tcp://10.0.0.7 is gone" in err
+
+
+def test_the_same_seed_gives_the_same_results(sitl, tmp_path):
+    sitl("--rows", "ugvs=3")
+    first = (tmp_path / "out" / "results.csv").read_text()
+    sitl("--rows", "ugvs=3", "--fresh")
+    assert (tmp_path / "out" / "results.csv").read_text() == first
+
+
+def test_results_are_tidy(sitl, tmp_path, capsys):
+    pyarrow = pytest.importorskip("pyarrow.parquet")
+    sitl("--json")
+    answer = json.loads(capsys.readouterr().out)
+    with (tmp_path / "out" / "results.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == answer["runs"] == 12
+    assert rows[0]["radius_m"] == "5.0"
+    assert rows[0]["timers.init_s"] == "99.0"
+    assert (rows[0]["protocol"], rows[0]["uavs"]) == ("original", "1")  # which the file leaves out
+    assert 0 <= float(rows[0]["goals_found_percent"]) <= 100
+    assert answer["rows"][0]["row"] == "5 m, 3 UGVs"
+    assert answer["rows"][0]["paper"]["wait_mean_s"] == 0.17
+    kinds = {field.name for field in dataclasses.fields(RunSettings)}
+    columns = {name for name in rows[0] if name.split(".")[0] not in kinds}
+    page = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
+    _, part, *_ = re.split("### The columns of the results|## The paper", page)
+    told = [line.split("|")[1] for line in part.splitlines() if line.startswith("| `")]
+    assert set(re.findall(r"`(\w+)`", " ".join(told))) == columns
+    parquet = pyarrow.read_table(tmp_path / "out" / "results.parquet").to_pylist()
+    assert [row["seed"] for row in parquet] == [int(row["seed"]) for row in rows]
+
+
+def test_every_figure_is_drawn(sitl, tmp_path, monkeypatch):
+    sheet = pytest.importorskip("sitl.experiment.figure_sheet", exc_type=PictureError)
+    monkeypatch.setattr(sheet, "_DPI", 40)  # small ones are drawn sooner
+    sitl("--seeds", "2", "--rows", "radius_m=5", figures=True)
+    names = {path.stem for path in (tmp_path / "out" / "figures").iterdir()}
+    assert names == {"compare", "goals", "waits", "bandwidth", "places", "contacts", "ages"}
+
+
+def test_the_table_sums_up_messages_and_goals_not_runs(sitl, tmp_path):
+    sitl("--rows", "ugvs=5", "radius_m=30")
+    records = read_runs(tmp_path / "out")
+    experiment, _ = load_experiment(str(sitl.path))
+    (line,) = table.lines(experiment, records)
+    measures = [record["measures"] for record in records]
+    waits = sum(m["waits"] for m in measures)
+    mean_s = sum(m["waits"] * m["wait_mean_s"] for m in measures) / waits
+    assert line.wait_mean_s.value == pytest.approx(mean_s)
+    assert line.wait_mean_s.low <= mean_s <= line.wait_mean_s.high
+    assert line.paper.goals_percent == 66.7
+    assert "paper" not in table.as_markdown(experiment, [line])  # its table varies UAVs too
+    whole, _ = load_experiment("table1")
+    assert "| 66.7 |" in table.as_markdown(whole, [line])
+
+
+def test_intervals_hold_what_they_say(monkeypatch):
+    chance = np.random.default_rng(5)
+    inside = 0
+    for _ in range(60):
+        found = interval(chance.normal(3.0, 1.0, 8))
+        inside += found.low <= 3.0 <= found.high
+    few = chance.normal(3.0, 1.0, 7)
+    whole = interval(few)
+    assert inside >= 53  # 57 are to be expected
+    assert student_t(29) == pytest.approx(2.045, abs=1e-3)
+    assert math.isnan(interval(np.array([])).value)
+    assert math.isnan(interval(np.array([1.0])).low)
+    monkeypatch.setattr(intervals, "_AT_ONCE", 2_000)  # as with very many runs
+    assert interval(few) == whole
+    assert math.isnan(interval(np.zeros((3, 2)), ratio).low)  # no messages in any run
+    two = interval(np.array([[10.0, 5.0], [0.0, 0.0]]), ratio)
+    assert two.value == 2.0
+
+
+def test_remaining_time_follows_the_rows_own_costs(sitl):
+    experiment, _ = load_experiment(str(sitl.path))
+    tasks = tuple(experiment.tasks(2))
+    now = [0.0]
+    progress = Progress(tasks, 2, lambda: now[0])
+    assert progress.left_s is None
+    assert "time left not known yet" in progress.line()
+    small, large = tasks[0], tasks[1]
+    assert (small.row.settings["ugvs"], large.row.settings["ugvs"]) == (3, 5)
+    progress.finished(small, 4.0, 600)
+    assert progress.left_s == pytest.approx((3 * 4 + 4 * 4 * 36 / 16) / 2)
+    now[0] = 7.0
+    progress.finished(large, 10.0, 600)
+    assert progress.left_s == pytest.approx((3 * 4 + 3 * 10) / 2, rel=0.2)
+    assert progress.line().startswith("[######..................] 2 of 8 runs, about ")
+    assert "171 x real time" in progress.line()
+    now[0] += 60.0
+    assert "longer than expected" in progress.line()
+    assert [in_words(t) for t in (30, 600, 9000)] == ["30 s", "10 min", "2.5 h"]
+
+
+def test_what_there_is_can_be_listed(capsys):
+    parser = argparse.ArgumentParser()
+    command.register(parser.add_subparsers())
+    assert command.run(parser.parse_args(["experiment", "--list", "--json"])) == 0
+    names = [each["name"] for each in json.loads(capsys.readouterr().out)]
+    assert "table1" in names
+
+
+def test_options_that_would_do_nothing_are_refused(sitl, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        sitl("--jobs", "2", "--cluster", "tcp://10.0.0.1:8786")
+    assert "--cluster: not allowed with argument --jobs" in capsys.readouterr().err
+
+
+def test_other_commands_need_nothing_of_what_experiments_need():
+    """All commands are there; only an experiment that is to run says what it lacks."""
+    program = (
+        "import sys; sys.modules['scipy'] = sys.modules['matplotlib'] = None;"
+        "from sitl.cli import main; sys.exit(main(['experiment', 'table1']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (
+        2,
+        "experiments need scipy, which is not installed; pip install 'air-router[experiments]'\n",
+    )

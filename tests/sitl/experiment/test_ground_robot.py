@@ -1,0 +1,408 @@
+"""Ground robots that explore: where they drive, whom they leave a goal to, what they believe."""
+
+import dataclasses
+import json
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC, PathMessage, PoseMessage
+from geo.frame import Geodetic, Point
+from geo.grid import SemanticGrid, Terrain
+from sitl.experiment.explorer import GroundRobot
+from sitl.experiment.explorer_messages import (
+    CLAIMS_TOPIC,
+    OBJECTS_TOPIC,
+    REACHABILITY_TOPIC,
+    TARGETS_TOPIC,
+    ClaimedGoal,
+    ClaimedGoalsMessage,
+)
+from sitl.experiment.explorer_post import read_claims, read_places, target_goals
+from sitl.experiment.goal_book import Claim, GoalBook, Status
+from sitl.experiment.map_reading import read_map
+from sitl.experiment.settings import ExplorerSettings
+from sitl.experiment.town_file import load_town
+from sitl.experiment.town_generator import generate
+from sitl.experiment.ways import PASSABLE, Ways
+
+URBAN = load_town(Path(__file__).parents[3] / "missions" / "urban" / "town.yaml")
+START = URBAN.starts[0]
+QUICK = ExplorerSettings(progress=1.0, recognition_m=15.0)
+
+
+def map_of(town, cells=None):
+    raster = town.raster
+    cells = raster.cells if cells is None else cells
+    return SemanticGrid(
+        town.frame.origin, raster.resolution_m, raster.west_m, raster.south_m, cells
+    ).encode()
+
+
+MAP = map_of(URBAN)
+TOPICS = (MAP_TOPIC, REACHABILITY_TOPIC, CLAIMS_TOPIC, OBJECTS_TOPIC, TARGETS_TOPIC)
+NUMBERS = st.floats() | st.integers() | st.none()
+THINGS = st.fixed_dictionaries(
+    {"latitude_deg": NUMBERS, "longitude_deg": NUMBERS},
+    optional={
+        "status": st.sampled_from(["visited", "in_progress", "lost"]),
+        "kind": st.sampled_from(["vehicle", "person", "cow"]),
+    },
+)
+JSON = st.fixed_dictionaries(
+    {"stamp_s": NUMBERS},
+    optional={
+        "goals": st.lists(THINGS | st.tuples(NUMBERS, NUMBERS), max_size=3),
+        "objects": st.lists(THINGS, max_size=3),
+    },
+).map(lambda message: json.dumps(message).encode())
+
+
+def drive(robots, until_s, since_s=0.0, *, hear=True, check=None):
+    """All robots side by side; with `hear` each gets every message of every other at once."""
+    now_s = since_s
+    said = []
+    while now_s <= until_s:
+        for robot in robots:
+            robot.step(now_s)
+        for robot in robots:
+            for topic, data in robot.outbox():
+                said.append((now_s, robot.name, topic, data))
+                if hear:
+                    for other in robots:
+                        if other is not robot:
+                            assert other.take(robot.name, topic, data, now_s)
+        if check is not None:
+            check()
+        now_s += 1.0
+    return said
+
+
+def claims_message(stamp_s, *goals):
+    claimed = []
+    for place, status in goals:
+        latitude_deg, longitude_deg = URBAN.frame.to_geodetic(place)
+        claimed.append(
+            ClaimedGoal(latitude_deg=latitude_deg, longitude_deg=longitude_deg, status=status)
+        )
+    return ClaimedGoalsMessage(stamp_s=stamp_s, goals=tuple(claimed)).encode()
+
+
+def test_without_news_a_robot_waits_where_it_is():
+    robot = GroundRobot("io", URBAN, 1, START, dataclasses.replace(QUICK, recognition_m=5.0))
+    said = drive([robot], 20.0)
+    assert robot.position == START
+    assert robot.visited == []
+    assert [topic for _, _, topic, _ in said].count(POSE_TOPIC) == 21
+    pose = PoseMessage.decode(next(data for _, _, topic, data in said if topic == POSE_TOPIC))
+    there = URBAN.frame.to_local(pose.latitude_deg, pose.longitude_deg)
+    assert math.dist(there, START) < 1e-3
+
+
+def test_it_sees_seven_metres_of_ground_and_says_so():
+    robot = GroundRobot("io", URBAN, 1, START, QUICK)
+    robot.step(0.0)
+    known = np.flatnonzero(robot.knowledge.cells)
+    middle = URBAN.lattice.centre(URBAN.lattice.cell(START))
+    assert {math.dist(URBAN.lattice.centre(cell), middle) <= 7.0 for cell in known} == {True}
+    assert np.array_equal(robot.knowledge.cells[known], URBAN.ground[known])
+    seen = dict(robot.outbox())[REACHABILITY_TOPIC]
+    other = GroundRobot("europa", URBAN, 1, URBAN.starts[40])
+    other.step(0.0)
+    assert other.take("io", REACHABILITY_TOPIC, seen, 0.0)
+    assert np.array_equal(other.knowledge.cells[known], URBAN.ground[known])
+
+
+@pytest.fixture(scope="module")
+def five():
+    """Five robots that got the map, each of whose places was looked at every second."""
+    robots = [GroundRobot(f"r{n}", URBAN, n, URBAN.starts[n], QUICK) for n in range(5)]
+    places = []
+    for robot in robots:
+        assert robot.take("titan", MAP_TOPIC, MAP, 0.0)
+    said = drive(robots, 650.0, check=lambda: places.append([r.position for r in robots]))
+    return robots, said, np.array(places)
+
+
+def test_robots_with_a_map_visit_every_vehicle_once(five):
+    robots, said, _ = five
+    visits = [visit for robot in robots for visit in robot.visited]
+    assert sorted(visit.goal for visit in visits) == sorted(goal.id for goal in URBAN.goals)
+    last = [data for _, name, topic, data in said if topic == CLAIMS_TOPIC and name == "r0"][-1]
+    _, claims = read_claims(last, URBAN.frame)
+    assert [claim.status for claim in claims] == [Status.VISITED] * len(robots[0].visited)
+
+
+def test_no_robot_is_ever_in_a_house_or_too_fast(five):
+    _, _, places = five
+    cells = [[URBAN.lattice.cell(Point(*place)) for place in row] for row in places]
+    assert PASSABLE[URBAN.ground[np.array(cells)]].all()
+    steps_m = np.hypot(*np.moveaxis(np.diff(places, axis=0), -1, 0))
+    assert steps_m.max() <= 1.5 + 1e-9
+
+
+def test_on_average_it_makes_a_fifth_of_its_speed():
+    robot = GroundRobot("io", URBAN, 1, START)
+    robot.take("titan", MAP_TOPIC, MAP, 0.0)
+    drive([robot], 5.0)
+    before = robot.position, robot.driven_m
+    drive([robot], 25.0, since_s=6.0)
+    assert robot.driven_m - before[1] == pytest.approx(0.3 * 20, abs=0.5)
+
+
+def test_with_nothing_left_to_do_they_return(five):
+    robots, _, places = five
+    for robot, home in zip(robots, places[0], strict=True):
+        assert math.dist(robot.position, home) <= robot.settings.arrival_m
+
+
+def test_the_ways_they_announce_lead_through_no_house(five):
+    _, said, _ = five
+    raster = URBAN.raster
+    ways = [PathMessage.decode(data).points for _, _, topic, data in said if topic == PATH_TOPIC]
+    assert len(ways) >= 15
+    for way in ways:
+        points = [URBAN.frame.to_local(*point) for point in way]
+        for a, b in pairwise(points):
+            parts = np.linspace(0, 1, 40)
+            north = ((a[1] + parts * (b[1] - a[1]) - raster.south_m) / 0.5).astype(int)
+            east = ((a[0] + parts * (b[0] - a[0]) - raster.west_m) / 0.5).astype(int)
+            assert Terrain.BUILDING not in raster.cells[north, east]
+
+
+def test_stamps_of_a_topic_grow(five):
+    _, said, _ = five
+    for name in ("r0", "r3"):
+        stamps = [
+            read_claims(data, URBAN.frame)[0]
+            for _, who, topic, data in said
+            if who == name and topic == CLAIMS_TOPIC
+        ]
+        assert stamps == sorted(set(stamps))
+
+
+def test_the_same_seed_drives_the_same_way():
+    def driven(seed):
+        robot = GroundRobot("io", URBAN, seed, START, QUICK)
+        robot.take("titan", MAP_TOPIC, MAP, 0.0)
+        return drive([robot], 60.0), robot.visited
+
+    assert driven(3) == driven(3)
+    assert driven(3) != driven(5)
+
+
+@pytest.mark.parametrize(
+    ("other", "status", "keeps"),
+    [
+        ("callisto", "in_progress", False),
+        ("titania", "in_progress", True),
+        ("titania", "visited", False),
+    ],
+)
+def test_of_two_that_claim_a_goal_the_first_by_name_keeps_it(other, status, keeps):
+    robot = GroundRobot("io", URBAN, 1, START, QUICK)
+    robot.take("titan", MAP_TOPIC, MAP, 0.0)
+    said = drive([robot], 10.0)
+    goal = robot.book.current
+    assert goal is not None
+    beside = Point(goal.east_m + 10.0, goal.north_m - 10.0)
+    assert robot.take(other, CLAIMS_TOPIC, claims_message(5.0, (beside, status)), 10.0)
+    assert (robot.book.current == goal) == keeps
+    robot.step(11.0)
+    assert robot.book.current is not None
+    assert (robot.book.current == goal) == keeps
+    said += [(11.0, "io", topic, data) for topic, data in robot.outbox()]
+    last = [data for _, _, topic, data in said if topic == CLAIMS_TOPIC][-1]
+    told = read_claims(last, URBAN.frame)[1]
+    assert math.dist(told[-1].place, robot.book.current) < 1e-3
+
+
+def test_a_goal_that_cannot_be_reached_in_time_is_given_up_and_tried_again_at_home():
+    settings_ = dataclasses.replace(QUICK, patience_s_m=0.5, recognition_m=5.0)
+    robot = GroundRobot("io", URBAN, 1, START, settings_)
+    cells = URBAN.raster.cells.copy()
+    cells[cells == Terrain.VEHICLE] = Terrain.ROAD
+    robot.take("titan", MAP_TOPIC, map_of(URBAN, cells), 0.0)
+    robot.take("base", TARGETS_TOPIC, target_goals(0.0, [Point(-10, -15)], URBAN.frame), 0.0)
+    said = drive([robot], 400.0)
+    claims = [read_claims(data, URBAN.frame) for _, _, topic, data in said if topic == CLAIMS_TOPIC]
+    lengths = [len(claimed) for _, claimed in claims]
+    assert lengths[:4] == [1, 0, 1, 0]
+    assert claims[2][0] - claims[1][0] > 10.0
+    assert robot.visited == []
+
+
+def test_a_place_without_a_vehicle_is_visited_but_not_found():
+    robot = GroundRobot("io", URBAN, 1, START, QUICK)
+    robot.take(
+        "titan",
+        MAP_TOPIC,
+        map_of(URBAN, np.where(URBAN.raster.cells == 5, 1, URBAN.raster.cells).astype(np.uint8)),
+        0.0,
+    )
+    robot.take("base", TARGETS_TOPIC, target_goals(0.0, [Point(59, 3)], URBAN.frame), 0.0)
+    drive([robot], 60.0)
+    assert Claim(robot.book.claims[0].place, Status.VISITED) in robot.book.claims
+    assert any(math.dist(c.place, (59, 3)) < 0.1 for c in robot.book.claims)
+    assert all(math.dist(g.position, (59, 3)) > 8 for g in URBAN.goals)
+    assert {visit.goal for visit in robot.visited} <= {"v08", "v09"}
+
+
+def test_a_map_that_lies_about_houses_does_not_lead_into_them():
+    cells = URBAN.raster.cells.copy()
+    cells[cells == Terrain.BUILDING] = Terrain.ROAD
+    robot = GroundRobot("io", URBAN, 1, START, QUICK)
+    assert robot.take("titan", MAP_TOPIC, map_of(URBAN, cells), 0.0)
+
+    def stands_free():
+        assert PASSABLE[URBAN.ground[URBAN.lattice.cell(robot.position)]]
+
+    drive([robot], 600.0, check=stands_free)
+    assert len(robot.visited) > 4
+
+
+@pytest.mark.parametrize("topic", [MAP_TOPIC, REACHABILITY_TOPIC, CLAIMS_TOPIC, OBJECTS_TOPIC])
+@pytest.mark.parametrize("data", [b"", b"\xff" * 300, MAP[:-1], b'{"stamp_s": NaN, "goals": []}'])
+def test_what_is_no_message_is_counted_and_left_alone(topic, data):
+    robot = GroundRobot("io", URBAN, 1, START, QUICK)
+    robot.step(0.0)
+    before = robot.knowledge.version, robot.book.version
+    assert not robot.take("x", topic, data, 1.0)
+    assert robot.refused == 1
+    assert (robot.knowledge.version, robot.book.version) == before
+    assert robot.take("x", "/else", data, 1.0)
+
+
+@given(topic=st.sampled_from(TOPICS), data=st.one_of(st.binary(max_size=60), JSON))
+@settings(max_examples=60)
+def test_no_bytes_stop_a_robot(topic, data):
+    robot = GroundRobot("io", URBAN, 1, START, QUICK)
+    robot.step(0.0)
+    robot.take("x", topic, data, 1.0)
+    robot.step(1.0)
+    robot.step(7.0)
+    robot.outbox()
+
+
+def test_a_map_full_of_vehicles_is_refused():
+    robot = GroundRobot("io", URBAN, 1, START, QUICK)
+    cells = np.full_like(URBAN.raster.cells, Terrain.VEHICLE)
+    assert not robot.take("x", MAP_TOPIC, map_of(URBAN, cells), 0.0)
+
+
+def test_a_map_of_another_frame_or_grid_is_refused():
+    robot = GroundRobot("io", URBAN, 1, START, QUICK)
+    cells = np.ones((4, 4), dtype=np.uint8)
+    for grid in (
+        SemanticGrid(Geodetic(0.0, 0.0), 0.5, 0.0, 0.0, cells),
+        SemanticGrid(URBAN.frame.origin, 0.7, 0.0, 0.0, cells),
+        SemanticGrid(URBAN.frame.origin, 0.5, 0.25, 0.0, cells),
+    ):
+        assert not robot.take("titan", MAP_TOPIC, grid.encode(), 0.0)
+    far = SemanticGrid(URBAN.frame.origin, 0.5, 9000.0, 0.0, cells)
+    assert robot.take("titan", MAP_TOPIC, far.encode(), 0.0)
+    assert not robot.knowledge.cells.any()
+
+
+def test_vehicles_in_a_map_are_found_where_they_are_and_crumbs_are_not():
+    reading = read_map(MAP, URBAN.lattice, URBAN.frame.origin)
+    assert len(reading.vehicles) == 15
+    for goal in URBAN.goals:
+        assert min(math.dist(goal.position, place) for place in reading.vehicles) < 0.5
+    cells = np.zeros_like(URBAN.raster.cells)
+    cells[100:103, 100:105] = Terrain.VEHICLE
+    assert read_map(map_of(URBAN, cells), URBAN.lattice, URBAN.frame.origin).vehicles == ()
+
+
+def test_an_explorer_finds_vehicles_without_any_map():
+    town = generate(2, 2, 1, goals=4, starts=4)
+    robot = GroundRobot("io", town, 1, town.starts[0], dataclasses.replace(QUICK, idle="explore"))
+
+    def stands_free():
+        assert PASSABLE[town.ground[town.lattice.cell(robot.position)]]
+
+    drive([robot], 700.0, check=stands_free)
+    assert sorted(visit.goal for visit in robot.visited) == ["v1", "v2", "v3", "v4"]
+
+
+def test_sightings_and_targets_come_back_as_they_were_sent():
+    data = target_goals(3.0, [Point(5, 6)], URBAN.frame)
+    assert math.dist(read_places(TARGETS_TOPIC, data, URBAN.frame)[0], (5, 6)) < 1e-3
+    robot = GroundRobot("io", URBAN, 1, Point(24.0, -1.0), QUICK)
+    robot.step(0.0)
+    seen = read_places(OBJECTS_TOPIC, dict(robot.outbox())[OBJECTS_TOPIC], URBAN.frame)
+    assert all(min(math.dist(p, g.position) for g in URBAN.goals) < 1e-3 for p in seen)
+
+
+def test_ways_refuse_what_cannot_be_reached():
+    ground = np.full(URBAN.lattice.rows * URBAN.lattice.columns, Terrain.BUILDING, dtype=np.uint8)
+    ground[:3] = Terrain.ROAD
+    ways = Ways(URBAN.lattice, ground, 0)
+    assert ways.to(2) == [1, 2]
+    assert ways.nearest(URBAN.lattice.centre(50), 4.0) is None
+    with pytest.raises(ValueError, match="no way"):
+        ways.to(50)
+
+
+PLACES = st.tuples(st.integers(0, 3), st.integers(0, 3)).map(lambda p: Point(p[0] * 40, p[1] * 40))
+
+
+NAMES = ("callisto", "europa", "io")
+DEEDS = st.tuples(
+    st.sampled_from(NAMES),
+    st.sampled_from(["claim", "visit", "fail", *NAMES]),
+)
+
+
+def do(book, deed):
+    free = book.free(Point(0, 0))
+    if deed == "claim" and book.current is None and free:
+        book.claim(free[0])
+    elif deed == "visit" and book.current is not None:
+        book.visit()
+    elif deed == "fail" and book.current is not None:
+        book.give_up(failed=True)
+
+
+@given(
+    known=st.lists(st.lists(PLACES, max_size=6), min_size=3, max_size=3),
+    deeds=st.lists(DEEDS, max_size=30),
+)
+@settings(max_examples=40)
+def test_claims_converge_however_news_travel(known, deeds):
+    """Once everybody has heard everybody, no goal is in progress twice, or visited and claimed."""
+    books = {name: GoalBook(name, 17.85) for name in NAMES}
+    told = {}
+
+    def tell(book):
+        stamp_s, _ = told.get(book.name, (0.0, []))
+        told[book.name] = stamp_s + 1.0, list(book.claims)
+
+    def hear(book, name):
+        if book.hear(name, *told[name]):
+            book.give_up(failed=False)
+            tell(book)
+
+    for book, places in zip(books.values(), known, strict=True):
+        book.learn(places)
+        tell(book)
+    for name, deed in deeds:
+        if deed in NAMES:
+            hear(books[name], deed)
+        else:
+            do(books[name], deed)
+        tell(books[name])
+    for _ in range(2):
+        for book in books.values():
+            for name in NAMES:
+                hear(book, name)
+    claimed = [book.current for book in books.values() if book.current is not None]
+    claims = [claim for book in books.values() for claim in book.claims]
+    visited = {claim.place for claim in claims if claim.status is Status.VISITED}
+    assert len(claimed) == len(set(claimed))
+    assert not visited & set(claimed)
