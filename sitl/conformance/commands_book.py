@@ -6,20 +6,9 @@ import math
 from typing import Final
 
 from sitl.conformance.conversation import Conversation, Start
+from sitl.conformance.expectations import Event, Hear, InMode, Silence, StaysInMode, Text
 from sitl.conformance.flight_steps import Arrives, Climb, Disarmed, Landed, Speed, Stays
-from sitl.conformance.steps import (
-    Command,
-    Event,
-    Hear,
-    InMode,
-    Reposition,
-    Say,
-    SetMode,
-    Silence,
-    StaysInMode,
-    Text,
-    Wait,
-)
+from sitl.conformance.steps import Command, Reposition, Say, SetMode, Wait
 
 _NAN = math.nan
 
@@ -48,6 +37,17 @@ ON_GROUND: Final = (
             Hear("EXTENDED_SYS_STATE", {"landed_state": 1}, 2.0),
         ),
         start=Start.BOOT,
+    ),
+    Conversation(
+        "checks-asked-for",
+        "MAV_CMD_RUN_PREARM_CHECKS is ACCEPTED, and the health and arming report comes anew",
+        "PX4's source: Commander, HealthAndArmingChecks",
+        (
+            Wait(4.0),
+            Command(401, ()),
+            Event("commander_arming_check_summary"),
+            Event("commander_health_summary"),
+        ),
     ),
     Conversation(
         "arm-twice",

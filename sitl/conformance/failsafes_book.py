@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from sitl.conformance.conversation import Conversation, Start
+from sitl.conformance.expectations import Event, InMode, StaysInMode, Text
 from sitl.conformance.flight_steps import Arrives, Landed
 from sitl.conformance.line import Link
 from sitl.conformance.parameter_steps import SetParameter
@@ -12,14 +13,10 @@ from sitl.conformance.plan_steps import Mission, Upload, waypoint
 from sitl.conformance.steps import (
     Beats,
     Command,
-    Event,
-    InMode,
     Mark,
     Reposition,
     SetMode,
-    StaysInMode,
     Step,
-    Text,
     Wait,
 )
 
@@ -173,6 +170,22 @@ CONVERSATIONS: Final = (
             Mark(),
             InMode("AUTO_MISSION", 6.0, status=4),
             Event("check_estimator_gnss_fusion_started"),
+        ),
+        Start.AIR,
+    ),
+    Conversation(
+        "position-lost-while-landing",
+        "A landing goes on without satellites, as the failsafe's after five seconds; it stays in "
+        "Land, lands and disarms",
+        "measured",
+        (
+            SetMode("AUTO_LAND"),
+            InMode("AUTO_LAND"),
+            SetParameter("SIM_GPS_USED", 0),
+            Mark(),
+            InMode("AUTO_LAND", 8.0, status=5),
+            StaysInMode("AUTO_LAND", 2.0),
+            Landed(60.0),
         ),
         Start.AIR,
     ),

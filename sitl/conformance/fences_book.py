@@ -5,21 +5,14 @@ from __future__ import annotations
 from typing import Final
 
 from sitl.conformance.conversation import Conversation, Start
+from sitl.conformance.expectations import Event, Hear, InMode, StaysInMode, Text
 from sitl.conformance.flight_steps import Arrives, Furthest, Setpoints, Stays
 from sitl.conformance.plan_steps import Download, Item, Mission, Upload, box, polygon, waypoint
-from sitl.conformance.steps import (
-    Command,
-    Event,
-    Hear,
-    InMode,
-    Reposition,
-    SetMode,
-    StaysInMode,
-    Text,
-    Wait,
-)
+from sitl.conformance.steps import Command, Reposition, SetMode, Wait
 
 _AHEAD = box(50, 0, 10.0)  # 40 to 60 m north of home
+_PAIR = (*box(60, 0, 10.0), *box(60, 60, 10.0))
+_FAR_CIRCLE = Item(5004, -200, 0, 0.0, frame=5, params=(5.0, 0, 0, 0))
 _ACROSS = (waypoint(-10), waypoint(80, 0, 15))
 
 CONVERSATIONS: Final = (
@@ -40,6 +33,20 @@ CONVERSATIONS: Final = (
         (
             Upload((*_AHEAD, Item(5004, -50, 0, 0.0, frame=0, params=(10.0, 0, 0, 0))), 1),
             Upload(box(50, 0, 10.0, frame=3), 1),
+        ),
+    ),
+    Conversation(
+        "polygons-behind-a-circle",
+        "Behind a circle every vertex of a polygon begins a polygon of its own: what lies between "
+        "two of them counts as inside; with the circle last it does not",
+        "measured; read in the source",
+        (
+            Upload((Item(22, z_m=15.0), waypoint(60, 30), waypoint(0, 20))),
+            Upload((_FAR_CIRCLE, *_PAIR), 1),
+            Text("Geofence violation for waypoint 2"),
+            Mission({"mission_state": 1}),
+            Upload((*_PAIR, _FAR_CIRCLE), 1),
+            Mission({"mission_state": 2}),
         ),
     ),
     Conversation(

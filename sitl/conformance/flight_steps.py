@@ -7,7 +7,8 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from sitl.conformance.steps import Command, Fields, InMode, Repeat
+from sitl.conformance.expectations import InMode
+from sitl.conformance.steps import Command, Fields, Repeat
 from sitl.conformance.talk import DepartureError, Talk
 
 ON_GROUND: Final = 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from sitl.conformance.conversation import Conversation, Start
+from sitl.conformance.expectations import Event, Hear, InMode, StaysInMode, Text
 from sitl.conformance.flight_steps import Arrives, Stays
 from sitl.conformance.plan_steps import (
     ClearAll,
@@ -14,17 +15,7 @@ from sitl.conformance.plan_steps import (
     Upload,
     waypoint,
 )
-from sitl.conformance.steps import (
-    Command,
-    Event,
-    Hear,
-    InMode,
-    Mark,
-    SetMode,
-    StaysInMode,
-    Text,
-    Wait,
-)
+from sitl.conformance.steps import Command, Mark, SetMode, Wait
 
 _PAIR = (Item(22, z_m=15.0), waypoint(20))
 _NODES = tuple(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from sitl.conformance.conversation import Conversation, Start
+from sitl.conformance.expectations import Event, Hear, InMode, Silence, Text
 from sitl.conformance.line import Link
 from sitl.conformance.parameter_steps import (
     REAL32,
@@ -16,15 +17,10 @@ from sitl.conformance.parameter_steps import (
 from sitl.conformance.steps import (
     Beats,
     Command,
-    Event,
-    Hear,
-    InMode,
     Mark,
     Reposition,
     Say,
     SetMode,
-    Silence,
-    Text,
     Wait,
 )
 

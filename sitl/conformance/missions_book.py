@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 from sitl.conformance.conversation import Conversation
+from sitl.conformance.expectations import Event, Hear, Silence, Text
 from sitl.conformance.plan_steps import (
     ClearAll,
     Download,
@@ -16,14 +17,7 @@ from sitl.conformance.plan_steps import (
     Upload,
     waypoint,
 )
-from sitl.conformance.steps import (
-    Event,
-    Hear,
-    Say,
-    Silence,
-    Text,
-    Wait,
-)
+from sitl.conformance.steps import Say, Wait
 
 _GOOD = (Item(22, z_m=15.0), waypoint(20), waypoint(20, 20), waypoint(0, 20))
 _PAIR = (Item(22, z_m=15.0), waypoint(20))

@@ -5,22 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from sitl.conformance.conversation import Conversation, Start
+from sitl.conformance.expectations import Event, Hear, InMode, Silence, StaysInMode, Text
 from sitl.conformance.flight_steps import Arrives, Climb, Disarmed, Landed, Stays, Sticks
 from sitl.conformance.plan_steps import Mission, Upload, waypoint
-from sitl.conformance.steps import (
-    Command,
-    Event,
-    Hear,
-    InMode,
-    Mark,
-    Reposition,
-    SetMode,
-    Silence,
-    StaysInMode,
-    Stop,
-    Text,
-    Wait,
-)
+from sitl.conformance.steps import Command, Mark, Reposition, SetMode, Stop, Wait
 
 CONVERSATIONS: Final = (
     Conversation(

@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 from sitl.conformance.conversation import Conversation, Start
+from sitl.conformance.expectations import Event, InMode, StaysInMode, Text
 from sitl.conformance.flight_steps import (
     LOCAL_VELOCITY,
     NOTHING,
@@ -17,15 +18,11 @@ from sitl.conformance.flight_steps import (
 )
 from sitl.conformance.steps import (
     Command,
-    Event,
-    InMode,
     Mark,
     Reposition,
     SetMode,
-    StaysInMode,
     Step,
     Stop,
-    Text,
     Wait,
 )
 

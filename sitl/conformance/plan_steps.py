@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from sitl.conformance.steps import same
+from sitl.conformance.expectations import same
 from sitl.conformance.talk import DepartureError, Heard, Talk
 from sitl.mission_items import MissionResult
 

@@ -35,6 +35,9 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         description="Fly a mission with the real controller and the simulated PX4 in one process, "
         "faster than real time; each flight has its own misfortune. A judge that knows only "
         "where the vehicle was and where the zones are says how each went. Prints a table.",
+        epilog="examples:\n"
+        "  sitl rehearse missions/pennovation/mission.yaml\n"
+        "  sitl rehearse missions/pennovation/mission.yaml --fault GUSTS --seed 3",
     )
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     parser.add_argument(

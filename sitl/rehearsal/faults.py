@@ -20,6 +20,8 @@ class Fault(Enum):
     LOSS_1 = "1 % of all packets and acknowledgements lost"
     LOSS_5 = "5 % of all packets and acknowledgements lost"
     LOSS_20 = "20 % of all packets and acknowledgements lost"
+    LATE = "commands arrive up to 4 s late"
+    OLD = "what the vehicle says comes up to 2 s late"
     SILENCE = "vehicle silent for 0.5 to 60 s"
     NO_FIX = "GPS without a fix for 2 to 20 s"
     UPLOAD = "uploads rejected"
@@ -32,6 +34,9 @@ class Fault(Enum):
     BATTERY = "battery falls fast"
     VANISH = "robots vanish"
     ZONE = "a zone is added on board in flight"
+    RELOAD = "no-fly zones added by reload in flight"
+    WALL = "walled in by reload in flight"
+    REQUESTS = "requests at random moments"
     TWO = "two of these at once"
 
 
@@ -43,6 +48,8 @@ FLIGHTS: Final = MappingProxyType(
         Fault.LOSS_1: 8,
         Fault.LOSS_5: 10,
         Fault.LOSS_20: 16,
+        Fault.LATE: 12,
+        Fault.OLD: 12,
         Fault.SILENCE: 20,
         Fault.NO_FIX: 10,
         Fault.UPLOAD: 6,
@@ -55,6 +62,9 @@ FLIGHTS: Final = MappingProxyType(
         Fault.BATTERY: 16,
         Fault.VANISH: 10,
         Fault.ZONE: 14,
+        Fault.RELOAD: 16,
+        Fault.WALL: 12,
+        Fault.REQUESTS: 16,
         Fault.TWO: 24,
     }
 )
@@ -93,6 +103,15 @@ def _busy(dice: random.Random, _at_s: float) -> list[Misfortune]:
     return happen
 
 
+def _walls(dice: random.Random, at_s: float) -> list[Misfortune]:
+    """Walls on all sides; in half of the flights one of them is taken away again."""
+    happen = [Misfortune(at_s, "battery", dice.uniform(250.0, 500.0))]
+    happen += [Misfortune(at_s + 6.0 * again, "wall", again) for again in range(4)]
+    if dice.randrange(2):
+        happen.append(Misfortune(at_s + dice.uniform(40.0, 120.0), "open"))
+    return happen
+
+
 _COURSES: Final[Mapping[Fault, _Course]] = MappingProxyType(
     {
         Fault.JUMPS: _jumps,
@@ -120,6 +139,14 @@ _COURSES: Final[Mapping[Fault, _Course]] = MappingProxyType(
         Fault.KILL: lambda _dice, at_s: [Misfortune(at_s, "kill")],
         Fault.BATTERY: lambda dice, at_s: [Misfortune(at_s, "battery", dice.uniform(60.0, 400.0))],
         Fault.VANISH: lambda _dice, at_s: [Misfortune(at_s / 2, "vanish")],
+        Fault.RELOAD: lambda dice, at_s: [
+            Misfortune(at_s + 40.0 * again, "reload", dice.uniform(-5.0, 40.0))
+            for again in range(dice.randrange(1, 4))
+        ],
+        Fault.WALL: _walls,
+        Fault.REQUESTS: lambda dice, _at_s: [
+            Misfortune(dice.uniform(5.0, 170.0), "request", dice.random()) for _ in range(25)
+        ],
         Fault.ZONE: lambda dice, at_s: [Misfortune(at_s, "zone", dice.uniform(10.0, 40.0))],
     }
 )
@@ -138,6 +165,16 @@ class Scene:
         if self.fault is not Fault.TWO:
             return frozenset({self.fault})
         return frozenset(self.chance("two").sample(_SINGLE, 2))
+
+    @property
+    def late_s(self) -> float:
+        """How much longer than usual commands take, at most."""
+        return 4.0 if Fault.LATE in self.faults else 0.0
+
+    @property
+    def old_s(self) -> float:
+        """How old the news of the vehicle are, at most."""
+        return 2.0 if Fault.OLD in self.faults else 0.0
 
     @property
     def loss(self) -> float:

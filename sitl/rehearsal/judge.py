@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 _Corner = tuple[float, float]
 
+LEFT_M = 1.0
+"""So far outside of it a vehicle has left a zone."""
+
 
 class End(Enum):
     """How a flight ended; the first four are as they should be."""
@@ -72,6 +75,9 @@ class Judge:
     """Watches one flight.
 
     Attributes:
+        added: Zones that count as the mission's do.
+        drawn_over: Zones that were drawn over the vehicle, or so near that it cannot stop before
+            them, with the seconds that it has to stop: after that they count once it is outside.
         deepest_m: Deepest into a zone (or out of a fence) while we answered for the vehicle;
             negative: the closest approach.
         deepest_other_m: The same while somebody else did: the pilot, a failsafe.
@@ -80,6 +86,7 @@ class Judge:
 
     mission: Mission
     added: list[Shape] = field(default_factory=list)
+    drawn_over: list[tuple[Shape, float]] = field(default_factory=list)
     deepest_m: float = -math.inf
     deepest_other_m: float = -math.inf
     ours_s: float = 0.0
@@ -88,6 +95,7 @@ class Judge:
         """The vehicle is in the air at this place (east, north)."""
         depths = [depth_m(zone.shape, *place) for zone in self.mission.airspace.zones]
         depths += [depth_m(shape, *place) for shape in self.added]
+        self._let_leave(place, step_s)
         depths += [-depth_m(shape, *place) for shape in self.mission.fences]
         deepest_m = max(depths, default=-math.inf)
         if ours:
@@ -95,6 +103,15 @@ class Judge:
             self.ours_s += step_s
         else:
             self.deepest_other_m = max(self.deepest_other_m, deepest_m)
+
+    def _let_leave(self, place: tuple[float, float], step_s: float) -> None:
+        waiting = [(shape, left_s - step_s) for shape, left_s in self.drawn_over]
+        self.drawn_over = []
+        for shape, left_s in waiting:
+            if left_s <= 0.0 and depth_m(shape, *place) < -LEFT_M:
+                self.added.append(shape)
+            else:
+                self.drawn_over.append((shape, left_s))
 
 
 @dataclass(frozen=True, slots=True)

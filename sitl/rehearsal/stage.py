@@ -7,10 +7,11 @@ import math
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
-from air_router.events import Request, RobotPose
+from air_router.events import RobotPose
 from air_router.flight_plan import FlightPlan
 from air_router.graph import WaypointGraph
 from air_router.px4_mode import flight_mode
+from air_router.requests import GoOn
 from air_router.router import Router
 from air_router.settings import Timers
 from air_router.vehicle import PlanReplaced, Telemetry
@@ -21,7 +22,9 @@ from sitl.autopilot import Autopilot
 from sitl.mission_items import MissionItem, MissionType
 from sitl.parameters import Parameters
 from sitl.px4_modes import FlightMode
+from sitl.rehearsal.asking import request_of
 from sitl.rehearsal.companion import Companion, Link
+from sitl.rehearsal.drawing import STOP_M, Drawing
 from sitl.rehearsal.faults import Fault, Scene
 from sitl.rehearsal.judge import End, Judge, Verdict
 from sitl.situation import Place
@@ -49,9 +52,6 @@ PILOT_S: Final = 25.0
 """For so long a pilot (or nobody) is watched after the vehicle was given away."""
 
 ZONE_M: Final = 15.0
-STOP_M: Final = 12.0
-"""Nearer than this no vehicle stops: a zone that appears there is not ours to keep out of."""
-
 SEEK: Final = ("callisto", "europa", "io")
 _PILOT_MODES: Final = (
     FlightMode.AUTO_LOITER,
@@ -90,8 +90,9 @@ class Stage:
             seed=scene.seed,
             wind=self._wind(),
         )
-        self.link = Link(scene.chance("link"), scene.loss)
+        self.link = Link(scene.chance("link"), scene.loss, scene.late_s, scene.old_s)
         self._chance = scene.chance("stage")
+        self._drawing = Drawing(self.judge, self._chance, scene.late_s)
         self._robots = {name: self._anywhere() for name in SEEK}
         self._synced_s = dict.fromkeys(SEEK, -math.inf)
         self.companion: Companion | None = self._companion()
@@ -103,6 +104,7 @@ class Stage:
         self._fix = True
         self._jump = (0.0, 0.0)
         self._resumes_s = math.inf
+        self._plan_ids = 0
 
     @property
     def now_s(self) -> float:
@@ -145,8 +147,7 @@ class Stage:
             self.judge.see(place, TICK_S, ours=self._ours())
         if companion is None:
             return
-        if self.link.passes():
-            companion.hear(self._telemetry())
+        companion.listen(self.link.said(self._telemetry()), self.now_s)
         if self.now_s >= self._resumes_s:
             self._ask_to_resume(companion)
         self._gossip(companion, place)
@@ -165,7 +166,7 @@ class Stage:
             return self._landed()
         companion = self.companion
         given_away = companion is not None and flew and not companion.controller.in_charge
-        if self._todo or not (given_away or (companion is None and not self._restarts)):
+        if self._todo or not (given_away or companion is None):
             self._given_away_s = None
             return End.NOT
         if self._given_away_s is None:
@@ -195,6 +196,7 @@ class Stage:
         if Fault.UPLOAD in faults:
             allowed.add(End.STAYED)
         pilots = {Fault.PILOT, Fault.HAND_BACK, Fault.PAUSE, Fault.ZONE, Fault.JUMPS, Fault.GUSTS}
+        pilots |= {Fault.LATE, Fault.OLD}  # what is late may look like a pilot's
         if not faults & pilots:
             allowed.discard(End.PILOT)
         said = [] if self.companion is None else self.companion.actions
@@ -272,21 +274,19 @@ class Stage:
             self.link,
             seek=SEEK,
             north_east=self._north_east,
+            board=self._store,
         )
 
     def _board(self) -> None:
         """Mission and fence, as the upload has put them on board."""
-        for kind, items in (
-            (MissionType.FENCE, self._plan.fence),
-            (MissionType.MISSION, self._plan.items),
-        ):
-            self.autopilot.plan.store(kind, tuple(map(_stored, items)), int(kind) + 1, 0)
+        self._store(MissionType.FENCE, self._plan.fence)
+        self._store(MissionType.MISSION, self._plan.items)
+
+    def _store(self, kind: MissionType, items: tuple[PlanItem, ...]) -> None:
+        self._plan_ids += 1
+        self.autopilot.plan.store(kind, tuple(map(_stored, items)), self._plan_ids, 0)
 
     # What goes wrong.
-
-    @property
-    def _restarts(self) -> bool:
-        return Fault.RESTART in self.scene.faults
 
     def _wind(self) -> WindSettings:
         if Fault.GUSTS not in self.scene.faults:
@@ -307,6 +307,10 @@ class Stage:
             "battery": self._drain,
             "vanish": lambda _: self._robots.clear(),
             "zone": self._add_zone,
+            "reload": self._reload,
+            "wall": self._wall,
+            "open": lambda _: self._open(),
+            "request": self._ask,
             "pilot": lambda choice: self._choose(_PILOT_MODES[int(choice)]),
             "hand back": lambda _: self._hand_back(),
             "pause": lambda divert: self._pause(divert=bool(divert)),
@@ -343,7 +347,7 @@ class Stage:
     def _ask_to_resume(self, companion: Companion) -> None:
         """The operator asks until it is ours again: it may still be too low, or in a zone."""
         self._resumes_s = self.now_s + 2.0
-        companion.hear(Request.RESUME)
+        companion.hear(GoOn())
         if companion.controller.in_charge:
             self._pilot = None
             self._resumes_s = math.inf
@@ -380,6 +384,12 @@ class Stage:
         self.companion = self._companion()
         self._resumes_s = self.now_s + 3.0
 
+    def _ask(self, choice: float) -> None:
+        """Somebody asks for something, at whatever moment; but never for the pilot's vehicle."""
+        if self.companion is not None and self._pilot is None:
+            here = self._truth()
+            self.companion.hear(request_of(choice, self._chance, self.mission, here))
+
     def _add_zone(self, ahead_m: float) -> None:
         """A ground station puts a fence with one more zone on board, ahead of the vehicle."""
         airframe, place = self.autopilot.airframe, self._truth()
@@ -394,6 +404,22 @@ class Stage:
         ring = tuple(Point(centre.east_m + e / 1.5, centre.north_m + n / 1.5) for e, n in corners)
         self.judge.added.append(Outline(ring))
         self.companion.hear(PlanReplaced(self.now_s, only_fence=True))
+
+    def _reload(self, ahead_m: float) -> None:
+        """The operator draws a zone near the vehicle, or over it, and has the file read again."""
+        if self.companion is not None and not self.autopilot.situation.landed:
+            ahead = self.autopilot.airframe
+            course_rad = math.atan2(ahead.velocity_east_m_s, ahead.velocity_north_m_s)
+            self._drawing.circle(self.companion, self._truth(), course_rad, ahead_m)
+
+    def _wall(self, side: float) -> None:
+        """The operator walls the vehicle in, zone by zone."""
+        if self.companion is not None and not self.autopilot.situation.landed:
+            self._drawing.wall(self.companion, self._truth(), int(side))
+
+    def _open(self) -> None:
+        if self.companion is not None:
+            self._drawing.open(self.companion)
 
 
 def _stored(item: PlanItem) -> MissionItem:

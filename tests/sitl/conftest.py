@@ -12,6 +12,10 @@ from sitl.situation import Place
 HOME = Place(47.397742, 8.545594, 489.4)
 GROUND_STATION = (255, 190)
 COMPANION = (1, 191)
+NAMES = {number: message.msgname for number, message in mavlink.mavlink_map.items()} | {
+    410: "EVENT",
+    411: "CURRENT_EVENT_SEQUENCE",
+}
 
 
 class Event(NamedTuple):
@@ -37,31 +41,54 @@ class MissionCurrent(NamedTuple):
     rally_id: int
 
 
+class Heard(NamedTuple):
+    """A frame, decoded by whoever asks for it: a vehicle says hundreds in a simulated second."""
+
+    at_s: float
+    number: int
+    frame: bytes
+
+    @property
+    def name(self):
+        return NAMES[self.number]
+
+    @property
+    def message(self):
+        return decode(self.number, self.frame)
+
+
 class Ear:
     """Reads what a link sends; the fast streams are left out."""
 
     FAST = frozenset({30, 31, 32, 33, 74, 105, 111, 141, 24})
 
     def __init__(self):
-        self.heard = []  # (simulated time, message)
-        self.newest = {}  # not forgotten by clear()
+        self._heard = []
+        self._newest = {}  # not forgotten by clear()
 
     def listen(self, frames, now_s):
         for frame in frames:
             number = int.from_bytes(frame[7:10], "little")
             if number not in self.FAST and frame[5:7] == b"\x01\x01":
-                message = decode(number, frame)
-                self.heard.append((now_s, message))
-                self.newest[name_of(message)] = message
+                heard = Heard(now_s, number, frame)
+                if heard.name not in self._newest:
+                    assert heard.message is not None  # of every kind one is read at once
+                self._heard.append(heard)
+                self._newest[heard.name] = heard
+
+    @property
+    def heard(self):
+        """What was heard, each with its simulated time."""
+        return [(each.at_s, each.message) for each in self._heard]
 
     def names(self):
-        return [name_of(message) for _, message in self.heard]
+        return [each.name for each in self._heard]
 
     def all(self, name):
-        return [message for _, message in self.heard if name_of(message) == name]
+        return [each.message for each in self._heard if each.name == name]
 
     def last(self, name):
-        return self.newest[name]
+        return self._newest[name].message
 
     def texts(self):
         """STATUSTEXTs, put together from their chunks, without the tab that names an event twin."""
@@ -77,7 +104,7 @@ class Ear:
         return Notice(Severity.INFO, event=event).event_id in self.events()
 
     def clear(self):
-        self.heard.clear()
+        self._heard.clear()
 
 
 def decode(number, frame):
@@ -92,12 +119,6 @@ def decode(number, frame):
     if number == 42:
         return MissionCurrent(*struct.unpack("<HHBBIII", payload.ljust(18, b"\0")))
     return mavlink.MAVLink(None).decode(bytearray(frame))
-
-
-def name_of(message):
-    if isinstance(message, Event | EventSequence):
-        return message.name
-    return "MISSION_CURRENT" if isinstance(message, MissionCurrent) else message.get_type()
 
 
 class Rig:
@@ -192,14 +213,15 @@ class Rig:
         self.send("mission_count", 1, 1, len(items), mission_type, link=link)
         answers = []
         for _ in range(len(items) + 1):
-            if not ear.heard:
+            if not ear.names():
                 break
-            message = ear.heard[-1][1]
+            name = ear.names()[-1]
+            message = ear.last(name)
             ear.clear()
-            if name_of(message) == "MISSION_ACK":
+            if name == "MISSION_ACK":
                 answers.append(("ACK", message.type))
                 break
-            answers.append((name_of(message), message.seq))
+            answers.append((name, message.seq))
             self.send("mission_item_int", *items[message.seq], link=link)
         return answers
 

@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import common as mavlink
 from sitl.rehearsal.lossy_relay import LossyRelay, wait_until
 from sitl.rehearsal.over_mavlink import FLIGHTS, scenes_over_mavlink
 
-LIMIT_S = 10.0
+LIMIT_S = 60.0
 
 
 @pytest.fixture

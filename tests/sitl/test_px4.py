@@ -16,7 +16,7 @@ from sitl.px4_process import PortsInUseError, Px4Error, Px4Process, Px4Settings,
 from sitl.situation import Place
 
 HOME = Place(40.4406, -79.9959, 280.0)
-LIMIT_S = 20
+LIMIT_S = 60
 
 # Says on the gimbal's port what PX4 says: first that it cannot arm yet, then that it can.
 STAND_IN = """\
@@ -173,6 +173,21 @@ class TestProcess:
         settings = Px4Settings(HOME, instance=free_instance)
         with Px4Process(find_px4(str(build()), {}), settings) as process:
             assert not process.wait_until_armable(lambda: True)
+
+    def test_an_instance_that_has_just_begun_elsewhere(
+        self, build, free_instance, tmp_path, monkeypatch
+    ):
+        monkeypatch.setattr("sitl.px4_process._LOCK", str(tmp_path / "lock"))
+        holds = "import fcntl, sys; f = open(sys.argv[1], 'w'); fcntl.lockf(f, fcntl.LOCK_EX);"
+        holds += "print(flush=True); sys.stdin.read()"
+        with subprocess.Popen(
+            [sys.executable, "-c", holds, str(tmp_path / f"lock-{free_instance}")],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+        ) as holder:
+            holder.stdout.readline()
+            with pytest.raises(PortsInUseError, match="runs already"):
+                Px4Process(build, Px4Settings(HOME, instance=free_instance))
 
     def test_a_taken_instance(self, build, free_instance):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:

@@ -7,7 +7,7 @@ import pytest
 
 from sitl.relay import Relay, RelayedPair, RelayError
 
-WAIT_S = 10.0
+WAIT_S = 60.0
 SILENCE_S = 0.3  # how long nothing may come while a link is cut
 
 

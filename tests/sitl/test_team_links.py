@@ -16,7 +16,7 @@ from sitl.free_ports import derive_team
 from sitl.relay import Relay, relayed_pairs
 
 TEAM = Path(__file__).parents[2] / "missions" / "pennovation" / "team.yaml"
-WAIT_S = 20.0
+WAIT_S = 60.0
 
 
 class Events:
@@ -30,6 +30,17 @@ class Events:
             event = self._queue.get(timeout=max(0.0, deadline_s - time.monotonic()))
             if isinstance(event, kind) and direction in (None, getattr(event, "direction", None)):
                 return event
+
+    def stored_by(self, sync) -> MessageStored:
+        """What a sync brings; one that a busy machine lets time out is begun again."""
+        while True:
+            sync()
+            while True:
+                event = self._queue.get(timeout=WAIT_S)
+                if isinstance(event, MessageStored):
+                    return event
+                if isinstance(event, SyncTimedOut) and event.direction is Direction.IN:
+                    break
 
 
 @pytest.fixture
@@ -74,8 +85,7 @@ def test_a_sync_is_cut_in_the_middle_and_completes_when_the_link_heals(team):
         assert io.latest("titan", "/map") is None
         clock.stop_after_s = 1e9
         relay.set_link("io", "titan", up=True)
-        io.sync("titan")
-        stored = events.wait(MessageStored)
+        stored = events.stored_by(lambda: io.sync("titan"))
         assert (stored.robot, stored.topic) == ("titan", "/map")
         assert io.latest("titan", "/map").data == payload
         events.wait(SyncEnded, Direction.IN)
@@ -93,6 +103,5 @@ def test_a_link_that_is_down_carries_no_sync(team):
         events.wait(SyncTimedOut, Direction.IN)
         assert io.latest("europa", "/path") is None
         relay.set_link("europa", "io", up=True)
-        io.sync("europa")
-        events.wait(MessageStored)
+        events.stored_by(lambda: io.sync("europa"))
         assert io.latest("europa", "/path").data == b"news"

@@ -12,7 +12,7 @@ from sitl.truth import TruthError, TruthParser, TruthReceiver
 from sitl.world import Reading
 
 TEAM = Path(__file__).parents[2] / "missions" / "pennovation" / "team.yaml"
-WAIT_S = 10.0
+WAIT_S = 60.0
 
 
 @pytest.fixture

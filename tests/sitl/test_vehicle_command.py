@@ -17,7 +17,7 @@ from sitl.udp_link import PortInUseError, UdpLink
 from sitl.vehicle import px4_ports
 
 MISSION = Path(__file__).parents[2] / "missions" / "pennovation" / "mission.yaml"
-LIMIT_S = 20
+LIMIT_S = 60
 
 
 def udp_socket():

@@ -22,7 +22,7 @@ from sitl.projection import MapProjection
 
 HOME = (47.397742, 8.545594, 489.4)
 SPEED = 20
-LIMIT_S = 30
+LIMIT_S = 60
 LOITER, TAKEOFF, MISSION, RTL = 3 << 24, 2 << 24, 4 << 24, 5 << 24
 AUTO = 4 << 16
 

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import pytest
@@ -178,3 +179,43 @@ def test_without_an_epoch_the_clock_starts_at_the_wall_time_of_the_first_packet(
     clock.advance(45.0)
     assert clock.epoch_s == 1015.0
     assert clock.now_s() == 1060.0
+
+
+def two_vehicles() -> World:
+    one = make_world()
+    settings = dataclasses.replace(one.settings, others=("atlas",))
+    return World(settings, one.robots, dict.fromkeys(one.robots, ALL_TOPICS))
+
+
+def test_two_vehicles_hear_each_other_and_the_robots_and_each_sees_what_is_below_it():
+    world = two_vehicles()
+    apart = world.step(truth(0.0, WEST), {"atlas": truth(0.0, EAST)})
+    up = {(change.a, change.b) for change in apart.links}
+    assert up == {("titan", "io"), ("atlas", "europa")}
+    assert apart.patch is not None
+    ((name, patch),) = apart.other_patches
+    assert name == "atlas"
+    assert patch.west_m > 100 > apart.patch.west_m
+    near = world.step(truth(1.0, WEST), {"atlas": truth(1.0, WEST, 55.0)})
+    assert ("titan", "atlas", True) in {(c.a, c.b, c.up) for c in near.links}
+
+
+def test_a_vehicle_that_was_not_heard_of_yet_is_heard_by_nobody():
+    world = two_vehicles()
+    step = world.step(truth(0.0, WEST))
+    assert {name for r in step.readings for name in (r.robot, r.peer)} == {"titan", "io", "europa"}
+    assert step.other_patches == ()
+    assert world.approaches["titan", "atlas"].at_s is None
+
+
+def test_how_near_two_vehicles_came_counts_from_take_off_on():
+    world = two_vehicles()
+    beside = Point(WEST.east_m + 20, WEST.north_m)
+    world.step(truth(0.0, WEST, 0.2), {"atlas": truth(0.0, beside, 0.1)})
+    approach = world.approaches["titan", "atlas"]
+    assert approach.closest_m == math.inf
+    world.step(truth(1.0, WEST, 40.0), {"atlas": truth(1.0, EAST, 30.0)})
+    world.step(truth(2.0, WEST, 40.0), {"atlas": truth(2.0, Point(-197, 4), 28.0)})
+    world.step(truth(3.0, WEST, 40.0), {"atlas": truth(3.0, EAST, 39.0)})
+    assert (approach.closest_m, approach.across_m, approach.up_m) == (13.0, 5.0, 12.0)
+    assert (approach.at_s, approach.level_m) == (2.0, 12.0)
