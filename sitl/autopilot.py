@@ -85,6 +85,7 @@ class Autopilot:
         self._flying_mode: FlightMode | None = None
         self.setpoint = Setpoint()
         self.terminated = False
+        self.report_asked = False
         self._intake = PlanIntake(self.plan, self.guard, self.mission, self.modes.returning)
         self._home_base_m = place.altitude_m
         self._ground = GroundContact()

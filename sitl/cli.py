@@ -1,24 +1,55 @@
-"""The command line: `sitl vehicle | team | px4 | conform | rehearse`, each in its module."""
+"""The command line: `sitl vehicle | team | px4 | conform | rehearse | experiment | town`."""
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Sequence
 
-from air_router import command_line
-from sitl import conform_command, px4_command, team_command, vehicle_command
-from sitl.rehearsal import command as rehearse_command
+from air_router.command_line import Program
+from mocha_link.command_table import Command
+
+COMMANDS = (
+    Command(
+        "vehicle",
+        "sitl.vehicle_command",
+        "simulate a vehicle that behaves as PX4 does, over MAVLink",
+    ),
+    Command(
+        "team",
+        "sitl.team_command",
+        "simulate the ground robots, radios and the camera beside a vehicle",
+    ),
+    Command("px4", "sitl.px4_command", "start a real PX4 simulator"),
+    Command(
+        "conform", "sitl.conform_command", "compare a vehicle with how PX4 was recorded to behave"
+    ),
+    Command(
+        "rehearse",
+        "sitl.rehearsal.command",
+        "fly a mission hundreds of times while something goes wrong",
+    ),
+    Command("experiment", "sitl.experiment.command", "run many simulated teams and compare them"),
+    Command("town", "sitl.experiment.town_command", "check, draw or make a town for experiments"),
+)
+
+PROGRAM = Program(
+    "sitl",
+    "The simulated world: a PX4 vehicle, ground robots, radios, a camera.",
+    "exit codes: 0 done, 1 ended otherwise, 2 wrong usage, 3 invalid file, 4 nobody answers, "
+    "5 refused, 130 interrupted",
+    COMMANDS,
+)
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command line can say."""
+    return PROGRAM.parser()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
-    parser = command_line.build_parser(
-        "sitl",
-        "The simulated world: a PX4 vehicle, ground robots, radios, a camera.",
-        "exit codes: 0 done, 1 ended otherwise, 2 wrong usage, 3 invalid file, 130 interrupted",
-        (vehicle_command, team_command, px4_command, conform_command, rehearse_command),
-    )
-    return command_line.run(parser, argv)
+    return PROGRAM.run(argv)
 
 
 if __name__ == "__main__":

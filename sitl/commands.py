@@ -67,6 +67,7 @@ class Commands:
             246: self._reboot,
             300: self._start_mission,
             400: self._arm,
+            401: self._report_checks,
         }
         if version.sets_item_by_command:
             self._handlers[224] = self._set_item
@@ -222,6 +223,10 @@ class Commands:
         else:
             return CommandResult.UNSUPPORTED
         return CommandResult.ACCEPTED if done else CommandResult.TEMPORARILY_REJECTED
+
+    def _report_checks(self, _: CommandRequest) -> CommandResult:
+        self._autopilot.report_asked = True
+        return CommandResult.ACCEPTED
 
     def _reboot(self, request: CommandRequest) -> CommandResult:
         if request.params[0] == 0:

@@ -86,10 +86,13 @@ class Fence:
 def fence_areas(items: tuple[MissionItem, ...], projection: MapProjection) -> tuple[FenceArea, ...]:
     """The areas that a list of fence items describes.
 
-    A polygon takes as many items as its first vertex says, whatever they are, as in PX4.
+    A polygon takes as many items as its first vertex says, whatever they are, as in PX4. Behind a
+    circle PX4 1.17 goes on item by item: every vertex begins a polygon, and one that would reach
+    beyond the last item contains nothing.
     """
     areas: list[FenceArea] = []
     index = 0
+    behind_circle = False
     while index < len(items):
         item = items[index]
         if item.command == Command.FENCE_RETURN_POINT:
@@ -102,14 +105,16 @@ def fence_areas(items: tuple[MissionItem, ...], projection: MapProjection) -> tu
             for vertex in items[index : index + count]
         )
         radius_m = item.params[0] if circle else None
-        areas.append(FenceArea(item.command in _INCLUSIONS, points, radius_m))
-        index += count
+        whole = points if len(points) == count else ()
+        areas.append(FenceArea(item.command in _INCLUSIONS, whole, radius_m))
+        behind_circle |= circle
+        index += 1 if behind_circle else count
     return tuple(areas)
 
 
 def _inside(ring: tuple[tuple[float, float], ...], north_m: float, east_m: float) -> bool:
     inside = False
-    last_north, last_east = ring[-1]
+    last_north, last_east = ring[-1] if ring else (0.0, 0.0)
     for north, east in ring:
         if (east >= east_m) != (last_east >= east_m) and (
             north_m <= (last_north - north) * (east_m - east) / (last_east - east) + north

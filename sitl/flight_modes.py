@@ -113,7 +113,8 @@ class FlightModes:
     def fallback(self, mode: FlightMode, situation: Situation) -> Action:
         """What the vehicle does instead of a mode that it was flying and cannot fly any more."""
         parameters = situation.parameters
-        if mode in _NEED_POSITION and not situation.position_valid:
+        lost = not situation.position_valid
+        if lost and (mode in _NEED_POSITION or mode is FlightMode.AUTO_LAND):  # no landing place
             piloted = mode is FlightMode.POSCTL and self.pilot.present(situation)
             return Action.FALLBACK_ALTITUDE if piloted else Action.DESCEND
         if mode is FlightMode.OFFBOARD and not self.offboard.available(situation):

@@ -1,7 +1,7 @@
 """The health and arming report: what PX4 says, in EVENTs for programs, when its checks change.
 
 A report is a summary of the arming checks, one event for each check that is not passed, and a
-summary of the components' health. It comes at most every two seconds.
+summary of the components' health. It comes at most every two seconds, and when it is asked for.
 """
 
 from __future__ import annotations
@@ -64,11 +64,12 @@ class HealthReport:
     def step(self) -> list[Notice]:
         """The events of a report that is due; to be called after every step."""
         now_s = self._autopilot.time_s
-        if now_s < self._next_s:
+        asked, self._autopilot.report_asked = self._autopilot.report_asked, False
+        if now_s < self._next_s and not asked:
             return []
         checks = self._checks(now_s)
         modes = self._modes(checks)
-        if (checks, modes) == self._told:
+        if (checks, modes) == self._told and not asked:
             return []
         self._told, self._next_s = (checks, modes), now_s + _EVERY_S
         errors = _SYSTEM  # PX4's simulator has it so, without a check that says why

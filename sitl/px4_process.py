@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import logging
 import os
 import re
@@ -26,6 +27,7 @@ from sitl.situation import Place
 
 _log = logging.getLogger(__name__)
 
+_LOCK: Final = "/tmp/px4_lock"  # noqa: S108 - PX4's own
 _STANDBY: Final = 3  # HEARTBEAT.system_status: it can arm
 _AUTOPILOT: Final = 1
 _STOP_S: Final = 5.0
@@ -205,13 +207,25 @@ def _free_instance(wanted: int | None) -> int:
     """An instance whose ports nobody has; PX4's own lock files are looked at, too."""
     instances = range(_MOST_INSTANCES) if wanted is None else (wanted,)
     for instance in instances:
-        if all(_is_free(port) for port in _ports(instance)):
+        if not _is_locked(instance) and all(_is_free(port) for port in _ports(instance)):
             return instance
     words = "PX4's instances 0 to 9 run" if wanted is None else f"instance {wanted} runs"
     raise PortsInUseError(
         f"{words} already, or something else has their UDP ports (14580 + N ...); end one of them"
         + ("" if wanted is None else ", or take another --instance")
     )
+
+
+def _is_locked(instance: int) -> bool:
+    """Whether a PX4 has this instance, also one that has just begun and listens nowhere yet."""
+    try:
+        with Path(f"{_LOCK}-{instance}").open("r+b") as file:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # until it is closed
+    except BlockingIOError:
+        return True
+    except OSError:  # mostly: there is no such file
+        return False
+    return False
 
 
 def _ports(instance: int) -> Iterator[int]:

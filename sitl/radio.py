@@ -15,6 +15,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 _SHORTEST_M = 1.0  # the reference distance; closer than this the formula means nothing
 _SHADOWING_LIMIT = 3.0  # standard deviations; so that a link has a largest distance
@@ -102,6 +103,7 @@ class RadioModel:
         return self.shadowing_db * max(-_SHADOWING_LIMIT, min(_SHADOWING_LIMIT, blend))
 
 
+@lru_cache(maxsize=1 << 14)
 def _normal(label: str) -> float:
     """A standard normal value that belongs to a label (Box-Muller on a hash)."""
     digest = hashlib.blake2b(label.encode(), digest_size=16).digest()

@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -58,22 +58,33 @@ class TeamError(AirRouterError):
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """Where the world listens: the vehicle's truth stream and the camera's subscribers."""
+    """Where the world listens: the vehicle's truth stream and the camera's subscribers.
+
+    `others` are the same of the other vehicles, by name.
+    """
 
     truth: str = DEFAULT_TRUTH
     camera: str = DEFAULT_CAMERA
+    others: Mapping[str, Places] = field(default_factory=dict)
+
+
+_ANYWHERE: Final = Places("udp://127.0.0.1:0", "tcp://127.0.0.1:0")
 
 
 @dataclass(frozen=True, slots=True)
 class Crew:
-    """Who is who in a team: the vehicle that flies the mission, and the robots on the ground."""
+    """Who is who in a team: the vehicle that flies the mission, and the robots on the ground.
+
+    `others` are the other vehicles of a mission for several.
+    """
 
     vehicle: str
     ground: tuple[str, ...]
+    others: tuple[str, ...] = ()
 
 
 def crew_of(mission: Mission, team: Team) -> Crew:
-    """Who flies and who drives. Other aerial robots of the team are not simulated.
+    """Who flies and who drives. Aerial robots that the mission is not for are not simulated.
 
     Raises:
         TeamError: it is not clear who flies, or nobody drives.
@@ -90,7 +101,7 @@ def crew_of(mission: Mission, team: Team) -> Crew:
     ground = tuple(name for name in team.robots if name != vehicle and name not in flying)
     if not ground:
         raise TeamError(f"{team.path}: nobody drives on the ground; add a robot of another kind")
-    return Crew(vehicle, ground)
+    return Crew(vehicle, ground, tuple(u.uav for u in mission.layers if u.uav != vehicle))
 
 
 def make_world(mission: Mission, team: Team, crew: Crew, plan: WorldPlan) -> World:
@@ -100,6 +111,7 @@ def make_world(mission: Mission, team: Team, crew: Crew, plan: WorldPlan) -> Wor
     settings = Settings(
         frame=mission.frame,
         vehicle=crew.vehicle,
+        others=crew.others,
         radio=plan.radio,
         camera=plan.camera,
         raster=Raster.draw(plan.scene, corners, RESOLUTION_M, plan.margin_m),
@@ -139,17 +151,26 @@ class TeamSimulation:
         *,
         epoch_s: float | None = None,
     ) -> None:
-        self.world = make_world(mission, team, crew_of(mission, team), plan)
+        crew = crew_of(mission, team)
+        self.world = make_world(mission, team, crew, plan)
         self.clock = SimClock(epoch_s)
         self._mission = mission
         self._team = team
         self._ground_amsl_m = mission.home_altitude_amsl_m
         self._started = False
+        self._others: dict[str, VehicleState] = {}
         with ExitStack() as stack:
             self._truth = TruthReceiver(places.truth)
             stack.callback(self._truth.close)
             context: zmq.Context[zmq.Socket[bytes]] = stack.enter_context(zmq.Context())
             self._camera = stack.enter_context(_publisher(context, places.camera))
+            self._other_truths: dict[str, TruthReceiver] = {}
+            self._other_cameras: dict[str, zmq.Socket[bytes]] = {}
+            for name in crew.others:
+                place = places.others.get(name) or _ANYWHERE
+                self._other_truths[name] = receiver = TruthReceiver(place.truth)
+                stack.callback(receiver.close)
+                self._other_cameras[name] = stack.enter_context(_publisher(context, place.camera))
             self._radio = stack.enter_context(RadioReadings(team))
             self._relay = stack.enter_context(
                 Relay(
@@ -170,6 +191,13 @@ class TeamSimulation:
             "truth": self._truth.url,
             "vehicle": self.world.settings.vehicle,
             "robots": list(self.world.robots),
+            "vehicles": {
+                self.world.settings.vehicle: _place(self._truth, self._camera),
+                **{
+                    name: _place(truth, self._other_cameras[name])
+                    for name, truth in self._other_truths.items()
+                },
+            },
         }
 
     def run(self, stop: threading.Event) -> None:
@@ -180,6 +208,9 @@ class TeamSimulation:
             state = self._truth.receive(_STOP_LOOK_S)
             if state is not None:
                 heard_s, silent = time.monotonic(), False
+                for name, receiver in self._other_truths.items():
+                    if (other := receiver.receive(0.0)) is not None:
+                        self._others[name] = other
                 self.follow(state)
             elif not silent and time.monotonic() - heard_s > _SILENCE_NOTE_S:
                 silent = True
@@ -193,23 +224,34 @@ class TeamSimulation:
         self.clock.advance(state.time_s)
         if not self.world.due(self.clock.elapsed_s):
             return
-        try:
-            position = self._mission.frame.to_local(state.latitude_deg, state.longitude_deg)
-        except FrameError:
-            return  # the far side of the Earth; the next packet will be better
         if self._ground_amsl_m is None:
             self._ground_amsl_m = state.altitude_amsl_m
-        truth = Truth(
-            time_s=self.clock.elapsed_s,
-            unix_s=self.clock.now_s(),
-            position=position,
-            height_m=state.altitude_amsl_m - self._ground_amsl_m,
-            heading_deg=state.heading_deg,
-        )
+        truth = self._truth_of(state, self._ground_amsl_m)
+        if truth is None:
+            return  # the next packet will be better
         if not self._started:
             self._started = True
             self._greet(truth)
-        self._carry_out(self.world.step(truth))
+        others = {
+            name: other
+            for name, there in self._others.items()
+            if (other := self._truth_of(there, self._ground_amsl_m)) is not None
+        }
+        self._carry_out(self.world.step(truth, others))
+
+    def _truth_of(self, state: VehicleState, ground_amsl_m: float) -> Truth | None:
+        """Where a vehicle is now; None if that is on the far side of the Earth."""
+        try:
+            position = self._mission.frame.to_local(state.latitude_deg, state.longitude_deg)
+        except FrameError:
+            return None
+        return Truth(
+            time_s=self.clock.elapsed_s,
+            unix_s=self.clock.now_s(),
+            position=position,
+            height_m=state.altitude_amsl_m - ground_amsl_m,
+            heading_deg=state.heading_deg,
+        )
 
     def report(self) -> Mapping[str, Any]:
         """What became of everybody so far."""
@@ -237,6 +279,8 @@ class TeamSimulation:
         self._nodes.take_maps()
         if step.patch is not None:
             self._camera.send(step.patch.encode())
+        for name, patch in step.other_patches:
+            self._other_cameras[name].send(patch.encode())
 
     def _greet(self, truth: Truth) -> None:
         _log.info("the vehicle is there, at %.1f s of its time", truth.time_s)
@@ -250,6 +294,10 @@ class TeamSimulation:
                 "at the mission's home",
                 away_m / 1000,
             )
+
+
+def _place(truth: TruthReceiver, camera: zmq.Socket[bytes]) -> dict[str, str]:
+    return {"truth": truth.url, "camera": camera.getsockopt_string(zmq.LAST_ENDPOINT)}
 
 
 def write_report(path: Path, content: Mapping[str, Any]) -> None:

@@ -6,9 +6,10 @@ import argparse
 import json
 import logging
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-from air_router.errors import ExitCode
+from air_router.errors import ExitCode, UsageError
 from air_router.mission import Mission, load_mission
 from mocha_link.team import Team
 from sitl.default_team import default_team
@@ -30,8 +31,8 @@ _log = logging.getLogger(__name__)
 
 _EPILOG = """\
 Prints one JSON line on stdout when it is ready: {"ready": true, "team": ..., "camera": ...,
-"truth": ..., "vehicle": ..., "robots": [...]}. Runs until SIGINT or SIGTERM, then writes the
-report. See docs/world-file.md.
+"truth": ..., "vehicle": ..., "robots": [...], "vehicles": {...}}. Runs until SIGINT or SIGTERM,
+then writes the report. See docs/world-file.md.
 
 example: sitl team missions/pennovation/mission.yaml --free-ports /tmp/world --report world.json
 """
@@ -52,15 +53,19 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument("--world", type=Path, metavar="FILE", help="default: the mission's world")
     parser.add_argument(
         "--truth",
-        default=DEFAULT_TRUTH,
-        metavar="URL",
-        help=f"where the vehicle sends HIL_STATE_QUATERNION (default {DEFAULT_TRUTH}, PX4's SIH)",
+        action="append",
+        default=[],
+        metavar="[NAME=]URL",
+        help=f"where the vehicle sends HIL_STATE_QUATERNION (default {DEFAULT_TRUTH}, PX4's SIH); "
+        "once for each UAV of a mission for several (default: the next ports)",
     )
     parser.add_argument(
         "--camera",
-        default=DEFAULT_CAMERA,
-        metavar="URL",
-        help=f"where the camera publishes what it sees (ZeroMQ PUB, default {DEFAULT_CAMERA})",
+        action="append",
+        default=[],
+        metavar="[NAME=]URL",
+        help=f"where the camera publishes what it sees (ZeroMQ PUB, default {DEFAULT_CAMERA}); "
+        "once for each UAV of a mission for several (default: the next ports)",
     )
     parser.add_argument(
         "--free-ports",
@@ -95,7 +100,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
     if arguments.free_ports is not None:
         team = derive_team(team, arguments.free_ports)
     with stop_signal() as stop:
-        places = Places(arguments.truth, arguments.camera)
+        places = _places(arguments, (crew.vehicle, *crew.others))
         with TeamSimulation(mission, team, plan, places, epoch_s=arguments.epoch) as simulation:
             sys.stdout.write(json.dumps(simulation.ready()) + "\n")
             sys.stdout.flush()
@@ -103,6 +108,36 @@ def _simulate(arguments: argparse.Namespace) -> None:
             content = simulation.report()
         if arguments.report is not None:
             write_report(arguments.report, content)
+
+
+def _places(arguments: argparse.Namespace, vehicles: Sequence[str]) -> Places:
+    """Where each vehicle's truth comes from and its camera publishes."""
+    truths = _of_each("--truth", arguments.truth, vehicles, DEFAULT_TRUTH)
+    cameras = _of_each("--camera", arguments.camera, vehicles, DEFAULT_CAMERA)
+    first, *others = vehicles
+    return Places(
+        truths[first],
+        cameras[first],
+        {name: Places(truths[name], cameras[name]) for name in others},
+    )
+
+
+def _of_each(
+    option: str, given: Sequence[str], vehicles: Sequence[str], default: str
+) -> dict[str, str]:
+    """The value of a repeated option for each vehicle: NAME=URL, or a bare one for the first.
+
+    Raises:
+        UsageError: it names nobody who flies.
+    """
+    start, _, port = default.rpartition(":")
+    values = {name: f"{start}:{int(port) + number}" for number, name in enumerate(vehicles)}
+    for text in given:
+        name, equals, url = text.partition("=")
+        if equals and name not in values:
+            raise UsageError(f"{option} {text}: {' and '.join(vehicles)} fly this mission")
+        values[name if equals else vehicles[0]] = url if equals else text
+    return values
 
 
 def _team(arguments: argparse.Namespace, mission: Mission) -> Team:

@@ -61,6 +61,19 @@ def report(world: World, holdings: Holdings, *, now_s: float, elapsed_s: float) 
             for name in world.robots
         },
         "carried": carried(world, holdings.messages),
+        "vehicles": [
+            {
+                "pair": [a, b],
+                "contacts": world.contact(a, b).count,
+                "contact_s": round(world.contact(a, b).seconds, 1),
+                "closest_m": _finite(approach.closest_m),
+                "across_m": _finite(approach.across_m),
+                "up_m": _finite(approach.up_m),
+                "at_s": approach.at_s,
+                "level_m": _finite(approach.level_m),
+            }
+            for (a, b), approach in world.approaches.items()
+        ],
     }
 
 
@@ -92,7 +105,8 @@ def _motion(world: World, name: str) -> dict[str, Any]:
 
 
 def _contacts(world: World, name: str) -> dict[str, Any]:
-    peers = (world.settings.vehicle, *(other for other in world.robots if other != name))
+    vehicles = (world.settings.vehicle, *world.settings.others)
+    peers = [peer for peer in (*vehicles, *world.robots) if peer != name]
     return {
         peer: {
             "count": world.contact(name, peer).count,

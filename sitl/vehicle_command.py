@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from air_router.arguments import add_uav
 from air_router.errors import ExitCode, UsageError
 from air_router.mission import load_mission
 from sitl.mavlink_vehicle import VehicleSettings
@@ -102,7 +103,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 
 def add_place(parser: argparse.ArgumentParser) -> None:
-    """Add MISSION and --home; `place_of` reads them."""
+    """Add MISSION, --home and --uav; `place_of` reads them."""
     place = parser.add_mutually_exclusive_group()
     place.add_argument(
         "mission",
@@ -114,12 +115,13 @@ def add_place(parser: argparse.ArgumentParser) -> None:
     place.add_argument(
         "--home", type=_place, metavar="LAT,LON,ALT", help="start here: degrees, metres AMSL"
     )
+    add_uav(parser)
 
 
 def place_of(arguments: argparse.Namespace) -> Place:
     """Where the command line says that the vehicle starts."""
     home: Place | None = arguments.home
-    return home or _home_of(arguments.mission)
+    return home or _home_of(arguments.mission, arguments.uav)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -149,10 +151,10 @@ def _simulate(arguments: argparse.Namespace) -> None:
         process.run(stop.is_set)
 
 
-def _home_of(path: Path | None) -> Place:
+def _home_of(path: Path | None, uav: str | None) -> Place:
     if path is None:
         return PX4_HOME
-    mission = load_mission(path)
+    mission = load_mission(path, uav=uav)
     latitude_deg, longitude_deg = mission.frame.to_geodetic(mission.home)
     altitude_m = mission.home_altitude_amsl_m
     return Place(latitude_deg, longitude_deg, 0.0 if altitude_m is None else altitude_m)

@@ -35,6 +35,7 @@ POSE_INTERVAL_S = 1.0
 PATH_INTERVAL_S = 10.0
 SIGHTINGS_INTERVAL_S = 5.0
 GROUND_ANTENNA_M = 0.5
+_ABOVE_M = 15.0  # so near across, one vehicle counts as above the other
 LANDED_BELOW_M = 1.5  # lower than this the vehicle's antenna is as low as everybody's
 
 
@@ -86,12 +87,16 @@ class Publication:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What happened in one step, for the shell to carry out."""
+    """What happened in one step, for the shell to carry out.
+
+    `patch` is what the camera of the vehicle sees, `other_patches` those of the other vehicles.
+    """
 
     links: tuple[LinkChange, ...] = ()
     readings: tuple[Reading, ...] = ()
     publications: tuple[Publication, ...] = ()
     patch: GridPatch | None = None
+    other_patches: tuple[tuple[str, GridPatch], ...] = ()
 
 
 @dataclass(slots=True)
@@ -111,6 +116,25 @@ class Contact:
     last_s: float | None = None
     closest_m: float = math.inf
     up: bool = False
+
+
+@dataclass(slots=True)
+class Approach:
+    """How near two vehicles came to each other while at least one of them flew.
+
+    Attributes:
+        closest_m: The smallest distance between them; infinite: they never flew.
+        across_m: What of it lay across, then.
+        up_m: What of it lay up and down, then.
+        at_s: Simulated seconds, then.
+        level_m: The smallest difference in height while they were `_ABOVE_M` or less apart across.
+    """
+
+    closest_m: float = math.inf
+    across_m: float = math.inf
+    up_m: float = math.inf
+    at_s: float | None = None
+    level_m: float = math.inf
 
 
 class Every:
@@ -136,6 +160,7 @@ class Settings:
     Attributes:
         frame: The mission's local frame.
         vehicle: The vehicle's name in the team.
+        others: Names of other vehicles.
         radio: Who hears whom.
         camera: What the vehicle sees.
         raster: What there is to see.
@@ -150,6 +175,7 @@ class Settings:
     raster: Raster
     camera_interval_s: float = 1.0
     reading_interval_s: float = 0.5
+    others: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -182,7 +208,12 @@ class World:
         self.settings = settings
         self._crews = {name: _Crew(robot, topics[name]) for name, robot in robots.items()}
         self._pairs = {
-            pair: Contact() for pair in itertools.combinations((settings.vehicle, *robots), 2)
+            pair: Contact()
+            for pair in itertools.combinations((settings.vehicle, *settings.others, *robots), 2)
+        }
+        self.approaches = {
+            pair: Approach()
+            for pair in itertools.combinations((settings.vehicle, *settings.others), 2)
         }
         self._reading = Every(settings.reading_interval_s)
         self._picture = Every(settings.camera_interval_s)
@@ -201,40 +232,69 @@ class World:
         """Whether enough simulated time has passed for another step."""
         return self._now_s is None or time_s >= self._now_s + STEP_S - 1e-9
 
-    def step(self, truth: Truth) -> Step:
-        """Move on to a later time, with the vehicle where it is then."""
+    def step(self, truth: Truth, others: Mapping[str, Truth] | None = None) -> Step:
+        """Move on to a later time, with the vehicle where it is then.
+
+        Args:
+            truth: The vehicle's; its time is the world's.
+            others: What is known of the other vehicles; one that is missing is heard by nobody.
+        """
+        vehicles = {self.settings.vehicle: truth, **(others or {})}
         dt_s = 0.0 if self._now_s is None else max(0.0, truth.time_s - self._now_s)
         self._now_s = truth.time_s
         for crew in self._crews.values():
             crew.robot.step(dt_s)
-        links, readings = self._hear(truth, dt_s)
-        patch = None
-        if self._picture.due(truth.time_s):
-            patch = self.settings.camera.look(
-                self.settings.raster, truth.position, truth.height_m, truth.heading_deg
-            )
+        links, readings = self._hear(vehicles, truth, dt_s)
+        self._measure(vehicles, truth.time_s)
+        patches = self._look(vehicles) if self._picture.due(truth.time_s) else {}
         publications = tuple(
             message for crew in self._crews.values() for message in self._speak(crew, truth)
         )
-        return Step(links, readings, publications, patch)
+        patch = patches.pop(self.settings.vehicle, None)
+        return Step(links, readings, publications, patch, tuple(patches.items()))
+
+    def _look(self, vehicles: Mapping[str, Truth]) -> dict[str, GridPatch]:
+        looks = {
+            name: self.settings.camera.look(
+                self.settings.raster, truth.position, truth.height_m, truth.heading_deg
+            )
+            for name, truth in vehicles.items()
+        }
+        return {name: patch for name, patch in looks.items() if patch is not None}
+
+    def _measure(self, vehicles: Mapping[str, Truth], time_s: float) -> None:
+        for (a, b), approach in self.approaches.items():
+            one, two = vehicles.get(a), vehicles.get(b)
+            if one is None or two is None or max(one.height_m, two.height_m) < LANDED_BELOW_M:
+                continue
+            across_m = math.dist(one.position, two.position)
+            up_m = abs(one.height_m - two.height_m)
+            if across_m <= _ABOVE_M:
+                approach.level_m = min(approach.level_m, up_m)
+            if (apart_m := math.hypot(across_m, up_m)) < approach.closest_m:
+                approach.closest_m, approach.across_m, approach.up_m = apart_m, across_m, up_m
+                approach.at_s = time_s
 
     def _hear(
-        self, truth: Truth, dt_s: float
+        self, vehicles: Mapping[str, Truth], truth: Truth, dt_s: float
     ) -> tuple[tuple[LinkChange, ...], tuple[Reading, ...]]:
         radio = self.settings.radio
         antennas = {
             name: Antenna(*crew.robot.position, GROUND_ANTENNA_M, on_ground=True)
             for name, crew in self._crews.items()
         }
-        antennas[self.settings.vehicle] = Antenna(
-            *truth.position,
-            max(truth.height_m, GROUND_ANTENNA_M),
-            on_ground=truth.height_m < LANDED_BELOW_M,
-        )
+        for name, there in vehicles.items():
+            antennas[name] = Antenna(
+                *there.position,
+                max(there.height_m, GROUND_ANTENNA_M),
+                on_ground=there.height_m < LANDED_BELOW_M,
+            )
         changes: list[LinkChange] = []
         readings: list[Reading] = []
         tell = self._reading.due(truth.time_s)
         for (a, b), contact in self._pairs.items():
+            if a not in antennas or b not in antennas:
+                continue
             rssi_dbm = radio.rssi_dbm(a, antennas[a], b, antennas[b], truth.time_s)
             heard = radio.hears(rssi_dbm)
             contact.closest_m = min(contact.closest_m, antennas[a].distance_m(antennas[b]))
