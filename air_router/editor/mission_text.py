@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import contextlib
 import hashlib
 import os
 import stat
@@ -11,6 +10,7 @@ import tempfile
 from pathlib import Path
 
 from air_router.errors import AirRouterError
+from air_router.whole_file import sync_folder
 from mocha_link.document import MAX_BYTES, DocumentError, Problem
 
 
@@ -101,7 +101,7 @@ class MissionText:
         except BaseException:
             temporary.unlink(missing_ok=True)
             raise
-        _sync_folder(target.parent)
+        sync_folder(target.parent)
 
     def _check_unchanged(self) -> None:
         if self.changed():
@@ -135,13 +135,3 @@ def _mode(target: Path) -> int:
         mask = os.umask(0)
         os.umask(mask)
         return 0o666 & ~mask
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the new name last; not every file system can, and the data are safe already."""
-    with contextlib.suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)

@@ -11,14 +11,13 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Any
 
-from aiohttp import web
-
-from air_router.editor.backdrop import Backdrop
 from air_router.editor.edits import EditError, read_edit
 from air_router.editor.mission_text import ChangedOnDiskError, SaveError
 from air_router.editor.session import Session, StaleError, UnconfirmedError
 from air_router.errors import AirRouterError
 from air_router.web.assets import Assets
+from air_router.web.audience import Audience
+from air_router.web.backdrop import Backdrop
 from air_router.web.guard import Guard
 from air_router.web.outbox import Outbox
 from air_router.web.site import Site, as_json
@@ -47,7 +46,7 @@ class EditorServer:
         self._requests: asyncio.Queue[tuple[Outbox, str]] = asyncio.Queue(_MOST_WAITING)
         self._changed_on_disk = False
         self._state = self._shown()
-        self._site: Site
+        self._audience = Audience(self._receive, self._welcome)
 
     async def run(self, host: str, port: int, ready: Callable[[str], None]) -> None:
         """Serve until cancelled; `ready` is told the page's address.
@@ -55,9 +54,9 @@ class EditorServer:
         Raises:
             ServeError: the address cannot be served on.
         """
-        self._site = self._make_site(host)
+        site = self._make_site(host)
         with ThreadPoolExecutor(1, "air-router edit") as worker:
-            async with self._site.serving(host, port) as address, asyncio.TaskGroup() as tasks:
+            async with site.serving(host, port) as address, asyncio.TaskGroup() as tasks:
                 ready(address)
                 tasks.create_task(self._work(worker))
                 tasks.create_task(self._watch(worker))
@@ -67,16 +66,11 @@ class EditorServer:
         assets.add("air_router.web", "page", "/page/")
         assets.add("air_router.editor", "page", "/edit/")
         guard = Guard(host, self._token)
-        site = Site(guard, assets, "/edit/index.html", self._receive, self._welcome)
+        site = Site(guard, assets, "/edit/index.html")
+        site.add_socket("/socket", self._audience.converse)
         if self._backdrop is not None:
-            site.app.add_routes([web.get("/backdrop", self._picture)])
+            site.lay_under(self._backdrop)
         return site
-
-    async def _picture(self, request: web.Request) -> web.StreamResponse:
-        del request
-        if self._backdrop is None:
-            raise web.HTTPNotFound
-        return web.FileResponse(self._backdrop.path, headers={"Content-Type": self._backdrop.kind})
 
     def _welcome(self, outbox: Outbox) -> None:
         backdrop = self._backdrop.view() if self._backdrop else None
@@ -108,7 +102,7 @@ class EditorServer:
             answer, state = await loop.run_in_executor(worker, self._answered, text)
             if state is not None:
                 self._state = state
-                self._site.tell_all("state", state)
+                self._audience.tell_all("state", state)
             outbox.post(f"answer {answer['id']}", as_json(answer))
 
     async def _watch(self, worker: ThreadPoolExecutor) -> None:
@@ -119,7 +113,7 @@ class EditorServer:
             changed = await loop.run_in_executor(worker, self._session.changed_on_disk)
             if changed != self._changed_on_disk:
                 self._changed_on_disk = changed
-                self._site.tell_all("disk", as_json({"type": "disk", "changed": changed}))
+                self._audience.tell_all("disk", as_json({"type": "disk", "changed": changed}))
 
     def _shown(self) -> str:
         return as_json({"type": "state", **self._session.view()})

@@ -5,29 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from shapely import Point as ShapelyPoint
-from shapely import Polygon
-from shapely.geometry.base import BaseGeometry
-
 from air_router.draft import Area, Keys
 from air_router.editor.drawing import Drawing
 from air_router.editor.judgement import Judgement
 from air_router.editor.sketch import Handle, Pair, Region
 from air_router.mission import Mission
 from air_router.router import Route
-from geo.frame import FrameError, LocalFrame, Point
-from geo.zone import Circle, Shape, polygons_of
+from air_router.web.outlines import Degrees, Rings, beside, buffer, degrees
+from geo.frame import LocalFrame
+from geo.zone import Shape
 from mocha_link.document import Problem
 
-_QUARTER = 8
-"""Segments of a quarter circle in buffers; they are only looked at."""
-
-_DECIMALS = 7
 _MOST_EDGES = 20_000
 _MOST_CACHED = 4_000
-
-Degrees = list[float]
-Rings = list[list[Degrees]]
 
 
 class Viewer:
@@ -97,12 +87,7 @@ class Viewer:
         if key not in self._buffers:
             if len(self._buffers) >= _MOST_CACHED:
                 self._buffers.clear()
-            if isinstance(shape, Circle):
-                radius_m = max(shape.radius_m + distance_m, 0.0)
-                grown = ShapelyPoint(shape.centre).buffer(radius_m, quad_segs=4 * _QUARTER)
-            else:
-                grown = shape.polygon.buffer(distance_m, quad_segs=_QUARTER)
-            self._buffers[key] = _outlines(frame, grown)
+            self._buffers[key] = buffer(frame, shape, distance_m)
         return self._buffers[key]
 
 
@@ -122,7 +107,7 @@ def route_view(judgement: Judgement, start: int, end: int) -> dict[str, Any]:
     points = [graph.position(start), *(leg.to for leg in route.legs)]
     closest_m, closest_to = mission.airspace.track_distance_m(points)
     return {
-        "points": [_degrees(mission.frame, point) for point in points],
+        "points": [degrees(mission.frame, point) for point in points],
         "nodes": [start, *(leg.node for leg in route.legs)],
         "length_m": round(route.length_m, 1),
         "time_s": round(route.length_m / mission.speed_m_s),
@@ -198,7 +183,7 @@ def _places(drawing: Drawing, judgement: Judgement, wrong: set[Keys]) -> Iterabl
                 "kind": "waypoint",
                 "index": numbers[spot.keys],
                 "node": numbers[spot.keys],
-                "at": _degrees(draft.frame, spot.position),
+                "at": degrees(draft.frame, spot.position),
                 "altitude_m": spot.altitude_m,
                 "wrong": spot.keys in wrong,
                 "removable": False,
@@ -252,13 +237,13 @@ def _graph(judgement: Judgement) -> dict[str, Any]:
     if graph is None:
         return {"edges": [], "detours": [], "cut": False}
     detours = list(graph.detours)
-    straight = [[a, b] for a, b in graph.graph.edges if not graph.via(a, b)]
+    straight = [[a, b] for a, b in graph.edges if not graph.via(a, b)]
     frame = graph.mission.frame
     return {
         "edges": straight[:_MOST_EDGES],
         "detours": [
             [
-                _degrees(frame, point)
+                degrees(frame, point)
                 for point in (graph.position(a), *graph.via(a, b), graph.position(b))
             ]
             for a, b in detours[:_MOST_EDGES]
@@ -276,7 +261,7 @@ def _legs(judgement: Judgement) -> list[dict[str, Any]]:
             "from": leg.start,
             "to": leg.end,
             "way": leg.way.value,
-            "points": [_degrees(mission.frame, point) for point in leg.points],
+            "points": [degrees(mission.frame, point) for point in leg.points],
         }
         for leg in judgement.legs
     ]
@@ -297,36 +282,10 @@ def _settings(drawing: Drawing, judgement: Judgement) -> dict[str, Any]:
     }
 
 
-def _outlines(frame: LocalFrame, geometry: BaseGeometry) -> list[Rings]:
-    """Polygons with holes, in degrees."""
-    return [
-        [[_degrees(frame, Point(*xy)) for xy in ring.coords] for ring in _rings(polygon)]
-        for polygon in polygons_of(geometry)
-    ]
-
-
-def _rings(polygon: Polygon) -> Iterable[Any]:
-    return (polygon.exterior, *polygon.interiors)
-
-
-def _degrees(frame: LocalFrame, point: Point) -> Degrees:
-    try:
-        place = [round(value, _DECIMALS) for value in frame.to_geodetic(point)]
-    except FrameError:
-        place = [round(value, _DECIMALS) for value in frame.origin]
-    return list(_beside(frame.origin, (place[0], place[1])))
-
-
 def _on_map(drawing: Drawing, pair: Pair) -> Pair | None:
     """A pair of the file as it is drawn; None if it is not on Earth."""
     place, origin = drawing.geodetic(pair), drawing.sketch.origin
-    return place if place is None or origin is None else _beside(origin, place)
-
-
-def _beside(origin: Pair, place: Pair) -> Pair:
-    """A place with its longitude on the origin's side of the antimeridian: 180.1 beside 179.9."""
-    turns = round((origin[1] - place[1]) / 360)
-    return place if turns == 0 else (place[0], round(place[1] + 360 * turns, _DECIMALS))
+    return place if place is None or origin is None else beside(origin, place)
 
 
 def _node_name(node: int) -> str:

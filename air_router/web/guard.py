@@ -8,12 +8,13 @@ sends must come from a page of ours. On an address that other machines reach, a 
 from __future__ import annotations
 
 import hmac
-import ipaddress
 import secrets
 from collections.abc import Awaitable, Callable
 from urllib.parse import urlsplit
 
 from aiohttp import web
+
+from air_router.loopback import is_loopback
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -86,20 +87,14 @@ async def add_headers(request: web.Request, response: web.StreamResponse) -> Non
         response.headers.setdefault(name, value)
 
 
-def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches the address."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+def cookie_of(port: int) -> str:
+    """What the cookie of a page at that port is called: cookies do not know ports."""
+    return f"air_router_{port}"
 
 
 def _cookie(request: web.Request) -> str:
-    """A name of its own for each port: cookies do not know ports."""
     _, port = _host_of(f"//{request.headers.get('Host', '')}")
-    return f"air_router_{port or 80}"
+    return cookie_of(port or 80)
 
 
 def _host_of(url: str) -> tuple[str | None, int | None]:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from typing import Any
 
-from aiohttp import WSMsgType, web
+from aiohttp import web
 
 from air_router.errors import AirRouterError
 from air_router.web.assets import Assets
+from air_router.web.backdrop import Backdrop
 from air_router.web.guard import TOKEN, Guard, add_headers
-from air_router.web.outbox import Outbox
+from air_router.web.tile_service import TileService
 
 MAX_MESSAGE_BYTES = 64 * 1024
 MAX_PAGES = 32
@@ -23,8 +23,8 @@ _SHUTDOWN_S = 1.0
 _EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - only where the user says so
 _SOMEWHERE = "192.0.2.1"  # kept free for documentation
 
-Receive = Callable[[Outbox, str], None]
-"""Takes what a page has sent."""
+Talk = Callable[[web.Request, web.WebSocketResponse], Awaitable[None]]
+"""Converses with one browser, until it has left."""
 
 
 class ServeError(AirRouterError):
@@ -32,40 +32,48 @@ class ServeError(AirRouterError):
 
 
 class Site:
-    """The page's files, and a socket to every browser that shows it.
+    """The page's files, and sockets to the browsers that show it."""
 
-    `receive` takes a text from a page, `welcome` tells a new page what there is; both are called
-    in the server's event loop and must be quick.
-    """
-
-    def __init__(
-        self,
-        guard: Guard,
-        assets: Assets,
-        start: str,
-        receive: Receive,
-        welcome: Callable[[Outbox], None],
-    ) -> None:
+    def __init__(self, guard: Guard, assets: Assets, start: str) -> None:
         self._guard = guard
         self._assets = assets
         self._start = start
-        self._receive = receive
-        self._welcome = welcome
-        self._outboxes: set[Outbox] = set()
-        self._sockets: set[web.WebSocketResponse] = set()
+        self._sockets: dict[web.WebSocketResponse, str] = {}
         self.app = web.Application(
             middlewares=[guard.middleware], client_max_size=MAX_MESSAGE_BYTES
         )
         self.app.on_response_prepare.append(add_headers)
         self.app.on_shutdown.append(self._hang_up)
-        self.app.add_routes(
-            [web.get("/", self._index), web.get("/socket", self._talk), *assets.routes()]
-        )
+        self.app.add_routes([web.get("/", self._index), *assets.routes()])
 
-    def tell_all(self, kind: str, text: str) -> None:
-        """Send a text to every page; one of its kind that still waits is replaced."""
-        for outbox in self._outboxes:
-            outbox.post(kind, text)
+    def add_socket(self, path: str, talk: Talk) -> None:
+        """Converse with browsers there; before the serving begins."""
+
+        async def answer(request: web.Request) -> web.StreamResponse:
+            return await self._talk(request, talk)
+
+        self.app.add_routes([web.get(path, answer)])
+
+    def add_values(self, path: str, values: Callable[[], dict[str, Any]]) -> None:
+        """Serve what a page reads once, as JSON; before the serving begins."""
+
+        async def answer(request: web.Request) -> web.Response:
+            del request
+            return web.json_response(values(), dumps=as_json)
+
+        self.app.add_routes([web.get(path, answer)])
+
+    def lay_under(self, backdrop: Backdrop) -> None:
+        """Serve the picture that lies under the map; before the serving begins."""
+        if backdrop.tiles is not None:
+            TileService(backdrop.tiles).add_to(self.app)
+            return
+
+        async def picture(request: web.Request) -> web.StreamResponse:
+            del request
+            return web.FileResponse(backdrop.path, headers={"Content-Type": backdrop.kind})
+
+        self.app.add_routes([web.get("/backdrop", picture)])
 
     @asynccontextmanager
     async def serving(self, host: str, port: int) -> AsyncIterator[str]:
@@ -85,8 +93,8 @@ class Site:
             except (OSError, OverflowError) as error:
                 reason = getattr(error, "strerror", None) or str(error)
                 raise ServeError(
-                    f"cannot serve the page on {host}:{port}: {reason}; choose another --port, "
-                    "or 0 for a free one"
+                    f"cannot serve the page on {host}:{port}: {reason}; choose another "
+                    "port, or 0 for a free one"
                 ) from None
             yield self._address(host, runner.addresses[0][1])
         finally:
@@ -101,36 +109,21 @@ class Site:
     async def _index(self, request: web.Request) -> web.Response:
         return await self._assets.page(self._start, request)
 
-    async def _talk(self, request: web.Request) -> web.StreamResponse:
-        if len(self._sockets) >= MAX_PAGES:
+    async def _talk(self, request: web.Request, talk: Talk) -> web.StreamResponse:
+        if list(self._sockets.values()).count(request.path) >= MAX_PAGES:
             raise web.HTTPServiceUnavailable(text="too many pages are open; close one\n")
         socket = web.WebSocketResponse(
             heartbeat=_HEARTBEAT_S, max_msg_size=MAX_MESSAGE_BYTES, compress=False
         )
         if not socket.can_prepare(request):
             raise web.HTTPBadRequest(text="this address is for the page's socket\n")
-        self._sockets.add(socket)
+        self._sockets[socket] = request.path
         try:
             await socket.prepare(request)
-            await self._converse(socket)
+            await talk(request, socket)
         finally:
-            self._sockets.discard(socket)
+            del self._sockets[socket]
         return socket
-
-    async def _converse(self, socket: web.WebSocketResponse) -> None:
-        outbox = Outbox(socket)
-        self._outboxes.add(outbox)
-        sending = asyncio.create_task(outbox.run())
-        try:
-            self._welcome(outbox)
-            async for message in socket:
-                if message.type is not WSMsgType.TEXT:
-                    break
-                self._receive(outbox, message.data)
-        finally:
-            self._outboxes.discard(outbox)
-            sending.cancel()
-            await asyncio.gather(sending, return_exceptions=True)
 
     async def _hang_up(self, app: web.Application) -> None:
         del app

@@ -16,14 +16,14 @@ export class Corners {
     this.store = store;
     this.selection = selection;
     this.group = L.layerGroup().addTo(map);
-    this.dragging = false;
+    this.drags = 0; // whose last edit is not answered yet
     selection.addEventListener("change", () => this.show());
     map.on("zoomend", () => this.show());
   }
 
   /** Make the handles anew, but not under somebody's hand. */
   show() {
-    if (this.dragging) return;
+    if (this.drags > 0) return;
     const keys = this.selection.now?.area;
     const area = keys && this.store.state?.areas.find((one) => same(one.keys, keys));
     const focused = this.group.getLayers().find((one) => one.getElement() === document.activeElement);
@@ -116,7 +116,7 @@ export class Corners {
     let gesture = "";
     let last = Promise.resolve(true);
     marker.on("dragstart", () => {
-      this.dragging = true;
+      this.drags += 1;
       gesture = this.store.gesture();
       begun();
     });
@@ -127,7 +127,7 @@ export class Corners {
     });
     marker.on("dragend", async () => {
       await last;
-      this.dragging = false;
+      this.drags -= 1;
       this.show();
     });
   }

@@ -1,6 +1,7 @@
-// Questions that must be answered before something is done.
+// How the edit page is used.
 
-import { byId, element } from "./element.js";
+import { byId, element } from "/page/element.js";
+import { open } from "/page/question.js";
 
 const KEYS = [
   ["Drag", "moves waypoints, home, rally points; of a selected zone its corners, radius or the whole"],
@@ -17,19 +18,6 @@ const KEYS = [
   ["F, Esc", "show everything; let go"],
 ];
 
-/** Ask a question. @param {string} title @param {string} text
- *  @param {{label: string, value: string, main?: boolean}[]} choices
- *  @returns {Promise<string>} the value of the choice, "" for none */
-export function question(title, text, choices) {
-  const buttons = choices.map(({ label, value, main }) => {
-    const button = element("button", { textContent: label, value, className: main ? "main" : "" });
-    button.addEventListener("click", () => byId("question").close(value));
-    return button;
-  });
-  const sentence = text[0].toUpperCase() + text.slice(1);
-  return open(title, [element("p", { textContent: sentence })], buttons);
-}
-
 /** Say how the page is used. @returns {Promise<string>} */
 export function help() {
   const list = element("dl");
@@ -39,16 +27,4 @@ export function help() {
   const close = element("button", { textContent: "Close", className: "main" });
   close.addEventListener("click", () => byId("question").close(""));
   return open("Editing", [list], [close]);
-}
-
-/** @param {string} title @param {Node[]} body @param {Node[]} buttons @returns {Promise<string>} */
-function open(title, body, buttons) {
-  const dialog = byId("question");
-  const row = element("div", { className: "row" }, ...buttons);
-  dialog.replaceChildren(element("h2", { textContent: title }), ...body, row);
-  dialog.returnValue = "";
-  dialog.showModal();
-  return new Promise((resolve) => {
-    dialog.addEventListener("close", () => resolve(dialog.returnValue), { once: true });
-  });
 }

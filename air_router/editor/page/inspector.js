@@ -1,6 +1,6 @@
 // What is selected, in words and numbers.
 
-import { byId, element, numberField } from "./element.js";
+import { byId, element, numberField } from "/page/element.js";
 import { label } from "./places.js";
 import { cornersOf } from "./selection.js";
 import { same } from "./store.js";

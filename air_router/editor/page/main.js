@@ -1,11 +1,12 @@
 // The edit page: puts its parts together.
 
 import { AirspaceLayer } from "/page/airspace.js";
+import { byId, element } from "/page/element.js";
 import { addBackdrop, createMap } from "/page/map.js";
+import { question } from "/page/question.js";
 import { startTheme, switchTheme } from "/page/theme.js";
 import { Corners } from "./corners.js";
-import { help, question } from "./dialogs.js";
-import { byId, element } from "./element.js";
+import { help } from "./dialogs.js";
 import { Inspector } from "./inspector.js";
 import { startKeyboard } from "./keyboard.js";
 import { Legs } from "./legs.js";
@@ -203,7 +204,7 @@ async function unsaved(error, options) {
 store.addEventListener("state", (event) => show(/** @type {any} */ (event).detail));
 store.addEventListener("setting", (event) => {
   const { backdrop } = /** @type {any} */ (event).detail;
-  if (backdrop && !document.querySelector(".leaflet-backdrop-pane img")) addBackdrop(map, backdrop);
+  if (backdrop) addBackdrop(map, backdrop);
 });
 store.addEventListener("disk", (event) => {
   if (!(/** @type {any} */ (event).detail.changed)) return;

@@ -1,6 +1,6 @@
 // The panel's lists: problems, the mission's numbers, everything that can be selected.
 
-import { byId, element, numberField } from "./element.js";
+import { byId, element, numberField } from "/page/element.js";
 import { label } from "./places.js";
 
 const NUMBERS = [

@@ -70,7 +70,10 @@ export class Places {
         this.selection.choose({ sort: "place", keys: marker.place.keys, area: null });
       });
       marker.on("drag", () => this.move(marker));
-      marker.on("dragend", () => this.move(marker).then(() => this.drop()));
+      marker.on("dragend", () => {
+        const { gesture } = this;
+        this.move(marker).then(() => this.drop(gesture));
+      });
     }
     this.markers.set(key, marker);
     return marker;
@@ -82,7 +85,9 @@ export class Places {
     return this.store.edit({ do: "move", keys: marker.place.keys, to: [lat, lng] }, this.gesture);
   }
 
-  drop() {
+  /** @param {string} gesture that has come to its end; the next one may have begun meanwhile */
+  drop(gesture) {
+    if (gesture !== this.gesture) return;
     this.dragged = null;
     if (this.store.state) this.show(this.store.state.places);
   }

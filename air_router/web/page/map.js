@@ -1,5 +1,6 @@
-// A calm map without tiles: paper, a grid of round metres, a scale, perhaps a picture below.
+// A calm map: paper, a grid of round metres, a scale, perhaps a picture below.
 
+import { element } from "./element.js";
 import { Grid } from "./grid.js";
 
 const L = globalThis.L;
@@ -9,7 +10,7 @@ const PANES = { backdrop: 150, grid: 160, buffers: 360, graph: 380, areas: 400, 
 
 /** @param {HTMLElement} element @returns {any} a Leaflet map */
 export function createMap(element) {
-  L.Projection.SphericalMercator.MAX_LATITUDE = 89.99; // no tiles, so no square world to stay in
+  L.Projection.SphericalMercator.MAX_LATITUDE = 89.99; // missions lie beyond the square world of tiles
   const map = L.map(element, {
     zoomControl: false,
     zoomSnap: 0.1,
@@ -32,10 +33,49 @@ export function createMap(element) {
   return map;
 }
 
-/** Lay a picture under the map.
- *  @param {any} map
- *  @param {{bounds: number[] | null, world: number[] | null}} place in degrees, see the program */
+/** @typedef {{address: string, lowest: number, highest: number, attribution: string}} Tiles
+ *  @typedef {{bounds: number[] | null, world: number[] | null, tiles: Tiles | null}} Place in degrees */
+
+/** What lies under a map, as text, and how to take it away. @type {WeakMap<any, {is: string, remove: () => void}>} */
+const laid = new WeakMap();
+
+/** Lay a picture under the map, instead of another one.
+ *  @param {any} map @param {Place} place see the program */
 export function addBackdrop(map, place) {
+  const is = JSON.stringify(place);
+  if (laid.get(map)?.is === is) return;
+  laid.get(map)?.remove();
+  laid.set(map, { is, remove: place.tiles ? addTiles(map, place.tiles, place.bounds) : addPicture(map, place) });
+}
+
+/** Of the coarsest tiles one more level is drawn; for a whole country there would be too many.
+ *  @param {any} map @param {Tiles} tiles @param {number[] | null} bounds @returns {() => void} */
+function addTiles(map, { address, lowest, highest, attribution }, bounds) {
+  const from = lowest - 1.5; // the map's zoom is no whole number
+  const layer = L.tileLayer(address, {
+    pane: "backdrop",
+    zIndex: -1, // below what robots have painted, whichever comes first
+    bounds: bounds && [bounds.slice(0, 2), bounds.slice(2)],
+    minZoom: from,
+    maxZoom: map.options.maxZoom,
+    minNativeZoom: lowest,
+    maxNativeZoom: highest,
+    errorTileUrl: L.Util.emptyImageUrl,
+  }).addTo(map);
+  const control = L.control.attribution({ prefix: false }).addTo(map);
+  if (attribution) control.addAttribution(element("span", { textContent: attribution }).innerHTML);
+  const tell = () => control.setPrefix(map.getZoom() < from && "zoom in for the picture");
+  map.on("zoomend", tell);
+  tell();
+  return () => {
+    map.off("zoomend", tell);
+    for (const part of [layer, control]) part.remove();
+  };
+}
+
+/** @param {any} map @param {Place} place @returns {() => void} */
+function addPicture(map, place) {
+  let overlay = null;
   const picture = new Image();
   picture.onload = () => {
     let [south, west, north, east] = place.bounds ?? [0, 0, 0, 0];
@@ -46,9 +86,13 @@ export function addBackdrop(map, place) {
       east = west + perColumn * picture.naturalWidth;
       south = north + perRow * picture.naturalHeight;
     }
-    L.imageOverlay(picture, [[south, west], [north, east]], { pane: "backdrop" }).addTo(map);
+    overlay = L.imageOverlay(picture, [[south, west], [north, east]], { pane: "backdrop", zIndex: -1 }).addTo(map);
   };
   picture.src = "/backdrop";
+  return () => {
+    picture.onload = null;
+    overlay?.remove();
+  };
 }
 
 /** @param {number[]} from @param {number} eastM @param {number} northM @returns {number[]} */

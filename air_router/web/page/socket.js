@@ -1,7 +1,10 @@
 // The page's connection to the program: comes back by itself, matches answers to questions.
 
 const FIRST_RETRY_MS = 300;
-const LAST_RETRY_MS = 5000;
+const LAST_RETRY_MS = 2000;
+
+/** Why a program is gone that does not say why. */
+export const NO_ANSWER = "does not answer";
 
 /** What the program refused, and why. */
 export class Refusal extends Error {
@@ -14,11 +17,16 @@ export class Refusal extends Error {
 
 export class Link {
   /** @param {(message: any) => void} receive takes what is no answer
-   *  @param {(connected: boolean) => void} changed is told when the connection comes or goes */
-  constructor(receive, changed) {
+   *  @param {(connected: boolean, why: string) => void} changed is told when the program is there (it has said
+   *    something) or gone, and why
+   *  @param {string} [path] where its socket is */
+  constructor(receive, changed, path = "/socket") {
     this.receive = receive;
     this.changed = changed;
+    this.path = path;
     this.retryMs = FIRST_RETRY_MS;
+    this.sinceMs = Infinity;
+    this.dropped = false;
     this.next = 1;
     /** @type {Map<number, {resolve: (answer: any) => void, reject: (error: Error) => void}>} */
     this.open = new Map();
@@ -27,15 +35,25 @@ export class Link {
 
   connect() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/socket`);
+    const socket = new WebSocket(`${scheme}://${location.host}${this.path}`);
     this.socket = socket;
-    socket.onopen = () => {
-      this.retryMs = FIRST_RETRY_MS;
-      this.changed(true);
+    this.sinceMs = Infinity;
+    this.dropped = false;
+    socket.onmessage = (event) => {
+      const message = read(event.data);
+      if (!message) {
+        this.drop();
+        return;
+      }
+      if (this.sinceMs === Infinity) {
+        this.sinceMs = performance.now();
+        this.changed(true, "");
+      }
+      this.take(message);
     };
-    socket.onmessage = (event) => this.take(JSON.parse(event.data));
-    socket.onclose = () => {
-      this.changed(false);
+    socket.onclose = (event) => {
+      if (performance.now() - this.sinceMs > LAST_RETRY_MS) this.retryMs = FIRST_RETRY_MS; // it was really there
+      this.changed(false, this.dropped ? "is not understood" : event.reason || NO_ANSWER);
       for (const { reject } of this.open.values()) {
         reject(new Refusal("gone", "the program does not answer"));
       }
@@ -43,6 +61,12 @@ export class Link {
       setTimeout(() => this.connect(), this.retryMs);
       this.retryMs = Math.min(this.retryMs * 2, LAST_RETRY_MS);
     };
+  }
+
+  /** What it says is not understood: perhaps later. */
+  drop() {
+    this.dropped = true;
+    this.socket.close();
   }
 
   /** @param {any} message */
@@ -67,5 +91,15 @@ export class Link {
       this.open.set(id, { resolve, reject });
       this.socket.send(JSON.stringify({ ...request, id }));
     });
+  }
+}
+
+/** @param {any} data @returns {any} the message, null if it is none */
+function read(data) {
+  try {
+    const message = JSON.parse(data);
+    return typeof message === "object" ? message : null;
+  } catch {
+    return null;
   }
 }

@@ -8,6 +8,11 @@ export function element(tag, properties = {}, ...children) {
   return made;
 }
 
+/** Show a text, unless it stands there already. @param {any} shown @param {string} text */
+export function setText(shown, text) {
+  if (shown.textContent !== text) shown.textContent = text;
+}
+
 /** @param {string} id @returns {any} */
 export function byId(id) {
   return document.getElementById(id);

@@ -1,4 +1,4 @@
-"""A picture that lies under the map: an aerial photograph, a site plan."""
+"""A picture that lies under the map: an aerial photograph, a site plan, or one in tiles."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from air_router.errors import UsageError
+from air_router.web.tile_file import Bounds, TileFile
 
 _KINDS = {
     ".png": "image/png",
@@ -15,6 +16,7 @@ _KINDS = {
     ".webp": "image/webp",
     ".gif": "image/gif",
 }
+_TILES = ".mbtiles"
 _MOST_BYTES = 64 * 1024 * 1024
 _WORLD_LINES = 6
 
@@ -24,30 +26,40 @@ class Backdrop:
     """A picture, and where it lies, in degrees.
 
     Attributes:
-        path: The picture.
-        kind: Its media type.
-        bounds: South, west, north and east border; None if a world file says where it lies.
+        path: The picture, or the file with its tiles.
+        kind: Its media type, or that of its tiles.
+        bounds: South, west, north and east border; None if a world file says where it lies, or
+            tiles do.
         world: Degrees per pixel to the east and to the south (negative), and longitude and
             latitude of the centre of the upper left pixel.
+        tiles: What the file has; None if it is one picture.
     """
 
     path: Path
     kind: str
-    bounds: tuple[float, float, float, float] | None
+    bounds: Bounds | None
     world: tuple[float, float, float, float] | None
+    tiles: TileFile | None = None
 
     @classmethod
     def of(cls, path: Path, bounds: str | None) -> Backdrop:
         """A picture with its bounds "S,W,N,E", or with a world file (.pgw, .jgw, .wld) beside it.
 
+        Tiles (.mbtiles) lie where they lie, and take no bounds.
+
         Raises:
             UsageError: it is no picture, or it is not known where it lies.
         """
-        kind = _KINDS.get(path.suffix.lower())
-        if kind is None:
-            raise UsageError(f"{path} is not a picture that a browser shows; use PNG, JPEG or WebP")
+        suffix = path.suffix.lower()
+        kind = _KINDS.get(suffix)
+        if kind is None and suffix != _TILES:
+            raise UsageError(
+                f"{path} is not a picture that a browser shows; use PNG, JPEG, WebP or MBTiles"
+            )
         if not path.is_file():
             raise UsageError(f"there is no picture {path}; correct the path")
+        if kind is None:
+            return cls._of_tiles(path, bounds)
         if path.stat().st_size > _MOST_BYTES:
             raise UsageError(f"{path} is larger than 64 MiB; make it smaller")
         if bounds is not None:
@@ -55,17 +67,35 @@ class Backdrop:
         world = _world_file(path)
         if world is None:
             raise UsageError(
-                f"where does {path.name} lie? add --image-bounds S,W,N,E in degrees, or a world "
-                f"file {path.with_suffix('.wld').name} beside it"
+                f"where does {path.name} lie? add its bounds S,W,N,E in degrees (--image-bounds or "
+                f"--web-image-bounds), or a world file {path.with_suffix('.wld').name} beside it"
             )
         return cls(path, kind, None, _world(world))
 
+    @classmethod
+    def _of_tiles(cls, path: Path, bounds: str | None) -> Backdrop:
+        if bounds is not None:
+            raise UsageError(
+                f"{path} says itself where its tiles lie: leave out its bounds (--image-bounds or "
+                "--web-image-bounds)"
+            )
+        tiles = TileFile.read(path)
+        return cls(path, tiles.kind, tiles.bounds, None, tiles)
+
     def view(self) -> dict[str, Any]:
         """For the page, which knows how many pixels the picture has."""
-        return {"bounds": self.bounds, "world": self.world}
+        tiles = None
+        if self.tiles is not None:
+            tiles = {
+                "address": f"/backdrop/{self.tiles.tag}/{{z}}/{{x}}/{{y}}",
+                "lowest": self.tiles.lowest,
+                "highest": self.tiles.highest,
+                "attribution": self.tiles.attribution,
+            }
+        return {"bounds": self.bounds, "world": self.world, "tiles": tiles}
 
 
-def _bounds(text: str) -> tuple[float, float, float, float]:
+def _bounds(text: str) -> Bounds:
     try:
         south, west, north, east = (float(word) for word in text.split(","))
     except ValueError:

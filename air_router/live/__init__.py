@@ -1,0 +1,1 @@
+"""The map page of a flight that is under way."""

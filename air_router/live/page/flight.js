@@ -1,0 +1,155 @@
+// One flight: the connection to it, what it has told last, and what of it is always on the map.
+
+import { Link, NO_ANSWER } from "/page/socket.js";
+import { Links } from "./links.js";
+import { checkPlace, checkPlaces } from "./places.js";
+import { boundsOf } from "./scenery.js";
+import { Vehicle } from "./vehicle.js";
+
+const COLOURS = 6;
+/** What comes often is shown once a frame, the newest only. */
+const OFTEN = ["vehicle", "robots", "links"];
+
+/** @typedef {{told: (flight: Flight, message: any) => void, due: () => void, pressed: (flight: Flight) => void,
+ *   connected: (flight: Flight) => void}} Watcher is told of messages, that a frame is due, of clicks, of connections */
+
+export class Flight {
+  /** @param {any} map @param {any} svg @param {import("./ground.js").Grounds} grounds
+   *  @param {{name: string, socket: string}} where
+   *  @param {number} number counted from 1; 0 for the only one @param {Watcher} watcher */
+  constructor(map, svg, grounds, where, number, watcher) {
+    this.name = where.name;
+    this.colour = number ? `uav${((number - 1) % COLOURS) + 1}` : "";
+    this.watcher = watcher;
+    this.grounds = grounds;
+    this.ground = null;
+    this.shape = new Vehicle(map, svg, this.colour, () => watcher.pressed(this));
+    this.lines = new Links(map, svg);
+    /** @type {any} */
+    this.scenery = null;
+    this.bounds = null;
+    /** @type {any} */
+    this.vehicle = null;
+    /** @type {import("./robots.js").Told[]} */
+    this.robots = [];
+    /** @type {any[]} */
+    this.links = [];
+    this.charts = {};
+    this.playback = null;
+    this.connected = false;
+    this.why = "";
+    this.goneMs = performance.now();
+    /** @type {Map<string, any>} */
+    this.newest = new Map();
+    this.link = new Link((message) => this.receive(message), (...now) => this.changed(...now), where.socket);
+  }
+
+  /** How long it has not told anything, if it is gone. */
+  get goneForS() {
+    return this.connected ? 0 : (performance.now() - this.goneMs) / 1000;
+  }
+
+  /** Whether it is over. */
+  get isOver() {
+    return this.vehicle?.state === "DONE";
+  }
+
+  /** Whether it should be there and is not; one that has not come yet may still come. */
+  get isLost() {
+    return !this.connected && !this.isOver && (this.vehicle ? this.why : this.why && this.why !== NO_ANSWER);
+  }
+
+  /** @param {any} message */
+  receive(message) {
+    if (OFTEN.includes(message.type)) {
+      this.newest.set(message.type, message);
+      this.watcher.due();
+    } else {
+      this.understand(message);
+    }
+  }
+
+  /** Take what came since the last frame. @returns {string[]} of which kinds it was */
+  catchUp() {
+    const messages = [...this.newest.values()];
+    this.newest.clear();
+    messages.forEach((message) => this.understand(message));
+    return messages.map((message) => message.type);
+  }
+
+  /** Nonsense must not cost the other flights anything. @param {any} message */
+  understand(message) {
+    try {
+      this.take(message);
+      this.watcher.told(this, message);
+    } catch (error) {
+      console.error(error);
+      this.link.drop();
+    }
+  }
+
+  /** @param {any} message */
+  take(message) {
+    switch (message.type) {
+      case "welcome": // everything that is known follows
+        this.robots = [];
+        this.shape.forget();
+        this.lines.forget();
+        break;
+      case "scenery":
+        message.places.forEach(({ at }) => checkPlace(at));
+        checkPlaces([message.edges, message.areas.map(({ outline, buffers }) => [outline, buffers])]);
+        this.scenery = message;
+        this.bounds = boundsOf(message);
+        break;
+      case "vehicle":
+        checkPlaces(message.route);
+        if (message.at !== null) checkPlace(message.at);
+        this.vehicle = message;
+        this.name = String(message.name);
+        this.shape.show(message);
+        break;
+      case "robots":
+        message.robots.forEach(({ at }) => checkPlace(at));
+        checkPlaces(message.robots.map(({ way }) => way));
+        this.robots = message.robots;
+        break;
+      case "links":
+        this.links = message.links;
+        this.lines.show(message.links);
+        break;
+      case "track":
+        message.points.forEach(checkPlace);
+        this.shape.addTrack(message);
+        break;
+      case "map":
+        message.bounds.forEach(checkPlace);
+        this.ground = this.grounds.show(this, message);
+        break;
+      case "piece":
+        this.ground?.add(message);
+        break;
+      case "charts":
+        this.charts = message.charts;
+        break;
+      case "playback":
+        this.playback = message;
+        break;
+      default: // for the watcher
+    }
+  }
+
+  /** @param {boolean} chosen whether the panel tells of it */
+  choose(chosen) {
+    this.shape.choose(chosen);
+    this.lines.choose(chosen);
+  }
+
+  /** @param {boolean} connected @param {string} why it is not */
+  changed(connected, why) {
+    if (this.connected && !connected) this.goneMs = performance.now();
+    this.connected = connected;
+    this.why = why;
+    this.watcher.connected(this);
+  }
+}

@@ -1,0 +1,170 @@
+// The live page: puts its parts together.
+
+import { byId } from "/page/element.js";
+import { addBackdrop, createMap } from "/page/map.js";
+import { startTheme, switchTheme } from "/page/theme.js";
+import { Film } from "./film.js";
+import { Flight } from "./flight.js";
+import { Grounds } from "./ground.js";
+import { News } from "./news.js";
+import { Panel } from "./panel.js";
+import { Robots } from "./robots.js";
+import { Scenery } from "./scenery.js";
+import { Tabs } from "./tabs.js";
+import { Verbs } from "./verbs.js";
+
+const L = globalThis.L;
+const TOAST_MS = 8000;
+const RETRY_MS = 2000;
+
+startTheme();
+const map = createMap(byId("map"));
+map.setView([0, 0], 2, { animate: false });
+const svg = L.svg({ pane: "route" });
+const scenery = new Scenery(map);
+const news = new News();
+const panel = new Panel((robot) => verbs.seek(robot));
+const verbs = new Verbs(map, () => chosen, say);
+const film = new Film(() => chosen.link);
+let touched = false;
+let following = false;
+let toastTimer = 0;
+let isDue = false;
+
+const shown = await listing();
+const isOne = shown.flights.length === 1;
+const watcher = { told, due, pressed: (flight) => verbs.choosing || choose(flight), connected };
+const grounds = new Grounds(map);
+/** @type {Flight[]} */
+const flights = shown.flights.map(
+  (where, index) => new Flight(map, svg, grounds, where, isOne ? 0 : index + 1, watcher),
+);
+let chosen = flights[0];
+const robots = new Robots(map, svg);
+const tabs = isOne ? null : new Tabs(flights, choose);
+document.body.classList.toggle("several", !isOne);
+if (shown.backdrop) addBackdrop(map, shown.backdrop);
+if (!isOne) choose(chosen);
+
+/** What flights there are. @returns {Promise<{flights: {name: string, socket: string}[], backdrop?: any}>} */
+async function listing() {
+  for (;;) {
+    try {
+      const answer = await fetch("/flights");
+      if (answer.ok) return await answer.json();
+    } catch {
+      // the program is gone just now
+    }
+    byId("gone").hidden = false;
+    await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+  }
+}
+
+/** What a flight tells beside what it draws itself. @param {Flight} flight @param {any} message */
+function told(flight, message) {
+  if (message.type === "news") news.add(flight, message);
+  if (message.type === "welcome") welcomed(flight, message);
+  if (message.type === "scenery" && !flight.seen && !touched) fit();
+  flight.seen ||= message.type === "scenery";
+  if (flight !== chosen) return;
+  if (message.type === "scenery") scenery.show(message);
+  if (message.type === "vehicle") panel.showVehicle(message);
+  if (message.type === "vehicle" && following && message.at) map.panTo(message.at, { animate: false });
+  if (message.type === "robots") panel.showRobots(message.robots);
+  if (message.type === "links") panel.showLinks(message.links);
+  if (message.type === "charts") panel.showCharts(message.charts);
+  if (message.type === "playback") film.show(message);
+}
+
+/** @param {Flight} flight @param {{backdrop: any}} welcome */
+function welcomed(flight, { backdrop }) {
+  news.forget(flight);
+  // A page for several has a picture of its own, or none.
+  if (shown.backdrop === undefined && backdrop) addBackdrop(map, backdrop);
+}
+
+/** Something is to be shown with the next frame. */
+function due() {
+  if (!isDue) requestAnimationFrame(show);
+  isDue = true;
+}
+
+function show() {
+  isDue = false;
+  for (const flight of flights) flight.catchUp();
+  robots.show(flights);
+  const vehicles = new Map(flights.map((flight) => [flight.name, flight.shape.at]));
+  const placeOf = (peer) => vehicles.get(peer) ?? robots.shown.get(peer)?.at;
+  for (const flight of flights) flight.lines.draw(flight.shape.at, placeOf);
+  tabs?.show(chosen);
+}
+
+/** A flight has come, or is gone. @param {Flight} flight */
+function connected(flight) {
+  if (!isOne && flight === chosen && !flight.vehicle) panel.show(flight);
+  const lost = flights.filter((flight) => (isOne ? !flight.connected : flight.isLost));
+  byId("gone").hidden = lost.length === 0;
+  if (!isOne && lost.length) {
+    const who = lost.map((flight) => `${flight.name} ${flight.why}`).join("; ");
+    byId("gone").textContent = `${who}. What comes back is shown again.`;
+  }
+  due();
+}
+
+/** Tell of one flight in the panel, and ask it; its scenery is drawn. @param {Flight} flight */
+function choose(flight) {
+  if (verbs.choosing && flight !== chosen) verbs.stop(); // the points were for another one
+  chosen = flight;
+  for (const each of flights) each.choose(each === flight);
+  tabs?.show(flight);
+  tabs?.reveal(flight);
+  if (following && flight.shape.at) map.panTo(flight.shape.at, { animate: false });
+  if (flight.scenery) scenery.show(flight.scenery);
+  panel.show(flight);
+  film.show(flight.playback);
+}
+
+/** Show all missions. */
+function fit() {
+  const bounds = flights.reduce((all, flight) => (flight.bounds ? all.extend(flight.bounds) : all), L.latLngBounds([]));
+  if (!bounds.isValid()) return;
+  follow(false);
+  const small = innerWidth <= 760;
+  const above = isOne ? 0 : byId("flights").offsetHeight + 8;
+  const room = small
+    ? { paddingTopLeft: [20, 80 + above], paddingBottomRight: [20, innerHeight * 0.4] }
+    : { paddingTopLeft: [30, 90 + above], paddingBottomRight: [byId("panel").offsetWidth + 40, 40] };
+  map.fitBounds(bounds.pad(0.02), { ...room, maxZoom: 21, animate: false });
+}
+
+/** @param {boolean} on */
+function follow(on) {
+  following = on;
+  byId("follow").setAttribute("aria-pressed", String(on));
+}
+
+/** @param {string} text @param {boolean} [stays] */
+function say(text, stays = false) {
+  clearTimeout(toastTimer);
+  byId("hint").hidden = !text;
+  byId("hint").textContent = text;
+  if (text && !stays) toastTimer = setTimeout(() => say(""), TOAST_MS);
+}
+
+for (const kind of ["pointerdown", "wheel", "keydown"]) {
+  map.getContainer().addEventListener(kind, () => (touched = true), { passive: true });
+}
+map.on("dragstart", () => follow(false));
+map.on("mousemove", ({ latlng }) => {
+  byId("pointer").textContent = `${latlng.lat.toFixed(7)}, ${latlng.wrap().lng.toFixed(7)}`;
+});
+byId("theme").addEventListener("click", switchTheme);
+byId("fit").addEventListener("click", fit);
+byId("follow").addEventListener("click", () => {
+  touched = true;
+  follow(!following);
+});
+byId("hold-all").addEventListener("click", () => verbs.holdAll(flights));
+document.addEventListener("keydown", (event) => {
+  if (event.key.toLowerCase() === "f" && !event.ctrlKey && !document.querySelector("dialog[open]")) fit();
+});

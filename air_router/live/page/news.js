@@ -1,0 +1,47 @@
+// The news of all flights, the newest first.
+
+import { byId, element } from "/page/element.js";
+
+const MOST_NEWS = 200;
+
+export class News {
+  constructor() {
+    /** Of each flight how many lines there are, and when the last one was.
+     *  @type {Map<import("./flight.js").Flight, {n: number, atMs: number}>} */
+    this.newest = new Map();
+    /** @type {{item: any, flight: import("./flight.js").Flight, atMs: number}[]} */
+    this.shown = [];
+  }
+
+  /** Vehicles' clocks differ: what is told to a new page is put in by how long ago it was, all else is new.
+   *  @param {import("./flight.js").Flight} flight
+   *  @param {{now_s: number, lines: {n: number, t: number, kind: string, text: string}[]}} news */
+  add(flight, { now_s: nowS, lines }) {
+    const before = this.newest.get(flight);
+    const last = before ?? { n: 0, atMs: 0 };
+    for (const line of lines.filter((one) => one.n > last.n)) {
+      last.n = line.n;
+      last.atMs = Math.max(last.atMs, Date.now() - (before ? 0 : (nowS - line.t) * 1000));
+      const when = element("small", { textContent: `${line.t.toFixed(0)} s ` });
+      const who = flight.colour ? [element("b", { className: flight.colour, textContent: `${flight.name} ` })] : [];
+      this.insert({ item: element("li", { className: line.kind }, when, ...who, line.text), flight, atMs: last.atMs });
+    }
+    this.newest.set(flight, last);
+    for (const { item } of this.shown.splice(MOST_NEWS)) item.remove();
+  }
+
+  /** @param {{item: any, flight: import("./flight.js").Flight, atMs: number}} line */
+  insert(line) {
+    const found = this.shown.findIndex(({ atMs }) => atMs <= line.atMs);
+    const place = found < 0 ? this.shown.length : found;
+    byId("news").insertBefore(line.item, this.shown[place]?.item ?? null);
+    this.shown.splice(place, 0, line);
+  }
+
+  /** Everything anew: another program runs there now. @param {import("./flight.js").Flight} flight */
+  forget(flight) {
+    this.newest.delete(flight);
+    for (const line of this.shown) if (line.flight === flight) line.item.remove();
+    this.shown = this.shown.filter((line) => line.flight !== flight);
+  }
+}

@@ -1,0 +1,129 @@
+// What the operator can ask for, with a question before it is done; only a hold comes at once.
+
+import { byId } from "/page/element.js";
+import { question } from "/page/question.js";
+
+const L = globalThis.L;
+const SURE = {
+  resume: ["Go on?", "the vehicle goes on with what it did before.", "Resume"],
+  explore: ["Explore?", "the vehicle flies on to the next waypoint.", "Explore"],
+  home: ["Come home?", "the mission ends: the vehicle flies home along the graph, and lands.", "Come home"],
+};
+
+export class Verbs {
+  /** @param {any} map @param {() => import("./flight.js").Flight} chosen whom requests go to
+   *  @param {(text: string, stays?: boolean) => void} say */
+  constructor(map, chosen, say) {
+    this.map = map;
+    this.chosen = chosen;
+    this.say = say;
+    /** @type {any[]} */
+    this.wanted = [];
+    this.choosing = false;
+    for (const button of document.querySelectorAll("[data-verb]")) {
+      button.addEventListener("click", () => this.pressed(button.dataset.verb));
+    }
+    map.on("click", ({ latlng }) => this.choosing && this.add(latlng));
+    document.addEventListener("keydown", (event) => {
+      if (!this.choosing || document.querySelector("dialog[open]")) return;
+      if (event.key === "Escape") this.stop();
+      if (event.key !== "Enter" || !this.wanted.length) return;
+      event.preventDefault(); // or the button that was pressed last is pressed again
+      this.fly();
+    });
+  }
+
+  /** @param {string} verb */
+  async pressed(verb) {
+    if (verb === "goto") {
+      if (this.choosing && this.wanted.length) await this.fly();
+      else if (this.choosing) this.stop();
+      else this.choose();
+    } else {
+      const flight = this.chosen();
+      if (verb === "hold" || (await sure(flight, ...SURE[verb]))) await this.ask(flight, { request: verb });
+    }
+  }
+
+  /** @param {string} robot */
+  async seek(robot) {
+    const flight = this.chosen();
+    const what = `the vehicle leaves what it does and flies to where ${robot} should be.`;
+    if (await sure(flight, `Seek ${robot} now?`, what, "Seek")) await this.ask(flight, { request: "seek", robot });
+  }
+
+  /** All of them hold, and those that are gone are named. @param {import("./flight.js").Flight[]} flights */
+  async holdAll(flights) {
+    this.stop();
+    const answers = await Promise.all(flights.map((flight) => answerOf(flight, { request: "hold" })));
+    this.say(answers.join(" "));
+  }
+
+  choose() {
+    this.mark(true);
+    this.say("Click where to fly; more clicks, more points. Press the button again (or Enter) to fly there, Esc to let it be.", true);
+  }
+
+  /** @param {any} latlng */
+  add(latlng) {
+    const html = String(this.wanted.length + 1);
+    const icon = L.divIcon({ className: "wanted", iconSize: [24, 24], html });
+    this.wanted.push(L.marker(latlng, { icon, interactive: false }).addTo(this.map));
+    byId("verbs").querySelector('[data-verb="goto"]').textContent = "Fly there";
+  }
+
+  async fly() {
+    if (!this.wanted.length) return;
+    const points = this.wanted.map((marker) => marker.getLatLng().wrap()).map(({ lat, lng }) => [lat, lng]);
+    const what = points.length === 1 ? "the point" : `${points.length} points`;
+    const flight = this.chosen();
+    if (await sure(flight, "Fly there?", `the vehicle flies to ${what}, hovers, and explores on.`, "Fly")) {
+      await this.ask(flight, { request: "goto", points });
+    }
+    this.stop();
+  }
+
+  stop() {
+    for (const marker of this.wanted) marker.remove();
+    this.wanted = [];
+    this.mark(false);
+  }
+
+  /** @param {boolean} choosing */
+  mark(choosing) {
+    this.choosing = choosing;
+    const button = byId("verbs").querySelector('[data-verb="goto"]');
+    button.setAttribute("aria-pressed", String(choosing));
+    button.textContent = "Go to …";
+    this.map.getContainer().classList.toggle("drawing", choosing);
+    if (!choosing) this.say("");
+  }
+
+  /** @param {import("./flight.js").Flight} flight @param {object} request */
+  async ask(flight, request) {
+    const answer = await answerOf(flight, request);
+    setTimeout(() => this.say(answer)); // after what stops choosing
+  }
+}
+
+/** @param {import("./flight.js").Flight} flight @returns {string} whom this is about, if there are several */
+function who(flight) {
+  return flight.colour ? `${flight.name}: ` : "";
+}
+
+/** @param {import("./flight.js").Flight} flight @param {object} request @returns {Promise<string>} */
+async function answerOf(flight, request) {
+  try {
+    const answer = await flight.link.ask(request);
+    return `${who(flight)}${answer.accepted ? "Accepted" : "Refused"}: ${answer.why}.`;
+  } catch (error) {
+    return `${who(flight)}${/** @type {Error} */ (error).message}`;
+  }
+}
+
+/** @param {import("./flight.js").Flight} flight
+ *  @param {string} title @param {string} text @param {string} label @returns {Promise<boolean>} */
+async function sure(flight, title, text, label) {
+  const choices = [{ label: "Cancel", value: "" }, { label, value: "yes", main: true }];
+  return (await question(`${who(flight)}${title}`, text, choices)) === "yes";
+}

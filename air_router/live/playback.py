@@ -1,0 +1,203 @@
+"""Shows a recorded flight on the live page: its decisions run again, at any speed.
+
+Events come out of the record at their time and go to a fresh controller, as in a replay; what it
+decides is shown, and whatever it says of itself (states, times left, routes) is its own again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+from air_router.actions import PublishMap
+from air_router.errors import RefusedError
+from air_router.events import CommandConfirmed, CommandFailed
+from air_router.gossip import MAP_INTERVAL_S
+from air_router.live.server import TICK_S, LivePage
+from air_router.mapper import Mapper
+from air_router.vehicle import Telemetry
+from air_router.wish import WishError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from air_router.controller import Controller
+    from air_router.flight_setup import FlightSetup
+    from air_router.log import Entry
+    from air_router.page import Web
+    from air_router.wish import Wish
+    from mocha_link.metrics import LinkMetrics
+
+MOST_SPEED: Final = 100.0
+_STEPS: Final = 400
+"""So many entries are gone through before browsers are served again."""
+
+
+class _Closed:
+    """The desk of a flight that is over."""
+
+    def grant(self, wish: Wish, by: str) -> dict[str, Any]:
+        """Nothing can be asked of it."""
+        del wish, by
+        raise WishError("this flight is over: it is shown from its record")
+
+
+class Film:
+    """A recorded flight, as far as it was gone through.
+
+    Attributes:
+        controller: Decides again what it decided.
+        mapper: The map as it grew.
+        links: What the node measured last.
+        now_s: How far it is, on the vehicle's clock; `begin_s` and `end_s`: from where to where.
+
+    Raises:
+        RefusedError: the record has no setup, or no event.
+    """
+
+    def __init__(self, entries: Iterable[Entry]) -> None:
+        self._entries = [
+            entry
+            for entry in entries
+            if entry.kind in {"setup", "event", "action", "note", "link", "patch"}
+        ]
+        times = [entry.t for entry in self._entries if entry.kind == "event"]
+        setups = [entry.value for entry in self._entries if entry.kind == "setup"]
+        if not setups or not times:
+            raise RefusedError("there is no flight in the record that could be shown")
+        self._setup: FlightSetup = setups[0]
+        self.begin_s, self.end_s = times[0], max(times)
+        self.controller: Controller
+        self.rewind()
+
+    @property
+    def name(self) -> str:
+        """The vehicle's."""
+        return self._setup.name
+
+    def rewind(self) -> None:
+        """Back to the beginning."""
+        self.controller = self._setup.controller()
+        self.mapper = Mapper(self._setup.mission)
+        self.links: Mapping[str, LinkMetrics] = {}
+        self.now_s = self.begin_s
+        self._next = 0
+        self._published_s = -math.inf
+        self._left = False
+        self._motions: deque[tuple[Any, Any]] = deque(maxlen=100)
+        self._decided: deque[Any] = deque()
+
+    def go_on(self, until_s: float, page: LivePage, most: int = _STEPS) -> bool:
+        """Go through the record up to a time; False if there was too much for once."""
+        for _ in range(most):
+            if self._next >= len(self._entries) or self._entries[self._next].t > until_s:
+                self.now_s = min(max(self.now_s, until_s), self.end_s)
+                return True
+            entry = self._entries[self._next]
+            self._next += 1
+            if math.isfinite(entry.t):
+                self.now_s = min(max(self.now_s, entry.t), self.end_s)
+            self._take(entry, page)
+        return False
+
+    def _take(self, entry: Entry, page: LivePage) -> None:
+        match entry.kind:
+            case "event" if not self._left:
+                self._decide(entry, page)
+            case "action" if self._decided:
+                self._motions.append((entry.value, self._decided.popleft()))
+            case "note" if entry.value.name == "Reaction":
+                self.controller.navigator.reaction_s = entry.value.fields["reaction_s"]
+            case "note" if entry.value.name == "LetGo":
+                self._left = True
+            case "link":
+                self.links = {**self.links, entry.value.peer: entry.value}
+                page.measured(self.links)
+            case "patch":
+                self.mapper.paint(entry.value)
+
+    def _decide(self, entry: Entry, page: LivePage) -> None:
+        event = entry.value
+        page.event(event, entry.t)
+        if isinstance(event, CommandConfirmed | CommandFailed):
+            # Of motions that are alike the controller knows its own: the object counts.
+            own = [mine for theirs, mine in self._motions if theirs is event.action]
+            event = dataclasses.replace(event, action=own[-1]) if own else event
+        self._decided = deque(self.controller.handle(event, entry.t))
+        for action in self._decided:
+            page.action(action, entry.t)
+        due = isinstance(event, Telemetry) and entry.t - self._published_s >= MAP_INTERVAL_S
+        if due or any(isinstance(action, PublishMap) for action in self._decided):
+            self._published_s = entry.t
+            self.mapper.publish(entry.t)
+
+
+class Playback:
+    """Plays a film on a page; whoever looks may pause, go elsewhere, go faster."""
+
+    def __init__(self, film: Film, web: Web, *, speed: float = 1.0) -> None:
+        self._film = film
+        self._speed = speed
+        self._paused = False
+        self._wanted_s: float | None = None
+        mission = dataclasses.replace(film.controller.mission, uav=film.name or None)
+        self._page = LivePage(
+            mission,
+            film.controller,
+            _Closed(),
+            lambda: film.links,
+            mapper=film.mapper,
+            host=web.host,
+            port=web.port,
+            backdrop=web.backdrop,
+        )
+        self._page.steer = self._steer
+
+    async def run(self, say: Callable[[str], None]) -> None:
+        """Play until cancelled.
+
+        Raises:
+            ServeError: the address is taken, or none of this machine's.
+        """
+        film, page = self._film, self._page
+        async with page.serving(say):
+            while True:
+                if self._wanted_s is not None and self._wanted_s < film.now_s:
+                    film.rewind()
+                    page.restart(film.controller, film.mapper)
+                step_s = 0.0 if self._paused else TICK_S * self._speed
+                until_s = film.now_s + step_s if self._wanted_s is None else self._wanted_s
+                if film.go_on(until_s, page):
+                    self._wanted_s = None
+                    self._tell()
+                    await asyncio.sleep(TICK_S)
+                await asyncio.sleep(0)
+
+    def _tell(self) -> None:
+        film = self._film
+        self._page.tell(
+            "playback",
+            {
+                "begin_s": round(film.begin_s, 1),
+                "end_s": round(film.end_s, 1),
+                "now_s": round(film.now_s, 1),
+                "speed": self._speed,
+                "paused": self._paused,
+            },
+        )
+
+    def _steer(self, values: dict[str, Any]) -> dict[str, Any]:
+        match values:
+            case {"ask": "pause", "paused": bool(paused)}:
+                self._paused = paused
+            case {"ask": "speed", "speed": int() | float() as speed} if 0 < speed <= MOST_SPEED:
+                self._speed = float(speed)
+            case {"ask": "go", "to_s": int() | float() as to_s} if math.isfinite(to_s):
+                self._wanted_s = min(max(float(to_s), self._film.begin_s), self._film.end_s)
+            case _:
+                raise WishError("the page asks for something that is not known; load it again")
+        return {}

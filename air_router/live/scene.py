@@ -1,0 +1,242 @@
+"""What moves on the live page, put together from the events and actions that are recorded.
+
+Pure: what a flight hands in as it happens, a recorded flight can hand in again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from air_router.actions import Announce, Answered, Finish, StateChanged
+from air_router.events import RobotPath, RobotPose
+from air_router.vehicle import Telemetry
+from air_router.web.outlines import degrees
+from mocha_link.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
+
+if TYPE_CHECKING:
+    from air_router.actions import Action
+    from air_router.controller import Controller
+    from air_router.events import Event
+    from air_router.mission import Mission
+    from geo.frame import Point
+    from mocha_link.metrics import LinkMetrics
+
+TRACK_STEP_M: Final = 0.5
+"""Positions nearer than this to the last one add nothing to a line on a map."""
+
+MOST_NEWS: Final = 200
+"""So many lines of news are kept for a page that is opened later."""
+
+SAMPLE_S, MOST_SAMPLES = 1.0, 180
+"""How often the links are sampled, and how many samples are kept."""
+
+_LIT_S: Final = 1.0
+"""A link stays lit for so long after a sync, so that a short one can be seen."""
+
+
+@dataclass(slots=True)
+class _Robot:
+    position: Point
+    heard_s: float
+    peer: str
+    way: tuple[Point, ...] = ()
+
+
+class Scene:
+    """The vehicle, the robots, the links, the news.
+
+    Args:
+        mission: For its frame and name.
+        controller: What the mission does now, and how long; it is only read.
+        name: The vehicle's.
+    """
+
+    def __init__(self, mission: Mission, controller: Controller, name: str) -> None:
+        self._frame = mission.frame
+        self._controller = controller
+        self._name = name
+        self._now_s = 0.0
+        self._track: list[list[float]] = []
+        self._track_end: Point | None = None
+        self._robots: dict[str, _Robot] = {}
+        self._syncing: dict[tuple[str, Direction], float] = {}
+        self._synced_s: dict[str, float] = {}
+        self._syncs: Counter[str] = Counter()
+        self._links: Mapping[str, LinkMetrics] = {}
+        self._charts: dict[str, deque[list[float | None]]] = {}
+        self._sampled_s = -math.inf
+        self._news: list[dict[str, Any]] = []
+        self._news_count = 0
+
+    # What happens.
+
+    def event(self, event: Event, now_s: float) -> None:
+        """Take in what happened."""
+        self._now_s = max(self._now_s, now_s)
+        match event:
+            case Telemetry():
+                if event.in_air:
+                    self._fly(event.position)
+                self._sample()
+            case RobotPose(robot=robot, position=position, peer=peer):
+                way = self._robots[robot].way if robot in self._robots else ()
+                self._robots[robot] = _Robot(position, self._now_s, peer, way)
+            case RobotPath(robot=robot, points=points) if robot in self._robots:
+                self._robots[robot].way = points
+            case SyncStarted(peer=peer, direction=direction):
+                self._syncing[peer, direction] = self._now_s
+                self._syncs[peer] += 1
+            case SyncEnded(peer=peer, direction=direction):
+                self._syncing.pop((peer, direction), None)
+                self._synced_s[peer] = self._now_s
+            case SyncTimedOut(peer=peer, direction=direction):
+                self._syncing.pop((peer, direction), None)
+
+    def action(self, action: Action, now_s: float) -> None:
+        """Take in what was decided."""
+        self._now_s = max(self._now_s, now_s)
+        match action:
+            case StateChanged(source=source, target=target):
+                self._tell("state", f"{source.name} → {target.name}")
+            case Announce(text=text):
+                self._tell("said", text)
+            case Answered(by=by, accepted=accepted, why=why):
+                self._tell("answer", f"{by}: {'accepted' if accepted else 'refused'}: {why}")
+            case Finish(why=why):
+                self._tell("state", why)
+
+    def links(self, links: Mapping[str, LinkMetrics]) -> None:
+        """What the node measures now."""
+        self._links = links
+
+    # What is shown.
+
+    def vehicle(self) -> dict[str, Any]:
+        """The vehicle and its mission, as of now."""
+        controller, telemetry = self._controller, self._controller.telemetry
+        left_s = controller.time_left_s
+        shown: dict[str, Any] = {
+            "name": self._name,
+            "state": controller.state.name,
+            "what": controller.state.value,
+            "robot": controller.robot,
+            "left_s": None if left_s is None else round(left_s, 1),
+            "in_charge": controller.in_charge,
+            "robots": list(controller.search.roster.names),
+            "waypoints_left": controller.exploration.remaining,
+            "need_home": _shown(controller.need_home, 3),
+            "at": None,
+            "route": [],
+        }
+        if telemetry is None:
+            return shown
+        at = self._pair(telemetry.position)
+        route = [self._pair(leg.to) for leg in controller.navigator.ahead]
+        return {
+            **shown,
+            "at": at,
+            "heading_deg": _shown(telemetry.heading_deg),
+            "altitude_m": _shown(telemetry.altitude_m),
+            "speed_m_s": _shown(math.hypot(*telemetry.velocity_m_s)),
+            "battery": _shown(telemetry.battery, 3),
+            "mode": telemetry.mode.value,
+            "armed": telemetry.armed,
+            "in_air": telemetry.in_air,
+            "fix": telemetry.fix,
+            "time_s": round(telemetry.time_s, 1),
+            "route": [at, *route] if route else [],
+        }
+
+    def robots(self) -> list[dict[str, Any]]:
+        """Where robots were heard to be, how long ago, and by whom."""
+        return [
+            {
+                "name": name,
+                "at": self._pair(robot.position),
+                "age_s": round(self._now_s - robot.heard_s, 1),
+                "by": robot.peer,
+                "way": [self._pair(point) for point in robot.way],
+            }
+            for name, robot in sorted(self._robots.items())
+        ]
+
+    def link_lines(self) -> list[dict[str, Any]]:
+        """The links to the peers: what the radio hears, and whether data cross now."""
+        lines = []
+        busy = {peer for peer, _ in self._syncing}
+        for peer, link in sorted(self._links.items()):
+            synced_s = self._synced_s.get(peer)
+            lit = peer in busy or (synced_s is not None and self._now_s - synced_s <= _LIT_S)
+            lines.append(
+                {
+                    "peer": peer,
+                    "rssi_dbm": _shown(link.rssi_dbm),
+                    "lit": lit,
+                    "syncs": self._syncs[peer],
+                    "synced_ago_s": None if synced_s is None else round(self._now_s - synced_s, 1),
+                    "bytes": link.bytes_in + link.bytes_out,
+                    "newest_age_s": _shown(link.newest_age_s),
+                }
+            )
+        return lines
+
+    def _sample(self) -> None:
+        """Remember how the links are now; once a second of the vehicle's clock."""
+        if self._now_s - self._sampled_s < SAMPLE_S:
+            return
+        self._sampled_s = self._now_s
+        for line in self.link_lines():
+            chart = self._charts.setdefault(line["peer"], deque(maxlen=MOST_SAMPLES))
+            chart.append([line["rssi_dbm"], int(line["lit"])])
+
+    def charts(self) -> dict[str, list[list[float | None]]]:
+        """Of every link its signal, and whether data crossed, over the last minutes."""
+        return {peer: list(chart) for peer, chart in sorted(self._charts.items())}
+
+    def track(self, start: int = 0) -> list[list[float]]:
+        """The flown track from its n-th point on."""
+        return self._track[start:]
+
+    @property
+    def track_length(self) -> int:
+        """How many points the track has."""
+        return len(self._track)
+
+    def news(self, start: int = 0) -> list[dict[str, Any]]:
+        """Lines of news from the n-th on; the oldest are forgotten."""
+        first = self._news_count - len(self._news)
+        return self._news[max(start - first, 0) :]
+
+    @property
+    def news_count(self) -> int:
+        """How many lines of news there were."""
+        return self._news_count
+
+    @property
+    def now_s(self) -> float:
+        """The vehicle's clock, as far as events have come."""
+        return round(self._now_s, 1)
+
+    def _fly(self, position: Point) -> None:
+        if self._track_end is None or math.dist(self._track_end, position) >= TRACK_STEP_M:
+            self._track_end = position
+            self._track.append(self._pair(position))
+
+    def _tell(self, kind: str, text: str) -> None:
+        self._news_count += 1
+        self._news.append(
+            {"n": self._news_count, "t": round(self._now_s, 1), "kind": kind, "text": text}
+        )
+        del self._news[:-MOST_NEWS]
+
+    def _pair(self, point: Point) -> list[float]:
+        return degrees(self._frame, point)
+
+
+def _shown(value: float | None, digits: int = 1) -> float | None:
+    """A number for the page; none for what is no number."""
+    return None if value is None or not math.isfinite(value) else round(value, digits)

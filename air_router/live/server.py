@@ -1,0 +1,267 @@
+"""Serves the live page of a flight: browsers see the scene, and hand requests in at the desk."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from contextlib import asynccontextmanager, contextmanager
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from air_router.budget import COSTLY_AT_ONCE, COSTLY_PER_S, TOO_MANY, Budget
+from air_router.live.ground import Ground
+from air_router.live.scene import Scene
+from air_router.live.scenery import scenery
+from air_router.page_address import SHOWN_AT
+from air_router.web.assets import Assets
+from air_router.web.audience import Audience
+from air_router.web.guard import Guard
+from air_router.web.site import Site, as_json
+from air_router.wish import WishError, wish_of
+
+if TYPE_CHECKING:
+    from air_router.actions import Action
+    from air_router.controller import Controller
+    from air_router.events import Event
+    from air_router.mapper import Mapper
+    from air_router.mission import Mission
+    from air_router.web.backdrop import Backdrop
+    from air_router.web.outbox import Outbox
+    from air_router.wish import Wish
+    from mocha_link.metrics import LinkMetrics
+
+TICK_S: Final = 0.1
+SLOW_TICKS: Final = 5
+"""What the node measures, and the map, are looked at every so many ticks."""
+
+CHART_TICKS: Final = 10
+"""Charts are told every so many ticks."""
+
+REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 40.0
+
+READ_EVERY_S: Final = 0.05
+"""A page's requests are read one by one: a flood of them waits where it came from."""
+
+_LOG = logging.getLogger(__name__)
+
+_MOST_FAULTS: Final = 3
+"""So many of them are logged."""
+
+Steer = Callable[[dict[str, Any]], dict[str, Any]]
+"""Takes what a page asks of a recorded flight; raises WishError."""
+
+Links = Callable[[], "Mapping[str, LinkMetrics]"]
+
+
+class Grants(Protocol):
+    """Where requests are handed in."""
+
+    def grant(self, wish: Wish, by: str) -> dict[str, Any]:
+        """Ask for something; what became of it. Raises WishError."""
+
+
+class LivePage:
+    """One flight on a page, for any number of browsers.
+
+    Attributes:
+        steer: Who shows a recorded flight, and takes what is asked of it; None for a live one.
+
+    Args:
+        mission: What is flown.
+        controller: Read for what the mission does now.
+        desk: Takes what the page asks for.
+        links: What the gossip node measures now.
+        mapper: The map that the UAV paints; it is only read.
+        host: The address to serve on; anybody but this machine needs a token.
+        port: 0 takes a free one.
+        backdrop: A picture to lie under the map.
+    """
+
+    def __init__(  # noqa: PLR0913 - what a page shows comes from many places
+        self,
+        mission: Mission,
+        controller: Controller,
+        desk: Grants,
+        links: Links,
+        *,
+        mapper: Mapper,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        backdrop: Backdrop | None = None,
+    ) -> None:
+        self._name = mission.uav or "UAV"
+        self._desk = desk
+        self._links = links
+        self._host, self._port = host, port
+        self._told: dict[str, str] = {}
+        self._ticks = self._faults = 0
+        self._begin(controller, mapper)
+        self.steer: Steer | None = None
+        self._requests = Budget(REQUESTS_PER_S, REQUESTS_AT_ONCE)
+        self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)
+        assets = Assets()
+        assets.add("air_router.web", "page", "/page/")
+        assets.add("air_router.live", "page", "/live/")
+        self._audience = Audience(self._receive, self._welcome, pause_s=READ_EVERY_S)
+        self._site = Site(Guard(host), assets, "/live/index.html")
+        self._site.add_socket("/socket", self._audience.converse)
+        self._site.add_values("/flights", self._flights)
+        self._backdrop = backdrop
+        if backdrop is not None:
+            self._site.lay_under(backdrop)
+
+    @contextmanager
+    def _harmless(self) -> Iterator[None]:
+        """What cannot be shown must not cost the flight anything."""
+        try:
+            yield
+        except Exception:  # noqa: BLE001 - of whatever kind
+            self._faults += 1
+            if self._faults <= _MOST_FAULTS:
+                _LOG.exception("the page could not be told what is new")
+
+    def _begin(self, controller: Controller, mapper: Mapper) -> None:
+        mission = controller.mission
+        self.scene = Scene(mission, controller, self._name)
+        self._ground = Ground(mapper, mission.frame)
+        self._controller = controller
+        self._draw_scenery()
+        self._told_track = self._told_news = 0
+
+    def restart(self, controller: Controller, mapper: Mapper) -> None:
+        """Show another flight from its beginning, or the same one anew."""
+        self._told.clear()
+        self._begin(controller, mapper)
+        for kind, text in self._greeting():
+            self._audience.tell_all(kind, text)
+
+    def event(self, event: Event, now_s: float) -> None:
+        """Take in what happened."""
+        with self._harmless():
+            self.scene.event(event, now_s)
+            self._ground.event(event, now_s)
+
+    def measured(self, links: Mapping[str, LinkMetrics]) -> None:
+        """Take in what the node measures, where that is not asked for now and then."""
+        self.scene.links(links)
+
+    def action(self, action: Action, now_s: float) -> None:
+        """Take in what was decided."""
+        with self._harmless():
+            self.scene.action(action, now_s)
+
+    @asynccontextmanager
+    async def serving(self, say: Callable[[str], None]) -> AsyncIterator[str]:
+        """Serve while in the context; gives the page's address, and says it.
+
+        Raises:
+            ServeError: the address is taken, or none of this machine's.
+        """
+        async with self._site.serving(self._host, self._port) as address:
+            say(f"{SHOWN_AT}{address}")
+            ticking = asyncio.create_task(self._run())
+            try:
+                yield address
+            finally:
+                ticking.cancel()
+                await asyncio.gather(ticking, return_exceptions=True)
+                with self._harmless():
+                    self._tick()  # the last word: how it ended
+                await asyncio.sleep(TICK_S)
+
+    async def _run(self) -> None:
+        while True:
+            with self._harmless():
+                self._tick()
+            await asyncio.sleep(TICK_S)
+
+    def _tick(self) -> None:
+        """Tell all pages what is new."""
+        scene = self.scene
+        self._ticks += 1
+        if self._controller.router is not self._router:
+            self._draw_scenery()
+            self._audience.tell_all("scenery", self._scenery)
+        self.tell("vehicle", scene.vehicle())
+        self.tell("robots", {"robots": scene.robots()})
+        if self._ticks % SLOW_TICKS == 1:
+            scene.links(self._links())
+            piece = self._ground.news()
+            if piece is not None:
+                self._audience.tell_all(f"piece {self._ticks}", as_json({"type": "piece", **piece}))
+        links = scene.link_lines()
+        for link in links:
+            link["map_share"] = self._ground.share(link["peer"])
+        self.tell("links", {"links": links})
+        if self._ticks % CHART_TICKS == 1:
+            self.tell("charts", {"charts": scene.charts()})
+        if scene.track_length > self._told_track:
+            start, self._told_track = self._told_track, scene.track_length
+            self._audience.tell_all(f"track {start}", self._track(start))
+        if scene.news_count > self._told_news:
+            start, self._told_news = self._told_news, scene.news_count
+            self._audience.tell_all(f"news {start}", self._news(start))
+
+    def tell(self, kind: str, values: dict[str, Any]) -> None:
+        """Tell all pages, unless they know."""
+        text = as_json({"type": kind, **values})
+        if self._told.get(kind) != text:
+            self._told[kind] = text
+            self._audience.tell_all(kind, text)
+
+    def _draw_scenery(self) -> None:
+        """Zones may change in flight: with them comes another router."""
+        self._router = self._controller.router
+        mission = self._router.graph.mission
+        self._scenery = as_json({"type": "scenery", **scenery(mission, self._router)})
+
+    def _track(self, start: int) -> str:
+        return as_json({"type": "track", "from": start, "points": self.scene.track(start)})
+
+    def _news(self, start: int) -> str:
+        scene = self.scene
+        return as_json({"type": "news", "now_s": scene.now_s, "lines": scene.news(start)})
+
+    def _flights(self) -> dict[str, Any]:
+        """What flights this page shows: its own; see JointPage."""
+        return {"flights": [{"name": self._name, "socket": "/socket"}]}
+
+    def _greeting(self) -> Iterator[tuple[str, str]]:
+        """All that a page has to know that knows nothing."""
+        backdrop = self._backdrop.view() if self._backdrop else None
+        yield "welcome", as_json({"type": "welcome", "backdrop": backdrop})
+        yield "scenery", self._scenery
+        yield "map", as_json({"type": "map", **self._ground.whole()})
+        yield "track", self._track(0)
+        yield "news", self._news(0)
+        yield from self._told.items()
+
+    def _welcome(self, outbox: Outbox) -> None:
+        for kind, text in self._greeting():
+            outbox.post(kind, text)
+
+    def _receive(self, outbox: Outbox, text: str) -> None:
+        # A fault in a decision ends the flight, as it does wherever else a request comes from.
+        asyncio.get_running_loop().call_soon(self._respond, outbox, text)
+
+    def _respond(self, outbox: Outbox, text: str) -> None:
+        answer = self._answer(text)
+        outbox.post(f"answer {answer['id']}", as_json(answer))
+
+    def _answer(self, text: str) -> dict[str, Any]:
+        number: object = None
+        try:
+            values = json.loads(text)
+            number = values.get("id") if isinstance(values, dict) else None
+            number = number if isinstance(number, int) else None
+            if self.steer is not None and isinstance(values, dict) and "ask" in values:
+                return {"type": "done", "id": number, **self.steer(values)}
+            wish = wish_of(values)
+            if not (self._requests.spend() and self._costly.affords(wish)):
+                return {"type": "refused", "id": number, "kind": "busy", "why": TOO_MANY}
+            return {"type": "done", **self._desk.grant(wish, "the page"), "id": number}
+        except WishError as error:
+            return {"type": "refused", "id": number, "kind": "request", "why": str(error)}
+        except (ValueError, RecursionError):
+            return {"type": "refused", "id": number, "kind": "request", "why": "not a request"}

@@ -1,0 +1,57 @@
+"""Places and shapes as map pages draw them: in degrees, on one side of the antimeridian."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from shapely import Point as ShapelyPoint
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from geo.frame import FrameError, LocalFrame, Point
+from geo.zone import Circle, Shape, polygons_of
+
+DECIMALS = 7
+_QUARTER = 8
+"""Segments of a quarter circle in buffers; they are only looked at."""
+
+Degrees = list[float]
+Rings = list[list[Degrees]]
+
+
+def degrees(frame: LocalFrame, point: Point) -> Degrees:
+    """A place; the frame's origin for one that is not on Earth."""
+    try:
+        place = [round(value, DECIMALS) for value in frame.to_geodetic(point)]
+    except FrameError:
+        place = [round(value, DECIMALS) for value in frame.origin]
+    return list(beside(frame.origin, (place[0], place[1])))
+
+
+def beside(origin: tuple[float, float], place: tuple[float, float]) -> tuple[float, float]:
+    """A place with its longitude on the origin's side of the antimeridian: 180.1 beside 179.9."""
+    turns = round((origin[1] - place[1]) / 360)
+    return place if turns == 0 else (place[0], round(place[1] + 360 * turns, DECIMALS))
+
+
+def buffer(frame: LocalFrame, shape: Shape, distance_m: float) -> list[Rings]:
+    """A shape grown by a distance (shrunk, where that is negative), as polygons with holes."""
+    if isinstance(shape, Circle):
+        radius_m = max(shape.radius_m + distance_m, 0.0)
+        grown = ShapelyPoint(shape.centre).buffer(radius_m, quad_segs=4 * _QUARTER)
+    else:
+        grown = shape.polygon.buffer(distance_m, quad_segs=_QUARTER)
+    return outlines(frame, grown)
+
+
+def outlines(frame: LocalFrame, geometry: BaseGeometry) -> list[Rings]:
+    """Polygons with holes, in degrees."""
+    return [
+        [[degrees(frame, Point(*xy)) for xy in ring.coords] for ring in _rings(polygon)]
+        for polygon in polygons_of(geometry)
+    ]
+
+
+def _rings(polygon: Polygon) -> Iterable[Any]:
+    return (polygon.exterior, *polygon.interiors)

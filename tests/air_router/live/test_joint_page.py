@@ -1,0 +1,345 @@
+"""Several flights on one page: what goes through, what gets lost, and whom that costs nothing."""
+
+import asyncio
+import contextlib
+import os
+import signal
+import threading
+
+import aiohttp
+import pytest
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from air_router import watch_command
+from air_router.cli import main
+from air_router.errors import ExitCode, UsageError
+from air_router.live.joint import JointPage
+from air_router.live.relay import MOST_BYTES
+from air_router.page import Web, joint_page, shown_beside
+from air_router.page_address import PageAddress
+from air_router.web.assets import Assets
+from air_router.web.audience import Audience
+from air_router.web.backdrop import Backdrop
+from air_router.web.guard import Guard
+from air_router.web.site import MAX_MESSAGE_BYTES, ServeError, Site
+
+LIMIT_S = 60
+
+
+class FlightPage:
+    """The page of a pretended flight: greets, and says back what it hears."""
+
+    def __init__(self, name, token=None):
+        self.name = name
+        self.heard = []
+        self.audience = Audience(self._receive, self._welcome)
+        self._token = token
+
+    def _welcome(self, outbox):
+        outbox.post("welcome", f"{self.name} greets")
+
+    def _receive(self, outbox, text):
+        self.heard.append(text)
+        outbox.post(f"answer {len(self.heard)}", f"{self.name}: {text[:10]}")
+
+    @contextlib.asynccontextmanager
+    async def serving(self, port=0):
+        site = Site(Guard("127.0.0.1", self._token), Assets(), "/")
+        site.add_socket("/socket", self.audience.converse)
+        async with site.serving("127.0.0.1", port) as address:
+            yield PageAddress.of(address)
+
+
+class Browser:
+    """Looks at a joint page."""
+
+    def __init__(self, session, address):
+        self._session = session
+        self._address = address
+
+    async def flights(self):
+        async with self._session.get(f"{self._address}flights") as answer:
+            return (await answer.json())["flights"]
+
+    @contextlib.asynccontextmanager
+    async def looking(self, name):
+        (flight,) = [flight for flight in await self.flights() if flight["name"] == name]
+        url = f"{self._address}{flight['socket'][1:]}"
+        async with self._session.ws_connect(url, max_msg_size=2 * MOST_BYTES) as socket:
+            yield socket
+
+
+@contextlib.asynccontextmanager
+async def looking_at(places):
+    page = JointPage(places)
+    for name, place in places.items():
+        if place is not None:
+            page.found(name, place)
+    async with page.serving(lambda _: None) as address, aiohttp.ClientSession() as session:
+        browser = Browser(session, address)
+        browser.page = page
+        yield browser
+
+
+async def text(socket):
+    message = await socket.receive(LIMIT_S)
+    assert message.type is WSMsgType.TEXT, message
+    return message.data
+
+
+async def why_closed(socket):
+    message = await socket.receive(LIMIT_S)
+    assert message.type is WSMsgType.CLOSE, message
+    assert message.data == WSCloseCode.TRY_AGAIN_LATER
+    return message.extra
+
+
+def test_texts_go_to_one_flight_and_answers_come_back():
+    async def look():
+        titan, atlas = FlightPage("titan"), FlightPage("atlas", "secret")
+        async with titan.serving() as one, atlas.serving() as other:
+            assert other.token
+            places = {"titan": one, "atlas": other, "io": None}
+            async with (
+                looking_at(places) as browser,
+                browser.looking("titan") as first,
+                browser.looking("atlas") as second,
+                browser.looking("atlas") as third,
+            ):
+                assert [flight["name"] for flight in await browser.flights()] == list(places)
+                assert await text(first) == "titan greets"
+                assert await text(second) == await text(third) == "atlas greets"
+                await second.send_str("hold")
+                assert await text(second) == "atlas: hold"
+                atlas.audience.tell_all("news", "landed")
+                assert await text(second) == await text(third) == "landed"
+                async with browser.looking("io") as nobody:
+                    assert await why_closed(nobody) == "does not answer"
+        return titan.heard, atlas.heard
+
+    assert asyncio.run(look()) == ([], ["hold"])
+
+
+def test_a_flight_that_goes_and_comes_back_disturbs_no_other():
+    async def look():
+        titan, atlas = FlightPage("titan"), FlightPage("atlas")
+        async with titan.serving() as one, contextlib.AsyncExitStack() as stack:
+            other = await stack.enter_async_context(atlas.serving())
+            async with (
+                looking_at({"titan": one, "atlas": other}) as browser,
+                browser.looking("titan") as first,
+            ):
+                assert await text(first) == "titan greets"
+                async with browser.looking("atlas") as second:
+                    assert await text(second) == "atlas greets"
+                    await stack.aclose()
+                    assert await why_closed(second) == "does not answer"
+                async with browser.looking("atlas") as second:
+                    assert await why_closed(second) == "does not answer"
+                async with atlas.serving() as again:
+                    browser.page.found("atlas", again)
+                    async with browser.looking("atlas") as second:
+                        assert await text(second) == "atlas greets"
+                await first.send_str("explore")
+                assert await text(first) == "titan: explore"
+
+    asyncio.run(look())
+
+
+def test_what_is_no_flight_and_what_says_too_much_is_given_up():
+    """Also what closes at once, talks no HTTP, sends us elsewhere, or asks for another token."""
+
+    async def garbage(reader, writer):
+        await reader.readline()
+        writer.write(b"220 mail.example ready\r\n")
+        writer.close()
+
+    async def elsewhere(request):
+        elsewhere.asked += 1
+        raise web.HTTPFound("/other/socket")
+
+    async def long(request):
+        socket = web.WebSocketResponse(compress=False)
+        await socket.prepare(request)
+        await socket.send_str("x" * (MOST_BYTES + 1 if "other" not in request.path else 1))
+        await socket.receive()
+        return socket
+
+    async def binary(request):
+        socket = web.WebSocketResponse()
+        await socket.prepare(request)
+        await socket.send_bytes(b"\0\1")
+        await socket.receive()
+        return socket
+
+    async def serve(stack, handler):
+        app = web.Application()
+        app.add_routes([web.get("/socket", handler), web.get("/other/socket", long)])
+        runner = web.AppRunner(app, shutdown_timeout=1.0)
+        await runner.setup()
+        stack.push_async_callback(runner.cleanup)
+        await web.TCPSite(runner, "127.0.0.1", 0).start()
+        return PageAddress("127.0.0.1", runner.addresses[0][1])
+
+    async def look():
+        elsewhere.asked = 0
+        async with contextlib.AsyncExitStack() as stack:
+            titan = await stack.enter_async_context(FlightPage("titan", "secret").serving())
+            mail = await asyncio.start_server(garbage, "127.0.0.1", 0)
+            stack.push_async_callback(mail.wait_closed)
+            stack.callback(mail.close)
+            places = {
+                "titan": titan,
+                "stranger": PageAddress("127.0.0.1", titan.port, "guess"),
+                "odd": PageAddress("127.0.0.1", titan.port, "a\r\nHost: b"),
+                "mail": PageAddress("127.0.0.1", mail.sockets[0].getsockname()[1]),
+                "elsewhere": await serve(stack, elsewhere),
+                "long": await serve(stack, long),
+                "binary": await serve(stack, binary),
+            }
+            browser = await stack.enter_async_context(looking_at(places))
+            first = await stack.enter_async_context(browser.looking("titan"))
+            assert await text(first) == "titan greets"
+            said = {}
+            for name in list(places)[1:]:
+                async with browser.looking(name) as socket:
+                    said[name] = await why_closed(socket)
+            await first.send_str("resume")
+            assert await text(first) == "titan: resume"
+            return said
+
+    assert asyncio.run(look()) == {
+        "stranger": "asks for another token",
+        "odd": "is no flight's page",
+        "mail": "is no flight's page",
+        "elsewhere": "is no flight's page",
+        "long": "says too much",
+        "binary": "does not answer",
+    }
+    assert elsewhere.asked == 1
+
+
+def test_a_page_that_says_too_much_is_let_go_and_nobody_else():
+    async def look():
+        titan = FlightPage("titan")
+        async with (
+            titan.serving() as place,
+            looking_at({"titan": place}) as browser,
+            browser.looking("titan") as first,
+            browser.looking("titan") as second,
+        ):
+            assert await text(first) == await text(second) == "titan greets"
+            await first.send_str("x" * (MAX_MESSAGE_BYTES + 1))
+            message = await first.receive(LIMIT_S)
+            assert message.data == WSCloseCode.MESSAGE_TOO_BIG
+            await second.send_str("x" * (MAX_MESSAGE_BYTES - 1))
+            assert await text(second) == "titan: xxxxxxxxxx"
+        return [len(heard) for heard in titan.heard]
+
+    assert asyncio.run(look()) == [MAX_MESSAGE_BYTES - 1]
+
+
+def test_only_who_knows_the_token_of_the_joint_page_reaches_the_flights():
+    async def look():
+        titan = FlightPage("titan")
+        page = JointPage(["titan"], host="0.0.0.0")
+        async with (
+            titan.serving() as place,
+            page.serving(lambda _: None) as printed,
+            aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as session,
+        ):
+            page.found("titan", place)
+            address = f"http://127.0.0.1:{PageAddress.of(printed).port}/"
+            socket = f"{address}flights/titan/socket"
+            for url in (f"{address}flights", socket, f"{socket}?token=guess"):
+                async with session.get(url) as answer:
+                    assert answer.status == 401
+            async with session.get(f"{address}?{printed.partition('?')[2]}") as answer:
+                assert answer.status == 200
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await session.ws_connect(socket, origin="http://evil.example")
+            assert refused.value.status == 403
+            async with session.ws_connect(socket) as socket:
+                assert await text(socket) == "titan greets"
+
+    asyncio.run(look())
+
+
+def test_the_picture_under_the_map_is_the_joint_page_s_own(tmp_path):
+    (tmp_path / "site.png").write_bytes(b"a picture")
+    picture = Backdrop.of(tmp_path / "site.png", "1,2,3,4")
+
+    async def look(page):
+        async with page.serving(lambda _: None) as address, aiohttp.ClientSession() as session:
+            async with session.get(f"{address}flights") as answer:
+                told = (await answer.json())["backdrop"]
+            async with session.get(f"{address}backdrop") as answer:
+                return told, answer.status
+
+    told, status = asyncio.run(look(JointPage(["titan"], backdrop=picture)))
+    assert (told["bounds"], status) == ([1.0, 2.0, 3.0, 4.0], 200)
+    assert asyncio.run(look(JointPage(["titan"]))) == (None, 404)
+
+
+@pytest.mark.parametrize(
+    ("said", "place", "token"),
+    [
+        ("http://127.0.0.1:8426/", "127.0.0.1:8426", None),
+        ("http://192.168.1.11:8425/?token=a-b_C", "192.168.1.11:8425", "a-b_C"),
+        ("http://[::1]:99/", "[::1]:99", None),
+        ("titan.local", "titan.local:8425", None),
+        ("titan.local:8427/?token=x&token=y", "titan.local:8427", "x"),
+        ("http://titan.local", "titan.local:80", None),
+    ],
+)
+def test_addresses(said, place, token):
+    address = PageAddress.of(said)
+    assert (address.place, address.token) == (place, token)
+    assert PageAddress.heard(f"the flight is shown at {said}") == address
+    assert PageAddress.heard(f"shown at {said}") is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "/", "http://", "https://a/", "ftp://a", "http://a/b", "a:b", "http://[:1/", "a:99999"],
+)
+def test_what_is_no_address(text):
+    with pytest.raises(UsageError, match="is not the address of a flight's page"):
+        PageAddress.of(text)
+
+
+def test_watch_says_what_is_wrong_with_its_command_line(capsys):
+    for words, said in (
+        (["ftp://a"], "not the address"),
+        (["a", "http://a:8425/"], "a:8425 is given twice"),
+        (["a", "--web", "70000"], "not a port"),
+    ):
+        assert main(["watch", *words]) == ExitCode.USAGE
+        assert said in capsys.readouterr().err
+    nowhere = ["watch", "a", "--web-host", "192.0.2.7", "--web", "0"]
+    assert main(nowhere) == ExitCode.ENDED_OTHERWISE
+    assert "cannot serve the page on 192.0.2.7" in capsys.readouterr().err
+
+
+def test_watch_serves_until_it_is_interrupted(monkeypatch):
+    said = []
+
+    def say(text):
+        said.append(text)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(watch_command, "_say", say)
+    assert main(["watch", "titan.local", "atlas.local", "--web", "0"]) == ExitCode.DONE
+    assert said[0].startswith("the flights are shown at http://127.0.0.1:")
+
+
+def test_beside_something_else_it_ends_with_it_and_a_port_that_is_taken_is_told():
+    said = []
+    with shown_beside(joint_page(["titan"], Web()), said.append):
+        port = PageAddress.of(said[0].removeprefix("the flights are shown at ")).port
+        taken = shown_beside(joint_page(["titan"], Web(port=port)), said.append)
+        with pytest.raises(ServeError, match=f"127.0.0.1:{port}"), taken:
+            pass
+    assert [thread.name for thread in threading.enumerate()].count("page") == 0
+    with shown_beside(joint_page(["titan"], Web(port=port)), said.append):
+        assert len(said) == 2

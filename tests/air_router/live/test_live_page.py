@@ -1,0 +1,229 @@
+"""What the live page of a flight is told; tests/system/test_whole_flight.py looks at the page."""
+
+import argparse
+import asyncio
+import base64
+import json
+
+import aiohttp
+import numpy as np
+import pytest
+
+from air_router.actions import Answered
+from air_router.behaviour import State
+from air_router.desk import Desk
+from air_router.errors import UsageError
+from air_router.events import AirspaceChanged
+from air_router.live.ground import Ground
+from air_router.live.scene import MOST_NEWS, Scene
+from air_router.live.server import LivePage
+from air_router.mapper import Mapper
+from air_router.page import add_web, web_of
+from air_router.requests import HoldNow
+from geo.frame import Point
+from geo.grid import GridPatch, Terrain
+from mocha_link.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
+
+ROBOTS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
+
+
+class Shown:
+    """A pretended flight that tells its page everything, as the flight shell does."""
+
+    def __init__(self, flight, port=0):
+        self.flight = flight
+        self.desk = Desk(flight.mission.frame, flight.controller, self.deliver)
+        self.mapper = Mapper(flight.mission)
+        self.page = LivePage(
+            flight.mission,
+            flight.controller,
+            self.desk,
+            self.links,
+            mapper=self.mapper,
+            port=port,
+        )
+        self._told = [len(flight.events), len(flight.actions)]
+
+    def held(self):
+        return {}
+
+    def links(self):
+        return {name: LinkMetrics(name, rssi_dbm=-60.0) for name in ROBOTS}
+
+    def deliver(self, request):
+        self.flight.give(request)
+        self.tell()
+
+    def tell(self):
+        flight = self.flight
+        for event, now_s in flight.events[self._told[0] :]:
+            self.page.event(event, now_s)
+        for action in flight.actions[self._told[1] :]:
+            self.page.action(action, flight.now_s)
+            if isinstance(action, Answered):
+                self.desk.answered(action)
+        self._told = [len(flight.events), len(flight.actions)]
+
+    def fly(self, steps=1):
+        for _ in range(steps):
+            self.flight.step()
+        self.tell()
+
+
+@pytest.fixture
+def flight(pretend):
+    made = pretend()
+    made.robots = dict(ROBOTS)
+    made.take_off()
+    return made
+
+
+def test_a_page_that_is_opened_late_is_told_everything_and_asks_at_the_desk(flight):
+    shown = Shown(flight)
+
+    def paint(west_m, cells):
+        grid = shown.mapper.grid
+        corner = (grid.west_m + west_m, grid.south_m + 20.0)
+        assert shown.mapper.paint(GridPatch(*corner, 1.0, cells).encode())
+
+    async def look():
+        said = []
+        paint(10.0, np.full((3, 4), Terrain.ROAD, dtype=np.uint8))
+        async with shown.page.serving(said.append) as address, aiohttp.ClientSession() as browser:
+            shown.fly(300)
+            async with browser.ws_connect(f"{address}socket") as socket:
+
+                async def until(kind):
+                    while True:
+                        message = json.loads((await socket.receive(30)).data)
+                        told[message["type"]] = message
+                        if message["type"] == kind:
+                            return message
+
+                told = {}
+                await until("links")
+                paint(30.0, np.full((2, 2), Terrain.GRASS, dtype=np.uint8))
+                await until("piece")
+                answers = []
+                for kind, request in (
+                    ("done", {"request": "hold", "id": 1}),
+                    ("refused", {"request": "dance", "id": 2}),
+                    ("refused", ["hold"]),
+                    ("done", {"request": "seek", "robot": "nobody", "id": 4}),
+                ):
+                    await socket.send_str(json.dumps(request))
+                    answers.append(await until(kind))
+                await socket.send_str("[" * 50_000)
+                answers.append(await until("refused"))
+        return said, told, answers
+
+    said, told, answers = asyncio.run(look())
+    assert said[0].startswith("the flight is shown at http://127.0.0.1:")
+    assert {"scenery", "vehicle", "robots", "links", "track", "news"} <= told.keys()
+    areas = told["scenery"]["areas"]
+    assert [area["fence"] for area in areas].count(True) == len(flight.mission.fences)
+    assert len(areas) == len(flight.mission.fences) + len(flight.mission.zones)
+    assert all(area["outline"] and len(area["buffers"]) == 2 for area in areas)
+    assert len(told["scenery"]["places"]) == 1 + 39 + len(flight.mission.rally_points)
+    assert len(told["track"]["points"]) > 50
+    seen = [told["map"]["piece"], told["piece"]]
+    assert [(p["row"], p["column"], p["rows"], p["columns"]) for p in seen if p][-1] == (
+        20,
+        30,
+        2,
+        2,
+    )
+    assert base64.b64decode(told["piece"]["cells"]) == bytes([Terrain.GRASS] * 4)
+    assert answers[0]["accepted"]
+    assert flight.controller.state is State.HOLD
+    assert "no request 'dance'" in answers[1]["why"]
+    assert answers[3]["code"] == "unknown-robot"
+
+
+def test_the_scene_follows_events_and_forgets_old_news(flight):
+    scene = Scene(flight.mission, flight.controller, "titan")
+    scene.links({"io": LinkMetrics("io", rssi_dbm=float("nan"))})
+    scene.event(SyncStarted("io", 0.0, Direction.IN), 50.0)
+    assert scene.link_lines()[0]["lit"]
+    scene.event(SyncEnded("io", 0.0, Direction.IN, 1, 1, 0.1), 50.5)
+    assert scene.link_lines()[0]["lit"]
+    scene.event(flight.telemetry(), 52.0)
+    line = scene.link_lines()[0]
+    assert line["syncs"] == 1
+    assert (line["lit"], line["rssi_dbm"], line["synced_ago_s"]) == (False, None, 1.5)
+    scene.event(flight.telemetry(), 52.5)  # the same second counts once
+    scene.event(SyncStarted("io", 0.0, Direction.IN), 53.0)
+    scene.event(flight.telemetry(), 53.1)
+    assert scene.charts() == {"io": [[None, 0], [None, 1]]}
+    for number in range(MOST_NEWS + 10):
+        scene.action(Answered(str(number), "eve", False, "no"), 53.0)
+    assert scene.news_count == MOST_NEWS + 10
+    assert len(scene.news()) == MOST_NEWS
+    assert [line["n"] for line in scene.news(MOST_NEWS + 8)] == [MOST_NEWS + 9, MOST_NEWS + 10]
+    flight.controller.handle(HoldNow(), flight.now_s)
+    assert scene.vehicle()["what"] == State.HOLD.value
+
+
+def test_a_picture_lies_under_the_map(flight, tmp_path):
+    (tmp_path / "site.png").write_bytes(b"a picture")
+    arguments = argparse.ArgumentParser()
+    add_web(arguments)
+    options = ["--web", "0", "--web-image", str(tmp_path / "site.png")]
+    with pytest.raises(UsageError, match="where does site"):
+        web_of(arguments.parse_args(options))
+    with pytest.raises(UsageError, match="add --web"):
+        web_of(arguments.parse_args(options[2:]))
+    with pytest.raises(UsageError, match="belongs to a --web-image"):
+        web_of(arguments.parse_args([*options[:2], "--web-image-bounds", "1,2,3,4"]))
+    web = web_of(arguments.parse_args([*options, "--web-image-bounds", "1,2,3,4"]))
+    shown = Shown(flight)
+    page = LivePage(
+        flight.mission,
+        flight.controller,
+        shown.desk,
+        shown.links,
+        mapper=shown.mapper,
+        host=web.host,
+        port=web.port,
+        backdrop=web.backdrop,
+    )
+
+    async def look():
+        async with page.serving(lambda _: None) as address, aiohttp.ClientSession() as browser:
+            async with browser.get(f"{address}backdrop") as answer:
+                assert await answer.read() == b"a picture"
+            async with browser.get(f"{address}flights") as answer:
+                (own,) = (await answer.json())["flights"]
+                assert own == {"name": flight.mission.uav or "UAV", "socket": "/socket"}
+            async with browser.ws_connect(f"{address}socket") as socket:
+                return json.loads((await socket.receive(30)).data)
+
+    welcome = asyncio.run(look())
+    assert (welcome["type"], welcome["backdrop"]["bounds"]) == ("welcome", [1.0, 2.0, 3.0, 4.0])
+
+
+def test_zones_that_change_in_flight_are_drawn_anew(flight):
+    page = Shown(flight).page
+    before = json.loads(page._scenery)
+    flight.give(AirspaceChanged(flight.mission.fences, flight.mission.zones[:-1]))
+    page._tick()
+    after = json.loads(page._scenery)
+    assert len(after["areas"]) == len(before["areas"]) - 1
+
+
+def test_a_robot_holds_of_the_map_what_was_there_when_it_came_for_it(flight):
+    mapper = Mapper(flight.mission)
+    ground = Ground(mapper, flight.mission.frame)
+    corner = (mapper.grid.west_m, mapper.grid.south_m)
+    assert ground.whole()["piece"] is None
+    mapper.paint(GridPatch(*corner, 1.0, np.ones((2, 2), dtype=np.uint8)).encode())
+    mapper.publish(10.0)
+    ground.event(SyncStarted("io", 0.0, Direction.OUT), 11.0)
+    mapper.paint(GridPatch(*corner, 1.0, np.ones((2, 4), dtype=np.uint8)).encode())
+    mapper.publish(12.0)
+    assert ground.share("io") is None
+    ground.event(SyncEnded("io", 0.0, Direction.OUT, 1, 1, 0.1), 13.0)
+    assert ground.share("io") == 0.5
+    assert ground.news()["columns"] == 4
+    assert ground.news() is None
+    assert ground.whole()["piece"]["rows"] == 2

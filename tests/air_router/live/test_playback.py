@@ -1,0 +1,150 @@
+"""A recorded flight on the live page: decided again, at any speed, forwards and backwards."""
+
+import asyncio
+import json
+
+import aiohttp
+import numpy as np
+import pytest
+
+from air_router.behaviour import State
+from air_router.cli import main
+from air_router.errors import ExitCode, RefusedError
+from air_router.flight_setup import FlightSetup
+from air_router.live.playback import Film, Playback
+from air_router.live.server import LivePage
+from air_router.log import Entry, Note
+from air_router.page import Web
+from geo.frame import Point
+from geo.grid import GridPatch, Terrain
+from mocha_link.metrics import LinkMetrics
+
+SEEK = ("callisto", "io")
+
+
+class Silent:
+    """Looks at what a film decides."""
+
+    def __init__(self):
+        self.actions = []
+
+    def event(self, event, now_s):
+        pass
+
+    def action(self, action, now_s):
+        self.actions.append(action)
+
+    def measured(self, links):
+        pass
+
+
+@pytest.fixture
+def record(pretend):
+    """What is recorded of a flight of two minutes."""
+    flight = pretend(duration_s=40.0, radius_m=150.0, seek=SEEK)
+    flight.robots = {"callisto": Point(-90.0, 60.0), "io": Point(30.0, 0.0)}
+    handle = flight.controller.handle
+    entries = [
+        Entry(0.0, "about", {}),
+        Entry(0.0, "setup", FlightSetup(flight.mission, SEEK)),
+        Entry(100.0, "note", Note("Reaction", {"reaction_s": 0.6})),
+        Entry(101.0, "link", LinkMetrics("io", rssi_dbm=-55.0)),
+    ]
+
+    def recorded(event, now_s):
+        actions = handle(event, now_s)
+        entries.append(Entry(now_s, "event", event))
+        entries.extend(Entry(now_s, "action", action) for action in actions)
+        return actions
+
+    flight.controller.handle = recorded
+    flight.take_off()
+    flight.fly_until(lambda: flight.finished is not None)
+    grid = Film(entries).mapper.grid
+    patch = GridPatch(grid.west_m, grid.south_m, 1.0, np.full((2, 3), Terrain.ROAD, np.uint8))
+    return [*entries[:200], Entry(entries[199].t, "patch", patch.encode()), *entries[200:]]
+
+
+def test_a_film_decides_what_the_flight_decided_and_can_begin_again(record):
+    film, page = Film(record), Silent()
+    decided = [entry.value for entry in record if entry.kind == "action"]
+    for _ in range(2):
+        page.actions.clear()
+        while not film.go_on(film.end_s, page):
+            pass
+        assert page.actions == decided
+        assert film.controller.state is State.DONE
+        assert film.mapper.known_cells == 6
+        assert film.links["io"].rssi_dbm == -55.0
+        assert film.now_s == film.end_s
+        film.rewind()
+        assert (film.now_s, film.controller.state) == (film.begin_s, State.READY)
+        assert film.mapper.known_cells == 0
+
+
+def test_a_record_without_a_flight_is_refused(record, tmp_path, capsys):
+    for entries in ([], record[:2], record[2:]):
+        with pytest.raises(RefusedError, match="no flight in the record"):
+            Film(entries)
+    (tmp_path / "x.mcap").write_bytes(b"nonsense")
+    assert main(["replay", str(tmp_path / "x.mcap"), "--web", "0"]) == ExitCode.INVALID_FILE
+    assert "not an MCAP file" in capsys.readouterr().err
+    assert main(["replay", "x.mcap", "--web", "70000"]) == ExitCode.USAGE
+
+
+def test_whoever_looks_steers_the_film_and_asks_for_nothing_else(record):
+    film = Film(record)
+    playback = Playback(film, Web(), speed=100.0)
+
+    async def look():
+        said = asyncio.Queue()
+        playing = asyncio.create_task(playback.run(said.put_nowait))
+        address = (await said.get()).rpartition(" ")[2]
+        async with aiohttp.ClientSession() as browser:
+            socket = await browser.ws_connect(f"{address}socket")
+
+            async def until(condition):
+                while True:
+                    message = json.loads((await socket.receive(30)).data)
+                    if condition(message):
+                        return message
+
+            async def ask(**values):
+                await socket.send_str(json.dumps({"id": 7, **values}))
+                return await until(lambda message: message.get("id") == 7)
+
+            ended = await until(
+                lambda m: m["type"] == "playback" and m["now_s"] >= m["end_s"] - 0.2
+            )
+            refused = [
+                await ask(request="hold"),
+                await ask(ask="speed", speed=-1),
+                await ask(ask="go", to_s="x"),
+                await ask(ask="dance"),
+            ]
+            assert (await ask(ask="pause", paused=True))["type"] == "done"
+            assert (await ask(ask="go", to_s=ended["begin_s"] + 20.0))["type"] == "done"
+            await until(lambda m: m["type"] == "welcome")
+            back = await until(lambda m: m["type"] == "playback")
+            vehicle = await until(lambda m: m["type"] == "vehicle")
+            await socket.close()
+        playing.cancel()
+        await asyncio.gather(playing, return_exceptions=True)
+        return ended, refused, back, vehicle
+
+    ended, refused, back, vehicle = asyncio.run(look())
+    assert ended["speed"] == 100.0
+    assert {answer["type"] for answer in refused} == {"refused"}
+    assert "shown from its record" in refused[0]["why"]
+    assert back["paused"]
+    assert back["now_s"] == pytest.approx(back["begin_s"] + 20.0, abs=0.1)
+    assert vehicle["state"] == "INIT"
+
+
+def test_a_page_that_fails_to_show_something_says_so_some_times_and_goes_on(record, caplog):
+    film = Film(record)
+    page = LivePage(film.controller.mission, film.controller, None, dict, mapper=film.mapper)
+    page.scene.event = lambda *_: 1 / 0
+    for _ in range(10):
+        page.event(record[5].value, 1.0)
+    assert caplog.text.count("ZeroDivisionError: ") == 3
