@@ -3,36 +3,48 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, Final, TextIO
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
-    from air_router.flight import FlightResult
+    from air_router.flight_result import FlightResult
     from air_router.mission import Mission
 
-_COLUMNS = (
+COLUMNS: Final = (
     ("robot", "{}"),
     ("found", "{}"),
     ("syncs in/out", "{}"),
     ("bytes in/out", "{}"),
     ("newest data", "{}"),
-    ("its share of the map", "{}"),
+    ("map at last meeting", "{}"),
 )
 
 
 def write_report(
-    mission: Mission, result: FlightResult, picture: Path | None, out: TextIO | None = None
+    mission: Mission,
+    result: FlightResult,
+    picture: Path | None,
+    out: TextIO | None = None,
+    *,
+    with_table: bool = True,
 ) -> None:
     """Print the table on stderr, and draw the track into `picture` if one is wanted."""
     out = out if out is not None else sys.stderr
-    out.write(table(result.report))
+    if with_table:
+        out.write(table(result.report))
+        if "record" in result.report:
+            record = result.report["record"]
+            out.write(
+                f"the record of the flight: {record} (air-router report, air-router replay)\n"
+            )
     if picture is None or not result.track:
         return
     from air_router.picture import PictureError, draw_mission  # noqa: PLC0415 - an extra
 
     try:
-        draw_mission(mission, picture, track=result.track)
+        draw_mission(mission, picture, track=result.track, meetings=result.meetings)
     except PictureError as error:
         out.write(f"no picture of the track: {error}\n")
     else:
@@ -41,7 +53,7 @@ def write_report(
 
 def table(report: dict[str, Any]) -> str:
     """A flight's report as lines of text."""
-    rows = [[name for name, _ in _COLUMNS]]
+    rows = [[name for name, _ in COLUMNS]]
     for name, robot in report["robots"].items():
         rows.append(
             [
@@ -53,7 +65,7 @@ def table(report: dict[str, Any]) -> str:
                 "none" if robot["map_share"] is None else f"{robot['map_share']:.0%}",
             ]
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(_COLUMNS))]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(COLUMNS))]
     lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
     lines.insert(1, "  ".join("-" * w for w in widths))
     interactions = report["interactions"]
@@ -68,6 +80,7 @@ def table(report: dict[str, Any]) -> str:
     lines.append(
         f"interactions: {interactions['started']} started, {interactions['completed']} completed, "
         f"{interactions['timed_out']} timed out"
+        + (f", {interactions['partial']} ended by their budget" if interactions["partial"] else "")
     )
     if report["closest_approach_m"] is not None:
         lines.append(
@@ -75,6 +88,24 @@ def table(report: dict[str, Any]) -> str:
             f"{report['closest_approach_to']} (clearance {report['clearance_m']:.1f} m)"
         )
     return "\n".join(lines) + "\n"
+
+
+def several(report: dict[str, Any], codes: Mapping[str, int]) -> str:
+    """The report of several flights as text: a part for each, and how near they came."""
+    parts = []
+    for uav, part in report["uavs"].items():
+        told = table(part) if part else f"no report (exit code {codes[uav]}): see above\n"
+        parts.append(f"\n{uav}\n{told}")
+    lines = []
+    for pair in report["world"].get("vehicles", ()):
+        if pair["closest_m"] is not None:
+            names = " and ".join(pair["pair"])
+            lines.append(
+                f"{names}: never nearer than {pair['closest_m']:.1f} m "
+                f"({pair['across_m']:.1f} m across, {pair['up_m']:.1f} m in height), "
+                f"{pair['contacts']} contacts, {pair['contact_s']:.0f} s\n"
+            )
+    return "".join(parts) + ("\n" + "".join(lines) if lines else "")
 
 
 def _bytes(count: int) -> str:

@@ -1,0 +1,357 @@
+"""A record becomes a page and a JSON object that say what happened, and nothing else."""
+
+import html.parser
+import itertools
+import json
+import math
+import re
+import struct
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from air_router.actions import (
+    Announce,
+    Answered,
+    Finish,
+    FlyToNode,
+    Refusal,
+    Seeking,
+    StateChanged,
+)
+from air_router.behaviour import Signal, State
+from air_router.cli import main
+from air_router.events import AirspaceChanged, CommandFailed, PlanRenewed, RobotPose
+from air_router.flight_report.exchanges import Exchanges
+from air_router.flight_report.page import page_of
+from air_router.flight_report.story import NothingFlownError, story_of
+from air_router.flight_report.svg import WIDE, Plot, clock, nice, number, thinned
+from air_router.flight_report.ulog import UlogError, read_ulog
+from air_router.flight_setup import FlightSetup
+from air_router.ledger import Ledger
+from air_router.log import Entry, Note
+from air_router.mapper import Mapper
+from air_router.recorder import Recorder
+from air_router.requests import ComeHome, GoTo, HoldNow, SeekNow
+from air_router.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+from geo.zone import Circle, Zone
+from mocha_link.header import Header
+from mocha_link.link_events import (
+    ContactBegan,
+    ContactEnded,
+    Direction,
+    MessageStored,
+    RssiChanged,
+    SyncEnded,
+    SyncStarted,
+    SyncTimedOut,
+)
+
+UNIX_S = 1_700_000_000.0
+MAP_S = UNIX_S + 31.0
+HOSTILE = "<script>alert('io')</script>"
+
+
+def along(t):
+    """A flight to the west at 5 m/s, in the air from 10 to 70 s."""
+    place = Point(-2.0 * max(0.0, min(t, 70.0) - 10.0), 0.0)
+    return Telemetry(
+        t, place, 40.0, armed=5 <= t < 72, in_air=10 <= t < 70, mode=FlightMode.MISSION,
+        battery=1.0 - t / 200,
+    )  # fmt: skip
+
+
+def stored(t, robot, age_s, peer=None, topic="/pose"):
+    stamp_ms = round((UNIX_S + t - age_s) * 1000)
+    header = Header.at(1, 0, stamp_ms)
+    return t, MessageStored(peer or robot, UNIX_S + t, robot, topic, header, 100)
+
+
+def things(robot="io"):
+    """What happens in it, in order."""
+    told = [(float(t), along(float(t))) for t in range(81)]
+    told += [
+        (10.0, StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None)),
+        (20.0, RssiChanged(robot, UNIX_S + 20, -70.5)),
+        (20.0, ContactBegan(robot, UNIX_S + 20, None)),
+        (21.0, SyncStarted(robot, UNIX_S + 21, Direction.IN)),
+        stored(22.0, robot, 1.0),
+        (23.0, SyncEnded(robot, UNIX_S + 23, Direction.IN, 3, 4000, 0.1)),
+        (24.0, SyncStarted(robot, UNIX_S + 24, Direction.OUT)),
+        (25.0, SyncEnded(robot, UNIX_S + 25, Direction.OUT, 1, 90_000, 0.1)),
+        (26.0, SyncStarted(robot, UNIX_S + 26, Direction.OUT)),
+        (27.0, ContactEnded(robot, UNIX_S + 27, 7.0, "too weak")),
+        (28.0, RobotPose(robot, Point(-10.0, 30.0), UNIX_S + 21, robot)),
+        (30.0, StateChanged(State.INIT, Signal.TIMER, State.SEARCH, None)),
+        (30.0, Announce(f"SEARCH {robot}: where its path ends")),
+        (30.0, Seeking(robot)),
+        (32.0, SeekNow(robot=robot, request_id="a", by="kim")),
+        (32.0, Answered("a", "kim", accepted=True, why="seeking")),
+        (33.0, GoTo(points=(Point(1.0, 2.0),), request_id="b", by="a base")),
+        (33.0, Answered("b", "a base", accepted=False, why="in a zone", code=Refusal.NO_WAY)),
+        (34.0, GoTo(points=(Point(3.0, 4.0),), request_id="1", by="a base", waits=True)),
+        (35.0, HoldNow(request_id="1", by="kim")),
+        (35.0, Answered("1", "kim", accepted=True, why="it stops")),
+        (36.0, Answered("1", "a base", accepted=True, why="it flies")),
+        (40.0, CommandFailed(FlyToNode(3, Point(0.0, 0.0)), "it was called off")),
+        stored(42.0, robot, 15.0, peer="europa"),
+        stored(21.0, "titan", 0.0, topic="/map"),
+        stored(31.0, "titan", 0.0, topic="/map"),
+        stored(41.0, "titan", 0.0, topic="/map"),
+        (50.0, SyncTimedOut(robot, UNIX_S + 50, Direction.OUT, "silence")),
+        (14.0, AirspaceChanged((), (Zone("new", Circle(Point(-90.0, 9.0), 5.0)),))),
+        (14.0, PlanRenewed()),
+        (55.0, ComeHome()),
+        (60.0, StateChanged(State.SEARCH, Signal.COME_HOME, State.HOME, robot)),
+        (70.0, Finish(landed_by_us=True, why="landed")),
+    ]
+    return sorted(told, key=lambda pair: pair[0])
+
+
+def entries(mission, robot="io"):
+    yield Entry(0.0, "about", {"format": "1", "python": "3.11"})
+    yield Entry(0.0, "setup", FlightSetup(mission, (robot, "nobody"), name="titan"))
+    yield Entry(0.0, "note", Note("Vehicle", {"autopilot": "PX4", "version": "1.17.0"}))
+    yield Entry(0.0, "note", Note("Clock", {"unix_s": UNIX_S}))
+    for t, value in things(robot):
+        kind = "action" if type(value).__module__ == "air_router.actions" else "event"
+        yield Entry(t, kind, value)
+        if isinstance(value, Telemetry) and t > 12:
+            if t % 10 == 0:
+                yield Entry(t, "note", Note("MapPublished", {"known_cells": int(100 * t)}))
+            yield Entry(t, "note", Note("Map", {"known_cells": int(100 * t)}))
+    # It says that it has the second version, which somebody else handed to it.
+    yield Entry(81.0, "note", Note("Held", {"peer": robot, "held": [["titan", "/map", MAP_S]]}))
+    yield Entry(81.0, "note", Note("Map", {"known_cells": 8000}))
+    yield Entry(80.0, "note", Note("Report", {"outcome": "done", "robots": {robot: {"found": 1}}}))
+
+
+@pytest.fixture
+def story(pennovation):
+    told = story_of(entries(pennovation))
+    told.end(None)
+    return told
+
+
+def test_the_facts(story):
+    facts = json.loads(json.dumps(story.as_json(), allow_nan=False))
+    assert (facts["mission"], facts["uav"], facts["outcome"]) == ("Pennovation", "titan", "done")
+    assert facts["began_unix_s"] == UNIX_S
+    assert facts["distance_m"] == pytest.approx(120.0, abs=3.0)
+    assert facts["duration_s"] == 75.0  # from arming
+    # Up to 14 s among the mission's zones, which it passes well; from then on among one other.
+    assert (facts["closest_approach_m"], facts["closest_approach_to"]) == (4.0, "new")
+    assert story.mission.zones[0].name == "new"
+    states = [(s["state"], s["from_s"], s["to_s"], s["robot"]) for s in facts["states"]]
+    assert states == [
+        ("READY", 0, 10, None),
+        ("INIT", 10, 30, None),
+        ("SEARCH", 30, 60, "io"),
+        ("HOME", 60, 80, None),  # whoever was sought before
+    ]
+    assert facts["interactions"] == {
+        "started": 3,
+        "completed": 2,
+        "partial": 0,
+        "timed_out": 1,
+        "share_completed": pytest.approx(2 / 3),
+        "bytes_in": 4000,
+        "bytes_out": 90_000,
+    }
+    assert list(facts["robots"]) == ["io", "nobody"]  # our own news have no age
+    nobody = facts["robots"]["nobody"]  # was sought, and never met
+    assert not any(values for name, values in nobody.items() if name != "map_share")
+    io = facts["robots"]["io"]
+    assert io["contacts"] == [{"robot": "io", "from_s": 20.0, "to_s": 27.0}]
+    broken = io["syncs"][-1]
+    # Silence was noticed long after the robot had been out of reach.
+    assert (broken["outcome"], broken["from_s"], broken["to_s"]) == ("broken off", 26.0, 27.0)
+    ages = [(22.0, 1.0), (42.0, 21.0), (42.0, 15.0), (80.0, 53.0)]
+    assert [(t, round(age, 1)) for t, age in io["age_s"]] == ages
+    assert io["map_share"][-2:] == [[80.0, 2000 / 8000], [81.0, 3000 / 8000]]
+    assert io["rssi_dbm"] == [[20.0, -70.5]]
+    wishes = [(w["what"], w["by"], w["accepted"]) for w in facts["requests"]]
+    assert wishes == [
+        ("seek io", "kim", True),
+        ("go to 1 m east 2 m north", "a base", False),
+        ("go to 3 m east 4 m north", "a base", True),  # who asks counts the requests
+        ("hold", "kim", True),
+        ("come home", "the operator", None),
+    ]
+    assert facts["not_followed"] == [{"t": 40.0, "text": "FlyToNode: it was called off"}]
+    assert facts["battery"][0][1] == pytest.approx(0.95)
+
+
+def test_bandwidth_has_all_bytes_in_their_time(story):
+    span_s, coming, going = story.exchanges.bandwidth(0.0, 80.0)
+    assert span_s == 1.0
+    assert sum(coming) * span_s == pytest.approx(4000)
+    assert sum(going) * span_s == pytest.approx(90_000)
+    assert [i for i, rate in enumerate(going) if rate] == [24]
+
+
+def test_a_sync_s_bytes_are_in_each_span_for_as_long_as_it_took():
+    exchanges = Exchanges()
+    exchanges.take(0.75, SyncStarted("io", UNIX_S, Direction.IN))
+    exchanges.take(3.25, SyncEnded("io", UNIX_S, Direction.IN, 1, 1000, 0.1))
+    _, coming, going = exchanges.bandwidth(0.0, 3.5)
+    assert coming == pytest.approx([100.0, 400.0, 400.0, 100.0])
+    assert not any(going)
+
+
+def test_the_way_flown_is_as_long_as_the_flight_itself_says(pennovation):
+    """Ten times a second, around corners: a chord every half second would cut them."""
+    told = story_of(itertools.islice(entries(pennovation), 2))
+    ledger = Ledger(pennovation, Mapper(pennovation), {})
+    for step in range(400):
+        t, angle = step / 10, step / 6
+        place = Point(4 * math.cos(angle), 4 * math.sin(angle))
+        event = Telemetry(t, place, 40.0, armed=True, in_air=True, mode=FlightMode.MISSION)
+        told.take(Entry(t, "event", event))
+        ledger.event(event, t)
+    assert told.distance_m == pytest.approx(ledger.distance_m)
+    assert told.duration_s == pytest.approx(ledger.duration_s)
+    assert told.distance_m == pytest.approx(399 / 6 * 4, rel=0.01)
+
+
+class Page(html.parser.HTMLParser):
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.links = [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self.links += [value for name, value in attributes if name in {"src", "href", "action"}]
+
+
+@pytest.mark.parametrize("robot", ["io", HOSTILE])
+def test_the_page_needs_nothing_and_believes_nothing(pennovation, robot):
+    told = story_of(entries(pennovation, robot))
+    told.end("it was cut off")
+    text = page_of(told, "a.mcap")
+    page = Page(text)
+    assert "script" not in page.tags
+    assert page.links == []
+    assert "url(" not in text
+    assert "The record is not whole: it was cut off." in text
+    pictures = re.findall(r"<svg.*?</svg>", text, re.DOTALL)
+    assert len(pictures) == 2 * 7
+    for picture in pictures:
+        assert "nan" not in picture
+        assert "inf" not in re.sub(r"<title>.*?</title>|aria-label=\"[^\"]*\"", "", picture)
+        ET.fromstring(picture)  # noqa: S314 - our own
+    for heading in ("Track", "States, contacts and syncs", "Bandwidth", "Age of information"):
+        assert f"<h2>{heading}" in text
+    assert "refused: in a zone" in text
+
+
+def test_a_record_without_a_flight_is_told(pennovation):
+    with pytest.raises(NothingFlownError):
+        story_of([]).end(None)
+    with pytest.raises(NothingFlownError):
+        story_of(itertools.islice(entries(pennovation), 3)).end(None)
+
+
+def test_a_flight_of_one_moment_has_a_page(pennovation):
+    told = story_of([*itertools.islice(entries(pennovation), 5)])
+    told.end("it was cut off")
+    assert "<svg" in page_of(told, "a.mcap")
+
+
+@pytest.fixture
+def record(pennovation, tmp_path):
+    with Recorder(tmp_path, "m", unix_s=lambda: UNIX_S) as recorder:
+        recorder.begin(FlightSetup(pennovation, ("io",), name="titan"))
+        for t, value in things():
+            take = recorder.action if type(value).__module__.endswith("actions") else recorder.event
+            take(value, t)
+    return recorder.path
+
+
+def test_the_command_writes_a_page_beside_the_record(record, capsys):
+    assert main(["report", str(record)]) == 0
+    page = record.with_suffix(".html")
+    assert capsys.readouterr().err == f"the report: {page}\n"
+    assert page.read_text("utf-8").startswith("<!doctype html>")
+    page.unlink()
+    before = record.read_bytes()
+    assert main(["report", str(record), "-o", str(record)]) == 2
+    assert "is the record itself" in capsys.readouterr().err
+    assert record.read_bytes() == before
+    assert main(["report", str(record), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["uav"] == "titan"
+    assert told["ulog"] is None
+    assert not page.exists()
+
+
+TOPICS = {
+    "vehicle_global_position": ("uint64_t timestamp;double lat;double lon;", "<Qdd"),
+    "battery_status": ("uint64_t timestamp;float remaining;", "<Qf"),
+    "vehicle_status": ("uint64_t timestamp;uint8_t arming_state;uint8_t nav_state;", "<QBB"),
+}
+
+
+def ulog(path, mission, boot_s=0.0, topics=TOPICS):
+    """A PX4 log of that flight, by the format's description."""
+
+    def message(kind, body):
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    data = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0), message("B", bytes(40))]
+    data += [message("F", f"{name}:{TOPICS[name][0]}".encode()) for name in topics]
+    data += [message("A", struct.pack("<BH", 0, i) + n.encode()) for i, n in enumerate(topics)]
+    for t in range(5, 75):
+        seen = along(float(t))
+        place = mission.frame.to_geodetic(Point(seen.position.east_m + 0.5, 0.0))
+        values = {
+            "vehicle_global_position": place,
+            "battery_status": (seen.battery,),
+            "vehicle_status": (2, 3 if t < 60 else 5),
+        }
+        for topic, name in enumerate(topics):
+            body = struct.pack(TOPICS[name][1], int((t - boot_s) * 1e6), *values[name])
+            data.append(message("D", struct.pack("<H", topic) + body))
+    path.write_bytes(b"".join(data))
+    return path
+
+
+@pytest.mark.parametrize(("boot_s", "by"), [(0.0, "the clock since it booted"), (1e3, "arming")])
+def test_px4_s_own_log_is_laid_over_ours(record, pennovation, capsys, boot_s, by):
+    log = ulog(record.with_name("a.ulg"), pennovation, -boot_s)
+    assert main(["report", str(record), "--ulog", str(log), "--json", "-o", f"{log}.html"]) == 0
+    theirs = json.loads(capsys.readouterr().out)["ulog"]
+    assert by in theirs["aligned_by"]
+    assert theirs["off_m"] == pytest.approx(0.5, abs=0.1)
+    assert [(round(m["t"]), m["mode"]) for m in theirs["modes"]] == [(5, "Mission"), (60, "Return")]
+    assert theirs["battery"][0][1] == pytest.approx(0.975, abs=0.001)
+    assert "Flight modes in PX4" in log.with_name("a.ulg.html").read_text("utf-8")
+
+
+def test_a_log_that_is_none_or_of_another_flight_is_told(story, pennovation, tmp_path):
+    (tmp_path / "b.ulg").write_bytes(b"ULog" + b"\x00" * 100)
+    with pytest.raises(UlogError, match="not a ULog"):
+        read_ulog(tmp_path / "b.ulg", story)
+    only = {"battery_status": TOPICS["battery_status"]}
+    with pytest.raises(UlogError, match="no time in common"):
+        read_ulog(ulog(tmp_path / "c.ulg", pennovation, -1e6, only), story)
+    with pytest.raises(UlogError, match="has none of"):
+        read_ulog(ulog(tmp_path / "d.ulg", pennovation, topics={}), story)
+
+
+def test_numbers_on_axes():
+    assert nice(0.0, 100.0) == [0, 20, 40, 60, 80, 100]
+    assert nice(0.0, 0.0) == [0.0]
+    assert nice(0.0, math.inf) == [0.0]
+    assert [number(v) for v in (0.2, 47_322, 2e6, 1200)] == ["0.2", "47.3k", "2M", "1200"]
+    for span_s in (0.0, 61.0, 2e5, 1e9):
+        plot = Plot(WIDE, 100, 0.0, span_s)
+        plot.times()
+        assert 1 <= plot.svg("").count('class="tick"') <= 13
+    assert [clock(s) for s in (0, 65, 3_725)] == ["0:00", "1:05", "1:02:05"]
+    series = [(float(i), math.sin(i)) for i in range(10_000)]
+    few = thinned(series, 100)
+    assert len(few) <= 400
+    assert max(v for _, v in few) == max(v for _, v in series)
