@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, StrEnum
 
 from air_router.behaviour import Signal, State
 from geo.frame import Point
@@ -46,6 +46,23 @@ class PublishMap:
 
 
 @dataclass(frozen=True, slots=True)
+class Seeking:
+    """Tell the team whom this UAV seeks, or hovers over, from now on; None: nobody."""
+
+    robot: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ReadAgain:
+    """Read the mission file again, and tell what has changed in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class RenewPlan:
+    """Put the mission on board with the fence as it is now, and tell when it is there."""
+
+
+@dataclass(frozen=True, slots=True)
 class Announce:
     """Say something to the pilot and the operator."""
 
@@ -60,6 +77,46 @@ class StateChanged:
     signal: Signal
     target: State
     robot: str | None
+
+
+class Refusal(StrEnum):
+    """Why what somebody asked for is not done, as a word for programs."""
+
+    NOT_FLYING = "not-flying"
+    FLIGHT_OVER = "flight-over"
+    NOT_OURS = "not-ours"
+    HANDS_OFF = "hands-off"
+    COMING_HOME = "coming-home"
+    NO_FIX = "no-fix"
+    NOT_HEARD = "not-heard"
+    NO_WAY = "no-way"
+    OUTSIDE_FENCE = "outside-fence"
+    RESERVE = "battery-reserve"
+    UNKNOWN_ROBOT = "unknown-robot"
+    ONLY_SEARCHES = "only-searches"
+    NOTHING_TO_DO = "nothing-to-do"
+    REPLACED = "replaced-by-newer"
+    BUSY = "busy"
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """Somebody asked for something: whether it is done, and what, or why not.
+
+    Attributes:
+        request_id: The request's; `by`: who asked.
+        accepted: Whether it is done.
+        why: A sentence for people.
+        code: The reason, for programs; None if accepted.
+        points: Where the vehicle will hover, metres east/north, if it was sent to points.
+    """
+
+    request_id: str
+    by: str
+    accepted: bool
+    why: str
+    code: Refusal | None = None
+    points: tuple[Point, ...] = ()
 
 
 class Taker(Enum):
@@ -78,4 +135,14 @@ class Finish:
     taken_by: Taker | None = None
 
 
-Action = Motion | PublishMap | Announce | StateChanged | Finish
+Action = (
+    Motion
+    | PublishMap
+    | Seeking
+    | ReadAgain
+    | RenewPlan
+    | Announce
+    | StateChanged
+    | Answered
+    | Finish
+)

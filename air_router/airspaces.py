@@ -8,6 +8,7 @@ returns, and heeds every zone from the ground up.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
@@ -15,7 +16,7 @@ from air_router.altitudes import HomeAltitudeError
 from air_router.draft import Area, Draft
 from geo.airspace import Airspace
 from geo.validity import Validity
-from geo.zone import Band, Zone, ZoneError
+from geo.zone import Band, Shape, Zone, ZoneError
 
 LAUNCH_WAIT = timedelta(hours=1)
 """So much later than it was to start a mission may start."""
@@ -67,6 +68,7 @@ class Airspaces:
 
     Attributes:
         zones: All zones of the mission, in the file's order.
+        columns: What is kept from beside them, because of other UAVs.
         cruise: What applies where the mission flies, with its clearance.
         column: What applies from the ground to there.
         above: What applies there and higher.
@@ -75,6 +77,7 @@ class Airspaces:
     """
 
     zones: tuple[Zone, ...]
+    columns: tuple[Zone, ...]
     cruise: Airspace
     column: Airspace
     above: Airspace
@@ -87,7 +90,20 @@ def airspaces_of(draft: Draft, window: FlightWindow) -> Airspaces:
     altitudes = cruise_altitudes(draft)
     zones = tuple(_zone(area, draft) for area in draft.zones)
     fences = [area.shape for area in draft.fences]
-    everything = Airspace(fences, zones, draft.planner.clearance_m)
+    columns = tuple(_zone(area, draft) for area in draft.columns)
+    return airspaces_within(fences, zones, columns, draft.planner.clearance_m, window, altitudes)
+
+
+def airspaces_within(  # noqa: PLR0913, PLR0917 - all that counts
+    fences: Sequence[Shape],
+    zones: tuple[Zone, ...],
+    columns: tuple[Zone, ...],
+    clearance_m: float,
+    window: FlightWindow,
+    altitudes: Band,
+) -> Airspaces:
+    """The airspaces that fences and zones make for a flight at these altitudes in that time."""
+    everything = Airspace(fences, (*zones, *columns), clearance_m)
     active = everything.during(window.start, window.end)
     column = active.at(-math.inf, altitudes.upper_m)
     cruise = active.at(altitudes.lower_m, altitudes.upper_m)
@@ -101,7 +117,7 @@ def airspaces_of(draft: Draft, window: FlightWindow) -> Airspaces:
         elif id(zone) not in heeded and zone.band is not None:
             reason = _out_of_height(zone.band, altitudes)
             idle.append(IdleZone(zone, reason, below=id(zone) in below))
-    return Airspaces(zones, cruise, column, above, tuple(idle), altitudes)
+    return Airspaces(zones, columns, cruise, column, above, tuple(idle), altitudes)
 
 
 def cruise_altitudes(draft: Draft) -> Band:

@@ -8,12 +8,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from air_router.arguments import add_start, add_uav
 from air_router.check_facts import facts_of, summary
-from air_router.command_line import add_start
 from air_router.draft import Draft
 from air_router.errors import ExitCode, MissionFileError
 from air_router.graph import WaypointGraph
-from air_router.mission import Mission, judge, read_draft
+from air_router.mission import Mission, choose, judge, read_draft
 from air_router.survey import Survey
 from mocha_link.document import DocumentError, Problem
 
@@ -42,6 +42,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "--png", type=Path, metavar="F", help="draw the mission into F, right or wrong"
     )
     add_start(parser)
+    add_uav(parser)
     parser.set_defaults(run=run)
 
 
@@ -54,6 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
         _print_problems(refusal.problems, (), as_json=arguments.json)
         raise refusal from None
     draft.start = arguments.at
+    if arguments.uav is not None:
+        choose(draft, arguments.uav)
     mission = judge(draft)
     if draft.problems or mission is None:
         refusal = MissionFileError(draft.problems)
@@ -74,6 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
             for step in findings.around
         ]
         draw_mission(mission, arguments.png, graph=findings.graph, around=legs)
+        sys.stderr.write(f"drawn: {arguments.png}\n")
     for number, reason in findings.stranded:
         sys.stderr.write(f"{mission.path}: no way home from waypoint {number}: {reason}\n")
     return ExitCode.INVALID_FILE if findings.stranded else ExitCode.DONE
@@ -85,6 +89,7 @@ def _draw_wrong(draft: Draft, mission: Mission, path: Path) -> None:
 
     graph = None if "planner" in draft.unread else WaypointGraph(mission)
     draw_mission(mission, path, graph=graph, faults=faults_of(draft, mission))
+    sys.stderr.write(f"drawn: {path}\n")
 
 
 def _print_problems(

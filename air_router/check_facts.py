@@ -8,6 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from air_router.counted import counted
+from air_router.fence_plan import FENCE_POINTS
 from air_router.flight_plan import FlightPlan
 from air_router.homeward import LANDING_MARGIN, Pace, Way
 from air_router.mission import Mission
@@ -38,7 +39,7 @@ def summary(findings: Survey) -> list[str]:
         ),
         f"  flies      {_altitudes(mission)} above home at {mission.speed_m_s:g} m/s",
         f"  keeps      {planner.distance_m:g} m from zones and fence ({margin}){_own(mission)}",
-        f"  on board   {counted(on_board, 'fence points')}",
+        f"  on board   {counted(on_board, 'fence points')}{_too_many(on_board)}",
         (
             f"  graph      {counted(findings.edges, 'clear connections')} up to "
             f"{planner.max_edge_m:g} m, {counted(findings.detours, 'detours')}, "
@@ -70,9 +71,34 @@ def summary(findings: Survey) -> list[str]:
         lines.append(f"  idle       and {len(mission.idle_zones) - _MOST_LINES} more zones")
     if mission.team is not None:
         seek = ", ".join(mission.seek) or "every other robot"
-        lines.append(f"  team       {mission.team}: {mission.uav} flies and seeks {seek}")
+        seek += f" ({mission.seek_policy})"
+        lines.append(f"  team       {mission.team}: {_flying(mission)} {seek}")
+    lines += _layers(mission)
     lines += [f"  note       {note}" for note in mission.notes]
     return lines
+
+
+def _too_many(fence_points: int) -> str:
+    if fence_points <= FENCE_POINTS:
+        return f" of {FENCE_POINTS} that a PX4 stores"
+    return f": MORE THAN THE {FENCE_POINTS} THAT A PX4 STORES, it will refuse them (see the note)"
+
+
+def _flying(mission: Mission) -> str:
+    names = [layer.uav for layer in mission.layers]
+    if len(names) > 1:
+        return f"{' and '.join(names)} fly and seek"
+    return f"{mission.uav} flies and seeks"
+
+
+def _layers(mission: Mission) -> list[str]:
+    """A line for each UAV of a mission for several: the other lines are of the first one."""
+    return [
+        f"  layer      {layer.uav}: {layer.altitude_m:g} m above its home, "
+        + ("explores and searches" if layer.explore else "only searches")
+        + (" (its mission is shown here)" if layer.uav == mission.uav else "")
+        for layer in mission.layers
+    ]
 
 
 def _coming_home(findings: Survey) -> list[str]:
@@ -145,11 +171,17 @@ def facts_of(findings: Survey) -> dict[str, Any]:
         "fences": len(mission.fences),
         "fence_points_on_board": len(FlightPlan.of(mission).fence),
         "rally_points": len(mission.rally_points),
+        "layers": [
+            {"uav": layer.uav, "altitude_m": layer.altitude_m, "explore": layer.explore}
+            for layer in mission.layers
+        ],
         "cruise_m": [mission.cruise.lower_m, mission.cruise.upper_m],
         "window": str(mission.window),
         "clearance_m": mission.planner.clearance_m,
         "planning_distance_m": mission.planner.distance_m,
         "planner": mission.planner.kind,
+        "seek": list(mission.seek),
+        "seek_policy": mission.seek_policy,
         "edges": findings.edges,
         "detours": findings.detours,
         "connected": findings.connected,

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Sequence
 
-from air_router import (
-    check,
-    command_line,
-    convert,
-    cover,
-    edit_command,
-    fly,
-    plan,
-    preflight_command,
-    sim,
-)
+from air_router.command_line import Program
+from mocha_link.command_table import Command
 
 _EXIT_CODES = """\
 exit codes:
@@ -25,16 +17,51 @@ exit codes:
   3 invalid file            130 interrupted
 """
 
+COMMANDS = (
+    Command("check", "air_router.check", "check a mission file and say what to expect"),
+    Command("plan", "air_router.plan", "plan a route between two waypoints or places"),
+    Command("cover", "air_router.cover", "lawnmower waypoints over an area, no-fly zones cut out"),
+    Command("edit", "air_router.edit_command", "edit a mission on a map"),
+    Command(
+        "convert",
+        "air_router.convert",
+        "a mission or zones into another format (plan, YAML, GeoJSON, KML)",
+    ),
+    Command(
+        "preflight", "air_router.preflight_command", "is this vehicle ready to fly this mission?"
+    ),
+    Command("fly", "air_router.fly", "fly a mission with a vehicle that is already there"),
+    Command("sim", "air_router.sim", "fly a mission in a simulated world"),
+    Command("watch", "air_router.watch_command", "several flights on one map page"),
+    Command(
+        "ask",
+        "air_router.ask",
+        "have a flight hold, resume, seek a robot, explore, come home or fly to points",
+    ),
+    Command(
+        "replay",
+        "air_router.replay_command",
+        "run a recorded flight's decisions again, and compare",
+    ),
+    Command("report", "air_router.report_command", "a recorded flight as one HTML page"),
+)
+
+PROGRAM = Program(
+    "air-router",
+    "Fly PX4 missions around no-fly zones, and seek robots to exchange data with.",
+    _EXIT_CODES,
+    COMMANDS,
+)
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command line can say."""
+    return PROGRAM.parser()
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
-    parser = command_line.build_parser(
-        "air-router",
-        "Fly PX4 missions around no-fly zones, and seek robots to exchange data with.",
-        _EXIT_CODES,
-        (check, plan, cover, edit_command, convert, preflight_command, fly, sim),
-    )
-    return command_line.run(parser, argv)
+    return PROGRAM.run(argv)
 
 
 if __name__ == "__main__":

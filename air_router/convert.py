@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
+from air_router.arguments import place
 from air_router.chart import Chart, Line, MapArea, chart_of, chart_of_zones, degrees, outline_of
 from air_router.counted import counted
 from air_router.draft import Draft
@@ -28,7 +29,7 @@ from air_router.router import NoRoute, Router
 from air_router.sim_plan import SUFFIX, sim_plan_draft
 from air_router.whole_file import write_whole
 from air_router.zone_files import add_zones, read_zones
-from geo.frame import Geodetic, Point
+from geo.frame import Point
 from geo.zone import polygons_of
 from mocha_link.document import Document, DocumentError, Problem
 
@@ -82,9 +83,8 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     parser.add_argument(
         "--origin",
-        type=float,
-        nargs=2,
-        metavar=("LAT", "LON"),
+        type=place,
+        metavar="LAT,LON",
         help="where the origin of a FROM in metres (.sim.yaml) stands, in degrees",
     )
     parser.add_argument(
@@ -200,9 +200,9 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
 def _draft(arguments: argparse.Namespace) -> Draft:
     in_metres = arguments.source.name.endswith(SUFFIX)
     if in_metres and arguments.origin is None:
-        raise UsageError(f"{arguments.source} is in metres: say where it stands, --origin LAT LON")
+        raise UsageError(f"{arguments.source} is in metres: say where it stands, --origin LAT,LON")
     if in_metres:
-        return sim_plan_draft(Document.load(arguments.source), Geodetic(*arguments.origin))
+        return sim_plan_draft(Document.load(arguments.source), arguments.origin)
     if arguments.origin is not None:
         raise UsageError(f"--origin is for files in metres ({SUFFIX})")
     return read_draft(arguments.source)

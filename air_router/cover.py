@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
+from air_router.arguments import place
 from air_router.camera import CAMERAS, Camera, camera_of
 from air_router.cover_area import Terms, read_field
 from air_router.cover_facts import facts_of, lines_of, place_of
@@ -16,7 +17,6 @@ from air_router.cover_write import place_text, waypoints_of, written
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.whole_file import write_whole
 from geo.coverage import CoverageError, Swath, cover
-from geo.frame import Geodetic
 
 _OVERLAP, _SIDELAP = 70.0, 60.0
 _ACCELERATION_M_S2: Final = 2.0
@@ -81,7 +81,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         help="where rows lead, clockwise from north, or 'auto' (default): the quickest",
     )
     parser.add_argument("--mission", type=Path, metavar="F", help="whose airspace and home to use")
-    parser.add_argument("--home", type=_place, metavar="LAT,LON", help="without a mission: home")
+    parser.add_argument("--home", type=place, metavar="LAT,LON", help="without a mission: home")
     parser.add_argument(
         "--zones", type=Path, action="append", default=[], metavar="F", help="without a mission"
     )
@@ -140,6 +140,7 @@ def run(arguments: argparse.Namespace) -> int:
         from air_router.picture_coverage import draw_coverage  # noqa: PLC0415 - an extra
 
         draw_coverage(field, plan, arguments.png, lines[0])
+        sys.stderr.write(f"drawn: {arguments.png}\n")
     return ExitCode.DONE
 
 
@@ -189,13 +190,6 @@ def _angle(text: str) -> float | None:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text} is not an angle")
     return value % 180.0
-
-
-def _place(text: str) -> Geodetic:
-    parts = text.split(",")
-    if len(parts) != 2:
-        raise argparse.ArgumentTypeError(f"{text} is not LATITUDE,LONGITUDE")
-    return Geodetic(*map(_number, parts))
 
 
 def _number(text: str) -> float:

@@ -107,8 +107,11 @@ def _of_mission(path: Path, area: Path | None, terms: Terms) -> Field:
     if draft.home is None or draft.frame is None:
         judge(draft)
         raise MissionFileError(draft.problems)
+    if draft.uavs and terms.altitude_m is not None:
+        raise UsageError(f"--altitude is that of a UAV's layer: write it into {path}")
     altitude_m = terms.altitude_m or draft.altitude_m
-    draft.waypoints = [Spot("waypoint 1", draft.home.position, draft.home.keys, altitude_m)]
+    own_m = None if draft.uavs else altitude_m  # of several UAVs each flies its own layer
+    draft.waypoints = [Spot("waypoint 1", draft.home.position, draft.home.keys, own_m)]
     draft.speed_m_s = terms.speed_m_s or draft.speed_m_s
     mission = judge(draft)
     problems = [p for p in draft.problems if not p.code.startswith(_ABOUT_WAYPOINTS)]
@@ -121,6 +124,7 @@ def _of_mission(path: Path, area: Path | None, terms: Terms) -> Field:
         shape = shapely.intersection_all([fence.polygon for fence in mission.fences])
     else:
         raise UsageError(f"{path} has no fence, so it is not known what to cover; name an area")
+    altitude_m = altitude_m if own_m else mission.altitude_above_home_m
     airspace = mission.planning_airspace
     if terms.inside:
         airspace = _fenced(airspace, shape)

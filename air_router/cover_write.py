@@ -50,7 +50,7 @@ def place_text(field: Field, waypoints: Sequence[Point]) -> str:
     lines = ["waypoints:"]
     for number, waypoint in enumerate(waypoints, start=1):
         pair = _pair(field, waypoint)
-        if field.altitude_m != field.draft.altitude_m:
+        if field.altitude_m != field.draft.altitude_m and not field.draft.uavs:
             pair = f"{{position: {pair}, altitude_m: {field.altitude_m:g}}}"
         lines.append(f"  - {pair}" + (f"  # {number}" if number % 5 in {0, 1} else ""))
     return "\n".join(lines) + "\n"
@@ -77,7 +77,7 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
         _check_mission(text, source)
         return text
     draft.waypoints = [
-        Spot(f"waypoint {number}", place, (), field.altitude_m)
+        Spot(f"waypoint {number}", place, (), None if draft.uavs else field.altitude_m)
         for number, place in enumerate(waypoints, start=1)
     ]
     judge(draft)  # home may be too near to a zone, the sea's level that limits count from not known

@@ -20,10 +20,12 @@ class Custody:
     Attributes:
         pending: The command that the vehicle has neither confirmed nor failed to follow.
         last: The command that the vehicle follows or is asked to; None when it did not.
+        refused_jumps: How many jumps within the plan it did not follow, one after the other.
     """
 
     pending: Motion | None = None
     last: Motion | None = None
+    refused_jumps: int = 0
     _modes: frozenset[FlightMode] = frozenset()
 
     def assume(self, mode: FlightMode) -> None:
@@ -40,12 +42,15 @@ class Custody:
         """The vehicle follows; an older command's late confirmation changes nothing."""
         if motion is self.pending:
             self.assume(mode_of(motion))
+            if isinstance(motion, FlyToNode):
+                self.refused_jumps = 0
 
     def failed(self, motion: Motion) -> bool:
         """The vehicle did not follow; True if that was the last command."""
         if motion is not self.pending:
             return False
         self.pending = self.last = None
+        self.refused_jumps += isinstance(motion, FlyToNode)
         return True
 
     def release(self) -> None:

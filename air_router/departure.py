@@ -3,7 +3,8 @@
 * Over its whole length it is clear in the airspace of the caller: with the whole tracking margin
   when a route is planned; with half of it when that fails, and when a leg of the route is about to
   be flown: the vehicle is never exactly at a node, and tight legs must be clear from where it is.
-* A moving vehicle needs the whole area clear that its curve may sweep.
+* A moving vehicle needs the whole area clear that its curve may sweep, and the rest of the leg that
+  it is on with it: it goes on with that until the new command arrives.
 * A vehicle that is closer than that already (wind, noise, a newly drawn zone), or comes to rest
   closer, may be as close as it is or will be anyhow in the first metres, and then the leg is clear.
   To what it keeps the clearance from now it keeps it all the way.
@@ -20,6 +21,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
 
+from air_router.commanded import Onward
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
 from geo.shortest import ShortestPaths, path_length_m
@@ -29,6 +31,9 @@ _GIVE_M = 0.01
 
 _DETOUR = 1.05
 """How much longer than the shortest a way out of a tight place may be, from where it is checked."""
+
+_SAME_M = 0.5
+"""Places nearer than this to each other are the same; the vehicle tells its own to a centimetre."""
 
 _DRIFT_M = 0.25
 """What a hovering vehicle may seem to drift within its stopping distance."""
@@ -42,23 +47,31 @@ class Departure:
         paths: paths at the distance that routes keep.
         start: where the vehicle is.
         stopping: where it comes to rest if it brakes now; None if it stands.
+        bound: where else it flies to until it is told, or turns there: the ends of its legs so far.
 
     Attributes:
         start: where the vehicle is.
         rest: where it would come to rest.
-        moving: whether these differ.
+        bound: where else it may be on its way to.
+        moving: whether it may be elsewhere than at the start when it is told.
         cramped: whether the vehicle is where routes do not go.
         warnings: what the operator should know about that.
     """
 
     def __init__(
-        self, airspace: Airspace, paths: ShortestPaths, start: Point, stopping: Point | None
+        self,
+        airspace: Airspace,
+        paths: ShortestPaths,
+        start: Point,
+        stopping: Point | None,
+        bound: Sequence[Onward] = (),
     ) -> None:
         self._airspace = airspace
         self._paths = paths
         self.start = start
-        self.moving = stopping is not None and stopping != start
         self.rest = stopping if stopping is not None else start
+        self.bound = tuple(bound)
+        self.moving = self.rest != start or bool(self.bound)
         here = airspace.point_clear(start)
         self.cramped = not (here and (not self.moving or airspace.point_clear(self.rest)))
         self.warnings: tuple[str, ...] = ()
@@ -78,6 +91,7 @@ class Departure:
             self._reach_m = 0.0 if nearest is None else 1.5 * math.dist(self.start, nearest) + 1.0
             others = self._airspace.leaving(self.start)
             self._near = others.with_margin((others.margin_m - others.clearance_m) / 2)
+            self._ease_others(others)
             return
         margin_m = self._airspace.margin_m
         spare_m, name = self._airspace.spare_m(self.start)
@@ -96,22 +110,38 @@ class Departure:
         self._near = self._airspace.eased(margin_m - kept_m + _GIVE_M, nearest_m - _GIVE_M)
         self._kept = self._airspace.with_margin(0.0).kept_from(self.start, self.rest)
 
+    def _ease_others(self, others: Airspace) -> None:
+        """It may stay as near to other zones as it is, on the way out of the one that it is in."""
+        near = self._near
+        assert near is not None  # noqa: S101 - the caller's
+        here_m, rest_m = (near.spare_m(place)[0] for place in (self.start, self.rest))
+        if min(here_m, rest_m) >= 0 or rest_m < here_m - _DRIFT_M:
+            return
+        nearest_m = min(others.distance_m(place) for place in (self.start, self.rest))
+        self._kept = near.kept_from(self.start, self.rest)
+        self._near = near.eased(_GIVE_M - min(here_m, rest_m), nearest_m - _GIVE_M)
+
     def allows(self, end: Point) -> bool:
         """Whether the vehicle may be sent straight to `end`, which is clear."""
         if not self.cramped:
             if not self.moving:
                 return self._airspace.leg_clear(self.start, end)
-            return self._airspace.swept_clear([self.start, self.rest, end])
+            return self._airspace.swept_clear(self._area(end))
         if self._near is None:
             return False
-        area = [self.start, self.rest, end]
+        area = self._area(end)
         if self._kept is not None and not self._kept.swept_clear(area):
             return False
         if math.dist(self.start, end) > self._reach_m:
             turns = [_along(place, end, self._reach_m) for place in (self.start, self.rest)]
-            if not self._airspace.swept_clear([*turns, end]):
+            if not self._airspace.swept_clear([*turns, *area[2:]]):
                 return False
         return self._near.swept_clear(area)
+
+    def _area(self, end: Point) -> list[Point]:
+        """The corners of what the vehicle may sweep if it is sent to `end`, as late as may be."""
+        elsewhere = (on.reach for on in self.bound if math.dist(on.place, end) > _SAME_M)
+        return [self.start, self.rest, *elsewhere, end]
 
     @property
     def special(self) -> bool:
@@ -134,7 +164,7 @@ class Departure:
         """Whether a leg is a step of the shortest way out of a tight place; see `way_out`."""
         if self.way_out is None or self._near is None:
             return False
-        if not self._near.swept_clear([self.start, self.rest, end]):
+        if not self._near.swept_clear(self._area(end)):
             return False
         left_m = 0.0
         if not self._airspace.point_clear(end):

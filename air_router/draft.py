@@ -10,7 +10,13 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from air_router.altitudes import Altitudes
-from air_router.settings import DEFAULT_BATTERY_RESERVE, PlannerSettings, Timers
+from air_router.settings import (
+    DEFAULT_BATTERY_RESERVE,
+    DEFAULT_SEEK_POLICY,
+    PlannerSettings,
+    SeekPolicy,
+    Timers,
+)
 from geo.degree_lines import dense_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.validity import Validity
@@ -53,6 +59,27 @@ class Spot:
     position: Point
     keys: Keys
     altitude_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Uav:
+    """One of several UAVs that fly a mission.
+
+    Attributes:
+        name: In the team.
+        keys: Where it stands in the file.
+        altitude_m: Where it flies, above its home; None: at the mission's altitude.
+        explore: It explores, and does not only search.
+        home: Where it takes off and lands; None: at the mission's home.
+        home_altitude_amsl_m: Height of the ground there above sea level, if the file says so.
+    """
+
+    name: str
+    keys: Keys
+    altitude_m: float | None = None
+    explore: bool = True
+    home: Spot | None = None
+    home_altitude_amsl_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +128,8 @@ class Draft:
     `in_metres` says that pairs are metres east and north of the frame's origin, not degrees.
     `notes` are what the operator should know, though the mission may be flown all the same.
     Problems are found by `legality`, and noted here in the same way. `refused` are the rings that
-    are no areas.
+    are no areas. `uavs` are those of a mission for several, `columns` what one of them keeps away
+    from because of the others; `uav` and `explore` are those of the one that is meant.
     """
 
     document: Source
@@ -119,7 +147,12 @@ class Draft:
     timers: Timers = field(default_factory=Timers)
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     seek: tuple[str, ...] = ()
+    seek_policy: SeekPolicy = DEFAULT_SEEK_POLICY
+    goals_from: tuple[str, ...] = ()
     uav: str | None = None
+    uavs: tuple[Uav, ...] = ()
+    explore: bool = True
+    columns: list[Area] = field(default_factory=list)
     team: Path | None = None
     world: Path | None = None
     battery_reserve: float = DEFAULT_BATTERY_RESERVE

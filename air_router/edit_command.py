@@ -11,11 +11,11 @@ import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 
-from air_router.editor.backdrop import Backdrop
 from air_router.editor.mission_text import MissionText
 from air_router.editor.session import Session
 from air_router.editor.starter import write_starter
 from air_router.errors import ExitCode, UsageError
+from air_router.web.backdrop import Backdrop
 
 _DEFAULT_PORT = 8424
 
@@ -48,11 +48,13 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "--new", metavar="LAT,LON", help="begin a new mission there; MISSION must not exist yet"
     )
     parser.add_argument("--no-open", action="store_true", help="do not open a browser")
-    parser.add_argument("--image", type=Path, metavar="F", help="a picture under the map")
+    parser.add_argument(
+        "--image", type=Path, metavar="F", help="a picture or MBTiles under the map"
+    )
     parser.add_argument(
         "--image-bounds",
         metavar="S,W,N,E",
-        help="where it lies, in degrees (default: the world file beside it)",
+        help="where the picture lies, in degrees (default: the world file beside it)",
     )
     parser.set_defaults(run=run)
 

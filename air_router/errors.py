@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from enum import IntEnum
 from typing import ClassVar
 
-from mocha_link.document import DocumentError, Problem
 from mocha_link.errors import MochaLinkError
+from mocha_link.problem import DocumentError, Problem
 
 
 class ExitCode(IntEnum):

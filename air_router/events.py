@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 
 from air_router.actions import Motion
+from air_router.requests import AnyRequest
 from air_router.vehicle import VehicleEvent
 from geo.frame import Point
+from geo.zone import Shape, Zone
 from mocha_link.metrics import LinkEvent
 
 
@@ -30,18 +31,37 @@ class RobotPose:
 
 @dataclass(frozen=True, slots=True)
 class RobotPath:
-    """A robot's intended path arrived by gossip; only its end matters for seeking it."""
+    """A robot's intended path arrived by gossip.
+
+    Attributes:
+        robot: Whose path.
+        points: Metres east/north, at least one; the last is its destination.
+        stamp_s: When the robot said so, in its own Unix seconds.
+    """
 
     robot: str
-    destination: Point
+    points: tuple[Point, ...]
     stamp_s: float
 
+    @property
+    def destination(self) -> Point:
+        """Where the path ends."""
+        return self.points[-1]
 
-class Request(Enum):
-    """What the operator can ask for."""
 
-    COME_HOME = "come home"
-    RESUME = "go on with the mission"
+@dataclass(frozen=True, slots=True)
+class RobotSought:
+    """Another UAV said by gossip whom it seeks now.
+
+    Attributes:
+        by: The other UAV.
+        robot: Whom it seeks; None: nobody.
+        stamp_s: When it said so, in its own Unix seconds.
+    """
+
+    by: str
+    robot: str | None
+    stamp_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +79,35 @@ class CommandFailed:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class AirspaceChanged:
+    """Fences and zones are others from now on: somebody has drawn the mission's anew.
+
+    Attributes:
+        fences: All fences.
+        zones: All zones, also those that do not apply to this flight.
+    """
+
+    fences: tuple[Shape, ...]
+    zones: tuple[Zone, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRenewed:
+    """The plan with the changed fence is on board and read back; or not, and why."""
+
+    why_not: str | None = None
+
+
 Event = (
-    VehicleEvent | LinkEvent | RobotPose | RobotPath | Request | CommandConfirmed | CommandFailed
+    VehicleEvent
+    | LinkEvent
+    | RobotPose
+    | RobotPath
+    | RobotSought
+    | AnyRequest
+    | AirspaceChanged
+    | PlanRenewed
+    | CommandConfirmed
+    | CommandFailed
 )

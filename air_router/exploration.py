@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -19,46 +19,73 @@ PASSING_M = 15.0
 
 @dataclass(slots=True)
 class Exploration:
-    """The waypoints in the operator's order, explored once; resumes where it stopped."""
+    """The waypoints in the operator's order, explored once; resumes where it stopped.
+
+    Attributes:
+        waypoints: All of them.
+        left_out: Numbers of those that could not be visited.
+        here: Where the vehicle was last told to be; None before it flies.
+        began_s: When that was told first.
+    """
 
     waypoints: Sequence[Waypoint]
     left_out: list[int] = field(default_factory=list)
+    here: Point | None = None
+    began_s: float | None = None
     _next: int = 0
+    _barred: frozenset[int] = frozenset()
     _passed_s: dict[int, float] = field(default_factory=dict)
 
     @property
     def remaining(self) -> int:
         """How many waypoints are still to be visited."""
-        return len(self.waypoints) - self._next
+        return sum(w.number not in self._barred for w in self.waypoints[self._next :])
 
     @property
     def goal(self) -> Goal:
         """The waypoint whose turn it is; only while some remain."""
-        waypoint = self.waypoints[self._next]
+        waypoint = self.waypoints[self._turn]
         return Goal(waypoint.position, waypoint.number)
+
+    @property
+    def _turn(self) -> int:
+        later = range(self._next, len(self.waypoints))
+        return next(index for index in later if self.waypoints[index].number not in self._barred)
+
+    def bar(self, numbers: Collection[int]) -> tuple[list[int], list[int]]:
+        """Leave these waypoints out from now on, and no others; which are new, and which are back.
+
+        One that is back is visited if its turn is still to come.
+        """
+        before, self._barred = self._barred, frozenset(numbers)
+        return sorted(self._barred - before), sorted(before - self._barred)
 
     def visited(self) -> None:
         """The waypoint whose turn it was is done."""
-        self._next += 1
+        self._next = self._turn + 1
 
     def leave_out(self) -> int:
         """Give the waypoint whose turn it was up; returns its number."""
-        number = self.waypoints[self._next].number
+        index = self._turn
+        number = self.waypoints[index].number
         self.left_out.append(number)
-        self._next += 1
+        self._next = index + 1
         return number
 
-    def mark(self) -> int:
+    def mark(self) -> tuple[int, int]:
         """Where exploration stands, to come `back_to`."""
-        return self._next
+        return self._next, len(self.left_out)
 
-    def back_to(self, mark: int) -> None:
+    def back_to(self, mark: tuple[int, int]) -> None:
         """Take back what was left out since a mark, which lies after the last visit."""
-        del self.left_out[len(self.left_out) - (self._next - mark) :]
-        self._next = mark
+        self._next, left_out = mark
+        del self.left_out[left_out:]
 
     def passing(self, position: Point, now_s: float) -> None:
-        """Note which waypoints the vehicle is near."""
+        """Note where the vehicle is, and which waypoints it is near."""
+        self.here = position
+        if self.began_s is None:
+            self.began_s = now_s
         for waypoint in self.waypoints:
             if math.dist(position, waypoint.position) <= PASSING_M:
                 self._passed_s[waypoint.number] = now_s
@@ -74,5 +101,6 @@ class Exploration:
             away_m = min((math.dist(waypoint.position, p) for p in passed), default=0.0)
             return self._passed_s.get(waypoint.number, -math.inf), -away_m
 
-        waypoint = min(self.waypoints, key=rank)
+        open_to_us = [w for w in self.waypoints if w.number not in self._barred]
+        waypoint = min(open_to_us or self.waypoints, key=rank)
         return Goal(waypoint.position, waypoint.number)

@@ -28,12 +28,17 @@ if TYPE_CHECKING:
 FENCE_POINTS: Final = 64
 """So many points of a fence PX4 1.17 stores as it comes: a circle is one, a polygon its corners."""
 
+FENCE_TOO_LONG: Final = "fence-points"
+"""The code of the note that a mission has more of them: PX4 would refuse the upload."""
+
 _STEP_M: Final = 2_000.0
 """Longer sides get corners in between, where they are not straight in degrees."""
 
 _STRAIGHT_E7: Final = 1.5
 """Corners that lie so near to the straight line between others, in units of 1e-7 degrees (1 cm),
 are not sent."""
+
+_CIRCLES: Final = frozenset({Command.FENCE_CIRCLE_INCLUSION, Command.FENCE_CIRCLE_EXCLUSION})
 
 _HALF_TURN_E7: Final = 180 * 10**7
 
@@ -43,7 +48,8 @@ class FencePlan:
     """The fence as items, and what they cannot say.
 
     Attributes:
-        items: For the upload; polygons are runs of vertices that know their number.
+        items: For the upload; polygons are runs of vertices that know their number, circles come
+            last.
         simpler: For each area that is not on board as it is drawn, its name and why.
     """
 
@@ -80,6 +86,8 @@ def fence_plan(mission: Mission) -> FencePlan:
         for idle in mission.idle_zones
         if idle.below
     ]
+    # PX4 1.17 takes every area behind a circle for a circle, corner by corner.
+    items.sort(key=lambda item: item.command in _CIRCLES)
     return FencePlan(tuple(items), tuple(simpler))
 
 

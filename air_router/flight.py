@@ -7,39 +7,50 @@ what it answers, and decides nothing itself.
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import logging
 import math
 import os
 import signal
 from collections.abc import Callable, Coroutine
-from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from air_router.actions import (
     Action,
     Announce,
+    Answered,
     Finish,
     FlyToNode,
     FlyToPoint,
     HoldHere,
     LandHere,
     PublishMap,
+    ReadAgain,
+    RenewPlan,
+    Seeking,
     StateChanged,
-    Taker,
 )
 from air_router.behaviour import State
 from air_router.console import listening
-from air_router.controller import Controller
+from air_router.control_server import ControlServer
+from air_router.desk import Desk
 from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, RefusedError
-from air_router.events import Event, Request
+from air_router.events import Event
 from air_router.flight_plan import FlightPlan
+from air_router.flight_result import FlightResult, ending_of
+from air_router.flight_setup import FlightSetup
 from air_router.graph import WaypointGraph
 from air_router.ledger import Ledger, RobotAccount
 from air_router.mapper import Mapper, receive_patches
 from air_router.motions import MotionSender
 from air_router.navigator import REACTION_S
+from air_router.page import NoPage, Page
 from air_router.preflight import PreflightRefusedError, Verdict
 from air_router.preflight_survey import Survey
+from air_router.recorder import PREFLIGHT
+from air_router.requests import GoOn
+from air_router.rereading import Rereader
 from air_router.router import Router
 from air_router.status import StatusLine, flight_line
 from air_router.vehicle import FlightMode, LinkSilent, Telemetry, VehicleEvent
@@ -50,30 +61,17 @@ if TYPE_CHECKING:
     from air_router.mission import Mission
     from air_router.recorder import Recorder
     from air_router.vehicle import Vehicle, VehicleInfo
-    from geo.frame import Point
 
 _log = logging.getLogger(__name__)
 
 COMMAND_S: Final = 0.12
 """Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
 
-MAP_RECORD_S: Final = 1.0
-
 RESTART_S: Final = 1.0
 """A vehicle whose clock runs back by more than this has restarted."""
 
 LOST_S: Final = 60.0
 """Wall-clock silence of the vehicle after which the flight is reported as lost."""
-
-
-@dataclass(frozen=True, slots=True)
-class FlightResult:
-    """How a flight ended."""
-
-    outcome: str
-    exit_code: ExitCode
-    report: dict[str, object]
-    track: tuple[Point, ...]
 
 
 class Flight:
@@ -89,6 +87,7 @@ class Flight:
         recorder: Where every event and decision goes.
         status: What the operator sees.
         camera: Endpoint of the camera's patches, None without a camera.
+        control: Endpoint at which other programs may ask for something, None for none.
         arm: Arm and start; otherwise wait for the pilot to do it.
         survey: Looks at everything before the flight; None: nothing but the mission's router.
         resume: Go on with a flight that is under way, instead of beginning one.
@@ -106,6 +105,7 @@ class Flight:
         recorder: Recorder,
         status: StatusLine,
         camera: str | None = None,
+        control: str | None = None,
         arm: bool = False,
         survey: Callable[[Router], Survey] | None = None,
         resume: bool = False,
@@ -123,9 +123,21 @@ class Flight:
         self._plan = FlightPlan.of(mission)
         self.router = Router(WaypointGraph(mission))
         self._survey = Survey(mission, self.router) if survey is None else survey(self.router)
-        self.controller = Controller(
-            mission, self._plan, self.router, seek, patient=not (arm or resume)
+        setup = FlightSetup(
+            mission,
+            seek,
+            patient=not (arm or resume),
+            explore=mission.explore,
+            name=mission.uav or "",
         )
+        recorder.begin(setup, arm=arm, resume=resume, camera=camera)
+        self.controller = setup.controller(self.router, self._plan)
+        self.desk = Desk(
+            mission.frame, self.controller, self._on_event, lambda: self._rereader.latest
+        )
+        self.page: Page = NoPage()
+        self._control = None if control is None else ControlServer(control, self.desk.grant)
+        self._rereader = Rereader(self.controller, vehicle, self._on_event, status.say)
         self.ledger = Ledger(mission, mapper, {name: RobotAccount() for name in seek})
         self._finish: asyncio.Future[tuple[str, ExitCode]]
         self._first: asyncio.Future[Telemetry]
@@ -139,7 +151,6 @@ class Flight:
         self._admitted = False
         self._leaving = False
         self._vehicle_s = -math.inf
-        self._map_recorded_s = -math.inf
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def run(self) -> FlightResult:
@@ -152,12 +163,15 @@ class Flight:
         self._finish = loop.create_future()
         self._first = loop.create_future()
         loop.set_exception_handler(self._on_loop_error)
+        self._recorder.trouble = lambda text: loop.call_soon_threadsafe(self._status.say, text)
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self._on_interrupt)
+        say = self._status.say
         try:
-            with listening(self._on_event, self._status.say):
-                self._start(self._begin())
-                outcome, exit_code = await self._finish
+            async with self.page.serving(say):
+                with listening(partial(self.desk.typed, say), say):
+                    self._start(self._begin())
+                    outcome, exit_code = await self._finish
         finally:
             await self._let_go()
             for number in (signal.SIGINT, signal.SIGTERM):
@@ -168,7 +182,7 @@ class Flight:
         await self._prepare()
         self._start(self._motions.run())
         if self._camera is not None:
-            self._start(receive_patches(self._camera, self._mapper.paint))
+            self._start(receive_patches(self._camera, self._paint))
         if self._resume:
             self._go_on()
         elif self._arm:
@@ -189,6 +203,9 @@ class Flight:
     async def _prepare(self) -> None:
         info = await self._vehicle.connect()
         self._status.say(f"{info.autopilot} {info.version}, system {info.system_id}")
+        self._recorder.note("Vehicle", 0.0, dataclasses.asdict(info))
+        if self._recorder.path is not None:
+            self._status.say(f"recording {self._recorder.path}")
         self._vehicle.subscribe(self._on_vehicle)
         telemetry = await self._first
         if telemetry.in_air:
@@ -204,6 +221,10 @@ class Flight:
     def _admit(self) -> None:
         self._admitted = True
         self._gossip.start(self._on_event)
+        if self._control is not None:
+            self._control.open()
+            self._start(self._control.run())
+            self._status.say(f"requests are taken at {self._control.endpoint}")
 
     async def _find_flight(self, telemetry: Telemetry) -> None:
         """A vehicle in the air: a flight of this mission, perhaps, that lost its companion."""
@@ -223,20 +244,21 @@ class Flight:
         self._on_event(telemetry)
 
     def _go_on(self) -> None:
-        self._on_event(Request.RESUME)
-        if self.controller.state is State.READY:
-            raise RefusedError("the flight is not resumed, and left as it is")
+        if self.controller.state is not State.READY:
+            return  # in Mission mode it was found to be on its way
+        answer = self.desk.ask(GoOn())
+        if not answer.accepted:
+            raise RefusedError(f"the flight is not resumed, and left as it is: {answer.why}")
 
     async def _preflight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
         """Refuse what cannot become a safe flight."""
         card = await self._survey.card(self._vehicle, info, telemetry)
-        self._recorder.write(
-            "flight", self._clock.boot_s(), {"type": "Preflight", **card.as_json()}
-        )
+        self._recorder.note(PREFLIGHT, self._clock.boot_s(), card.as_json())
         if not card.ready:
             raise PreflightRefusedError(card)
         good = sum(check.verdict is Verdict.GOOD for check in card.checks)
-        self._status.say(f"pre-flight: {good} of {len(card.checks)} lines are good")
+        others = "; none of the others stops the flight" if good < len(card.checks) else ""
+        self._status.say(f"pre-flight: {good} of {len(card.checks)} lines are good{others}")
         for line in card.lines(all_of_them=False):
             self._status.say(line)
 
@@ -265,7 +287,8 @@ class Flight:
         self._on_event(event)
         if isinstance(event, Telemetry):
             self._gossip.tell(event)
-            self._record_map(event.time_s)
+            self._recorder.map(self._mapper, event.time_s)
+            self._recorder.links(self._gossip.links, self._gossip.held, event.time_s)
             self._status.show(lambda: flight_line(self.controller, self._gossip.links()))
 
     def _too_late(self, telemetry: Telemetry) -> bool:
@@ -291,11 +314,15 @@ class Flight:
         now_s = self._clock.boot_s()
         self._recorder.event(event, now_s)
         self.ledger.event(event, now_s)
+        self.page.event(event, now_s)
         if self._leaving:
             return  # the vehicle is let go: nothing is decided any more
-        for action in self.controller.handle(event, now_s):
+        actions = self.controller.handle(event, now_s)
+        for action in actions:  # all of them before any leads to another event
             self._recorder.action(action, now_s)
+        for action in actions:
             self.ledger.action(action)
+            self.page.action(action, now_s)
             self._act(action, now_s)
 
     def _act(self, action: Action, now_s: float) -> None:
@@ -304,46 +331,44 @@ class Flight:
                 self._motions.give(action)
             case PublishMap():
                 self._gossip.publish_map(now_s)
+            case Seeking(robot=robot):
+                self._gossip.tell_sought(robot, now_s)
+            case ReadAgain() | RenewPlan():
+                self._start(self._rereader.work(action))
             case Announce(text=text):
                 self._tell(text, now_s)
-            case StateChanged(source=source, target=target):
-                self._status.say(f"{now_s:8.1f} s  {source.name} -> {target.name}")
-                if target is State.PASSIVE:
-                    self._motions.call_off()
-                if source is State.READY:
-                    self._reckon_with_delays(now_s)
+            case Answered(by=by, accepted=accepted, why=why):
+                self.desk.answered(action)
+                self._gossip.tell_answer(action)
+                word = "accepted" if accepted else "refused"
+                self._status.say(f"{now_s:8.1f} s  {by}: {word}: {why}")
+            case StateChanged():
+                self._on_state(action, now_s)
             case Finish():
-                self._on_finish(action)
+                self._end(*ending_of(action))
+
+    def _on_state(self, change: StateChanged, now_s: float) -> None:
+        self._status.say(f"{now_s:8.1f} s  {change.source.name} -> {change.target.name}")
+        if change.target is State.PASSIVE:
+            self._motions.call_off()
+        if change.source is State.READY:
+            self._reckon_with_delays(now_s)
 
     def _reckon_with_delays(self, now_s: float) -> None:
         """What a command takes on its way is our time; in a fast simulation the vehicle's flies."""
         reaction_s = REACTION_S + COMMAND_S * self._clock.rate
         self.controller.navigator.reaction_s = reaction_s
-        self._recorder.write("flight", now_s, {"type": "Reaction", "reaction_s": reaction_s})
+        self._recorder.note("Reaction", now_s, {"reaction_s": reaction_s})
 
-    def _record_map(self, now_s: float) -> None:
-        """How the map grows: with it the robots' share of it can be told afterwards."""
-        cells = self._mapper.known_cells
-        if now_s - self._map_recorded_s >= MAP_RECORD_S and cells:
-            self._map_recorded_s = now_s
-            self._recorder.write("flight", now_s, {"type": "Map", "known_cells": cells})
+    def _paint(self, patch: bytes) -> None:
+        if self._mapper.paint(patch):
+            self._recorder.patch(patch, self._clock.boot_s())
 
     def _tell(self, text: str, now_s: float) -> None:
         self._status.say(f"{now_s:8.1f} s  {text}")
         self._start(self._vehicle.announce(f"air_router: {text}"))
 
     # Ends.
-
-    def _on_finish(self, finish: Finish) -> None:
-        match finish:
-            case Finish(landed_by_us=True):
-                self._end("done", ExitCode.DONE)
-            case Finish(taken_by=Taker.PILOT):
-                self._end("pilot", ExitCode.PILOT_TOOK_OVER)
-            case Finish(taken_by=Taker.FAILSAFE):
-                self._end("failsafe", ExitCode.ENDED_OTHERWISE)
-            case _:
-                self._end(f"ended: {finish.why}", ExitCode.ENDED_OTHERWISE)
 
     def _end(self, outcome: str, exit_code: ExitCode) -> None:
         if not self._finish.done():
@@ -379,6 +404,7 @@ class Flight:
         await asyncio.gather(*tasks, return_exceptions=True)
         ours = self._flies_by_us()
         self._leaving = True
+        self._recorder.note("LetGo", self._clock.boot_s(), {})
         try:
             if ours:
                 await self._vehicle.hold()
@@ -388,6 +414,8 @@ class Flight:
         finally:
             self._status.end()
             self._gossip.close()
+            if self._control is not None:
+                self._control.close()
             await self._vehicle.close()
 
     def _flies_by_us(self) -> bool:
@@ -404,5 +432,6 @@ class Flight:
                 self.ledger.robots[name].newest_stamp_s = stamp_s
         report = self.ledger.report(outcome, self._clock.now_s())
         report["came_home_because"] = self.controller.came_home_why
-        self._recorder.write("flight", self._clock.boot_s(), {"type": "Report", **report})
-        return FlightResult(outcome, exit_code, report, tuple(self.ledger.track))
+        self._recorder.note("Report", self._clock.boot_s(), report)
+        ledger = self.ledger
+        return FlightResult(outcome, exit_code, report, tuple(ledger.track), tuple(ledger.meetings))

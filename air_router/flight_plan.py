@@ -81,7 +81,12 @@ class FlightPlan:
             autocontinue=True,
         )
         nodes = [(mission.home, altitude_m)]
-        nodes += [(w.position, w.altitude_above_home_m) for w in mission.waypoints]
+        # A waypoint that a zone was drawn over is not flown to; with it in there PX4 flies nothing.
+        out = mission.barred
+        nodes += [
+            (mission.home if w.number in out else w.position, w.altitude_above_home_m)
+            for w in mission.waypoints
+        ]
         items = [speed, takeoff]
         for position, node_altitude_m in nodes:
             node_x, node_y = degrees_e7(mission.frame, position)
@@ -98,12 +103,13 @@ class FlightPlan:
         return cls(
             items=tuple(items),
             fence=fence_plan(mission).items,
-            rally=tuple(_rally_point(mission, place) for place in mission.rally_points),
+            rally=tuple(_rally_point(mission, place) for place in mission.landings),
             first_node_item=2,
         )
 
 
 def _rally_point(mission: Mission, place: Point) -> PlanItem:
     # Height 0: the ground there is taken to be as high as home's, as everywhere in a mission.
+    # Return in PX4 1.17 knows no INT frames: with one it passes over the point, and complains.
     x, y = degrees_e7(mission.frame, place)
-    return PlanItem(Command.RALLY_POINT, Frame.RELATIVE_ALT_INT, (0.0, 0.0, 0.0, 0.0), x, y)
+    return PlanItem(Command.RALLY_POINT, Frame.RELATIVE_ALT, (0.0, 0.0, 0.0, 0.0), x, y)

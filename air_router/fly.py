@@ -9,29 +9,38 @@ import json
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
+from air_router.arguments import add_uav, moment
 from air_router.clock import VehicleClock
-from air_router.errors import RefusedError
-from air_router.flight import Flight, FlightResult
+from air_router.control_server import endpoint_of
+from air_router.errors import RefusedError, UsageError
+from air_router.flight import Flight
+from air_router.flight_result import FlightResult
 from air_router.gossip import Gossip
 from air_router.mapper import Mapper
 from air_router.mission import load_mission
+from air_router.page import Web, add_web, page_of, web_of
 from air_router.preflight_survey import Survey
 from air_router.px4 import Px4Vehicle
 from air_router.recorder import Recorder
+from air_router.recording import Recording, add_recording, recording_of
 from air_router.report import write_report
+from air_router.settings import SEEK_POLICIES
 from air_router.status import StatusLine
 from mocha_link import ListenError, PortInUseError, RadioError, Team
 from mocha_link.keys import KeyFileError, KeyMismatchError, KeysUnavailableError
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from air_router.mission import Mission
 
 DEFAULT_URL = "udpin://0.0.0.0:14540"
 AERIAL = "aerial_robot"
+PART: Final = "--part"
 _UNUSABLE = (  # the gossip node cannot begin, so the flight does not
     PortInUseError,
     ListenError,
@@ -50,9 +59,12 @@ class FlyOptions:
         url: MAVSDK connection URL of the vehicle.
         team: Team file, None for the mission's own.
         camera: Endpoint of the camera's patches; metrics: endpoint to serve the links' metrics at.
+        control: Endpoint at which other programs may ask for something.
+        web: Where the live page is served; None: nowhere.
         keys: The folder with the UAV's secret, if the team has a key for it.
         resume: Go on with a flight that is under way.
         duration_s: Come home after so long in the air, None for the mission's own.
+        recording: Where the flight is recorded.
     """
 
     url: str = DEFAULT_URL
@@ -60,11 +72,13 @@ class FlyOptions:
     team: Path | None = None
     camera: str | None = None
     metrics: str | None = None
+    control: str | None = None
+    web: Web | None = None
     keys: Path | None = None
     duration_s: float | None = None
     arm: bool = False
     resume: bool = False
-    log_dir: Path | None = None
+    recording: Recording = field(default_factory=Recording)
 
 
 def fly(mission: Mission, options: FlyOptions) -> FlightResult:
@@ -72,6 +86,7 @@ def fly(mission: Mission, options: FlyOptions) -> FlightResult:
     if options.duration_s is not None:
         mission = dataclasses.replace(mission, duration_s=options.duration_s)
     team, uav = team_of(mission, options.team)
+    mission = dataclasses.replace(mission, uav=uav)
     try:
         return _fly(mission, options, team, uav)
     except _UNUSABLE as error:
@@ -82,9 +97,26 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
     clock = VehicleClock()
     mapper = Mapper(mission)
     gossip = Gossip(
-        mission.frame, team, uav, clock, mapper, metrics=options.metrics, keys=options.keys
+        mission.frame,
+        team,
+        uav,
+        clock,
+        mapper,
+        metrics=options.metrics,
+        keys=options.keys,
+        goals_from=mission.goals_from,
     )
-    with Recorder(options.log_dir, str(mission.path)) as recorder:
+    recording, status = options.recording, StatusLine()
+    with Recorder(
+        recording.folder,
+        str(mission.path),
+        unix_s=clock.now_s,
+        stem=recording.stem,
+        name=uav,
+        must=recording.must and not options.resume,
+    ) as recorder:
+        for path in (mission.path, team.path):
+            recorder.file(path)
         flight = Flight(
             mission,
             Px4Vehicle(mission, options.url, clock, system_id=options.system_id),
@@ -93,15 +125,20 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             mapper=mapper,
             seek=mission.seek or ground_robots(team, uav),
             recorder=recorder,
-            status=StatusLine(),
+            status=status,
             camera=options.camera,
+            control=options.control,
             arm=options.arm,
             resume=options.resume,
             survey=lambda router: Survey(
-                mission, router, team=team, uav=uav, log_dir=options.log_dir
+                mission, router, team=team, uav=uav, log_dir=recording.folder
             ),
         )
-        return asyncio.run(flight.run())
+        flight.page = page_of(options.web, mission, flight, gossip, mapper)
+        result = asyncio.run(flight.run())
+    if recorder.path is not None:
+        result.report["record"] = str(recorder.path)
+    return result
 
 
 def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
@@ -116,13 +153,34 @@ def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
     return team, mission.uav or only_uav(team)
 
 
+def load_flown(
+    path: Path,
+    uav: str | None,
+    *,
+    start: datetime | None = None,
+    duration_s: float | None = None,
+    in_flight: bool = False,
+) -> Mission:
+    """A mission as one vehicle flies it, or has begun to fly it.
+
+    Raises:
+        MissionFileError: it cannot be flown.
+        UsageError: it is for several UAVs, and `uav` is none of them.
+    """
+    mission = load_mission(path, uav=uav, start=start, duration_s=duration_s, in_flight=in_flight)
+    if uav is None and len(mission.layers) > 1:
+        names = " or ".join(f"--uav {layer.uav}" for layer in mission.layers)
+        raise UsageError(f"{path}: is for several UAVs; say which one this is: {names}")
+    return mission
+
+
 def only_uav(team: Team) -> str:
     """The team's UAV, for missions that do not say which robot they fly."""
     uavs = [robot.name for robot in team.robots.values() if robot.kind == AERIAL]
     if len(uavs) != 1:
         raise RefusedError(
             f"{team.path}: has {len(uavs)} robots of kind {AERIAL}; "
-            "say in the mission which one it flies, `uav: NAME`"
+            "say which one flies, --uav NAME or `uav: NAME` in the mission"
         )
     return uavs[0]
 
@@ -143,6 +201,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "--connect udpin://0.0.0.0:14540",
     )
     add_vehicle_arguments(parser)
+    add_uav(parser)
     parser.add_argument(
         "--camera", metavar="URL", help="ZeroMQ endpoint that publishes map patches, tcp://..."
     )
@@ -154,7 +213,16 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         help="go on with a flight of this mission that is in the air",
     )
     parser.add_argument("--yes", action="store_true", help="confirm --arm without being asked")
+    parser.add_argument(
+        "--keys",
+        type=Path,
+        metavar="DIR",
+        help="the folder with the UAV's secret key, NAME.key, if the team has a key for it",
+    )
     add_flight_arguments(parser)
+    # For `sim` with several UAVs: one of them, at a time that is pretended.
+    parser.add_argument(PART, action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--at", type=moment, help=argparse.SUPPRESS)
     parser.set_defaults(run=run)
 
 
@@ -181,9 +249,7 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="come home after so many seconds in the air, on the vehicle's clock",
     )
-    parser.add_argument(
-        "--log-dir", type=Path, metavar="D", help="write every event and decision there"
-    )
+    add_recording(parser)
     parser.add_argument(
         "--png", type=Path, metavar="F", help="draw the flown track into F (track.png)"
     )
@@ -194,32 +260,59 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         "(`mocha-link metrics ENDPOINT --follow`)",
     )
     parser.add_argument(
-        "--keys",
-        type=Path,
-        metavar="DIR",
-        help="the folder with the UAV's secret key, NAME.key, if the team has a key for it",
+        "--control",
+        type=endpoint_of,
+        metavar="ENDPOINT",
+        help="let other programs on this machine ask for something there: a port, "
+        "tcp://127.0.0.1:PORT or ipc://PATH (`air-router ask`, docs/control.md)",
     )
+    add_web(parser)
     parser.add_argument("--json", action="store_true", help="end with one JSON object on stdout")
+    parser.add_argument(
+        "--seek", choices=SEEK_POLICIES, help="how the next robot is chosen (as the mission says)"
+    )
+
+
+def options_of(arguments: argparse.Namespace, stem: str, **others: Any) -> FlyOptions:
+    """What `add_flight_arguments` has read; a record's name begins with `stem`."""
+    return FlyOptions(
+        metrics=arguments.metrics,
+        control=arguments.control,
+        web=web_of(arguments),
+        duration_s=arguments.duration,
+        recording=recording_of(arguments, stem),
+        **others,
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly, and report on stdout."""
-    mission = load_mission(arguments.mission, duration_s=arguments.duration)
+    mission = load_flown(
+        arguments.mission,
+        arguments.uav,
+        start=arguments.at,
+        duration_s=arguments.duration,
+        in_flight=arguments.resume,
+    )
+    mission = dataclasses.replace(mission, seek_policy=arguments.seek or mission.seek_policy)
+    if arguments.part:
+        # The simulated vehicle's clock is today's, whenever the flight is meant to be.
+        window = dataclasses.replace(mission.window, latest_start=None)
+        mission = dataclasses.replace(mission, window=window)
     if arguments.arm and not arguments.yes and not _confirmed(mission):
         raise RefusedError("not confirmed: the vehicle stays disarmed")
     result = fly(
         mission,
-        FlyOptions(
+        options_of(
+            arguments,
+            "sim" if arguments.part else "flight",
             url=arguments.connect,
             system_id=arguments.sysid,
             team=arguments.team,
             camera=arguments.camera,
-            metrics=arguments.metrics,
             keys=arguments.keys,
-            duration_s=arguments.duration,
             arm=arguments.arm,
             resume=arguments.resume,
-            log_dir=arguments.log_dir,
         ),
     )
     return finish(mission, result, arguments)
@@ -227,11 +320,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def finish(mission: Mission, result: FlightResult, arguments: argparse.Namespace) -> int:
     """Print a flight's result as asked, draw its track, and give its exit code."""
+    part = getattr(arguments, "part", False)
     picture = arguments.png or (arguments.log_dir or Path()) / "track.png"
-    write_report(mission, result, picture)
+    if part and arguments.png is None and arguments.log_dir is None:
+        picture = None
     if arguments.json:
         json.dump(result.report, sys.stdout)
         sys.stdout.write("\n")
+        sys.stdout.flush()
+    write_report(mission, result, picture, with_table=not part)
     return result.exit_code
 
 

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
-from air_router.events import Event, RobotPath, RobotPose
+from air_router.budget import COSTLY_AT_ONCE, COSTLY_PER_S, Budget
 from air_router.messages import (
+    ANSWERS_TOPIC,
     MAP_TOPIC,
-    PATH_TOPIC,
     POSE_TOPIC,
+    SEEK_TOPIC,
+    AnswerMessage,
     MessageError,
-    PathMessage,
     PoseMessage,
+    SeekMessage,
 )
+from air_router.news import Reader
+from air_router.requests import GoTo
 from geo.frame import FrameError
 from mocha_link import MetricsServer, Node
 from mocha_link.metrics import LinkEvent, LinkMetrics, MessageStored
@@ -24,21 +27,23 @@ from mocha_link.metrics import LinkEvent, LinkMetrics, MessageStored
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from air_router.actions import Answered
     from air_router.clock import VehicleClock
+    from air_router.events import Event
     from air_router.mapper import Mapper
     from air_router.vehicle import Telemetry
-    from geo.frame import LocalFrame, Point
+    from geo.frame import LocalFrame
     from mocha_link import Message, Team
 
 _log = logging.getLogger(__name__)
 
 POSE_INTERVAL_S: Final = 1.0
-FARTHEST_M: Final = 10_000.0
-"""A place farther than this from the mission's origin is not sought: no fence may be drawn that
-would keep the vehicle from going there."""
-
 MAP_INTERVAL_S: Final = 5.0
 """The map is aggregated: several patches, one database update."""
+
+
+SEEK_INTERVAL_S: Final = 30.0
+"""Whom we seek is said again: what others heard of it holds for some minutes only."""
 
 
 class Gossip:
@@ -52,6 +57,7 @@ class Gossip:
         mapper: The map to publish.
         metrics: Endpoint at which other programs may watch the links, None for none.
         keys: The folder with the UAV's secret, if the team has a key for it.
+        goals_from: Whose goals are requests to the mission.
 
     Raises:
         UnknownRobotError: the team has no robot of the UAV's name.
@@ -68,8 +74,11 @@ class Gossip:
         *,
         metrics: str | None = None,
         keys: Path | None = None,
+        goals_from: tuple[str, ...] = (),
     ) -> None:
         self._frame = frame
+        self._reader = Reader(frame, name=name, goals_from=goals_from)
+        self._goals_from = goals_from
         self._mapper = mapper
         self._clock = clock
         self._name = name
@@ -78,14 +87,20 @@ class Gossip:
         self._metrics = None if metrics is None else MetricsServer(self.node, metrics)
         self._pose_at_s = float("-inf")
         self._map_at_s = float("-inf")
+        self._budget = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)
+        self._goals: dict[str, GoTo] = {}
+        self._deliver: Callable[[Event], None]
+        self._sought: str | None = None
+        self._seek_at_s = float("inf")  # nobody is told before anybody is sought
 
     def start(self, deliver: Callable[[Event], None]) -> None:
         """Open the sockets; hand link events and robots' news to `deliver` on this event loop."""
         loop = asyncio.get_running_loop()
+        self._deliver = deliver
 
         def from_node(event: LinkEvent) -> None:
             try:
-                loop.call_soon_threadsafe(self._translate, event, deliver)
+                loop.call_soon_threadsafe(self._translate, event)
             except RuntimeError:
                 _log.debug("a link event came after the flight had ended")
 
@@ -103,6 +118,10 @@ class Gossip:
         """Metrics of the link to every peer."""
         return self.node.links()
 
+    def held(self) -> dict[str, dict[tuple[str, str], float]]:
+        """What every peer is known to hold; see `Node.held`."""
+        return {peer: self.node.held(peer) for peer in self.node.robot.peers}
+
     def tell(self, telemetry: Telemetry) -> None:
         """Publish pose and map when their time has come."""
         if telemetry.time_s - self._pose_at_s >= POSE_INTERVAL_S and POSE_TOPIC in self._topics:
@@ -117,6 +136,31 @@ class Gossip:
             self.node.publish(POSE_TOPIC, pose.encode())
         if telemetry.time_s - self._map_at_s >= MAP_INTERVAL_S:
             self.publish_map(telemetry.time_s)
+        if telemetry.time_s - self._seek_at_s >= SEEK_INTERVAL_S:
+            self.tell_sought(self._sought, telemetry.time_s)
+        self._hand_on_goals()
+
+    def tell_sought(self, robot: str | None, time_s: float) -> None:
+        """Tell the team whom we seek; None: nobody."""
+        if SEEK_TOPIC not in self._topics:
+            return
+        self._sought, self._seek_at_s = robot, time_s
+        message = SeekMessage(stamp_s=self._clock.now_s(), robot=robot)
+        self.node.publish(SEEK_TOPIC, message.encode(), now=True)
+
+    def tell_answer(self, answer: Answered) -> None:
+        """Tell a base station what became of its goals."""
+        if ANSWERS_TOPIC not in self._topics or answer.by not in self._goals_from:
+            return
+        message = AnswerMessage(
+            stamp_s=self._clock.now_s(),
+            to=answer.by,
+            id=answer.request_id,
+            accepted=answer.accepted,
+            why=answer.why[:2_000],
+            code=answer.code,
+        )
+        self.node.publish(ANSWERS_TOPIC, message.encode(), now=True)
 
     def publish_map(self, time_s: float) -> None:
         """Put the newest map into the database now, if it has grown."""
@@ -140,33 +184,34 @@ class Gossip:
             self._metrics.close()
         self.node.close()
 
-    def _translate(self, event: LinkEvent, deliver: Callable[[Event], None]) -> None:
-        deliver(event)
+    def _translate(self, event: LinkEvent) -> None:
+        self._deliver(event)
         if isinstance(event, MessageStored) and event.robot != self._name:
             message = self.node.latest(event.robot, event.topic)
             news = None if message is None else self._news(message, event.peer)
-            if news is not None:
-                deliver(news)
+            if isinstance(news, GoTo):
+                self._goals[news.by] = news
+                self._hand_on_goals()
+            elif news is not None:
+                self._deliver(news)
+
+    def _hand_on_goals(self) -> None:
+        """Ways are planned to no more goals than for other requests; of one sender the newest."""
+        for robot, request in list(self._goals.items()):
+            if self._budget.affords_ways(len(request.points)):
+                del self._goals[robot]
+                self._deliver(request)
 
     def _news(self, message: Message, peer: str) -> Event | None:
         """What a stored message means to the mission; junk is logged and left alone."""
         try:
-            if message.topic == POSE_TOPIC:
-                pose = PoseMessage.decode(message.data)
-                place = self._place(pose.latitude_deg, pose.longitude_deg)
-                return RobotPose(message.robot, place, pose.stamp_s, peer)
-            if message.topic == PATH_TOPIC:
-                path = PathMessage.decode(message.data)
-                if path.points:
-                    end = self._place(*path.points[-1])
-                    return RobotPath(message.robot, end, path.stamp_s)
+            return self._reader.event_of(
+                message.robot,
+                message.topic,
+                message.data,
+                peer=peer,
+                unix_s=self._clock.now_s(),
+            )
         except (MessageError, FrameError) as error:
             _log.warning("%s %s from %s: %s", message.robot, message.topic, peer, error)
         return None
-
-    def _place(self, latitude_deg: float, longitude_deg: float) -> Point:
-        place = self._frame.to_local(latitude_deg, longitude_deg)
-        away_m = math.hypot(*place)
-        if away_m > FARTHEST_M:
-            raise FrameError(f"{latitude_deg}, {longitude_deg} is {away_m / 1000:.0f} km away")
-        return place

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
+from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 import numpy.typing as npt
 import shapely
@@ -20,6 +20,9 @@ from air_router.flight_plan import HOME_NODE
 from air_router.mission import Mission
 from geo.frame import Point
 from geo.shortest import ShortestPaths, path_length_m, shortest_paths
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 _Floats = npt.NDArray[np.float64]
 _Integers = npt.NDArray[np.intp]
@@ -51,11 +54,13 @@ class WaypointGraph:
 
     @cached_property
     def graph(self) -> nx.Graph[int]:
-        """The same as a networkx graph.
+        """The same as a networkx graph, for programs that know those.
 
         Nodes have `position` (a Point), edges have `length_m` and `via`, the corners of a detour in
         order from the lower node to the higher (mostly none).
         """
+        import networkx as nx  # noqa: PLC0415 - no command of ours needs it, and it takes long
+
         graph: nx.Graph[int] = nx.Graph()
         for node, position in self._positions.items():
             graph.add_node(node, position=position)
@@ -66,6 +71,17 @@ class WaypointGraph:
             if node < other
         )
         return graph
+
+    @property
+    def edges(self) -> Iterator[tuple[int, int]]:
+        """The pairs of joined nodes, the lower first."""
+        for node, around in enumerate(self.neighbours):
+            yield from ((node, other) for other, _ in around if node < other)
+
+    @property
+    def connected(self) -> bool:
+        """Whether it is in one piece."""
+        return not self._pieces().any()
 
     @property
     def positions(self) -> dict[int, Point]:

@@ -11,9 +11,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from heapq import heapify, heappop, heappush
+from itertools import count
 from typing import TYPE_CHECKING, Final
-
-import networkx as nx
 
 from air_router.flight_plan import HOME_NODE
 from air_router.router import Route
@@ -100,7 +100,7 @@ class Homeward:
     def rally(self) -> Mapping[int, Way]:
         """The way to the nearest rally point (by way) of every node that has one."""
         ways: dict[int, Way] = {}
-        for place in self._mission.rally_points:
+        for place in self._mission.landings:
             seen = self._with_straight({}, place) or self._by_route(place)
             for node, way in seen.items():
                 ways[node] = min(way, ways.get(node, way))
@@ -211,18 +211,20 @@ class WayHome:
 
 def _tree(graph: WaypointGraph, ends: Mapping[int, Way]) -> dict[int, Way]:
     """The shortest ways over the graph to the nearest of some nodes, each with a way on."""
-    net: nx.Graph[int] = graph.graph
-    goal = -1
-    with_goal = nx.Graph(net)
-    for node, way in ends.items():
-        with_goal.add_edge(goal, node, length_m=way.length_m, via=())
-    before, lengths = nx.dijkstra_predecessor_and_distance(with_goal, goal, weight="length_m")
-    ways: dict[int, Way] = {goal: Way(0.0, 0)}
-    for node, length_m in sorted(lengths.items(), key=lambda pair: pair[1]):
-        if node == goal:
+    ways: dict[int, Way] = {}
+    best_m = {node: way.length_m for node, way in ends.items()}
+    number = count()  # of ways as long as each other the one found first is taken
+    waiting = [(way.length_m, next(number), node, way.legs) for node, way in ends.items()]
+    heapify(waiting)
+    while waiting:
+        length_m, _, node, legs = heappop(waiting)
+        if node in ways:
             continue
-        onto = before[node][0]
-        legs = ends[node].legs if onto == goal else ways[onto].legs + 1 + len(graph.via(node, onto))
         ways[node] = Way(length_m, legs)
-    del ways[goal]
+        for other, apart_m in graph.neighbours[node]:
+            reached_m = length_m + apart_m
+            if reached_m < best_m.get(other, math.inf):
+                best_m[other] = reached_m
+                more = 1 + len(graph.via(other, node))
+                heappush(waiting, (reached_m, next(number), other, legs + more))
     return ways

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Final
 
 from air_router.actions import Action, StateChanged
 from air_router.behaviour import State
-from air_router.events import Event
+from air_router.events import AirspaceChanged, Event, PlanRenewed
 from air_router.vehicle import Telemetry
 from mocha_link.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
 
 if TYPE_CHECKING:
     from air_router.mapper import Mapper
     from air_router.mission import Mission
+    from geo.airspace import Airspace
     from geo.frame import Point
 
 TRACK_STEP_M: Final = 0.05
@@ -52,10 +53,14 @@ class Ledger:
     robots: dict[str, RobotAccount]
     states: list[State] = field(default_factory=list)
     track: list[Point] = field(default_factory=list)
+    meetings: list[tuple[str, Point]] = field(default_factory=list)
     distance_m: float = 0.0
     started: int = 0
     completed: int = 0
+    partial: int = 0
     timed_out: int = 0
+    _changed: Airspace | None = None
+    _renewed: list[tuple[int, Airspace]] = field(default_factory=list)
     _ours_until: int | None = None
     _began_s: float | None = None
     _now_s: float = 0.0
@@ -70,11 +75,17 @@ class Ledger:
                 self.started += 1
                 if direction is Direction.OUT and peer in self.robots:
                     self.robots[peer].pull_began_s = self._now_s
-            case SyncEnded():
-                self.completed += 1
+            case SyncEnded(complete=complete):
+                self.completed += complete
+                self.partial += not complete
                 self._synced(event)
             case SyncTimedOut():
                 self.timed_out += 1
+            case AirspaceChanged(fences=fences, zones=zones):
+                self._changed = self.mission.with_areas(fences, zones).airspace
+            case PlanRenewed() if self._changed is not None:  # from here on; before it is left
+                self._renewed.append((len(self.track), self._changed))
+                self._changed = None
 
     def action(self, action: Action) -> None:
         """Take in what was decided."""
@@ -85,6 +96,8 @@ class Ledger:
                 self._ours_until = len(self.track)
             if action.target is State.COMM and action.robot in self.robots:
                 self.robots[action.robot].found += 1
+                if self.track:
+                    self.meetings.append((action.robot, self.track[-1]))
 
     @property
     def duration_s(self) -> float:
@@ -98,7 +111,14 @@ class Ledger:
         without zones and fence.
         """
         ours = self.track[: self._ours_until]
-        closest_m, what = self.mission.airspace.track_distance_m(ours)
+        begins = [0, *(begin for begin, _ in self._renewed)]
+        airspaces = [self.mission.airspace, *(airspace for _, airspace in self._renewed)]
+        closest = [
+            airspace.track_distance_m(ours[begin:end])
+            for begin, end, airspace in zip(begins, [*begins[1:], None], airspaces, strict=True)
+            if ours[begin:end]
+        ]
+        closest_m, what = min(closest, default=(0.0, ""))
         return (closest_m, what) if what else None
 
     def report(self, outcome: str, unix_s: float) -> dict[str, object]:
@@ -127,6 +147,7 @@ class Ledger:
             "interactions": {
                 "started": self.started,
                 "completed": self.completed,
+                "partial": self.partial,
                 "timed_out": self.timed_out,
             },
         }

@@ -12,6 +12,7 @@ from shapely import Polygon, STRtree
 from air_router.airspaces import Airspaces, band_of
 from air_router.altitudes import HomeAltitudeError
 from air_router.draft import Area, Draft, Keys, Spot
+from air_router.messages import GOALS_TOPIC, SEEK_TOPIC
 from geo.airspace import FENCE, Airspace
 from geo.frame import Point
 from geo.regions import Regions
@@ -61,7 +62,7 @@ def check_team(draft: Draft) -> None:
         )
     if len(set(draft.seek)) < len(draft.seek):
         message = "a robot is named twice; each is sought in turn anyway"
-        draft.complain(("seek",), message, "named-twice")
+        draft.complain(("seek", "robots"), message, "named-twice")
     if draft.team is None:
         return
     if not draft.team.is_file():
@@ -75,7 +76,9 @@ def check_team(draft: Draft) -> None:
         draft.problems.extend(error.problems)
         return
     if draft.uav is not None:
-        _check_robot(draft, draft.uav, team.robots, ("uav",))
+        of_several = [uav.keys for uav in draft.uavs if uav.name == draft.uav]
+        _check_robot(draft, draft.uav, team.robots, *of_several or [("uav",)])
+        _note_strangers(draft, team)
     else:
         flying = [name for name, robot in team.robots.items() if robot.kind == UAV_KIND]
         if len(flying) == 1:
@@ -87,11 +90,53 @@ def check_team(draft: Draft) -> None:
                 "add 'uav' with the name of the robot that flies this mission",
                 "who-flies",
             )
+    _check_others(draft, team)
+
+
+def _check_others(draft: Draft, team: Team) -> None:
+    """Note robots that are to be sought, or sent goals by, and cannot."""
     for index, name in enumerate(draft.seek):
-        _check_robot(draft, name, team.robots, ("seek", index))
+        _check_robot(draft, name, team.robots, ("seek", "robots", index))
         if name == draft.uav:
             message = f"'{name}' flies this mission; take it off the list"
-            draft.complain(("seek", index), message, "seeks-itself")
+            draft.complain(("seek", "robots", index), message, "seeks-itself")
+    for index, name in enumerate(draft.goals_from):
+        _check_goals(draft, name, team, ("goals_from", index))
+
+
+def _check_goals(draft: Draft, name: str, team: Team, keys: Keys) -> None:
+    _check_robot(draft, name, team.robots, keys)
+    if name == draft.uav:
+        message = f"'{name}' flies this mission; goals come from others: take it off the list"
+        draft.complain(keys, message, "seeks-itself")
+    elif name in team.robots and GOALS_TOPIC not in {t.name for t in team.topics_of(name)}:
+        message = (
+            f"'{name}' has no topic {GOALS_TOPIC} in the team file, so that it can send none; "
+            "add {name: /goals, type: json/Goals, priority: high}"
+        )
+        draft.note(keys, message, "no-goals-topic")
+
+
+def _note_strangers(draft: Draft, team: Team) -> None:
+    """Note UAVs of one mission that cannot tell each other whom they seek."""
+    own = next((uav for uav in draft.uavs if uav.name == draft.uav), None)
+    if own is None or own.name not in team.robots or len(draft.uavs) == 1:
+        return
+    known = {own.name, *team.robot(own.name).peers}
+    strangers = [uav.name for uav in draft.uavs if uav.name not in known]
+    if strangers:
+        names = " and ".join(f"'{name}'" for name in strangers)
+        message = (
+            f"'{own.name}' has no link with {names} in the team file, so that they may seek the "
+            "same robot; make them clients of each other"
+        )
+        draft.note(own.keys, message, "uavs-not-linked")
+    if SEEK_TOPIC not in {topic.name for topic in team.topics_of(own.name)}:
+        message = (
+            f"'{own.name}' has no topic {SEEK_TOPIC} in the team file, so that others may seek the "
+            "robot that it seeks; add {name: /seek, type: json/Seek}"
+        )
+        draft.note(own.keys, message, "no-seek-topic")
 
 
 def _check_robot(draft: Draft, name: str, known: Collection[str], keys: Keys) -> None:

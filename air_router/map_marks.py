@@ -20,7 +20,7 @@ from geo.frame import Point
 from geo.zone import Circle, Shape, polygons_of
 
 FENCE, ZONE, EDGE, IDLE = "#2f7d4f", "#c8383b", "#b9c0c8", "#9aa1a8"
-ROUTE, TRACK, WRONG = "#1565c0", "#7b3fa0", "#e00010"
+ROUTE, TRACK, WRONG, ROBOT = "#1565c0", "#7b3fa0", "#e00010", "#a86400"
 
 
 def patch_of(shape: BaseGeometry, **style: Any) -> PathPatch:
@@ -39,10 +39,16 @@ def drawn(shape: Shape) -> BaseGeometry:
     return shape.polygon
 
 
-def write_name(
-    axes: Axes, text: str, place: Point, colours: tuple[str, str], *, below: bool = False
+def write_name(  # noqa: PLR0913 - what, where, how
+    axes: Axes,
+    text: str,
+    place: Point,
+    colours: tuple[str, str],
+    *,
+    below: bool = False,
+    zorder: float = 3.5,
 ) -> None:
-    """The name of an area in a colour and one around it, at a place or below what is there."""
+    """A name in a colour and one around it, at a place or below what is there."""
     ink, halo = colours
     axes.annotate(
         text,
@@ -53,7 +59,7 @@ def write_name(
         va="center",
         fontsize=6.5,
         color=ink,
-        zorder=3.5,
+        zorder=zorder,
         annotation_clip=True,
         path_effects=[patheffects.withStroke(linewidth=2.5, foreground=halo)],
     )
@@ -92,12 +98,12 @@ def roomiest(polygon: Polygon) -> Point:
 
 def quiet_direction(node: int, graph: WaypointGraph | None) -> float:
     """The middle of the widest angle between a node's edges, where its number disturbs least."""
-    if graph is None or node not in graph.graph or graph.graph.degree(node) == 0:
+    if graph is None or node not in graph.positions or not graph.neighbours[node]:
         return math.pi / 4
     here = graph.position(node)
     bearings = sorted(
         math.atan2(there.north_m - here.north_m, there.east_m - here.east_m)
-        for there in (graph.position(other) for other in graph.graph.neighbors(node))
+        for there in (graph.position(other) for other, _ in graph.neighbours[node])
     )
     gaps = [
         (after - before, before)

@@ -10,8 +10,9 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from mavsdk.logging import LogLevel, log_subscribe
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkMessage
@@ -63,15 +64,28 @@ async def call(method: Callable[..., None], *arguments: Any, timeout_s: float) -
         return await answer
 
 
-def subscribe(
-    direct: MavlinkDirect, name: str, callback: Callable[[dict[str, Any], int, int], None]
-) -> None:
-    """Hand every message of a name to `callback(fields, system_id, component_id)` on the loop."""
+class Received(NamedTuple):
+    """A message that came.
+
+    Attributes:
+        fields: As in the MAVLink definition.
+        sender: System id and component id.
+        arrived_s: When, on the monotonic clock; the loop may come to it later.
+    """
+
+    fields: dict[str, Any]
+    sender: tuple[int, int]
+    arrived_s: float
+
+
+def subscribe(direct: MavlinkDirect, name: str, callback: Callable[[Received], None]) -> None:
+    """Hand every message of a name to `callback` on the loop."""
     loop = asyncio.get_running_loop()
 
     def on_message(message: MavlinkMessage, _user_data: Any) -> None:  # on MAVSDK's thread
-        fields = json.loads(message.fields_json)
-        _from_thread(loop, callback, fields, message.system_id, message.component_id)
+        arrived_s = time.monotonic()
+        sender = (message.system_id, message.component_id)
+        _from_thread(loop, callback, Received(json.loads(message.fields_json), sender, arrived_s))
 
     direct.subscribe_message(name, on_message)
 

@@ -10,10 +10,15 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from air_router.requests import MOST_POINTS
+
 POSE_TOPIC: Final = "/pose"
 PATH_TOPIC: Final = "/path"
 SIGHTINGS_TOPIC: Final = "/sightings"
 MAP_TOPIC: Final = "/map"
+SEEK_TOPIC: Final = "/seek"
+GOALS_TOPIC: Final = "/goals"
+ANSWERS_TOPIC: Final = "/answers"
 
 MESSAGE_LIMIT_BYTES: Final = 1 << 20
 
@@ -26,7 +31,7 @@ class MessageError(ValueError):
     """A peer's message is not what its topic promises; it is counted and left alone."""
 
 
-class _Message(BaseModel):
+class GossipMessage(BaseModel):
     """JSON in both directions; unknown keys are left to newer versions of us."""
 
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
@@ -52,7 +57,7 @@ class _Message(BaseModel):
             raise MessageError(f"{cls.__name__}: {where}: {first['msg']}") from None
 
 
-class PoseMessage(_Message):
+class PoseMessage(GossipMessage):
     """Where a robot is: WGS-84 degrees, heading clockwise from true north, Unix seconds."""
 
     stamp_s: Stamp
@@ -61,11 +66,51 @@ class PoseMessage(_Message):
     heading_deg: Annotated[float, Field(ge=-360, le=720)] = 0.0
 
 
-class PathMessage(_Message):
+class PathMessage(GossipMessage):
     """Where a robot intends to go: (latitude, longitude) points, the last is its destination."""
 
     stamp_s: Stamp
     points: Annotated[tuple[tuple[Latitude, Longitude], ...], Field(max_length=10_000)]
+
+
+class SeekMessage(GossipMessage):
+    """Whom a UAV seeks, so that another one seeks somebody else; None: nobody."""
+
+    stamp_s: Stamp
+    robot: Annotated[str, Field(min_length=1, max_length=255)] | None
+
+
+class GoalsMessage(GossipMessage):
+    """Points that a base station wants a UAV to fly to; docs/control.md.
+
+    Attributes:
+        stamp_s: When it was said.
+        id: Another one for other goals: the same is done once.
+        points: (latitude, longitude), in order.
+        hold_s: How long to hover at the last; None: as the mission says.
+        to: For which UAV; None: for whoever listens to the sender.
+        until_s: Too late after that; None: never.
+    """
+
+    stamp_s: Stamp
+    id: Annotated[str, Field(min_length=1, max_length=64)]
+    points: Annotated[
+        tuple[tuple[Latitude, Longitude], ...], Field(min_length=1, max_length=MOST_POINTS)
+    ]
+    hold_s: Annotated[float, Field(ge=0, le=3600)] | None = None
+    to: Annotated[str, Field(max_length=255)] | None = None
+    until_s: Stamp | None = None
+
+
+class AnswerMessage(GossipMessage):
+    """What became of the goals of somebody: `code` is one of docs/errors.md, None if accepted."""
+
+    stamp_s: Stamp
+    to: Annotated[str, Field(max_length=255)]
+    id: Annotated[str, Field(max_length=64)]
+    accepted: bool
+    why: Annotated[str, Field(max_length=2_000)]
+    code: Annotated[str, Field(max_length=64)] | None = None
 
 
 class SeenObject(BaseModel):
@@ -78,7 +123,7 @@ class SeenObject(BaseModel):
     longitude_deg: Longitude
 
 
-class SightingsMessage(_Message):
+class SightingsMessage(GossipMessage):
     """Everything that a robot has seen so far, so that the newest message says it all."""
 
     stamp_s: Stamp

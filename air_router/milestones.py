@@ -29,6 +29,14 @@ class TakeOff(Enum):
     TO_COME = "on the ground, climbing above home, or not in Mission mode"
     COMPLETE = "in Mission mode at the mission's altitude"
     MISPLACED = "in Mission mode, low and away from home: PX4 flies home from there unchecked"
+    TOO_HIGH = "in Mission mode, in the layer of another UAV, or above it"
+
+
+HELD: Final = {
+    TakeOff.MISPLACED: "Mission was chosen low and away from home; land, and start there",
+    TakeOff.TOO_HIGH: "Mission was chosen in another UAV's layer; descend, then have it resumed",
+}
+"""Take-offs that are not led on, and what the pilot should do."""
 
 
 def take_off(mission: Mission, telemetry: Telemetry) -> TakeOff:
@@ -36,10 +44,13 @@ def take_off(mission: Mission, telemetry: Telemetry) -> TakeOff:
 
     It is complete at the mission's altitude, wherever that is: from there on every leg is checked
     from where the vehicle is. Lower, and farther from home than it may stand, it is no take-off of
-    this mission: a pilot who flew away by hand has chosen Mission mode.
+    this mission: a pilot who flew away by hand has chosen Mission mode. Where several UAVs fly it
+    may be too high: on its first leg it would come down through the layers of others.
     """
     if not (telemetry.in_air and telemetry.mode is FlightMode.MISSION):
         return TakeOff.TO_COME
+    if telemetry.altitude_m > mission.layer_top_m:
+        return TakeOff.TOO_HIGH
     altitude_m = mission.altitude_above_home_m
     if telemetry.altitude_m >= altitude_m - min(ALTITUDE_M, altitude_m / 2):
         return TakeOff.COMPLETE

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Final
 
-from air_router.airspaces import Airspaces, FlightWindow, IdleZone, airspaces_of
+from air_router.airspaces import Airspaces, FlightWindow, IdleZone, airspaces_of, airspaces_within
 from air_router.draft import Draft
-from air_router.errors import MissionFileError
-from air_router.fence_plan import FENCE_POINTS, fence_plan
+from air_router.errors import MissionFileError, UsageError
+from air_router.fence_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
+from air_router.fleet import Layer, ceiling_m, check_fleet, layers_of, merge, top_m, variants
 from air_router.legality import check_geometry, check_team
 from air_router.mission_file import read_mission
 from air_router.qgc import read_plan
-from air_router.settings import PlannerSettings, Timers
+from air_router.settings import PlannerSettings, SeekPolicy, Timers
 from geo.airspace import Airspace
 from geo.frame import LocalFrame, Point
 from geo.zone import Band, Shape, Zone
@@ -60,7 +62,11 @@ class Mission:
         timers: Durations of the states.
         planner: How routes are planned.
         seek: Names of the robots to seek, in order; empty for all ground robots of the team.
+        goals_from: Robots whose goals, by gossip, are requests to fly there.
+        seek_policy: How the one that is sought next is chosen, and its place.
         uav: Name of this vehicle in the team; None without a team.
+        explore: It explores between two searches; otherwise it only searches.
+        layers: Where it and the other UAVs of the mission fly; empty if it is for one UAV only.
         team: The team file; None without one.
         world: The file of the simulated world; None without one.
         duration_s: When to come home, counted from take-off; None to stay out.
@@ -75,6 +81,7 @@ class Mission:
             for taking off and landing.
         above_airspace: As `airspace`, with the zones that apply above the cruise altitudes too: for
             a vehicle that a pilot has flown higher.
+        columns: What it keeps away from as from zones because other UAVs climb and descend there.
         idle_zones: The zones that are not in `airspace`, and why.
         notes: What the operator should know.
     """
@@ -93,7 +100,11 @@ class Mission:
     timers: Timers
     planner: PlannerSettings
     seek: tuple[str, ...]
+    seek_policy: SeekPolicy
+    goals_from: tuple[str, ...]
     uav: str | None
+    explore: bool
+    layers: tuple[Layer, ...]
     team: Path | None
     world: Path | None
     duration_s: float | None
@@ -105,6 +116,7 @@ class Mission:
     planning_airspace: Airspace
     column_airspace: Airspace
     above_airspace: Airspace
+    columns: tuple[Zone, ...]
     idle_zones: tuple[IdleZone, ...]
     notes: tuple[Problem, ...]
 
@@ -115,35 +127,99 @@ class Mission:
         return self.airspace if altitude_m >= self.cruise.lower_m else self.column_airspace
 
     @property
+    def ceiling_m(self) -> float:
+        """How high above home it may be without coming near to the UAV above; mostly infinite."""
+        return ceiling_m(self.layers, self.uav, self.planner.vertical_separation_m)
+
+    @property
+    def layer_top_m(self) -> float:
+        """Higher above home it would be in the layer of another UAV; mostly infinite."""
+        return top_m(self.layers, self.uav)
+
+    def with_areas(self, fences: tuple[Shape, ...], zones: tuple[Zone, ...]) -> Mission:
+        """The same mission among other fences and zones; columns of other UAVs stay."""
+        clearance_m = self.planner.clearance_m
+        areas = airspaces_within(fences, zones, self.columns, clearance_m, self.window, self.cruise)
+        return replace(
+            self,
+            fences=areas.cruise.fences,
+            zones=areas.zones,
+            airspace=areas.cruise,
+            planning_airspace=areas.cruise.with_margin(self.planner.tracking_margin_m),
+            column_airspace=areas.column,
+            above_airspace=areas.above,
+            idle_zones=areas.idle,
+        )
+
+    @property
+    def barred(self) -> frozenset[int]:
+        """The waypoints that zones or fences were drawn over in flight; none before."""
+        return frozenset(
+            waypoint.number
+            for waypoint in self.waypoints
+            if not self.planning_airspace.point_clear(waypoint.position)
+        )
+
+    def altitude_of(self, node: int | None) -> float:
+        """How high above home the vehicle hovers at a node; None: at any other point."""
+        if not node:
+            return self.altitude_above_home_m
+        return self.waypoints[node - 1].altitude_above_home_m
+
+    @property
+    def landings(self) -> tuple[Point, ...]:
+        """The rally points that nothing was drawn over in flight."""
+        airspace = self.column_airspace.with_margin(self.planner.tracking_margin_m)
+        return tuple(place for place in self.rally_points if airspace.point_clear(place))
+
+    @property
     def latest_start(self) -> datetime | None:
         """After this the zones may be others; None when they are the same at all times."""
         timed = any(zone.validity is not None for zone in self.zones)
         return self.window.latest_start if timed else None
 
 
+DRAWN_OVER: Final = frozenset(
+    {"waypoint-in-zone", "waypoint-outside-fence", "waypoint-too-near", "waypoint-unreachable"}
+    | {"rally-point-in-zone", "rally-point-outside-fence", "rally-point-too-near"}
+)
+"""Problems of a file that are none in flight: such a place is left out."""
+
+
 def load_mission(
-    path: Path, *, start: datetime | None = None, duration_s: float | None = None
+    path: Path,
+    *,
+    uav: str | None = None,
+    start: datetime | None = None,
+    duration_s: float | None = None,
+    in_flight: bool = False,
 ) -> Mission:
     """Read and check a mission: a YAML mission file, or a QGroundControl `.plan`.
 
     Args:
         path: the file.
+        uav: whose mission, by its name in the team; None: the first one's, if it is for several.
         start: when the vehicle takes off, in UTC; None: soon. Zones that do not apply then are
             left out of the mission's airspace.
         duration_s: how long it stays out; None: as the file says.
+        in_flight: it is flown already: places that zones were drawn over since are no problem.
 
     Raises:
         MissionFileError: with every problem of the mission and of its team file.
+        UsageError: the mission is for several UAVs, and this is none of them.
     """
     try:
         draft = read_draft(path)
     except DocumentError as error:
         raise MissionFileError(error.problems) from None
+    if uav is not None:
+        choose(draft, uav)
     draft.start = start
     draft.duration_s = draft.duration_s if duration_s is None else duration_s
     mission = judge(draft)
-    if draft.problems or mission is None:
-        raise MissionFileError(draft.problems)
+    problems = [p for p in draft.problems if not (in_flight and p.code in DRAWN_OVER)]
+    if problems or mission is None:
+        raise MissionFileError(problems or draft.problems)
     return mission
 
 
@@ -158,11 +234,38 @@ def read_draft(path: Path) -> Draft:
     return read_mission(Document.load(path))
 
 
+def choose(draft: Draft, uav: str) -> None:
+    """Make a draft that of one of its UAVs.
+
+    Raises:
+        UsageError: it is for others.
+    """
+    names = [each.name for each in draft.uavs]
+    if names and uav not in names:
+        known = " and ".join(names)
+        raise UsageError(f"{draft.document.path}: is flown by {known}, not by '{uav}'")
+    draft.uav = uav
+
+
 def judge(draft: Draft) -> Mission | None:
     """Note every problem of a draft in it; the mission that it describes, however wrong.
 
+    A mission for several UAVs is judged as each of them flies it; `draft.uav` is whose is returned.
     None if it says too little: the frame or home is missing. Do not fly one with problems.
     """
+    if not draft.uavs or draft.frame is None or draft.home is None:
+        return _judge(draft)
+    check_fleet(draft)
+    each = variants(draft)
+    for variant in each:
+        variant.problems, variant.notes = list(draft.problems), list(draft.notes)
+    missions = [_judge(variant) for variant in each]
+    merge(draft, each)
+    draft.uav = each[0].uav
+    return None if missions[0] is None else replace(missions[0], notes=tuple(draft.notes))
+
+
+def _judge(draft: Draft) -> Mission | None:
     window = FlightWindow.of(datetime.now(UTC), draft.start, draft.duration_s)
     airspaces = airspaces_of(draft, window)
     check_geometry(draft, airspaces)
@@ -194,7 +297,11 @@ def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Miss
         timers=draft.timers,
         planner=draft.planner,
         seek=draft.seek,
+        seek_policy=draft.seek_policy,
+        goals_from=draft.goals_from,
         uav=draft.uav,
+        explore=draft.explore,
+        layers=layers_of(draft),
         team=draft.team,
         world=draft.world,
         duration_s=draft.duration_s,
@@ -206,6 +313,7 @@ def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Miss
         planning_airspace=airspaces.cruise.with_margin(draft.planner.tracking_margin_m),
         column_airspace=airspaces.column,
         above_airspace=airspaces.above,
+        columns=airspaces.columns,
         idle_zones=airspaces.idle,
         notes=tuple(draft.notes),
     )
@@ -214,13 +322,13 @@ def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Miss
 def _note_fence(draft: Draft, mission: Mission) -> None:
     """Note what of the mission's areas its fence on board will not be."""
     plan = fence_plan(mission)
-    areas = {area.name: area for area in (*draft.zones, *draft.fences)}
+    areas = {area.name: area for area in (*draft.zones, *draft.columns, *draft.fences)}
     if len(plan.items) > FENCE_POINTS:
         draft.note_area(
             next(iter(draft.fences or draft.zones)),
             f"the fence on board would have {len(plan.items)} points with all zones, PX4 1.17 "
             f"stores {FENCE_POINTS}; draw circles, and polygons with fewer corners",
-            "fence-points",
+            FENCE_TOO_LONG,
         )
     for name, reason in plan.simpler:
         message = f"'{name}' is not in the fence on board: {reason}; the companion keeps to it"

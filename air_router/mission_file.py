@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from air_router.altitudes import Altitudes, Limit
-from air_router.draft import Area, Draft, Keys
+from air_router.draft import Area, Draft, Keys, Uav
 from air_router.mission_form import AltitudeForm, AreaForm, MissionForm, PeriodForm, ZoneForm
 from air_router.settings import PlannerSettings, Timers
 from air_router.zone_files import add_zones
@@ -23,6 +23,9 @@ from mocha_link.document import Document, DocumentError
 
 _ORIGIN_M = 50_000.0
 """Farther from its origin a frame is turned noticeably, and its distances are wrong."""
+
+_POLAR_DEG, _POLAR_ORIGIN_M = 70.0, 20_000.0
+"""Meridians draw together: so near to a pole a frame is turned as much nearer to its origin."""
 
 _LISTS = {
     "waypoints": "position",
@@ -67,13 +70,24 @@ def read_mission(document: Document) -> Draft:
 
 def _write_out(data: dict[Any, Any]) -> None:
     """Bring short forms into the long one: a bare pair is a position, a bare list a polygon."""
+    for kind, key in ((list, "robots"), (str, "policy")):
+        if isinstance(data.get("seek"), kind):
+            data["seek"] = {key: data["seek"]}
     for name, key in (("home", "position"), ("fence", "polygon")):
         if isinstance(data.get(name), list):
             data[name] = {key: data[name]}
+    if isinstance(data.get("uavs"), dict):
+        data["uavs"] = {name: _uav_written_out(uav) for name, uav in data["uavs"].items()}
     for name, key in _LISTS.items():
         bare = str if key == "file" else list
         if isinstance(data.get(name), list):
             data[name] = [{key: item} if isinstance(item, bare) else item for item in data[name]]
+
+
+def _uav_written_out(uav: Any) -> Any:
+    if isinstance(uav, dict) and isinstance(uav.get("home"), list):
+        uav["home"] = {"position": uav["home"]}
+    return {} if uav is None else uav
 
 
 def _length(data: dict[Any, Any], name: str) -> int:
@@ -121,7 +135,9 @@ def _fill(draft: Draft, model: MissionForm, places: dict[str, list[int]]) -> Non
     draft.altitude_m, draft.speed_m_s = model.altitude_m, model.speed_m_s
     draft.timers = Timers(**model.timers.model_dump())
     draft.planner = PlannerSettings(**model.planner.model_dump())
-    draft.uav, draft.seek = model.uav, tuple(model.seek)
+    draft.uav = model.uav
+    draft.seek, draft.seek_policy = tuple(model.seek.robots), model.seek.policy
+    draft.goals_from = tuple(model.goals_from)
     folder = draft.document.path.parent
     draft.team = None if model.team is None else folder / model.team
     draft.world = None if model.world is None else folder / model.world
@@ -135,6 +151,7 @@ def _fill(draft: Draft, model: MissionForm, places: dict[str, list[int]]) -> Non
     if "home" not in draft.unread:
         draft.home = draft.spot("home", model.home.position, ("home", "position"))
         _check_origin(draft)
+        _fill_uavs(draft, model)
     keys: Keys
     for index, waypoint in zip(places["waypoints"], model.waypoints, strict=True):
         keys = ("waypoints", index, "position")
@@ -153,6 +170,22 @@ def _fill(draft: Draft, model: MissionForm, places: dict[str, list[int]]) -> Non
         draft.zones += [_zone(zone, name, shape, keys)] if shape else []
     for index, listed in zip(places["no_fly_files"], model.no_fly_files, strict=True):
         add_zones(draft, folder / listed.file, ("no_fly_files", index, "file"), listed.allow)
+
+
+def _fill_uavs(draft: Draft, model: MissionForm) -> None:
+    if model.uav is not None and model.uavs:
+        message = "'uav' and 'uavs' are given; keep one of them"
+        draft.complain(("uavs",), message, "one-uav-key")
+        return
+    uavs = []
+    for name, uav in model.uavs.items():
+        keys: Keys = ("uavs", name)
+        home = None
+        if uav.home is not None:
+            home = draft.spot("home", uav.home.position, (*keys, "home", "position"))
+        above_sea_m = None if uav.home is None else uav.home.altitude_amsl_m
+        uavs.append(Uav(name, keys, uav.altitude_m, uav.explore, home, above_sea_m))
+    draft.uavs = tuple(uavs)
 
 
 def _fill_fences(draft: Draft, model: MissionForm, places: list[int]) -> None:
@@ -205,7 +238,8 @@ def _fill_frame(draft: Draft, model: MissionForm) -> None:
 def _check_origin(draft: Draft) -> None:
     """Far from its origin a frame's distances are wrong, and its north is not north."""
     far_m = 0.0 if draft.home is None else math.hypot(*draft.home.position)
-    if far_m > _ORIGIN_M:
+    polar = draft.frame is not None and abs(draft.frame.origin.latitude_deg) > _POLAR_DEG
+    if far_m > (_POLAR_ORIGIN_M if polar else _ORIGIN_M):
         message = f"the frame's origin is {far_m / 1000:.0f} km from home; put it near home"
         draft.complain(("frame", "origin"), message, "far-from-home")
 

@@ -12,9 +12,11 @@ from pydantic_core import PydanticCustomError
 from air_router.altitudes import Reference
 from air_router.settings import (
     DEFAULT_BATTERY_RESERVE,
+    DEFAULT_SEEK_POLICY,
     DEFAULT_SPEED_M_S,
     PlannerKind,
     PlannerSettings,
+    SeekPolicy,
     Timers,
 )
 from geo.validity import DAYS
@@ -156,6 +158,14 @@ class HomeForm(SpotForm):
     altitude_amsl_m: Annotated[float, Field(ge=-500, le=9_000)] | None = None
 
 
+class UavForm(BaseModel):
+    """One of several UAVs that fly the mission."""
+
+    altitude_m: _Altitude | None = None
+    explore: bool = True
+    home: HomeForm | None = None
+
+
 class FrameForm(BaseModel):
     """The local frame."""
 
@@ -169,6 +179,7 @@ class TimersForm(BaseModel):
     explore_s: _Seconds = _TIMERS.explore_s
     search_s: _Seconds = _TIMERS.search_s
     communicate_s: _Seconds = _TIMERS.communicate_s
+    hold_s: _Seconds = _TIMERS.hold_s
 
 
 class PlannerForm(BaseModel):
@@ -180,7 +191,16 @@ class PlannerForm(BaseModel):
     acceptance_radius_m: Annotated[float, Field(ge=0.5, le=20)] = _PLANNER.acceptance_radius_m
     vertical_margin_m: Annotated[float, Field(ge=2, le=1_000)] = _PLANNER.vertical_margin_m
     terrain_relief_m: _Distance = _PLANNER.terrain_relief_m
+    vertical_separation_m: Annotated[float, Field(ge=4, le=1_000)] = _PLANNER.vertical_separation_m
+    home_separation_m: Annotated[float, Field(ge=4, le=1_000)] = _PLANNER.home_separation_m
     kind: PlannerKind = _PLANNER.kind
+
+
+class SeekForm(BaseModel):
+    """Whom to seek, and in which order."""
+
+    robots: list[str] = []
+    policy: SeekPolicy = DEFAULT_SEEK_POLICY
 
 
 class MissionForm(BaseModel):
@@ -204,7 +224,9 @@ class MissionForm(BaseModel):
     timers: TimersForm = TimersForm()
     planner: PlannerForm = PlannerForm()
     uav: str | None = None
-    seek: list[str] = []
+    uavs: dict[str, UavForm] = {}
+    seek: SeekForm = SeekForm()
+    goals_from: list[str] = []
     team: str | None = None
     world: str | None = None
     duration_s: _Seconds | None = None

@@ -9,8 +9,13 @@ from typing import Any, Final
 
 from air_router.altitudes import Altitudes, Reference
 from air_router.chart import corners_of
-from air_router.draft import Area, Draft, Spot
-from air_router.settings import DEFAULT_BATTERY_RESERVE, PlannerSettings, Timers
+from air_router.draft import Area, Draft, Spot, Uav
+from air_router.settings import (
+    DEFAULT_BATTERY_RESERVE,
+    DEFAULT_SEEK_POLICY,
+    PlannerSettings,
+    Timers,
+)
 from air_router.zone_properties import active_of
 from geo.frame import LocalFrame, Point
 from geo.zone import Circle, Ring
@@ -35,8 +40,12 @@ def mission_text(draft: Draft, folder: Path) -> str:
         for key, path in (("team", draft.team), ("world", draft.world))
         if path is not None
     }
-    data |= {key: value for key, value in (("uav", draft.uav),) if value is not None}
-    data |= {"seek": list(draft.seek)} if draft.seek else {}
+    if draft.uavs:
+        data["uavs"] = {uav.name: _uav(uav, frame) for uav in draft.uavs}
+    elif draft.uav is not None:
+        data["uav"] = draft.uav
+    data |= _seek(draft)
+    data |= {"goals_from": list(draft.goals_from)} if draft.goals_from else {}
     data |= _settings(draft)
     data["waypoints"] = [_waypoint(spot, draft, frame) for spot in draft.waypoints]
     data |= _fences(draft, frame)
@@ -44,6 +53,27 @@ def mission_text(draft: Draft, folder: Path) -> str:
     rally_points = [_pair(spot.position, frame) for spot in draft.rally_points]
     data |= {"rally_points": rally_points} if rally_points else {}
     return as_yaml(data, short_in_line=True)
+
+
+def _seek(draft: Draft) -> dict[str, Any]:
+    """Names alone, the policy alone, or both."""
+    robots = {"robots": list(draft.seek)} if draft.seek else {}
+    if draft.seek_policy == DEFAULT_SEEK_POLICY:
+        return {"seek": robots["robots"]} if robots else {}
+    return {"seek": {**robots, "policy": draft.seek_policy} if robots else draft.seek_policy}
+
+
+def _uav(uav: Uav, frame: LocalFrame) -> dict[str, Any]:
+    data: dict[str, Any] = {}
+    if uav.altitude_m is not None:
+        data["altitude_m"] = uav.altitude_m
+    if not uav.explore:
+        data["explore"] = False
+    if uav.home is not None:
+        data["home"] = {"position": _pair(uav.home.position, frame)}
+        if uav.home_altitude_amsl_m is not None:
+            data["home"]["altitude_amsl_m"] = uav.home_altitude_amsl_m
+    return data
 
 
 def _settings(draft: Draft) -> dict[str, Any]:

@@ -82,7 +82,8 @@ class MotionSender:
     async def _command(self, motion: Motion) -> None:
         match motion:
             case FlyToNode(node=node):
-                await self._vehicle.jump(self._plan.item_of(node))
+                item = self._plan.item_of(node)
+                await self._vehicle.jump(item, lambda: self._objection(motion))
             case FlyToPoint(position=position, altitude_m=altitude_m):
                 await self._vehicle.reposition(position, altitude_m)
             case HoldHere():

@@ -16,6 +16,7 @@ from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
 
 from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
+from air_router.commanded import Commanded
 from air_router.router import Leg, NoRoute, Route
 from geo.frame import Point
 
@@ -31,6 +32,9 @@ BRAKING_M_S2 = 2.0
 REACTION_S = 0.6
 """Flight time between the telemetry that a decision rests on and the vehicle braking: a PX4 takes
 half a second to build its deceleration up, and the link its time."""
+
+STOP_S = 4.0
+"""What stopping and setting out again takes: a way that avoids it may be longer by so much."""
 
 SETTLE_S = 2.0
 SETTLES = 5
@@ -66,6 +70,8 @@ class Goal:
 class Navigator:
     """Takes the vehicle to one goal at a time.
 
+    `by_points`: nodes are flown to as any other point, because the vehicle does not fly its plan.
+
     Args:
         mission: Altitudes, acceptance radius, and the airspace that every leg must keep to.
         router: Plans routes; its answers are checked again from the true position.
@@ -74,6 +80,8 @@ class Navigator:
 
     def __init__(self, mission: Mission, router: Router, *, reaction_s: float = REACTION_S) -> None:
         self.reaction_s = reaction_s
+        self.by_points = False
+        self.commanded = Commanded(mission.planner.acceptance_radius_m, mission.speed_m_s)
         self._mission = mission
         self._router = router
         self._legs: deque[Leg] = deque()
@@ -86,6 +94,13 @@ class Navigator:
         self._settle_until_s = -math.inf
         self._stands_since_s: float | None = None
         self._swept: tuple[Point, ...] = ()
+        self._column = self._with_more_zones(mission.column_airspace)
+        self._above = self._with_more_zones(mission.above_airspace)
+
+    def renew(self, mission: Mission, router: Router) -> None:
+        """Zones and fences are others now; what was commanded is as it was."""
+        self._mission = mission
+        self._router = router
         self._column = self._with_more_zones(mission.column_airspace)
         self._above = self._with_more_zones(mission.above_airspace)
 
@@ -105,6 +120,11 @@ class Navigator:
         self.refusal = None
         return self._plan(telemetry)
 
+    @property
+    def ahead(self) -> tuple[Leg, ...]:
+        """The legs that are still to be flown, the one under way first."""
+        return () if self.leg is None else (self.leg, *self._legs)
+
     def stop(self) -> None:
         """Forget the goal."""
         self.goal = None
@@ -123,7 +143,8 @@ class Navigator:
             return None
         standing = _speed_m_s(telemetry) < STANDING_M_S
         if self._braking or self.leg is None:
-            return self._plan(telemetry) if standing else None
+            stopped = standing and not self.commanded.open(telemetry)
+            return self._plan(telemetry) if stopped else None
         if not self._at_end(self.leg, telemetry, reached_node):
             return self._on_the_way(self.leg, telemetry, standing=standing)
         self._stands_since_s = None
@@ -139,6 +160,14 @@ class Navigator:
     def again(self, telemetry: Telemetry) -> Motion | None:
         """Plan anew to the same goal: the vehicle did not follow, or something has changed."""
         return self._plan(telemetry) if self.goal is not None else None
+
+    def hold_first(self) -> HoldHere:
+        """The leg just planned is not begun: the vehicle stops, and it is planned anew."""
+        self.leg = None
+        self._legs.clear()
+        self._braking = True
+        self.progress = Progress.FLYING
+        return HoldHere("an order from before may be under way; stopping to look again")
 
     @property
     def _radius_m(self) -> float:
@@ -158,6 +187,11 @@ class Navigator:
         swept = MultiPoint(self._swept).convex_hull
         return bool(swept.distance(ShapelyPoint(here)) > ASTRAY_M)
 
+    def off_its_leg(self, telemetry: Telemetry) -> bool:
+        """Whether the vehicle is out of what was checked, and the rest of its leg is not clear."""
+        leg = self.leg if self.progress is Progress.FLYING else None
+        return leg is not None and self._astray(telemetry) and not self.clear(telemetry, leg.to)
+
     def _look_again(self, leg: Leg, telemetry: Telemetry) -> Motion | None:
         """The rest of the leg from where the vehicle is now; another way if that is not clear."""
         if self.clear(telemetry, leg.to):
@@ -167,7 +201,8 @@ class Navigator:
 
     def _sweep(self, leg: Leg, telemetry: Telemetry) -> None:
         stopping = stopping_point(telemetry, self.reaction_s)
-        self._swept = (telemetry.position, stopping, leg.to)
+        onward = (on.reach for on in self.commanded.bound(telemetry))
+        self._swept = (telemetry.position, stopping, *onward, leg.to)
 
     def _stalled(self, telemetry: Telemetry, *, standing: bool) -> bool:
         """Whether the vehicle stands far from its leg's end, and not only for a moment."""
@@ -206,7 +241,10 @@ class Navigator:
         assert self.goal is not None  # noqa: S101 - every caller has set one
         target = self.goal.position if self.goal.node is None else self.goal.node
         stopping = stopping_point(telemetry, self.reaction_s)
-        route = self._router.route(telemetry.position, target, stopping=stopping)
+        bound = self.commanded.bound(telemetry)
+        route = self._router.route(telemetry.position, target, stopping=stopping, bound=bound)
+        if isinstance(route, Route) and bound and self._longer_than_a_stop(route, stopping, target):
+            route = NoRoute("stopping first is quicker")
         if isinstance(route, Route):
             legs = deque(route.legs)
             while len(legs) > 1 and self._passed(legs[0], legs[1], telemetry):
@@ -217,21 +255,32 @@ class Navigator:
                 self._legs.clear()
                 self.leg = None
                 self.progress = Progress.ARRIVED
-                # Near, but perhaps fast: let the vehicle settle on the point itself.
-                return self._motion(legs[0]) if legs else None
+                # Near, but perhaps fast, or bound elsewhere: let it settle on the point itself.
+                if legs or bound:
+                    return self._motion(Leg(self.goal.position, self.goal.node))
+                return None
             self._legs = legs
             if self.clear(telemetry, self._legs[0].to):
                 return self._command(self._legs.popleft(), telemetry)
             route = self._height_refusal(telemetry, self._legs[0].to) or NoRoute(
                 "the first leg is not clear from here", ()
             )
-        if _speed_m_s(telemetry) >= STANDING_M_S and not self._braking:
+        moves = _speed_m_s(telemetry) >= STANDING_M_S or bool(bound)
+        if (moves and not self._braking) or self.commanded.open(telemetry):
             self._braking = True
             self.progress = Progress.FLYING
             return HoldHere("no clear way at this speed; stopping to look again")
         self.refusal = route
         self.progress = Progress.STRANDED
         return None
+
+    def _longer_than_a_stop(self, route: Route, stopping: Point, target: Point | int) -> bool:
+        """Whether it goes such a long way round, for the way it is on, that stopping is quicker."""
+        if len(route.legs) == 1:
+            return False
+        after = self._router.route(stopping, target)
+        spare_m = STOP_S * self._mission.speed_m_s
+        return isinstance(after, Route) and route.length_m > after.length_m + spare_m
 
     def _command(self, leg: Leg, telemetry: Telemetry) -> Motion:
         self.leg = leg
@@ -241,26 +290,32 @@ class Navigator:
         return self._motion(leg)
 
     def _motion(self, leg: Leg) -> Motion:
-        if leg.node is not None:
+        if leg.node is not None and not self.by_points:
             return FlyToNode(leg.node, leg.to)
-        return FlyToPoint(leg.to, self._mission.altitude_above_home_m)
+        return FlyToPoint(leg.to, self._mission.altitude_of(leg.node))
 
     def objection(self, motion: Motion, telemetry: Telemetry, now_s: float) -> str | None:
         """Why a motion decided a moment ago must not be commanded any more; None if it may."""
         if isinstance(motion, HoldHere | LandHere):
             return None
-        if now_s - telemetry.time_s > self.reaction_s:
+        age_s = max(0.0, now_s - telemetry.time_s)
+        if age_s > self.reaction_s:
             return "the vehicle's position is too old to check the leg from"
-        if not self.clear(telemetry, motion.position):
+        if not self.clear(telemetry, motion.position, age_s):
             return "the leg was no longer clear in its turn"
         return None
 
-    def clear(self, telemetry: Telemetry, target: Point) -> bool:
-        """Whether a straight leg from where the vehicle is, at its speed, keeps the clearance."""
-        stopping = stopping_point(telemetry, self.reaction_s)
+    def clear(self, telemetry: Telemetry, target: Point, age_s: float = 0.0) -> bool:
+        """Whether a straight leg from where the vehicle is, at its speed, keeps the clearance.
+
+        However late the command arrives: until then it may fly all the rest of its present leg.
+        In `age_s` it has flown on from where it was when it said so.
+        """
+        stopping = stopping_point(telemetry, self.reaction_s + age_s)
+        bound = self.commanded.bound(telemetry)
         return (
-            self._router.check_leg(telemetry.position, target, stopping=stopping)
-            and self._height_refusal(telemetry, target) is None
+            self._router.check_leg(telemetry.position, target, stopping=stopping, bound=bound)
+            and self._height_refusal(telemetry, target, age_s) is None
         )
 
     def _with_more_zones(self, airspace: Airspace) -> Airspace | None:
@@ -269,7 +324,9 @@ class Navigator:
             return None
         return airspace.with_margin(self._mission.planner.departure_margin_m)
 
-    def _height_refusal(self, telemetry: Telemetry, target: Point) -> NoRoute | None:
+    def _height_refusal(
+        self, telemetry: Telemetry, target: Point, age_s: float = 0.0
+    ) -> NoRoute | None:
         """Why a leg is not clear that begins off the cruise altitudes, where other zones count.
 
         The vehicle climbs or sinks on its way: which part of it is low, or high, is not known, so
@@ -280,8 +337,9 @@ class Navigator:
         airspace = self._column if low else self._above if high else None
         if airspace is None:
             return None
-        stopping = stopping_point(telemetry, self.reaction_s)
-        if airspace.swept_clear([telemetry.position, stopping, target]):
+        stopping = stopping_point(telemetry, self.reaction_s + age_s)
+        onward = (on.place for on in self.commanded.bound(telemetry))
+        if airspace.swept_clear([telemetry.position, stopping, *onward, target]):
             return None
         names = airspace.blockers(telemetry.position, target)
         where, way_out = ("lower", "climb") if low else ("higher", "descend")
@@ -295,7 +353,7 @@ class Navigator:
 def stopping_point(telemetry: Telemetry, reaction_s: float = REACTION_S) -> Point:
     """Where the vehicle comes to rest if it is told now to brake.
 
-    The vehicle sweeps at most the triangle of its position, this point and its new target.
+    Told in time it sweeps at most the triangle of its position, this point and its new target.
     """
     east_m_s, north_m_s = telemetry.velocity_m_s
     speed_m_s = math.hypot(east_m_s, north_m_s)

@@ -32,6 +32,7 @@ try:
         EDGE,
         FENCE,
         IDLE,
+        ROBOT,
         ROUTE,
         TRACK,
         WRONG,
@@ -66,6 +67,7 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
     graph: WaypointGraph | None = None,
     route: tuple[Point, Route] | None = None,
     track: Sequence[Point] | None = None,
+    meetings: Sequence[tuple[str, Point]] = (),
     around: Sequence[tuple[Point, Point]] = (),
     faults: Faults | None = None,
 ) -> None:
@@ -78,6 +80,7 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
         graph: draw its edges too.
         route: a start and the route from there.
         track: where the vehicle flew.
+        meetings: robots that it found, and where it was then.
         around: straight legs that are flown around something.
         faults: what is wrong with the mission, in red.
 
@@ -97,6 +100,7 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
     if faults is not None:
         _draw_faults(axes, faults)
     _draw_places(axes, mission, graph, faults)
+    _draw_meetings(axes, meetings)
     label_sheet(figure, axes, mission.name, _subtitle(mission), _told(faults))
     save(figure, path)
 
@@ -207,7 +211,7 @@ def _draw_idle(axes: Axes, mission: Mission) -> None:
 
 
 def _draw_graph(axes: Axes, graph: WaypointGraph) -> None:
-    lines = [[graph.position(a), *graph.via(a, b), graph.position(b)] for a, b in graph.graph.edges]
+    lines = [[graph.position(a), *graph.via(a, b), graph.position(b)] for a, b in graph.edges]
     axes.add_collection(
         LineCollection(
             lines,
@@ -239,6 +243,16 @@ def _draw_track(axes: Axes, track: Sequence[Point]) -> None:
     axes.plot(
         east, north, color=TRACK, linewidth=1.6, zorder=5.1, label="flown", solid_capstyle="round"
     )
+
+
+def _draw_meetings(axes: Axes, meetings: Sequence[tuple[str, Point]]) -> None:
+    if not meetings:
+        return
+    names, places = zip(*meetings, strict=True)
+    style: dict[str, Any] = {"marker": "s", "s": 34, "color": ROBOT, "edgecolor": "white"}
+    axes.scatter(*zip(*places, strict=True), linewidth=1, zorder=8.2, label="robot found", **style)
+    for name, place in zip(names, places, strict=True):
+        write_name(axes, name, place, (ROBOT, "white"), below=True, zorder=8.3)
 
 
 def _draw_route(axes: Axes, start: Point, route: Route) -> None:

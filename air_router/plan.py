@@ -10,7 +10,7 @@ from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
-from air_router.command_line import add_start
+from air_router.arguments import add_start, add_uav
 from air_router.errors import ExitCode, UsageError
 from air_router.graph import WaypointGraph
 from air_router.mission import Mission, load_mission
@@ -39,6 +39,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     add_start(parser)
+    add_uav(parser)
     for option, name, text in (("--from", "start", "start"), ("--to", "end", "goal")):
         parser.add_argument(
             option, type=_stop, required=True, metavar="N|LAT,LON", dest=name, help=text
@@ -50,7 +51,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, and print the route's legs."""
-    mission = load_mission(arguments.mission, start=arguments.at)
+    mission = load_mission(arguments.mission, uav=arguments.uav, start=arguments.at)
     graph = WaypointGraph(mission)
     begin = _leg(arguments.start, graph, "--from")
     end = _leg(arguments.end, graph, "--to")
@@ -71,6 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
         from air_router.picture import draw_mission  # noqa: PLC0415 - an extra
 
         draw_mission(mission, arguments.png, graph=graph, route=(start, route))
+        sys.stderr.write(f"drawn: {arguments.png}\n")
     return ExitCode.DONE
 
 

@@ -13,6 +13,8 @@ from enum import Enum
 from typing import TYPE_CHECKING, Final
 
 from air_router.errors import RefusedError
+from air_router.fence_plan import FENCE_TOO_LONG
+from air_router.fleet import STANDING_SHARE
 from air_router.milestones import HOME_TOLERANCE_M
 
 if TYPE_CHECKING:
@@ -168,6 +170,14 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
             f"the vehicle stands {_far(away_m)} from the mission's home",
             "bring it there, or put home where it stands",
         )
+    nearest_m = mission.planner.home_separation_m * STANDING_SHARE
+    if len(mission.layers) > 1 and away_m > nearest_m:
+        return Check(
+            "place",
+            Verdict.BAD,
+            f"the vehicle stands {away_m:.1f} m from the home of '{mission.uav}'",
+            f"put it within {nearest_m:g} m: the other UAVs keep away from the column above home",
+        )
     if not router.check_leg(telemetry.position, mission.home):
         return Check(
             "place",
@@ -188,13 +198,17 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
 
 
 def altitude(mission: Mission, info: VehicleInfo) -> list[Check]:
-    """Whether home is as high as zones with altitude limits were reckoned with; else no line."""
+    """Whether home is as high as zones' limits and layers were reckoned with; else no line."""
     told_m, found_m = mission.home_altitude_amsl_m, info.home_altitude_amsl_m
-    if told_m is None or found_m is None or all(zone.band is None for zone in mission.zones):
+    needed = len(mission.layers) > 1 or any(zone.band is not None for zone in mission.zones)
+    if told_m is None or found_m is None or not needed:
         return []
     off_m = abs(found_m - told_m)
     found = f"home at {found_m:.0f} m above the sea, {told_m:.0f} m in the mission"
-    advice = "zones' limits above the sea are reckoned from it: correct 'altitude_amsl_m' of home"
+    advice = (
+        "zones' limits above the sea, and the layers of several UAVs, are reckoned from it: "
+        "correct 'altitude_amsl_m' of home"
+    )
     if off_m > WRONG_ALTITUDE_M:
         return [Check("altitude", Verdict.BAD, found, advice)]
     if off_m > max(mission.planner.vertical_margin_m, GPS_ALTITUDE_M):
@@ -255,19 +269,24 @@ def clock(inspection: Inspection, unix_s: float, *, hours: bool = False) -> Chec
 def disk(free_bytes: int | None) -> Check:
     """Room for the log."""
     if free_bytes is None:
-        return Check("disk", Verdict.LOOK, "no log is kept", "say --log-dir DIR to keep one")
+        return Check("disk", Verdict.LOOK, "no log is kept", "leave out --no-record to keep one")
     found = f"{free_bytes / 1e9:.1f} GB free for the log"
     if free_bytes < LEAST_DISK_B:
         return Check("disk", Verdict.BAD, found, "make room, or log elsewhere (--log-dir)")
     if free_bytes < GOOD_DISK_B:
-        return Check("disk", Verdict.LOOK, found, "make room: an hour's log takes 200 MB")
+        return Check("disk", Verdict.LOOK, found, "make room: an hour can take 200 MB")
     return Check("disk", Verdict.GOOD, found)
 
 
 def notes(mission: Mission) -> list[Check]:
-    """What the mission's files say that is not flown as it is written."""
+    """What the mission's files say that is not flown as it is written, or not at all."""
     return [
-        Check("mission", Verdict.LOOK, note.message, f"see {note.path.name}:{note.line}")
+        Check(
+            "mission",
+            Verdict.BAD if note.code == FENCE_TOO_LONG else Verdict.LOOK,
+            note.message,
+            f"see {note.path.name}:{note.line}",
+        )
         for note in mission.notes
     ]
 

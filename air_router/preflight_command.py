@@ -5,29 +5,30 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
-import os
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from air_router.arguments import add_uav
 from air_router.clock import VehicleClock
 from air_router.errors import ExitCode, NotConfirmedError, NoVehicleError, PlanRefusedError
 from air_router.flight_plan import FlightPlan
-from air_router.fly import add_vehicle_arguments, team_of
+from air_router.fly import add_vehicle_arguments, load_flown, team_of
 from air_router.graph import WaypointGraph
-from air_router.mission import load_mission
 from air_router.preflight import Card, Check, Verdict
 from air_router.preflight_survey import Survey
 from air_router.px4 import Px4Vehicle
+from air_router.recording import add_recording, recording_of
 from air_router.router import Router
 from air_router.vehicle import Telemetry, VehicleEvent
+from mocha_link.command_help import coloured
 
 if TYPE_CHECKING:
     from air_router.mission import Mission
     from air_router.vehicle import Vehicle
 
-TELEMETRY_S: Final = 2.0
+TELEMETRY_S: Final = 4.0
 """Wall-clock limit for the first position after the vehicle was found; they come at 10 Hz."""
 
 
@@ -55,24 +56,23 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     add_vehicle_arguments(parser)
+    add_uav(parser)
     parser.add_argument(
         "--look", action="store_true", help="change nothing: only compare the plan on board"
     )
-    parser.add_argument(
-        "--log-dir", type=Path, metavar="D", help="where the flight will log: is there room?"
-    )
+    add_recording(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Look, and print the card on stdout."""
-    mission = load_mission(arguments.mission)
+    mission = load_flown(arguments.mission, arguments.uav)
     options = PreflightOptions(
         url=arguments.connect,
         system_id=arguments.sysid,
         team=arguments.team,
-        log_dir=arguments.log_dir,
+        log_dir=recording_of(arguments).folder,
         upload=not arguments.look,
     )
     card = asyncio.run(preflight(mission, options))
@@ -80,8 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
         json.dump(card.as_json(), sys.stdout)
         sys.stdout.write("\n")
     else:
-        coloured = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
-        sys.stdout.write("\n".join(card.lines(coloured=coloured)) + "\n")
+        lines = card.lines(coloured=coloured(sys.stdout))
+        sys.stdout.write("\n".join(lines) + "\n")
     return ExitCode.DONE if card.ready else ExitCode.REFUSED
 
 

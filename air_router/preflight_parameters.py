@@ -147,12 +147,22 @@ WISHES: Final = (
 )
 NAMES: Final = tuple(wish.name for wish in WISHES)
 
+_LAYER: Final = Wish(
+    "RTL_RETURN_ALT",
+    "the altitude of this UAV's layer",
+    "a return by the autopilot climbs into the layer of another UAV",
+    lambda mission, value: value <= mission.ceiling_m,
+    lambda mission, value: value > mission.ceiling_m,
+)
+
 
 def parameters(mission: Mission, values: Mapping[str, float | None]) -> list[Check]:
     """A line for each parameter that is not as wanted, and one for the others."""
     checks = []
-    unknown = [wish.name for wish in WISHES if values.get(wish.name) is None]
-    for wish in WISHES:
+    unknown = [name for name in NAMES if values.get(name) is None]
+    several = len(mission.layers) > 1
+    wishes = (*WISHES, _LAYER) if several else WISHES
+    for wish in wishes:
         value = values.get(wish.name)
         if value is None or wish.good(mission, value):
             continue
@@ -162,8 +172,9 @@ def parameters(mission: Mission, values: Mapping[str, float | None]) -> list[Che
     if unknown:
         found = f"not told: {', '.join(unknown)}"
         checks.append(Check("parameters", Verdict.LOOK, found, "look at them yourself"))
-    good = len(WISHES) - len(unknown) - sum(check.name != "parameters" for check in checks)
-    checks.append(Check("parameters", Verdict.GOOD, f"{good} of {len(WISHES)} are as wanted"))
+    wrong = {check.name for check in checks} - {"parameters"}
+    good = len(NAMES) - len(unknown) - len(wrong)
+    checks.append(Check("parameters", Verdict.GOOD, f"{good} of {len(NAMES)} are as wanted"))
     return checks
 
 

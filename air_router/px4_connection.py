@@ -31,7 +31,7 @@ OTHERS_S: Final = 1.5
 """Where several vehicles send to one port: time for the wanted one to be heard as well."""
 
 ELSEWHERE_S: Final = 1.5
-"""For how long other ports are listened on when nothing is heard."""
+"""For how long other ports are listened on, at last, when nothing is heard."""
 
 DATA_S: Final = 4.0
 """Wall-clock limit for positions, which come tens of times a second."""
@@ -141,12 +141,15 @@ class Px4Connection:
         handle = mavsdk.first_autopilot_async(
             FIND_S, lambda system: loop.call_soon_threadsafe(settle, system)
         )
+        elsewhere = asyncio.create_task(self._elsewhere())
         try:
             system = await found
+            if system is not None:
+                return system
+            found_elsewhere = await elsewhere
         finally:
+            elsewhere.cancel()
             mavsdk.cancel_first_autopilot(handle)
-        if system is not None:
-            return system
         others = [other.get_system_id() for other in mavsdk.get_systems()]
         others = [other for other in others if other]
         if others:
@@ -158,7 +161,7 @@ class Px4Connection:
             f"{self._url}: nothing heard within {FIND_S:.0f} s; is the vehicle on, and does it "
             "send here? PX4 sends to port 14540 + instance of its own machine and keeps to the "
             "first partner that answers it: restart it if another program was there before"
-            f"{await self._elsewhere()}"
+            f"{found_elsewhere}"
         )
 
     async def _elsewhere(self) -> str:
@@ -166,5 +169,6 @@ class Px4Connection:
         if not self._url.startswith("udpin://"):
             return ""
         here = int(self._url.rpartition(":")[2])
+        await asyncio.sleep(FIND_S - ELSEWHERE_S)  # nothing was heard so far
         found = advice(*await listen([p for p in USUAL_PORTS if p != here], ELSEWHERE_S))
         return f" ({found})" if found else ""

@@ -47,8 +47,10 @@ async def inspect(
 ) -> Inspection:
     """Ask, wait a little where it is worth it, and put together what came."""
     target = {"target_system": system_id, "target_component": AUTOPILOT}
-    await _parameters(direct, telemetry, target, parameters)
-    await _until(telemetry, lambda: telemetry.health_good, HEALTH_S)
+    await asyncio.gather(
+        _parameters(direct, telemetry, target, parameters),
+        _until(telemetry, lambda: telemetry.health_good, HEALTH_S),
+    )
     await _report(direct, telemetry, target)
     report = telemetry.reports.last
     problems = () if report is None else report.problems

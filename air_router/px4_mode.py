@@ -18,6 +18,7 @@ _AUTO_MODES: Final = MappingProxyType(
         6: FlightMode.LAND,
     }
 )
+_SUB_MODES: Final = MappingProxyType({mode: sub for sub, mode in _AUTO_MODES.items()})
 
 
 def flight_mode(custom_mode: int) -> FlightMode:
@@ -26,3 +27,12 @@ def flight_mode(custom_mode: int) -> FlightMode:
     if main != MAIN_AUTO:
         return FlightMode.OTHER
     return _AUTO_MODES.get(sub, FlightMode.OTHER)
+
+
+def sub_mode(mode: FlightMode) -> int:
+    """The sub mode of one of the automatic modes, which is the main mode `MAIN_AUTO`.
+
+    Raises:
+        KeyError: it is none of them.
+    """
+    return _SUB_MODES[mode]

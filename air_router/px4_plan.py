@@ -20,7 +20,7 @@ from air_router.mavsdk_bridge import call
 from air_router.px4_telemetry import MISSION_INVALID
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Awaitable, Callable, Sequence
 
     from air_router.flight_plan import FlightPlan
     from air_router.px4_telemetry import Px4Telemetry
@@ -57,6 +57,58 @@ async def upload_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan
         upload = raw.upload_rally_points_async
         await _upload("the list of rally points", upload, plan.rally, RALLY, telemetry)
     await _upload("the mission", raw.upload_mission_async, plan.items, MISSION, telemetry)
+    await compare_plan(raw, telemetry, plan)
+    try:
+        await _feasible(telemetry, len(plan.items))
+    except PlanRefusedError:
+        if telemetry.refusals:
+            raise
+        # The same mission was on board before, and PX4 keeps to what it thought of it when it was
+        # switched on: it judges a mission anew only if it is another.
+        await _transfer("no mission", raw.clear_mission_async)
+        await _upload("the mission", raw.upload_mission_async, plan.items, MISSION, telemetry)
+        await compare_plan(raw, telemetry, plan)
+        await _feasible(telemetry, len(plan.items))
+
+
+async def renew_plan(
+    raw: MissionRaw,
+    telemetry: Px4Telemetry,
+    plan: FlightPlan,
+    clear: Callable[[], Awaitable[None]],
+    *,
+    same_items: bool = False,
+) -> None:
+    """Put a changed fence on board, and what it makes of the items; see `Vehicle.renew`.
+
+    PX4 judges the mission after each of them. New items might lie in the fence before, and those
+    before in the new one: between the two there is none.
+
+    Args:
+        raw: up- and downloads.
+        telemetry: what the vehicle says.
+        plan: what is to be on board.
+        clear: takes the fence off board.
+        same_items: other items must not be sent now.
+
+    Raises:
+        PlanRefusedError: as `upload_plan`; or the items are others and must not be.
+    """
+    telemetry.forget_words()
+    items = await _download("the mission", raw.download_mission_async, telemetry)
+    if not _all_same(plan.items, items):
+        if same_items:
+            raise PlanRefusedError("other items while it flies the mission: hold first")
+        await clear()
+        await _upload("the mission", raw.upload_mission_async, plan.items, MISSION, telemetry)
+    what = "the list of rally points"
+    rally = await _download(what, raw.download_rallypoints_async, telemetry)
+    if plan.rally and [_place(v) for v in plan.rally] != [_place(v) for v in rally]:
+        await _upload(what, raw.upload_rally_points_async, plan.rally, RALLY, telemetry)
+    if plan.fence:
+        await _upload("the fence", raw.upload_geofence_async, plan.fence, FENCE, telemetry)
+    else:
+        await clear()
     await compare_plan(raw, telemetry, plan)
     await _feasible(telemetry, len(plan.items))
 
@@ -177,6 +229,10 @@ async def _feasible(telemetry: Px4Telemetry, total: int) -> None:
         f"PX4 stored the mission but finds that it cannot be flown{why}"
         + ("" if why else "; its reason is in the ground station's messages")
     )
+
+
+def _all_same(mine: Sequence[PlanItem], theirs: Sequence[PlanItem]) -> bool:
+    return len(mine) == len(theirs) and all(map(PlanItem.same_as, mine, theirs))
 
 
 def _compare(what: str, sent: list[PlanItem], on_board: list[PlanItem]) -> None:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import struct
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from air_router.inspection import GpsFix
-from air_router.mavsdk_bridge import subscribe
+from air_router.mavsdk_bridge import Received, subscribe
 from air_router.px4_events import WARNING, ArmingReports, Px4Event
 from air_router.px4_mode import flight_mode
 from air_router.vehicle import FlightMode, ItemReached, PlanReplaced, Telemetry, VehicleEvent
@@ -48,6 +49,7 @@ class Px4Telemetry:
         self._callbacks: list[Callable[[VehicleEvent], None]] = []
         self._news = asyncio.Event()
         self._heard_s = time.monotonic()
+        self._arrived_s: dict[str, float] = {}
         self._texts: deque[str] = deque(maxlen=3)
         self._plan_ids: tuple[int, int] | None = None
         self._guarding = False
@@ -100,8 +102,14 @@ class Px4Telemetry:
             "POSITION_TARGET_GLOBAL_INT": self._on_target,
             "AUTOPILOT_VERSION": self._on_version,
         }
+        self.take(direct, handlers)
+
+    def take(
+        self, direct: MavlinkDirect, handlers: Mapping[str, Callable[[dict[str, Any]], None]]
+    ) -> None:
+        """Hand messages of the autopilot, by name, to others as well; then waiters look again."""
         for name, handler in handlers.items():
-            subscribe(direct, name, self._only_autopilot(handler))
+            subscribe(direct, name, self._only_autopilot(name, handler))
 
     def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
         """Hand every event to `callback`."""
@@ -114,6 +122,10 @@ class Px4Telemetry:
     def silent_s(self) -> float:
         """Wall-clock seconds since anything was heard."""
         return time.monotonic() - self._heard_s
+
+    def arrived_s(self, *names: str) -> float:
+        """When the newest message of these names came, on the monotonic clock; long ago if none."""
+        return max(self._arrived_s.get(name, -math.inf) for name in names)
 
     def said(self) -> str:
         """The autopilot's last words, to add to an error."""
@@ -132,9 +144,23 @@ class Px4Telemetry:
         self.refusals.clear()
 
     @property
+    def position(self) -> Point | None:
+        """Where it is, None before it said so."""
+        return self._position
+
+    @property
+    def target(self) -> Point | None:
+        """Where it flies to or hovers in its present mode, by its own word."""
+        return self._target if self.mode in TARGETED else None
+
+    @property
     def plan_guarded(self) -> bool:
         """Whether it is known which plan is on board, so that another one would be noticed."""
         return self._guarding and self._plan_ids is not None
+
+    def leave_plan_alone(self) -> None:
+        """The plan on board is about to be another, by our own hand."""
+        self._guarding = False
 
     def guard_plan(self) -> None:
         """From now on report when the plan on board is replaced by another."""
@@ -145,6 +171,15 @@ class Px4Telemetry:
         """Return once `condition` holds, looked at after every message."""
         while not condition():
             await self._news.wait()
+
+    async def shows(self, condition: Callable[[], bool], limit_s: float) -> bool:
+        """Whether `condition` holds within so much wall-clock time."""
+        try:
+            async with asyncio.timeout(limit_s):
+                await self.wait_for(condition)
+        except TimeoutError:
+            return False
+        return True
 
     def snapshot(self) -> Telemetry | None:
         """The telemetry of this moment, None before the first position."""
@@ -163,17 +198,18 @@ class Px4Telemetry:
             battery=self.battery,
             item=self.item,
             fix=self.gps is None or self.gps.good,
-            target=self._target if self.mode in TARGETED else None,
+            target=self.target,
         )
 
     def _only_autopilot(
-        self, handler: Callable[[dict[str, Any]], None]
-    ) -> Callable[[dict[str, Any], int, int], None]:
-        def on_message(fields: dict[str, Any], system_id: int, component_id: int) -> None:
-            if (system_id, component_id) != (self._system_id, AUTOPILOT):
+        self, name: str, handler: Callable[[dict[str, Any]], None]
+    ) -> Callable[[Received], None]:
+        def on_message(received: Received) -> None:
+            if received.sender != (self._system_id, AUTOPILOT):
                 return
             self._heard_s = time.monotonic()
-            handler(fields)
+            self._arrived_s[name] = received.arrived_s
+            handler(received.fields)
             self._wake_waiters()
 
         return on_message

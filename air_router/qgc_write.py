@@ -13,7 +13,7 @@ from air_router.draft import Area, Draft
 from air_router.losses import Losses
 from air_router.qgc_edit import MISSION_FRAME, PlanEdit, simple_item
 from air_router.qgc_items import MavCommand
-from air_router.settings import PlannerSettings, Timers
+from air_router.settings import DEFAULT_SEEK_POLICY, PlannerSettings, Timers
 from geo.frame import Geodetic, LocalFrame
 from geo.zone import Circle
 
@@ -116,7 +116,9 @@ def tell_settings(draft: Draft, losses: Losses, where: str) -> None:
         ("planner", draft.planner != PlannerSettings()),
         ("team", draft.team is not None),
         ("world", draft.world is not None),
-        ("seek", bool(draft.seek)),
+        ("seek", bool(draft.seek) or draft.seek_policy != DEFAULT_SEEK_POLICY),
+        ("goals_from", bool(draft.goals_from)),
+        ("uavs", bool(draft.uavs)),
         ("duration_s", draft.duration_s is not None),
     ):
         if given:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from air_router.commanded import Onward
 from air_router.departure import Departure, names_of
 from air_router.graph import WaypointGraph
 from air_router.planners import Leg, Planner, planner_of
@@ -61,7 +62,12 @@ class Router:
         self._planner = planner or planner_of(graph.mission.planner.kind, graph)
 
     def route(
-        self, start: Point, goal: Point | int, *, stopping: Point | None = None
+        self,
+        start: Point,
+        goal: Point | int,
+        *,
+        stopping: Point | None = None,
+        bound: Sequence[Onward] = (),
     ) -> Route | NoRoute:
         """The shortest known route.
 
@@ -69,6 +75,7 @@ class Router:
             start: where the vehicle is.
             goal: a node of the graph, or any point.
             stopping: where the vehicle comes to rest if it brakes now; None if it stands.
+            bound: where it was sent before, and goes on to until it follows a new command.
 
         Returns:
             A Route whose legs are all clear by the rules above, or NoRoute with the reason: the
@@ -77,7 +84,7 @@ class Router:
         target = self._goal(goal)
         if not self._airspace.point_clear(target.to):
             return self._bad_goal(target)
-        for rule in self._departures(start, stopping):
+        for rule in self._departures(start, stopping, bound):
             legs = self._planner.legs(rule, target)
             if legs is not None:
                 return _route(start, legs, rule.warnings)
@@ -88,17 +95,25 @@ class Router:
                     return _route(start, [*map(Leg, out), *onward], rule.warnings)
         return self._no_route(start, target, rule)
 
-    def check_leg(self, start: Point, end: Point, stopping: Point | None = None) -> bool:
+    def check_leg(
+        self,
+        start: Point,
+        end: Point,
+        stopping: Point | None = None,
+        bound: Sequence[Onward] = (),
+    ) -> bool:
         """Whether the vehicle, now at `start`, may be sent straight to `end`."""
-        rules = [*self._departures(start, stopping)]
+        rules = [*self._departures(start, stopping, bound)]
         if self._airspace.point_clear(end) and any(rule.allows(end) for rule in rules):
             return True
         return rules[-1].leads_out(end)
 
-    def _departures(self, start: Point, stopping: Point | None) -> Iterator[Departure]:
+    def _departures(
+        self, start: Point, stopping: Point | None, bound: Sequence[Onward]
+    ) -> Iterator[Departure]:
         """With the whole tracking margin, and where that is too much to ask, with half of it."""
         for airspace in (self._airspace, self._departing):
-            yield Departure(airspace, self._paths, start, stopping)
+            yield Departure(airspace, self._paths, start, stopping, bound)
 
     def _departure(self, start: Point) -> Departure:
         return Departure(self._airspace, self._paths, start, None)

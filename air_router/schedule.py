@@ -20,8 +20,10 @@ class Schedule:
             State.SEARCH: timers.search_s,
             State.COMM: timers.communicate_s,
             State.EXPL: timers.explore_s,
+            State.GOTO: timers.hold_s,
         }
         self._limit_s: float | None = None
+        self._carried_s: float | None = None
         self._from_s: float | None = None
         self._retry_at_s: float | None = None
 
@@ -30,10 +32,15 @@ class Schedule:
         self.now_s = max(self.now_s, now_s)
 
     def enter(self, state: State) -> None:
-        """A state begins and with it its timer; SEARCH counts from arrival where it looks."""
-        self._limit_s = self._limits_s.get(state)
-        self._from_s = None if state is State.SEARCH else self.now_s
+        """A state begins and with it its timer; SEARCH and GOTO count from their arrival."""
+        self._limit_s = self._limits_s.get(state) if self._carried_s is None else self._carried_s
+        self._carried_s = None
+        self._from_s = None if state in {State.SEARCH, State.GOTO} else self.now_s
         self._retry_at_s = None
+
+    def carry(self, limit_s: float) -> None:
+        """The state that begins next lasts so long, instead of what the mission says."""
+        self._carried_s = limit_s
 
     @property
     def running(self) -> bool:

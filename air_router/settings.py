@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal, get_args
 
 PlannerKind = Literal["waypoints", "shortest"]
 """`waypoints` stays on the operator's waypoint graph (the paper's), `shortest` goes straight."""
+
+SeekPolicy = Literal["round_robin", "freshest", "rendezvous"]
+"""How the robot that is sought next is chosen, and its place; see docs/seeking.md."""
+
+SEEK_POLICIES: Final[tuple[SeekPolicy, ...]] = get_args(SeekPolicy)
+DEFAULT_SEEK_POLICY: Final[SeekPolicy] = "round_robin"
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,12 +24,14 @@ class Timers:
         explore_s: exploration between two searches (t_e).
         search_s: waiting for a robot, from the arrival where it should be (t_s).
         communicate_s: the longest that the vehicle hovers over a robot (t_c).
+        hold_s: hovering at the last of the points that somebody has sent it to.
     """
 
     init_s: float = 180.0
     explore_s: float = 120.0
     search_s: float = 45.0
     communicate_s: float = 20.0
+    hold_s: float = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +48,8 @@ class PlannerSettings:
             are chosen by their altitude limits.
         terrain_relief_m: how much higher or lower than at home the ground may be, for zones whose
             limits count from the ground.
+        vertical_separation_m: what lies between the layers of two UAVs of one mission, at least.
+        home_separation_m: what lies between their homes, at least.
         kind: whether routes stay on the waypoint graph or are the shortest there are.
     """
 
@@ -49,6 +59,8 @@ class PlannerSettings:
     acceptance_radius_m: float = 2.0
     vertical_margin_m: float = 5.0
     terrain_relief_m: float = 20.0
+    vertical_separation_m: float = 10.0
+    home_separation_m: float = 20.0
     kind: PlannerKind = "waypoints"
 
     @property

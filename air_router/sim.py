@@ -1,7 +1,6 @@
 """`air-router sim`: starts the simulated world and flies in it, as it would fly outside.
 
-The vehicle and the robots are processes of their own; only MAVLink, sockets and files lie
-between them and the flight.
+One vehicle is flown by this process; of several each is flown by an `air-router fly` of its own.
 """
 
 from __future__ import annotations
@@ -10,190 +9,21 @@ import argparse
 import contextlib
 import dataclasses
 import json
-import logging
 import math
-import os
-import select
-import signal
-import socket
-import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
-from air_router.command_line import add_start
-from air_router.errors import NoVehicleError
-from air_router.fly import FlyOptions, add_flight_arguments, finish, fly
-from air_router.mission import load_mission
-
-_log = logging.getLogger(__name__)
-
-READY_S = 60.0
-STOP_S = 10.0
-
-
-@dataclass(frozen=True, slots=True)
-class SimOptions:
-    """How the world is simulated.
-
-    Attributes:
-        speed: Times real time.
-        seed: Of everything random in it.
-        px4: Fly a real PX4: where it is, empty where `sitl px4` finds it; None: our own.
-    """
-
-    speed: float = 1.0
-    seed: int = 1
-    px4: str | None = None
-
-
-class Child:
-    """A process of the simulated world: says on stdout when it is ready, ends on SIGTERM."""
-
-    def __init__(self, name: str, arguments: list[str], log: Path) -> None:
-        self._name = name
-        self._log = log
-        with log.open("wb") as stderr:
-            self._process = subprocess.Popen(  # noqa: S603 - our own program and arguments
-                # The world ends with the flight, also if that is killed.
-                [
-                    *(sys.executable, "-m", "sitl.end_with_parent", str(os.getpid())),
-                    *(sys.executable, "-m", "sitl", *arguments),
-                ],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=stderr,
-                # Ctrl-C is for the flight: the world has to last until the vehicle holds.
-                start_new_session=True,
-            )
-
-    def ready(self) -> dict[str, Any]:
-        """What it says when it is ready.
-
-        Raises:
-            NoVehicleError: it ended or stayed silent instead.
-        """
-        stdout = self._process.stdout
-        assert stdout is not None  # noqa: S101 - it was asked for
-        deadline_s = time.monotonic() + READY_S
-        line = b""
-        while not line.endswith(b"\n"):
-            left_s = deadline_s - time.monotonic()
-            if left_s <= 0 or not select.select([stdout], [], [], left_s)[0]:
-                raise NoVehicleError(f"sitl {self._name}: not ready within {READY_S:.0f} s")
-            byte = os.read(stdout.fileno(), 1)
-            if not byte:
-                code = self._process.wait()
-                said = self._log.read_text(errors="replace").strip() or "nothing"
-                raise NoVehicleError(f"sitl {self._name} ended with code {code}; it said: {said}")
-            line += byte
-        ready: dict[str, Any] = json.loads(line)
-        return ready
-
-    def stop(self) -> None:
-        """End it and wait until it has ended."""
-        if self._process.poll() is None:
-            self._process.send_signal(signal.SIGTERM)
-        try:
-            self._process.wait(STOP_S)
-        except subprocess.TimeoutExpired:
-            _log.warning("sitl %s did not end within %.0f s and was killed", self._name, STOP_S)
-            self._process.kill()
-            self._process.wait()
-        if self._process.stdout is not None:
-            self._process.stdout.close()
-
-
-class World:
-    """The simulated vehicle and team as child processes.
-
-    Attributes:
-        url: Where the flight finds the vehicle.
-        system_id: The vehicle's.
-        team: The team file with the ports of this simulation.
-        camera: Where the camera's patches come from.
-    """
-
-    def __init__(self, mission: Path, options: SimOptions, folder: Path) -> None:
-        self._mission = mission
-        self._options = options
-        self._folder = folder
-        self._report = folder / "world.json"
-        self._children: list[Child] = []
-        self.url, self.system_id = "", 1
-        try:
-            ready = self._with_ours() if options.px4 is None else self._with_px4(options.px4)
-        except BaseException:
-            self.stop()
-            raise
-        self.team = Path(ready["team"])
-        self.camera = str(ready["camera"])
-
-    def _with_ours(self) -> dict[str, Any]:
-        """Our own vehicle and a team around it; both know when time began."""
-        api_port, truth_port, _ = _free_ports()
-        epoch = ["--epoch", str(int(time.time()))]
-        self.url = f"udpin://127.0.0.1:{api_port}"
-        team = self._start_team(f"udp://127.0.0.1:{truth_port}", epoch)
-        ports = ["--api-to", f"127.0.0.1:{api_port}", "--truth-to", f"127.0.0.1:{truth_port}"]
-        vehicle = self._start_vehicle(
-            "vehicle", [*ports, "--no-gcs", "--seed", str(self._options.seed), *epoch]
-        )
-        ready = team.ready()
-        vehicle.ready()
-        return ready
-
-    def _with_px4(self, place: str) -> dict[str, Any]:
-        """A real PX4, which chooses its ports and its time, and a team that follows it."""
-        where = ["--px4", place] if place else []
-        files = ["--log-dir", str(self._folder / "px4")]
-        vehicle = self._start_vehicle("px4", [*where, *files]).ready()
-        self.url, self.system_id = str(vehicle["mavlink"]), int(vehicle["system_id"])
-        return self._start_team(str(vehicle["truth"]), []).ready()
-
-    def _start_vehicle(self, command: str, arguments: list[str]) -> Child:
-        common = [command, str(self._mission), "--speed", str(self._options.speed)]
-        return self._start(command, [*common, *arguments])
-
-    def _start_team(self, truth: str, arguments: list[str]) -> Child:
-        _, _, camera_port = _free_ports()
-        places = ["--truth", truth, "--camera", f"tcp://127.0.0.1:{camera_port}"]
-        files = ["--free-ports", str(self._folder), "--report", str(self._report)]
-        seed = ["--seed", str(self._options.seed)]
-        return self._start("team", ["team", str(self._mission), *places, *files, *seed, *arguments])
-
-    def _start(self, name: str, arguments: list[str]) -> Child:
-        child = Child(name, arguments, self._folder / f"{name}.log")
-        self._children.append(child)
-        return child
-
-    def stop(self) -> dict[str, Any]:
-        """End the world; returns what it knows of the robots, which no flight can see."""
-        for child in self._children:
-            child.stop()
-        self._children = []
-        try:
-            report: dict[str, Any] = json.loads(self._report.read_text())
-        except (OSError, ValueError) as error:
-            _log.debug("no report of the world: %s", error)
-            return {}
-        return report
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        _type: type[BaseException] | None,
-        _error: BaseException | None,
-        _traceback: TracebackType | None,
-    ) -> None:
-        self.stop()
+from air_router.arguments import add_start
+from air_router.flights import Flights
+from air_router.fly import PART, add_flight_arguments, finish, fly, options_of
+from air_router.mission import Mission, load_mission
+from air_router.page import joint_page, shown_beside, web_of
+from air_router.page_address import PageAddress
+from air_router.report import several
+from air_router.sim_world import Seat, SimOptions, World
 
 
 def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -223,39 +53,109 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 def run(arguments: argparse.Namespace) -> int:
     """Fly in a world of its own, and report on stdout."""
     mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
+    options = SimOptions(arguments.speed, arguments.seed, arguments.px4)
+    if len(mission.layers) > 1:
+        return _fly_several(mission, options, arguments)
     # The simulated vehicle's clock is today's, whenever the flight is meant to be.
     mission = dataclasses.replace(
-        mission, window=dataclasses.replace(mission.window, latest_start=None)
+        mission,
+        window=dataclasses.replace(mission.window, latest_start=None),
+        seek_policy=arguments.seek or mission.seek_policy,
     )
-    with _folder(arguments.log_dir) as folder:
-        options = SimOptions(arguments.speed, arguments.seed, arguments.px4)
-        with World(arguments.mission, options, folder) as world:
-            result = fly(
-                mission,
-                FlyOptions(
-                    url=world.url,
-                    system_id=world.system_id,
-                    team=world.team,
-                    camera=world.camera,
-                    metrics=arguments.metrics,
-                    duration_s=arguments.duration,
-                    arm=True,
-                    log_dir=arguments.log_dir,
-                ),
-            )
-            result.report["world"] = world.stop()
+    with (
+        _folder(arguments.log_dir) as folder,
+        World(arguments.mission, options, folder) as world,
+    ):
+        (seat,) = world.seats
+        result = fly(
+            mission,
+            options_of(
+                arguments,
+                "sim",
+                url=seat.url,
+                system_id=seat.system_id,
+                team=world.team,
+                camera=seat.camera,
+                arm=True,
+            ),
+        )
+        result.report["world"] = world.stop()
     return finish(mission, result, arguments)
 
 
-def _free_ports() -> tuple[int, int, int]:
-    """Ports that are free now: two UDP, one TCP."""
-    with contextlib.ExitStack() as stack:
-        ports = []
-        for kind in (socket.SOCK_DGRAM, socket.SOCK_DGRAM, socket.SOCK_STREAM):
-            probe = stack.enter_context(socket.socket(socket.AF_INET, kind))
-            probe.bind(("127.0.0.1", 0))
-            ports.append(probe.getsockname()[1])
-    return ports[0], ports[1], ports[2]
+def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Namespace) -> int:
+    """Each UAV in a process of its own; one report, and the worst exit code."""
+    web = web_of(arguments)
+    page = None if web is None else joint_page((layer.uav for layer in mission.layers), web)
+
+    def overhear(uav: str, line: str) -> bool:
+        """Their own pages are for the joint page only."""
+        address = None if page is None else PageAddress.heard(line)
+        if page is None or address is None:
+            return False
+        page.found(uav, address)
+        return True
+
+    with (
+        _folder(arguments.log_dir) as folder,
+        contextlib.nullcontext() if page is None else shown_beside(page, _say),
+        World(arguments.mission, options, folder, mission.layers) as world,
+    ):
+        commands = {
+            seat.uav: _command(seat, index, world.team, arguments)
+            for index, seat in enumerate(world.seats)
+        }
+        flights = Flights(commands, overhear=overhear)
+        code = flights.run()
+        report: dict[str, Any] = {
+            "uavs": {flight.uav: flight.report for flight in flights.flights},
+            "world": world.stop(),
+        }
+    sys.stderr.write(several(report, {f.uav: f.exit_code for f in flights.flights}))
+    if arguments.json:
+        json.dump(report, sys.stdout)
+        sys.stdout.write("\n")
+    return code
+
+
+def _command(seat: Seat, index: int, team: Path, arguments: argparse.Namespace) -> Sequence[str]:
+    """What flies one of several UAVs; each has ports of its own, behind those of the one before."""
+    command = ["fly", str(arguments.mission), "--uav", seat.uav, "--arm", "--yes", "--json", PART]
+    command += ["--connect", seat.url, "--sysid", str(seat.system_id)]
+    command += ["--team", str(team), "--camera", seat.camera]
+    picture = arguments.png
+    if picture is not None:
+        picture = picture.with_stem(f"{picture.stem}-{seat.uav}")
+    for option, value in (
+        ("--duration", arguments.duration),
+        ("--seek", arguments.seek),
+        ("--png", picture),
+        ("--log-dir", None if arguments.log_dir is None else arguments.log_dir / seat.uav),
+        ("--metrics", _nth(arguments.metrics, index)),
+        ("--control", _nth(arguments.control, index)),
+        ("--web", _port(arguments.web, index + 1)),  # behind the joint page, on this machine only
+        ("--at", None if arguments.at is None else arguments.at.isoformat()),
+    ):
+        command += [] if value is None else [option, str(value)]
+    return [*command, "--no-record"] if arguments.no_record else command
+
+
+def _nth(endpoint: str | None, index: int) -> str | None:
+    """An endpoint for the n-th UAV: a port higher by n, another path; any free port stays so."""
+    if endpoint is None or index == 0:
+        return endpoint
+    place, _, port = endpoint.rpartition(":")
+    if endpoint.startswith("tcp://"):
+        return f"{place}:{_port(int(port), index)}" if port.isdecimal() else endpoint
+    return f"{endpoint}-{index + 1}"
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(f"{text}\n")
+
+
+def _port(port: int | None, index: int) -> int | None:
+    return port + index if port else port
 
 
 @contextlib.contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import shutil
 import sys
@@ -44,35 +45,46 @@ class StatusLine:
         self._shown_s = now_s
         text = line()
         if self._live:
-            text = text[: shutil.get_terminal_size().columns - 1]  # one line must stay one line
-            self._out.write("\r" + text.ljust(self._width))
+            width = shutil.get_terminal_size().columns - 1  # one line must stay one line
+            text = text if len(text) <= width else f"{text[: width - 1]}…"
+            self._write("\r" + text.ljust(self._width))
             self._width = len(text)
         else:
-            self._out.write(text + "\n")
-        self._out.flush()
+            self._write(text + "\n")
 
     def say(self, text: str) -> None:
         """Print a line of news that stays."""
         if self._live:
-            self._out.write("\r" + " " * self._width + "\r")
+            text = "\r" + " " * self._width + "\r" + text
             self._width = 0
             self._shown_s = -math.inf
-        self._out.write(text + "\n")
-        self._out.flush()
+        self._write(text + "\n")
 
     def end(self) -> None:
         """Leave the line standing and go on below it."""
         if self._live and self._width:
-            self._out.write("\n")
+            self._write("\n")
             self._width = 0
+
+    def _write(self, text: str) -> None:
+        with contextlib.suppress(OSError):  # the terminal is gone; the flight goes on without
+            self._out.write(text)
             self._out.flush()
 
 
 def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str:
     """State, target, time left in the state, next node, battery and links in one line."""
     parts = [controller.state.name.ljust(6)]
-    if controller.robot is not None:
-        parts.append(controller.robot)
+    if controller.walled_in:
+        parts.append("WALLED IN")
+    signals = {
+        peer: f"{link.rssi_dbm:.0f}"
+        for peer, link in sorted(links.items())
+        if link.rssi_dbm is not None
+    }
+    sought = controller.robot
+    if sought is not None:
+        parts.append(f"{sought} {signals.pop(sought)} dBm" if sought in signals else sought)
     left_s = controller.time_left_s
     if left_s is not None:
         parts.append(f"{left_s:4.0f} s left")
@@ -89,10 +101,6 @@ def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str
             need = controller.need_home
             home = "" if need is None else f" (home takes {need:.0%})"
             parts.append(f"battery {telemetry.battery:.0%}{home}")
-    heard = [
-        f"{peer} {link.rssi_dbm:.0f} dBm"
-        for peer, link in sorted(links.items())
-        if link.rssi_dbm is not None
-    ]
-    parts.append("links: " + (", ".join(heard) if heard else "none"))
+    if signals:
+        parts.append(", ".join(f"{peer} {signal}" for peer, signal in signals.items()) + " dBm")
     return " | ".join(parts)

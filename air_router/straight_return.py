@@ -56,7 +56,9 @@ def straight_returns(mission: Mission) -> tuple[StraightReturn, ...]:
 
 def return_airspace(mission: Mission) -> Airspace:
     """What the autopilot's own return may cut: as drawn, at the altitudes where it flies."""
-    every = Airspace(mission.fences, mission.zones, mission.planner.clearance_m)
+    every = Airspace(
+        mission.fences, (*mission.zones, *mission.columns), mission.planner.clearance_m
+    )
     active = every.during(mission.window.start, mission.window.end)
     highest_m = max(mission.cruise.upper_m, RETURN_ALTITUDE_M)
     return active.at(mission.cruise.lower_m, highest_m).as_drawn()

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
-import networkx as nx
 import numpy as np
 
 from air_router.flight_plan import HOME_NODE
@@ -51,7 +50,7 @@ class Survey:
     @property
     def edges(self) -> int:
         """Connections of the waypoint graph."""
-        return self.graph.graph.number_of_edges()
+        return sum(1 for _ in self.graph.edges)
 
     @property
     def detours(self) -> int:
@@ -61,7 +60,7 @@ class Survey:
     @property
     def connected(self) -> bool:
         """Whether the graph is in one piece."""
-        return nx.is_connected(self.graph.graph)
+        return self.graph.connected
 
     @cached_property
     def stranded(self) -> tuple[tuple[int, str], ...]:

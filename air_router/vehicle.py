@@ -116,7 +116,8 @@ class Vehicle(Protocol):
 
     Raises:
         NoVehicleError: from `connect`, with a diagnosis.
-        PlanRefusedError: from `upload` and `recognise`, when what is on board is not what was sent.
+        PlanRefusedError: from `upload`, `renew` and `recognise`, when what is on board is not what
+            was sent.
         ArmingRefusedError: from `arm`, with the autopilot's reasons.
         NotConfirmedError: when a command was sent and the vehicle did not follow.
     """
@@ -133,6 +134,13 @@ class Vehicle(Protocol):
     async def upload(self, plan: FlightPlan) -> None:
         """Put nodes and fence on board and read both back."""
 
+    async def renew(self, plan: FlightPlan) -> None:
+        """Put a changed fence on board, in flight too, and read all back.
+
+        Items are sent only where they are others than those on board, and then not in Mission
+        mode in the air: the vehicle would begin the plan anew.
+        """
+
     async def recognise(self, plan: FlightPlan) -> None:
         """Make sure that this plan is on board already, in flight too, without changing it."""
 
@@ -142,8 +150,11 @@ class Vehicle(Protocol):
     async def start(self) -> None:
         """Enter Mission mode: on the ground this takes off."""
 
-    async def jump(self, item: int) -> None:
-        """Fly straight to a plan item and hover there, in Mission mode."""
+    async def jump(self, item: int, objection: Callable[[], str | None] | None = None) -> None:
+        """Fly straight to a plan item and hover there, in Mission mode.
+
+        `objection` is asked again if that takes time: why the leg must not be begun any more.
+        """
 
     async def reposition(self, point: Point, altitude_m: float) -> None:
         """Fly straight to a point at an altitude above home and hover there, in Hold mode."""

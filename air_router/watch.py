@@ -14,6 +14,8 @@ from air_router.milestones import ALTITUDE_M
 from air_router.vehicle import FlightMode
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from air_router.custody import Custody
     from air_router.flight_plan import FlightPlan
     from air_router.mission import Mission
@@ -72,17 +74,26 @@ class Watch:
         self._blind = False
         self._seen_since_s: float | None = None
 
-    @property
-    def blind(self) -> bool:
-        """Whether GPS has had no fix, or not for long enough."""
-        return self._blind
+    def without_fix(self, telemetry: Telemetry | None) -> bool:
+        """Whether GPS has no fix, or has not had it for long enough."""
+        return self._blind or (telemetry is not None and not telemetry.fix)
 
-    def look(self, telemetry: Telemetry, custody: Custody) -> Finding:
-        """What keeps the mission from going on now, the gravest first."""
+    def renew(self, mission: Mission) -> None:
+        """The mission's zones are others now."""
+        self._mission = mission
+        self._inside = (mission.home, 0.0)
+
+    def look(
+        self, telemetry: Telemetry, custody: Custody, leaving: Collection[str] = ()
+    ) -> Finding:
+        """What keeps the mission from going on now, the gravest first.
+
+        To be in a zone of `leaving` is no breach: it was drawn over the vehicle, which leaves it.
+        """
         stranger = self._stranger(telemetry, custody)
         if stranger is not None:
             return Finding(Sign.STRANGER, stranger)
-        breach = self._breach(telemetry)
+        breach = self._breach(telemetry, leaving)
         if breach is not None:
             return Finding(Sign.BREACH, breach)
         return self._sight(telemetry)
@@ -102,7 +113,7 @@ class Watch:
         self._blind = False
         return Finding(Sign.BACK, "GPS has its fix again: going on")
 
-    def _breach(self, telemetry: Telemetry) -> str | None:
+    def _breach(self, telemetry: Telemetry, leaving: Collection[str]) -> str | None:
         """Whether the vehicle in the air is in a no-fly zone or outside a fence, whoever did it."""
         here, (place, spare_m) = telemetry.position, self._inside
         if not telemetry.in_air or math.dist(here, place) < spare_m:
@@ -111,7 +122,8 @@ class Watch:
         # What is near neither below nor above is near at no altitude.
         everywhere = (mission.column_airspace, mission.above_airspace)
         self._inside = (here, min(airspace.distance_m(here) for airspace in everywhere))
-        holders = mission.airspace_at(telemetry.altitude_m).holders(here)
+        inside = mission.airspace_at(telemetry.altitude_m).holders(here)
+        holders = [name for name in inside if name not in leaving]
         return f"breach of {', '.join(holders)}" if holders else None
 
     def _stranger(self, telemetry: Telemetry, custody: Custody) -> str | None:
@@ -183,5 +195,7 @@ def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None
         f"it is in {', '.join(holders)}: fly it out by hand first": bool(holders),
         f"it is {telemetry.altitude_m:.0f} m above home, where no leg was checked: climb to "
         f"{mission.altitude_above_home_m:.0f} m first": low(mission, telemetry),
+        f"it is {telemetry.altitude_m:.0f} m above home, in the layer of another UAV: descend to "
+        f"{mission.altitude_above_home_m:.0f} m first": telemetry.altitude_m > mission.layer_top_m,
     }
     return next((reason for reason, holds in reasons.items() if holds), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
 from pathlib import Path
@@ -63,3 +64,13 @@ def _mode(path: Path) -> int:
 
 def _refusal(path: Path) -> FileThereError:
     return FileThereError(f"{path} is already there; --force replaces it")
+
+
+def sync_folder(folder: Path) -> None:
+    """Have a file's new name last through a power cut, where the file system can do that."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

@@ -1,0 +1,55 @@
+"""Arguments that several commands take, and how they are read."""
+
+from __future__ import annotations
+
+import argparse
+from datetime import UTC, datetime
+
+from geo.frame import Geodetic
+
+
+def add_start(parser: argparse.ArgumentParser) -> None:
+    """Add `--at`: when the mission is to start, for zones that do not apply at all times."""
+    parser.add_argument(
+        "--at",
+        type=moment,
+        metavar="TIME",
+        help="the mission starts then, e.g. 2026-11-20T08:00:00Z (default: now)",
+    )
+
+
+def add_uav(parser: argparse.ArgumentParser) -> None:
+    """Add `--uav`: whose mission it is, where it is for several."""
+    parser.add_argument(
+        "--uav", metavar="NAME", help="whose mission, if it is for several UAVs (`uavs`)"
+    )
+
+
+def place(text: str) -> Geodetic:
+    """An argument LAT,LON in degrees.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    try:
+        latitude_deg, longitude_deg = map(float, text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not LATITUDE,LONGITUDE") from None
+    return Geodetic(latitude_deg, longitude_deg)
+
+
+def moment(text: str) -> datetime:
+    """An argument that is a time with its time zone.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    try:
+        when = datetime.fromisoformat(text)
+    except ValueError:
+        when = None
+    if when is None or when.tzinfo is None:
+        raise argparse.ArgumentTypeError(
+            f"{text} is not a time with its time zone; write it like 2026-11-20T08:00:00Z"
+        )
+    return when.astimezone(UTC)

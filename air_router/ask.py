@@ -1,0 +1,93 @@
+"""`air-router ask`: has a flight on this machine do something, and says what became of it."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+import sys
+
+from air_router.control import ControlClient
+from air_router.control_server import endpoint_of
+from air_router.errors import ExitCode
+from air_router.wish import MODELS, spoken
+
+_EPILOG = """\
+examples:
+  air-router ask 24700 hold
+  air-router ask 24700 seek io
+  air-router ask 24700 goto 39.9415,-75.1990,39.9420,-75.1995 --hold-s 30
+  air-router ask tcp://127.0.0.1:24700 status --json
+
+exit codes: 0 accepted, 2 wrong usage, 4 nobody answers, 5 refused
+"""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `ask` to the command line."""
+    parser = commands.add_parser(
+        "ask",
+        help="have a flight hold, resume, seek a robot, explore, come home or fly to points",
+        description="Have a flight that runs with --control on this machine do something.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "endpoint", type=endpoint_of, metavar="ENDPOINT", help="its --control, or only the port"
+    )
+    parser.add_argument("verb", choices=[*MODELS], metavar="VERB", help="one of: %(choices)s")
+    parser.add_argument(
+        "words", nargs="*", metavar="WHAT", help="of seek: NAME; of goto: LAT,LON[,LAT,LON...]"
+    )
+    parser.add_argument(
+        "--hold-s", type=float, metavar="S", help="goto: hover at the last point for so long"
+    )
+    parser.add_argument("--by", metavar="WHO", help="who asks, for the flight's record")
+    parser.add_argument(
+        "--timeout", type=_seconds, default=5.0, metavar="S", help="for an answer (default 5 s)"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Ask, and print the answer."""
+    wish = spoken(" ".join((arguments.verb, *arguments.words)))
+    values = wish.model_dump(exclude_none=True)
+    if arguments.hold_s is not None:
+        values["hold_s"] = arguments.hold_s
+    values["by"] = arguments.by
+    with ControlClient(arguments.endpoint, by=arguments.by, timeout_s=arguments.timeout) as client:
+        if wish.request == "reload":  # it is read after the answer: what came of it?
+            answer = {"ok": True, "id": wish.id, **dataclasses.asdict(client.reload())}
+        else:
+            answer = client.request(values)
+    if arguments.json:
+        json.dump(answer, sys.stdout)
+        sys.stdout.write("\n")
+    elif "accepted" not in answer:
+        for key, value in answer.items():
+            if key not in {"ok", "id"}:
+                sys.stdout.write(f"{key:14} {json.dumps(value)}\n")
+    else:
+        _tell(answer)
+    return ExitCode.DONE if answer.get("accepted", True) is True else ExitCode.REFUSED
+
+
+def _tell(answer: dict[str, object]) -> None:
+    word = "accepted" if answer["accepted"] is True else f"refused [{answer.get('code')}]"
+    sys.stdout.write(f"{word}: {answer.get('why')}\n")
+    points = answer.get("points")
+    for point in points if isinstance(points, list) else ():
+        sys.stdout.write(f"  {','.join(map(str, point))}\n")
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value <= 3600:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of seconds")
+    return value

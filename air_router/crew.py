@@ -1,0 +1,127 @@
+"""Who is aboard: the parts of the controller, and what each of them is given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from air_router.answering import Answering
+from air_router.cockpit import Cockpit
+from air_router.enclosure import Enclosure
+from air_router.errand import Judge
+from air_router.errands import Errands
+from air_router.exploration import Exploration
+from air_router.exploring import Exploring
+from air_router.handing import Handing
+from air_router.helm import Helm
+from air_router.homecoming import Homecoming, Landing
+from air_router.hovering import Hovering
+from air_router.launch import Launch
+from air_router.meeting import Meeting
+from air_router.navigator import Navigator
+from air_router.permission import Permission
+from air_router.pursuit import Pursuit
+from air_router.renewal import Renewal
+from air_router.search import Search
+from air_router.watch import Watch
+from air_router.watchkeeper import Watchkeeper
+
+if TYPE_CHECKING:
+    from air_router.behaviour import Signal
+    from air_router.flight_plan import FlightPlan
+    from air_router.mission import Mission
+    from air_router.router import Router
+
+
+class Crew:
+    """Puts the parts together; none of them knows more of another than what it is given here.
+
+    Args:
+        mission, plan, router, seek, patient, explore, name: As of the `Controller`.
+        signal: Tells the state machine that something has happened to the mission.
+
+    Attributes:
+        cockpit: What all of them read, and how they are heard.
+        helm: The one way to command the vehicle.
+        exploration: Which waypoint is next.
+        search: Whom to seek, and where.
+        launch: What has been seen of take-off and landing.
+        enclosure: Whether zones leave a way home.
+        exploring, pursuit, meeting, errands, hovering, homecoming, landing: What is flown.
+        handing: Whose the vehicle is.
+        renewal: Zones that change.
+        answering: What somebody asks for.
+        watchkeeper: What each word of the vehicle leads to.
+    """
+
+    def __init__(  # noqa: PLR0913 - what a flight is decided with
+        self,
+        mission: Mission,
+        plan: FlightPlan,
+        router: Router,
+        seek: tuple[str, ...],
+        *,
+        patient: bool,
+        explore: bool,
+        name: str,
+        signal: Callable[[Signal], None],
+    ) -> None:
+        # What is known and kept.
+        cockpit = self.cockpit = Cockpit(mission, router, signal)
+        helm = self.helm = Helm(cockpit, Navigator(mission, router), plan)
+        self.exploration = Exploration(mission.waypoints)
+        self.exploration.bar(mission.barred)  # of a flight that is gone on with
+        self.search = Search(mission, seek, self.exploration, router, explore=explore)
+        self.launch = Launch()
+        self.enclosure = Enclosure(mission, router)
+        self._judge = Judge(mission, router, self.search)
+        self._watch = Watch(mission, plan)
+        # What is flown.
+        to_explore = self.exploration if explore else None
+        self.exploring = Exploring(cockpit, helm, self.exploration, self.enclosure)
+        self.pursuit = Pursuit(cockpit, helm, self.search, to_explore, name=name)
+        self.meeting = Meeting(cockpit, helm, self.pursuit)
+        self.errands = Errands(cockpit, helm)
+        self.hovering = Hovering(cockpit, helm)
+        self.homecoming = Homecoming(cockpit, helm, self.launch, self.enclosure)
+        self.landing = Landing(cockpit, helm)
+        # What else is decided.
+        self.handing = Handing(cockpit, helm, self.launch)
+        self.renewal = Renewal(
+            cockpit, helm, self.exploration, self.handing, self.homecoming, heed=self._heed
+        )
+        self.answering = Answering(
+            cockpit,
+            Permission(cockpit, self._watch, self.homecoming, self.handing),
+            self._judge,
+            self.search,
+            to_explore,
+            pursuit=self.pursuit,
+            errands=self.errands,
+            homecoming=self.homecoming,
+            handing=self.handing,
+            renewal=self.renewal,
+        )
+        self.watchkeeper = Watchkeeper(
+            cockpit,
+            helm,
+            plan,
+            self.exploration,
+            launch=self.launch,
+            watch=self._watch,
+            handing=self.handing,
+            homecoming=self.homecoming,
+            renewal=self.renewal,
+            answering=self.answering,
+            patient=patient,
+        )
+
+    def _heed(self, mission: Mission, router: Router) -> None:
+        """Other zones and fences count from now on: for everybody who plans or watches."""
+        self.cockpit.mission, self.cockpit.router = mission, router
+        self.helm.navigator.renew(mission, router)
+        self.search.renew(mission, router)
+        self.enclosure.renew(mission, router)
+        self.homecoming.renew(mission, router)
+        self._judge.renew(mission, router)
+        self._watch.renew(mission)

@@ -1,0 +1,224 @@
+"""Where one robot is and will be: from what it said, and from when that came."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from itertools import accumulate, pairwise
+from statistics import median
+from typing import Final
+
+from geo.frame import Point
+
+USUAL_SPEED_M_S: Final = 1.0
+"""Of a ground robot, where no robot's speed is known."""
+
+_SPEEDS_M_S: Final = (0.1, 5.0)
+"""Slower is standing; faster is a jump of its position, not a drive."""
+
+_STRETCH_S: Final = (5.0, 120.0)
+"""Speed is measured between poses so far apart: noise counts in shorter, corners in longer."""
+
+_STRETCHES: Final = 12
+
+_LEFT_M: Final = 15.0
+_LEFT_S: Final = 60.0
+"""A pose so far off a path, and so much younger, says that the robot does not follow it."""
+
+_BEFORE_S: Final = 30.0
+"""A pose so much older than a path does not say where on it the robot is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """Where somebody was, and when."""
+
+    position: Point
+    stamp_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Intent:
+    """The path that a robot said it would take, and when it said so, in its Unix seconds."""
+
+    points: tuple[Point, ...]
+    stamp_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Where a robot will be, if it does as it said; a single point is a robot that stands.
+
+    Attributes:
+        points: Its way.
+        start_s: When it is at the first point, on the vehicle's clock.
+        speed_m_s: How fast it drives.
+    """
+
+    points: tuple[Point, ...]
+    start_s: float
+    speed_m_s: float
+
+    @property
+    def length_m(self) -> float:
+        """Length of the way."""
+        return sum(math.dist(a, b) for a, b in pairwise(self.points))
+
+    @property
+    def end_s(self) -> float:
+        """When it comes to the end, beyond which nothing is known of it."""
+        return self.due_s(self.length_m)
+
+    def due_s(self, along_m: float) -> float:
+        """When it has driven so far."""
+        return self.start_s + along_m / self.speed_m_s
+
+    def along_m(self, now_s: float) -> float:
+        """How far it has driven by now: between nothing and the whole way."""
+        return min(max((now_s - self.start_s) * self.speed_m_s, 0.0), self.length_m)
+
+    def place(self, along_m: float) -> Point:
+        """The place after so many metres."""
+        starts_m = accumulate((math.dist(a, b) for a, b in pairwise(self.points)), initial=0.0)
+        for start_m, (a, b) in zip(starts_m, pairwise(self.points), strict=False):
+            leg_m = math.dist(a, b)
+            if along_m <= start_m + leg_m and leg_m > 0:
+                share = max(along_m - start_m, 0.0) / leg_m
+                return Point(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
+        return self.points[-1]
+
+
+@dataclass(slots=True)
+class Whereabouts:
+    """What is known of one robot.
+
+    Clocks of robots differ, from ours and from each other's. A robot's stamps are compared with
+    its own, and moved to our clock by the least delay that any of its messages had, as one-way
+    measurements of clocks do: what came straight from the robot was hardly delayed. So what came
+    through others is as old as it is, not as old as its arrival.
+
+    Attributes:
+        robot: Its name.
+        pose: Its newest pose, at a time in the robot's Unix seconds.
+        path: Its newest path, likewise.
+        news_s: When anything new about it arrived.
+        radio: Where the vehicle was when it last heard the robot's radio, on the vehicle's clock.
+        taken_s: When we last had everything from it.
+        given_s: When it last had everything from us.
+        tries: How often it was sought since the last news.
+    """
+
+    robot: str
+    pose: Sighting | None = None
+    path: Intent | None = None
+    news_s: float | None = None
+    radio: Sighting | None = None
+    taken_s: float | None = None
+    given_s: float | None = None
+    tries: int = 0
+    _behind_s: float = math.inf  # what its clock is behind ours
+    _marks: deque[Sighting] = field(default_factory=lambda: deque(maxlen=_STRETCHES + 1))
+
+    def pose_heard(self, position: Point, stamp_s: float, now_s: float) -> bool:
+        """Take its pose in; True if it is newer than the one known before."""
+        self._compare_clocks(stamp_s, now_s)
+        if self.pose is not None and stamp_s <= self.pose.stamp_s:
+            return False
+        self.pose = Sighting(position, stamp_s)
+        if not self._marks or stamp_s - self._marks[-1].stamp_s >= _STRETCH_S[0]:
+            self._marks.append(self.pose)
+        self._news(now_s)
+        return True
+
+    def path_heard(self, points: tuple[Point, ...], stamp_s: float, now_s: float) -> bool:
+        """Take the path that it published in; True if it is news."""
+        self._compare_clocks(stamp_s, now_s)
+        if not points or (self.path is not None and stamp_s <= self.path.stamp_s):
+            return False
+        self.path = Intent(points, stamp_s)
+        self._news(now_s)
+        return True
+
+    def radio_heard(self, here: Point, now_s: float) -> None:
+        """Its radio was heard, so it is near the vehicle."""
+        self.radio = Sighting(here, now_s)
+
+    @property
+    def word_s(self) -> float | None:
+        """When it said the newest that we know of it, on our clock; None: never heard of."""
+        said = [self.ours_s(word.stamp_s) for word in (self.pose, self.path) if word is not None]
+        return max(said, default=None)
+
+    @property
+    def speed_m_s(self) -> float | None:
+        """How fast it drives when it drives: the middle one of its latest stretches."""
+        stretches = [
+            math.dist(a.position, b.position) / (b.stamp_s - a.stamp_s)
+            for a, b in pairwise(self._marks)
+            if b.stamp_s - a.stamp_s <= _STRETCH_S[1]
+        ]
+        slowest, fastest = _SPEEDS_M_S
+        driven = [speed for speed in stretches if speed >= slowest]
+        return min(median(driven), fastest) if driven else None
+
+    def ours_s(self, stamp_s: float) -> float:
+        """A time on the robot's clock, on ours."""
+        return stamp_s + self._behind_s
+
+    def course(self, usual_m_s: float = USUAL_SPEED_M_S) -> Course | None:
+        """Where it will be; None if it was never heard of.
+
+        From its newest pose on along its path; when that was over and its radio was heard, from
+        there.
+
+        Args:
+            usual_m_s: How fast it drives if that is not known.
+        """
+        speed_m_s = self.speed_m_s or usual_m_s
+        said, radio = self._said(speed_m_s), self.radio
+        if radio is not None and (said is None or radio.stamp_s > said.end_s):
+            return Course((radio.position,), radio.stamp_s, speed_m_s)
+        return said
+
+    def _said(self, speed_m_s: float) -> Course | None:
+        """Where it said that it will be.
+
+        A path that it has left counts no more, nor does a pose from long before the path.
+        """
+        pose, path = self.pose, self.path
+        if path is None:
+            if pose is None:
+                return None
+            return Course((pose.position,), self.ours_s(pose.stamp_s), speed_m_s)
+        if pose is None or path.stamp_s - pose.stamp_s > _BEFORE_S:
+            return Course(path.points, self.ours_s(path.stamp_s), speed_m_s)
+        ahead, off_m = _ahead(path.points, pose.position)
+        if off_m > _LEFT_M and pose.stamp_s - path.stamp_s > _LEFT_S:
+            ahead = ()
+        return Course((pose.position, *ahead), self.ours_s(pose.stamp_s), speed_m_s)
+
+    def _compare_clocks(self, stamp_s: float, now_s: float) -> None:
+        self._behind_s = min(self._behind_s, now_s - stamp_s)
+
+    def _news(self, now_s: float) -> None:
+        self.news_s = now_s
+        self.tries = 0
+
+
+def _ahead(path: tuple[Point, ...], place: Point) -> tuple[tuple[Point, ...], float]:
+    """What of a path lies ahead of a place, and how far off the path that place is."""
+    best, off_m = 0, math.dist(path[0], place)
+    for index, (a, b) in enumerate(pairwise(path), start=1):
+        away_m = _off_leg_m(a, b, place)
+        if away_m < off_m:
+            best, off_m = index, away_m
+    return path[best:], off_m
+
+
+def _off_leg_m(a: Point, b: Point, place: Point) -> float:
+    east_m, north_m = b[0] - a[0], b[1] - a[1]
+    length_2 = east_m**2 + north_m**2
+    along = (place[0] - a[0]) * east_m + (place[1] - a[1]) * north_m
+    share = min(max(along / length_2, 0.0), 1.0) if length_2 > 0 else 0.0
+    return math.dist(place, (a[0] + share * east_m, a[1] + share * north_m))
