@@ -108,6 +108,16 @@ class News:
     def publish_map(self, _time_s: float) -> None:
         """Nobody listens."""
 
+    def held(self) -> dict[str, Any]:
+        """Nobody holds anything."""
+        return {}
+
+    def tell_sought(self, _robot: str | None, _time_s: float) -> None:
+        """Nobody listens."""
+
+    def tell_answer(self, _answer: object) -> None:
+        """Nobody listens."""
+
     def newest_stamps(self) -> dict[str, float]:
         """Nothing was heard."""
         return {}

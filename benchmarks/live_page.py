@@ -1,0 +1,184 @@
+"""What the live page costs with many robots: frames in a browser, processor time in the flight.
+
+    python -m benchmarks.live_page [--robots N] [--uavs N] [--seconds S]
+
+A process of its own serves the page as a flight does, and is told ten times a second where the
+vehicle and every robot are; for several UAVs it serves the pages of all, and the joint one.
+Chromium (headless, no graphics card) looks on. The share of a core is all that this process takes:
+nothing but the pages, and whoever tells them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import dataclasses
+import json
+import math
+import multiprocessing
+import os
+import shutil
+import sys
+import time
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from playwright.sync_api import sync_playwright
+
+from air_router.controller import Controller
+from air_router.desk import Desk
+from air_router.events import RobotPose
+from air_router.flight_plan import FlightPlan
+from air_router.graph import WaypointGraph
+from air_router.live.joint import JointPage
+from air_router.live.server import LivePage
+from air_router.mapper import Mapper
+from air_router.mission import load_mission
+from air_router.page_address import PageAddress
+from air_router.router import Router
+from air_router.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+from mocha_link.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+    from air_router.mission import Mission
+
+MISSION: Final = Path(__file__).parents[1] / "missions" / "pennovation" / "mission.yaml"
+STEP_S: Final = 0.1
+SETTLE_S: Final = 3.0
+OPTIONS: Final = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
+FRAMES: Final = """(ms) => new Promise((done) => {
+  const begin = performance.now();
+  const gaps = [];
+  let last = begin;
+  const frame = (now) => {
+    gaps.push(now - last);
+    last = now;
+    if (now - begin < ms) {
+      requestAnimationFrame(frame);
+      return;
+    }
+    gaps.sort((a, b) => a - b);
+    const p95_ms = gaps[Math.floor(gaps.length * 0.95)];
+    done({ frames_per_s: 1000 * gaps.length / (now - begin), p95_ms });
+  };
+  requestAnimationFrame(frame);
+})"""
+
+
+def _circling(now_s: float, robot: int) -> Point:
+    return Point(100 * math.sin(now_s / 10 + robot), 100 * math.cos(now_s / 7 + robot))
+
+
+class _Flight:
+    """The page of one UAV, and what happens to it."""
+
+    def __init__(self, mission: Mission, router: Router, number: int, robots: int) -> None:
+        self.mission = dataclasses.replace(mission, uav=f"uav{number}")
+        self._number = number
+        self._names = names = tuple(f"robot{robot:02d}" for robot in range(robots))
+        self._controller = Controller(self.mission, FlightPlan.of(mission), router, names)
+        links = {name: LinkMetrics(name, rssi_dbm=-60.0 - n % 20) for n, name in enumerate(names)}
+        self.page = LivePage(
+            self.mission,
+            self._controller,
+            Desk(mission.frame, self._controller, lambda _: None),
+            lambda: links,
+            mapper=Mapper(mission),
+        )
+
+    def tell(self, now_s: float) -> None:
+        page, place = self.page, _circling(now_s, 40 * self._number)
+        told = Telemetry(now_s, place, 40.0, armed=True, in_air=True, mode=FlightMode.HOLD)
+        self._controller.handle(told, now_s)
+        page.event(told, now_s)
+        for number, name in enumerate(self._names):
+            page.event(RobotPose(name, _circling(now_s, number), now_s, name), now_s)
+        peer = self._names[(int(now_s) + self._number) % len(self._names)]
+        sync = SyncEnded(peer, now_s, Direction.IN, 1, 1, 0.1) if int(now_s * 2) % 2 else None
+        page.event(sync or SyncStarted(peer, now_s, Direction.IN), now_s)
+
+
+def _fly(wire: Connection, robots: int, uavs: int) -> None:
+    """Serve pages, and tell them where everybody is, until asked to end; sends times taken."""
+    mission = load_mission(MISSION)
+    router = Router(WaypointGraph(mission))
+    flights = {f"uav{n}": _Flight(mission, router, n, robots) for n in range(uavs)}
+    joint = JointPage(flights)
+
+    async def serve() -> None:
+        now_s = 0.0
+        async with AsyncExitStack() as stack:
+            for name, flight in flights.items():
+                address = await stack.enter_async_context(flight.page.serving(lambda _: None))
+                joint.found(name, PageAddress.of(address))
+            if uavs > 1:
+                address = await stack.enter_async_context(joint.serving(lambda _: None))
+            wire.send(address)
+            while True:
+                now_s += STEP_S
+                for flight in flights.values():
+                    flight.tell(now_s)
+                if wire.poll():
+                    if wire.recv() == "end":
+                        return
+                    wire.send(time.process_time())
+                await asyncio.sleep(STEP_S)
+
+    asyncio.run(serve())
+
+
+def measure(robots: int, uavs: int, seconds: float) -> dict[str, Any]:
+    """Frames per second in a browser, and the share of a core that the page takes."""
+    ours, theirs = multiprocessing.get_context("spawn").Pipe()
+    flight = multiprocessing.get_context("spawn").Process(target=_fly, args=(theirs, robots, uavs))
+    flight.start()
+
+    def processor_s() -> float:
+        ours.send("time")
+        return float(ours.recv())
+
+    try:
+        with sync_playwright() as playwright:
+            path = shutil.which("chromium") or shutil.which("chromium-browser")
+            browser = playwright.chromium.launch(executable_path=path, args=list(OPTIONS))
+            page = browser.new_page(viewport={"width": 1280, "height": 800})
+            page.goto(ours.recv())
+            page.locator(".vehicle").nth(uavs - 1).wait_for(state="attached")
+            page.locator(".robot").nth(robots - 1).wait_for(state="attached")
+            page.wait_for_timeout(SETTLE_S * 1000)
+            before_s, began_s = processor_s(), time.monotonic()
+            frames = page.evaluate(FRAMES, seconds * 1000)
+            share = (processor_s() - before_s) / (time.monotonic() - began_s)
+            browser.close()
+    finally:
+        ours.send("end")
+        flight.join(10)
+    return {
+        "uavs": uavs,
+        "robots": robots,
+        "cores": os.cpu_count(),
+        "load": round(os.getloadavg()[0], 1),
+        "frames_per_s": round(frames["frames_per_s"], 1),
+        "frame_p95_ms": round(frames["p95_ms"], 1),
+        "processor_share": round(share, 3),
+    }
+
+
+def main() -> int:
+    """Measure, and print one JSON object."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robots", type=int, default=50, help="how many (default 50)")
+    parser.add_argument("--uavs", type=int, default=1, help="on one page (default 1)")
+    parser.add_argument("--seconds", type=float, default=10.0, help="to look on (default 10)")
+    arguments = parser.parse_args()
+    measured = measure(arguments.robots, arguments.uavs, arguments.seconds)
+    sys.stdout.write(json.dumps(measured) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
