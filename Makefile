@@ -5,7 +5,7 @@ SPEED ?= 10
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: setup sim test rehearse lint bench bench-link bench-route clean
+.PHONY: setup sim test rehearse experiments lint bench bench-link bench-route clean
 
 setup: $(VENV)/.ready
 
@@ -16,15 +16,25 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,dev]'
 	@touch $@
 
+# Options: make sim SIM="--web --seed 3"
 sim: setup
-	$(BIN)/air-router sim $(MISSION) --speed $(SPEED) --log-dir logs
+	$(BIN)/air-router sim $(MISSION) --speed $(SPEED) --log-dir logs $(SIM)
 
 test: setup
 	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
-# 250 flights in which something goes wrong; options: make rehearse REHEARSE="--fault GUSTS"
+# Every snippet of README and docs; the tutorial as it stands there and what else flies or serves: 4 minutes
+docs-test: setup
+	$(BIN)/python -m pytest -o 'python_files=test_*.py walk_*.py' tests/docs tests/test_readme.py tests/mocha_link/test_docs_embedding.py tests/mocha_link/bridges/test_docs.py tests/air_router/test_docs_routes.py tests/air_router/test_control.py
+
+# 320 flights in which something goes wrong; options: make rehearse REHEARSE="--fault GUSTS"
 rehearse: setup
 	$(BIN)/python -m sitl rehearse $(MISSION) $(REHEARSE)
+
+# Half an hour on two cores: every experiment, and docs/experiments.md with their tables and figures
+EXPERIMENTS ?= table1 field passive policies protocols readings crowd links
+experiments: setup
+	for name in $(EXPERIMENTS); do $(BIN)/python -m sitl experiment $$name --docs docs/experiments.md || exit 1; done
 
 lint: setup
 	$(BIN)/ruff check

@@ -1,16 +1,51 @@
 """The suite gives the same answer every time; `HYPOTHESIS_PROFILE=explore` looks for new cases."""
 
 import os
+import tempfile
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
-settings.register_profile("suite", derandomize=True, deadline=None)
-settings.register_profile("explore", deadline=None)
+settings.register_profile("suite", derandomize=True, deadline=None, max_examples=60)
+settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 
+# Flights are recorded below the user's state unless told otherwise; those of the tests are not.
+_STATE = tempfile.TemporaryDirectory(prefix="air-router-tests-")
+os.environ["XDG_STATE_HOME"] = _STATE.name
+
 LONG = {"test_hostile.py", "test_days.py", "test_shortest_maps.py", "test_conformance.py"}
+FLIGHTS = {
+    *("test_fly.py", "test_preflight.py", "test_px4.py", "test_px4_commands.py"),
+    *("test_several.py", "test_sim_px4.py", "test_whole_flight.py"),
+}
+"""Of tests/system: vehicles fly in real time or faster, and must not wait for each other."""
+
+
+def _flies(file):
+    return file.parent.name == "system" and file.name in FLIGHTS
 
 
 def pytest_collection_modifyitems(items):
     """The long ones first (`--no-loadscope-reorder` keeps it so): no core waits at the end."""
-    items.sort(key=lambda item: "system" not in item.path.parts and item.path.name not in LONG)
+
+    def rank(item):
+        if _flies(item.path):
+            return 0
+        return 1 if item.path.parent.name == "system" or item.path.name in LONG else 2
+
+    items.sort(key=rank)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Every file stays on one core, as with `--dist loadfile`, and all flights on the same."""
+    from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415 - there if it asks for this
+
+    class OneFlightAtATime(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return "flights" if _flies(Path(file)) else file
+
+    return OneFlightAtATime(config, log)

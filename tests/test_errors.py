@@ -10,12 +10,18 @@ SINGLE_WORDS = {"unreadable"}
 
 SOURCES = [
     *sorted((ROOT / "air_router").rglob("*.py")),
-    *(ROOT / "mocha_link" / f"{name}.py" for name in ("complaint", "document", "team", "upstream")),
+    *(
+        ROOT / "mocha_link" / f"{name}.py"
+        for name in ("complaint", "document", "port_range", "upstream")
+    ),
+    ROOT / "mocha_link" / "team_file.py",
     ROOT / "mocha_link" / "yaml_readings.py",
     ROOT / "geo" / "zone.py",
     ROOT / "sitl" / "world_file.py",
+    ROOT / "sitl" / "experiment" / "plan_file.py",
+    ROOT / "sitl" / "experiment" / "town_file.py",
 ]
-OTHER_THINGS = {"camera.py", "guard.py"}
+OTHER_THINGS = {"camera.py", "guard.py", "tile_service.py"}
 """Modules whose words with a hyphen are names of cameras, and of HTTP headers."""
 
 NO_CODES = {

@@ -18,10 +18,13 @@ from air_router.actions import (
     HoldHere,
     LandHere,
     PublishMap,
+    ReadAgain,
+    RenewPlan,
+    Seeking,
     StateChanged,
 )
 from air_router.controller import Controller
-from air_router.events import CommandConfirmed, CommandFailed, Request, RobotPath, RobotPose
+from air_router.events import CommandConfirmed, CommandFailed, RobotPath, RobotPose
 from air_router.flight_plan import FlightPlan
 from air_router.graph import WaypointGraph
 from air_router.inspection import GpsFix, Inspection
@@ -109,11 +112,12 @@ class Airframe:
 class PretendFlight(Airframe):
     """Flies a controller among robots that can be heard within a radius."""
 
-    def __init__(self, mission, *, radius_m=60.0, seek=("callisto", "europa", "io"), patient=False):
+    def __init__(self, mission, *, radius_m=60.0, seek=("callisto", "europa", "io"), **how):
         super().__init__(mission)
         self.plan = FlightPlan.of(mission)
         self.router = Router(WaypointGraph(mission))
-        self.controller = Controller(mission, self.plan, self.router, seek, patient=patient)
+        self.name = how.get("name", "")
+        self.controller = Controller(mission, self.plan, self.router, seek, **how)
         self.radius_m = radius_m
         self.robots = {}
         self.destinations = {}
@@ -153,7 +157,7 @@ class PretendFlight(Airframe):
         self.target = None
         self.step()
 
-    def operator_asks(self, request=Request.COME_HOME):
+    def operator_asks(self, request):
         self.give(request)
 
     # What happened.
@@ -180,7 +184,7 @@ class PretendFlight(Airframe):
 
     def _act(self, action):
         match action:
-            case StateChanged() | Announce() | PublishMap():
+            case StateChanged() | Announce() | PublishMap() | Seeking() | ReadAgain() | RenewPlan():
                 return
             case Finish():
                 self.finished = action
@@ -216,7 +220,7 @@ class PretendFlight(Airframe):
             if near:
                 self.give(RobotPose(name, place, self.now_s, name))
                 if name in self.destinations:
-                    self.give(RobotPath(name, self.destinations[name], self.now_s))
+                    self.give(RobotPath(name, (self.destinations[name],), self.now_s))
                 for direction in Direction:
                     self.give(SyncEnded(name, self.now_s, direction, 1, 100, 0.1))
 
@@ -233,11 +237,11 @@ def pretend(pennovation):
         *,
         radius_m=60.0,
         seek=("callisto", "europa", "io"),
-        patient=False,
         **changes,
     ):
+        how = {key: changes.pop(key) for key in ("patient", "explore", "name") if key in changes}
         changed = dataclasses.replace(mission or pennovation, **changes)
-        return PretendFlight(changed, radius_m=radius_m, seek=seek, patient=patient)
+        return PretendFlight(changed, radius_m=radius_m, seek=seek, **how)
 
     return make
 
@@ -273,6 +277,10 @@ class PretendVehicle(Vehicle):
         self._fail("upload")
         self.plan = plan
 
+    async def renew(self, plan):
+        self._fail("renew")
+        self.plan = plan
+
     async def recognise(self, plan):
         self._fail("recognise")
         self.plan = plan
@@ -285,7 +293,7 @@ class PretendVehicle(Vehicle):
         self._fail("start")
         self.airframe.take_off()
 
-    async def jump(self, item):
+    async def jump(self, item, objection=None):
         self._fail("jump")
         node = self.plan.node_of(item)
         mission = self.airframe.mission

@@ -29,7 +29,7 @@ def test_check_says_what_to_expect(capsys):
     )
     assert "150 clear connections up to 100 m, 0 detours, in one piece" in out
     assert "6 to 7 by way of 3, because of zone 8" in out
-    assert "titan flies and seeks callisto, europa, io" in out
+    assert "titan flies and seeks callisto, europa, io (round_robin)" in out
 
 
 def test_check_for_scripts(capsys):
@@ -247,7 +247,7 @@ fence: null
 no_fly_zones: [{name: "p\u202Eo\n\e[2Jnd", circle: {centre: [46.5203, 6.5603], radius_m: 5}}]
 """)
     code, out, err = run(capsys, "check", mission, "--png", tmp_path / "mission.png")
-    assert (code, err) == (0, "")
+    assert (code, err) == (0, f"drawn: {tmp_path / 'mission.png'}\n")
     assert out.startswith("a?b?[31m c: 1 waypoint, 1 no-fly zone, no fence, 0 rally points\n")
     middle = "46.5203,6.5603"
     _, _, err = run(capsys, "plan", mission, "--from", 0, "--to", middle)

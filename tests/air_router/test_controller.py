@@ -7,8 +7,10 @@ import pytest
 
 from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, PublishMap, Taker
 from air_router.behaviour import State
-from air_router.events import CommandConfirmed, Request, RobotPose
+from air_router.events import CommandConfirmed, CommandFailed, RobotPose
+from air_router.handing import HOLDS
 from air_router.mission import Waypoint
+from air_router.requests import ComeHome, GoOn
 from air_router.search import Search
 from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced
 from geo.airspace import Airspace
@@ -176,7 +178,7 @@ def test_the_operator_s_word_brings_it_home_from_every_state(pretend):
         flight.take_off()
         fly_away(flight)
         flight.fly_to_state(state)
-        flight.operator_asks()
+        flight.operator_asks(ComeHome())
         assert flight.controller.state is State.HOME
         flight.fly_until(lambda f=flight: f.finished is not None)
         assert flight.finished.landed_by_us
@@ -190,14 +192,14 @@ def test_the_pilot_wins_and_is_left_alone(pretend, state, mode):
     flight.take_off()
     if state is State.HOME:
         fly_away(flight)
-        flight.operator_asks()
+        flight.operator_asks(ComeHome())
     flight.fly_to_state(state)
     flight.pilot_chooses(mode)
     assert flight.controller.state is State.PASSIVE
     commanded = len(flight.motions)
     for _ in range(600):
         flight.step()
-    flight.operator_asks()
+    flight.operator_asks(ComeHome())
     flight.give(RobotPose("io", CORNERS["io"], 1e9, "io"))
     assert len(flight.motions) == commanded
     flight.mode = FlightMode.LAND
@@ -405,7 +407,7 @@ def test_a_place_from_which_no_waypoint_is_reached_costs_none_of_them(pretend):
     flight.velocity, flight.target, here = (0.0, 0.0), None, flight.position
     flight.position = Point(0.0, 5000.0)  # a glitch of the position, far outside of the fence
     flight.controller.navigator.go(flight.controller.exploration.goal, flight.telemetry())
-    flight.controller._advance(None)
+    flight.controller._crew.helm.advance(None)
     assert flight.controller.exploration.remaining >= 34
     flight.position = here
     flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 2000.0)
@@ -446,7 +448,7 @@ def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(pretend):
 def test_on_the_ground_the_operator_s_word_ends_the_mission(pretend):
     flight = pretend()
     flight.step()
-    flight.operator_asks()
+    flight.operator_asks(ComeHome())
     assert flight.finished.why == "the operator's word, before take-off"
     assert flight.motions == []
 
@@ -610,6 +612,37 @@ def has_moved(robot, flight):
     return RobotPose(robot, Point(60.0, 0.0), flight.now_s + 1.0, robot)
 
 
+def test_a_landing_goes_on_without_a_fix(pretend):
+    flight = pretend(duration_s=60.0)
+    flight.take_off()
+    flight.fly_to_state(State.LAND)
+    commanded = len(flight.motions)
+    flight.fix = False
+    flight.fly_until(lambda: flight.finished is not None)
+    assert len(flight.motions) == commanded
+    assert "GPS has lost its fix: landing on" in flight.said
+    assert flight.finished.landed_by_us
+
+
+def test_a_vehicle_that_does_not_jump_is_sent_to_points(pretend):
+    flight = pretend(duration_s=100.0)
+    act = flight._act
+
+    def no_jumps(action):
+        if isinstance(action, FlyToNode):
+            flight.give(CommandFailed(action, "Mission mode was asked for and it stays in Hold"))
+        else:
+            act(action)
+
+    flight._act = no_jumps
+    flight.take_off()
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    jumps = [m for m in flight.motions if isinstance(m, FlyToNode)]
+    assert 4 <= len(jumps) <= 5
+    assert flight.said.count("the plan on board is not flown: flying to points instead") == 1
+
+
 def test_without_a_fix_nothing_that_happens_moves_the_vehicle(pretend):
     flight = pretend()
     robot = in_comm(flight)
@@ -617,7 +650,7 @@ def test_without_a_fix_nothing_that_happens_moves_the_vehicle(pretend):
     flight.step()
     commanded = len(flight.motions)
     flight.give(has_moved(robot, flight))
-    flight.operator_asks(Request.COME_HOME)
+    flight.operator_asks(ComeHome())
     assert flight.controller.state is State.HOME
     flight.fix = True
     for _ in range(25):
@@ -650,8 +683,8 @@ def test_between_a_breach_and_hands_off_nothing_moves_the_vehicle(pretend):
     (hold,) = controller.handle(flight.telemetry(), flight.now_s)
     assert isinstance(hold, HoldHere)  # and it takes its time to be confirmed
     assert controller.handle(has_moved(robot, flight), flight.now_s) == []
-    (said,) = controller.handle(Request.COME_HOME, flight.now_s)
-    assert "hands off in a moment" in said.text
+    (answer,) = controller.handle(ComeHome(), flight.now_s)
+    assert "hands off in a moment" in answer.why
     assert controller.objection(hold, flight.now_s) is None
     flight.give(CommandConfirmed(hold))
     assert controller.state is State.PASSIVE
@@ -680,14 +713,53 @@ def test_a_breach_is_held_given_to_the_pilot_and_never_resumed_by_itself(pretend
     assert flight.controller.state is State.PASSIVE
 
 
-def test_a_breach_that_cannot_be_held_is_given_to_the_pilot_all_the_same(pretend):
+def in_breach_and_deaf(pretend):
     flight = pretend()
     flight.take_off()
     fly_away(flight)
     flight.deaf = True
-    flight.position = in_a_zone(flight)
+    commanded = len(flight.motions)
+    flight.position, flight.velocity = in_a_zone(flight), (0.0, 0.0)
+    flight.target = flight.position
     flight.step()
+    return flight, commanded
+
+
+def test_a_hold_before_hands_off_that_was_lost_is_said_again(pretend):
+    flight, commanded = in_breach_and_deaf(pretend)
+    for _ in range(35):
+        flight.step()
+    assert flight.controller.state is State.INIT
+    flight.deaf = False
+    flight.fly_to_state(State.PASSIVE, 5.0)
+    assert flight.mode is FlightMode.HOLD
+    assert [type(m) for m in flight.motions[commanded:]] == [HoldHere] * 3  # every three seconds
+
+
+def test_a_breach_that_cannot_be_held_is_given_to_the_pilot_all_the_same(pretend):
+    flight, commanded = in_breach_and_deaf(pretend)
+    flight.give(has_moved("io", flight))  # and nothing else is commanded meanwhile
+    flight.fly_to_state(State.PASSIVE, 30.0)
+    assert [type(m) for m in flight.motions[commanded:]] == [HoldHere] * HOLDS
+    assert flight.said[-1].endswith("it was told to hold and did not")
+
+
+def test_a_pilot_who_takes_it_while_the_hold_is_said_again_keeps_it(pretend):
+    flight, commanded = in_breach_and_deaf(pretend)
+    flight.pilot_chooses(FlightMode.OTHER)
     assert flight.controller.state is State.PASSIVE
+    for _ in range(100):
+        flight.step()
+    assert len(flight.motions) == commanded + 1
+
+
+def test_while_it_is_held_before_hands_off_another_fence_changes_nothing(pretend):
+    flight, _ = in_breach_and_deaf(pretend)
+    flight.give(PlanReplaced(flight.now_s, only_fence=True))
+    assert flight.controller.state is State.INIT  # the hold is still to come
+    flight.deaf = False
+    flight.fly_to_state(State.PASSIVE, 5.0)
+    assert flight.mode is FlightMode.HOLD
 
 
 @pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.MISSION])
@@ -696,14 +768,14 @@ def test_what_was_given_away_comes_back_only_when_somebody_asks(pretend, mode):
     flight.take_off()
     fly_away(flight)
     flight.pilot_chooses(FlightMode.OTHER)
-    flight.operator_asks(Request.RESUME)
+    flight.operator_asks(GoOn())
     assert flight.controller.state is State.PASSIVE
     assert any("choose Hold first" in text for text in flight.said)
     flight.pilot_chooses(mode)
     for _ in range(100):
         flight.step()
     assert flight.controller.state is State.PASSIVE
-    flight.operator_asks(Request.RESUME)
+    flight.operator_asks(GoOn())
     assert flight.controller.state is State.EXPL
     flight.fly_until(lambda: flight.finished is not None)
     assert flight.finished.landed_by_us
@@ -728,7 +800,7 @@ def test_why_a_flight_is_not_resumed(pretend, change, said):
     for name, value in change.items():
         setattr(flight, name, value)
     flight.step()
-    flight.operator_asks(Request.RESUME)
+    flight.operator_asks(GoOn())
     assert flight.controller.state is State.PASSIVE
     assert any(text.startswith("not resumed") and said in text for text in flight.said)
 
@@ -739,7 +811,7 @@ def test_a_flight_with_another_plan_on_board_is_not_resumed(pretend):
     fly_away(flight)
     flight.give(PlanReplaced(flight.now_s))
     flight.pilot_chooses(FlightMode.HOLD)
-    flight.operator_asks(Request.RESUME)
+    flight.operator_asks(GoOn())
     assert flight.controller.state is State.PASSIVE
     assert any("another plan is on board" in text for text in flight.said)
 
@@ -752,7 +824,7 @@ def test_a_companion_that_was_restarted_goes_on_when_asked(pretend):
     for _ in range(50):
         flight.step()
     assert flight.motions == []
-    flight.operator_asks(Request.RESUME)
+    flight.operator_asks(GoOn())
     assert flight.controller.state is State.INIT
     flight.fly_until(lambda: flight.finished is not None)
     assert flight.finished.landed_by_us
@@ -768,3 +840,16 @@ def test_a_failsafe_while_it_hovers_in_hold_by_our_command_takes_it_over(pretend
     flight.step()
     assert flight.controller.state is State.PASSIVE
     assert any("an autopilot failsafe" in text for text in flight.said)
+
+
+def test_a_hold_without_a_fix_that_failed_is_asked_for_again_whatever_happens_meanwhile(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_to_state(State.SEARCH)
+    robot = flight.controller.robot
+    flight.fix, flight.deaf = False, True
+    flight.step()
+    flight.give(RobotPose(robot, Point(60.0, 0.0), flight.now_s, robot))
+    assert flight.controller.state is State.COMM  # the pause before the next try was the state's
+    flight.deaf = False
+    flight.fly_until(lambda: flight.mode is FlightMode.HOLD, 5.0)

@@ -120,6 +120,19 @@ def test_the_mission_with_other_waypoints_keeps_its_comments(capsys, tmp_path):
     assert "write into" in err or "there" in err
 
 
+def test_of_several_uavs_each_flies_the_rows_in_its_own_layer(capsys, tmp_path):
+    text = (ROOT / "missions" / "pair" / "mission.yaml").read_text(encoding="utf-8")
+    source, target = tmp_path / "mission.yaml", tmp_path / "rows.yaml"
+    source.write_text(re.sub(r"^(team|world): .*\n", "", text, flags=re.MULTILINE))
+    code, _, err = run(capsys, "cover", source, *WIDE, "--out", target)
+    assert (code, err) == (0, "")
+    for uav, altitude_m in (("titan", 60), ("atlas", 48)):
+        mission = load_mission(target, uav=uav)
+        assert {w.altitude_above_home_m for w in mission.waypoints} == {altitude_m}
+    code, _, err = run(capsys, "cover", source, *WIDE, "--altitude", 40)
+    assert (code, err.partition(":")[0]) == (2, "--altitude is that of a UAV's layer")
+
+
 @pytest.mark.parametrize(
     "waypoints",
     [

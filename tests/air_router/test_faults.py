@@ -99,7 +99,7 @@ def test_every_mission_is_drawn_right_or_wrong(tmp_path, capsys, name):
     assert code == (0 if name == "sound" else 3)
     assert picture.read_bytes().startswith(PNG)
     captured = capsys.readouterr()
-    assert bool(captured.err) == bool(code)
+    assert f"drawn: {picture}\n" in captured.err
 
 
 def test_a_route_is_drawn_among_zones_that_do_not_apply(tmp_path, capsys):

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 
 import pytest
 
+from air_router.actions import FlyToNode, StateChanged
 from air_router.airspaces import FlightWindow
 from air_router.clock import VehicleClock
 from air_router.errors import (
@@ -18,43 +19,22 @@ from air_router.errors import (
     PlanRefusedError,
     RefusedError,
 )
+from air_router.events import CommandConfirmed
 from air_router.flight import LOST_S, Flight
+from air_router.flight_setup import FlightSetup
 from air_router.inspection import Inspection
+from air_router.log import read
 from air_router.mapper import Mapper
 from air_router.preflight import PreflightRefusedError
 from air_router.recorder import Recorder
+from air_router.replay import replay
 from air_router.report import table
 from air_router.status import StatusLine
-from air_router.vehicle import FlightMode, LinkSilent
+from air_router.vehicle import FlightMode, LinkSilent, Telemetry
 from geo.frame import Point
 from geo.validity import Validity
 from geo.zone import Zone
-
-
-class Alone:
-    """The gossip of a UAV that meets nobody."""
-
-    def __init__(self):
-        self.closed = False
-        self.maps = 0
-
-    def start(self, deliver):
-        pass
-
-    def links(self):
-        return {}
-
-    def tell(self, telemetry):
-        assert not self.closed
-
-    def publish_map(self, time_s):
-        self.maps += 1
-
-    def newest_stamps(self):
-        return {}
-
-    def close(self):
-        self.closed = True
+from tests.air_router.alone import Alone
 
 
 class Rig:
@@ -123,15 +103,17 @@ def test_a_flight_from_connecting_to_landing(rig):
     assert any("coming home" in text for text in flight.vehicle.announced)
 
 
-def test_everything_is_recorded_and_the_report_is_the_last_line(rig):
+def test_everything_is_recorded_and_replays_and_the_report_is_the_last_line(rig):
     flight = rig()
     result = flight.run()
-    lines = [json.loads(line) for line in flight.recorder.path.read_text().splitlines()]
-    assert {"Telemetry", "CommandConfirmed", "StateChanged", "FlyToNode"} <= {
-        line["type"] for line in lines
-    }
-    assert lines[-1]["type"] == "Report"
-    assert lines[-1]["outcome"] == result.outcome
+    *entries, last = read(flight.recorder.path)
+    kinds = {type(entry.value) for entry in entries}
+    assert {Telemetry, CommandConfirmed, StateChanged, FlyToNode, FlightSetup} <= kinds
+    assert last.value.name == "Report"
+    assert last.value.fields["outcome"] == result.outcome
+    again = replay(entries)
+    assert again.difference is None
+    assert again.actions == sum(entry.kind == "action" for entry in entries) > 10
 
 
 def test_nobody_takes_off_after_the_hour_that_the_zones_were_chosen_for(rig, pennovation):
@@ -179,7 +161,7 @@ def test_nothing_that_waited_is_sent_once_the_pilot_has_it(rig):
     answer = asyncio.Event()
     answered = []
 
-    async def jump(item):
+    async def jump(item, objection):
         vehicle.verbs.append("jump")
         await answer.wait()
         answered.append(item)
@@ -322,7 +304,8 @@ def test_a_red_line_of_the_pre_flight_card_refuses_before_anything_is_uploaded(r
         flight.run()
     assert caught.value.exit_code == ExitCode.REFUSED
     assert flight.vehicle.verbs == ["connect", "inspect", "close"]
-    assert '"Preflight"' in flight.recorder.path.read_text()
+    notes = [e.value.name for e in read(flight.recorder.path) if e.kind == "note"]
+    assert "Preflight" in notes
 
 
 def test_nothing_is_decided_on_a_vehicle_that_is_refused(rig):

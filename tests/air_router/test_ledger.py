@@ -78,15 +78,19 @@ def test_syncs_are_counted_by_direction_and_strangers_only_as_interactions(ledge
     sync(ledger, "io", Direction.IN, 1.0, size=70)
     sync(ledger, "io", Direction.OUT, 2.0, size=500)
     sync(ledger, "basestation", Direction.IN, 3.0)
+    cut = SyncEnded("io", 3.5, Direction.IN, messages=1, bytes=9, duration_s=0.1, complete=False)
+    ledger.event(SyncStarted("io", 3.4, Direction.IN), 3.4)
+    ledger.event(cut, 3.5)
     ledger.event(SyncStarted("io", 4.0, Direction.IN), 4.0)
     ledger.event(SyncTimedOut("io", 9.0, Direction.IN, "silent"), 9.0)
     report = ledger.report("done", 0.0)
     io = report["robots"]["io"]
-    assert (io["syncs_in"], io["syncs_out"], io["bytes_in"], io["bytes_out"]) == (1, 1, 70, 500)
-    assert report["interactions"] == {"started": 4, "completed": 3, "timed_out": 1}
+    assert (io["syncs_in"], io["syncs_out"], io["bytes_in"], io["bytes_out"]) == (2, 1, 79, 500)
+    assert report["interactions"] == {"started": 5, "completed": 3, "partial": 1, "timed_out": 1}
 
 
 def test_states_in_the_order_of_the_first_visit_and_robots_found(ledger):
+    fly(ledger, (0.0, 0.0), (30.0, 0.0))
     for source, signal, target, robot in (
         (State.READY, Signal.AIRBORNE, State.INIT, None),
         (State.INIT, Signal.TIMER, State.SEARCH, None),
@@ -99,6 +103,7 @@ def test_states_in_the_order_of_the_first_visit_and_robots_found(ledger):
     report = ledger.report("done", 0.0)
     assert report["states_visited"] == ["INIT", "SEARCH", "COMM", "EXPL"]
     assert report["robots"]["io"]["found"] == 2
+    assert ledger.meetings == [("io", (30.0, 0.0))] * 2
 
 
 def test_ages_and_the_table(ledger):

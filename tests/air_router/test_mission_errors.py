@@ -230,6 +230,15 @@ def test_a_frame_whose_origin_is_far_is_refused(tmp_path):
     assert "origin is 1447 km from home" in problem.message
 
 
+@pytest.mark.parametrize(("latitude", "away"), [(60.0, 0.5), (80.0, 0.25), (-80.0, 0.25)])
+def test_near_a_pole_the_origin_has_to_be_nearer(tmp_path, latitude, away):
+    text = (
+        f"frame: {{origin: [{latitude}, 8.0]}}\nhome: [{latitude + away}, 8.0]\naltitude_m: 20\n"
+        f"waypoints: [[{latitude + away + 0.001}, 8.0]]\nfence: null\nno_fly_zones: []\n"
+    )
+    assert [problem.code for problem in problems(tmp_path, text)] == ["far-from-home"]
+
+
 def test_in_degrees_a_crossing_is_told_in_degrees(tmp_path):
     found = problems(
         tmp_path,

@@ -73,6 +73,22 @@ def test_a_small_mission_with_defaults(tmp_path):
     assert mission.frame.to_geodetic(mission.home) == pytest.approx((38.5, -98.5))
 
 
+@pytest.mark.parametrize(
+    ("seek", "robots", "policy"),
+    [
+        ("[io, europa]", ("io", "europa"), "round_robin"),
+        ("freshest", (), "freshest"),
+        ("{policy: rendezvous}", (), "rendezvous"),
+        ("{robots: [io], policy: round_robin}", ("io",), "round_robin"),
+        ("{robots: [io]}", ("io",), "round_robin"),
+        ("[]", (), "round_robin"),
+    ],
+)
+def test_whom_to_seek_and_how(tmp_path, seek, robots, policy):
+    mission = load_mission(write(tmp_path, TOWN + f"seek: {seek}\n"))
+    assert (mission.seek, mission.seek_policy) == (robots, policy)
+
+
 def test_degrees_are_relative_to_home_unless_the_file_says_otherwise(tmp_path):
     text = """\
         home: [47.0, 8.0]
@@ -212,6 +228,14 @@ def test_the_shipped_missions_are_in_order(name):
         ("name: Test town", "world: moon.yaml", "1:8: there is no file"),
         ("name: Test town", "name: [", "3:6: not valid YAML"),
         ("name: Test town", "seek: [io, io]", "1:7: a robot is named twice"),
+        (
+            "name: Test town",
+            "seek: freshst",
+            "1:7: 'seek.policy' cannot be text 'freshst'; did you mean 'freshest'?",
+        ),
+        ("name: Test town", "seek: [io, 7]", "1:12: 'seek.robots[1]' must be text, found 7"),
+        ("name: Test town", "seek: {policy: freshest, order: 1}", "1:26: unknown key 'order'"),
+        ("name: Test town", "seek: {robots: [io, io]}", "1:16: a robot is named twice"),
     ],
 )
 def test_one_mistake_gives_one_clear_error(tmp_path, before, after, expected):
@@ -288,6 +312,18 @@ def test_the_teams_only_uav_is_meant_when_none_is_named(tmp_path):
     assert problems(tmp_path, text) == ["2:6: the team has no robot 'titn'; did you mean 'titan'?"]
 
 
+def test_goals_come_from_robots_that_the_team_has_and_that_can_send_some(tmp_path):
+    names = ("io", "titan", "oi")
+    team = (MISSIONS / "pennovation" / "team.yaml").read_text()
+    (tmp_path / "team.yaml").write_text(team)
+    text = TOWN + f"team: team.yaml\ngoals_from: [{', '.join(names)}]\n"
+    found = problems(tmp_path, text)
+    assert ["take it off the list" in found[0], "no robot 'oi'" in found[1]] == [True, True]
+    mission = load_mission(write(tmp_path, text.replace(", titan, oi", "")))
+    assert mission.goals_from == ("io",)
+    assert [note.code for note in mission.notes] == ["no-goals-topic"]
+
+
 def test_a_zone_may_cross_the_fence_when_the_file_says_so(tmp_path):
     crossing = ("[20, 40], [-20, 40]]}", "[20, 140], [-20, 140]], crosses_fence: true}")
     assert len(load_mission(write(tmp_path, changed(crossing))).zones) == 2
@@ -328,8 +364,11 @@ def test_longitude_before_latitude_is_noticed(tmp_path):
 
 def test_the_documented_examples_load_and_the_table_has_every_key(tmp_path):
     text = (MISSIONS.parent / "docs" / "mission-file.md").read_text()
-    shortest, areas, glider = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+    shortest, pair, areas, glider = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
     assert len(load_mission(write(tmp_path, shortest)).waypoints) == 2
+    town = "coordinates: local\nframe: {origin: [38.5, -98.5]}\nwaypoints: [[50, 50]]\n"
+    several = load_mission(write(tmp_path, pair + town + "fence: null\nno_fly_zones: []\n"))
+    assert [layer.uav for layer in several.layers] == ["titan", "atlas"]
     longer = shortest.replace("fence: null\nno_fly_zones: []\n", areas)
     assert len(load_mission(write(tmp_path, longer)).zones) == 2
     timed = shortest.replace("no_fly_zones: []\n", glider)

@@ -3,6 +3,7 @@
 import json
 import struct
 
+import matplotlib as mpl
 import pytest
 from matplotlib.figure import Figure
 
@@ -63,6 +64,14 @@ def test_a_track_outside_of_the_fence_is_still_in_the_picture(tmp_path):
     draw_mission(mission, inside, track=[Point(0, 0), Point(50, 0)])
     draw_mission(mission, outside, track=[Point(0, 0), Point(0, 400)])
     assert size(outside)[1] > 1.3 * size(inside)[1]
+
+
+def test_where_robots_were_found_is_in_the_picture_of_the_track(tmp_path):
+    picture = tmp_path / "track.svg"
+    track = [Point(0, 0), Point(50, 0)]
+    with mpl.rc_context({"svg.fonttype": "none"}):  # names stay text
+        draw_mission(made(tmp_path), picture, track=track, meetings=[("callisto", track[1])])
+    assert ">robot found<" in picture.read_text()
 
 
 def test_other_formats(tmp_path):

@@ -237,6 +237,9 @@ def test_the_card_on_paper_and_for_scripts():
 def test_what_is_not_flown_as_written_is_on_the_card(pennovation):
     assert preflight.notes(pennovation) == []
     note = Problem(pennovation.path, 7, 3, "item 4 is a spline; it is flown straight", "spline")
-    (check,) = preflight.notes(dataclasses.replace(pennovation, notes=(note,)))
+    long = Problem(pennovation.path, 9, 1, "the fence has 65 points", "fence-points")
+    mission = dataclasses.replace(pennovation, notes=(note, long))
+    check, refused = preflight.notes(mission)
     assert (check.verdict, check.found) == (LOOK, note.message)
     assert check.advice == "see mission.yaml:7"
+    assert refused.verdict is BAD

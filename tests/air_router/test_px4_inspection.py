@@ -9,6 +9,7 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
 from air_router import px4_inspection
 from air_router.clock import VehicleClock
 from air_router.inspection import GpsFix
+from air_router.mavsdk_bridge import Received
 from air_router.px4_events import ARMING_SUMMARY, HEALTH_SUMMARY, event_id
 from air_router.px4_telemetry import PREARM_GOOD, Px4Telemetry
 
@@ -60,7 +61,7 @@ class Autopilot:
 
     def _hear(self, what, **fields):
         handler = getattr(self.telemetry, f"_on_{what}")
-        self.telemetry._only_autopilot(handler)(fields, 1, 1)
+        self.telemetry._only_autopilot(what, handler)(Received(fields, (1, 1), 0.0))
 
 
 @pytest.fixture(autouse=True)

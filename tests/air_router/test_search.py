@@ -4,7 +4,10 @@ import json
 import math
 from types import SimpleNamespace
 
+from air_router.graph import WaypointGraph
 from air_router.mission import load_mission
+from air_router.navigator import Goal
+from air_router.router import Router
 from air_router.search import Search
 from geo.frame import Point
 
@@ -29,8 +32,11 @@ def searching(folder, zones):
         )
     )
     mission = load_mission(path)
-    exploration = SimpleNamespace(longest_unseen=lambda: None)
-    return mission, Search(mission, ("io",), exploration)
+    exploration = SimpleNamespace(
+        here=mission.home, began_s=0.0, longest_unseen=lambda: Goal(mission.home)
+    )
+    router = Router(WaypointGraph(mission))
+    return mission, Search(mission, ("io",), exploration, router)
 
 
 def aim_at(search, place):

@@ -59,4 +59,9 @@ def test_the_line_says_state_target_time_left_next_node_and_links(pretend):
     line = flight_line(flight.controller, {})
     assert "callisto" in line
     assert "on the way" in line
-    assert "links: none" in line
+    assert "dBm" not in line
+    line = flight_line(
+        flight.controller, {**links, "callisto": LinkMetrics("callisto", rssi_dbm=-80)}
+    )
+    assert "| callisto -80 dBm |" in line  # who is sought first, the others at the end
+    assert line.endswith("| io -61 dBm")

@@ -19,7 +19,7 @@ def test_robots_take_turns():
 def test_a_recent_pose_says_where_to_look():
     robots = roster()
     robots.pose_heard("io", Point(1, 2), stamp_s=100.0, now_s=5.0)
-    robots.path_heard("io", Point(9, 9), stamp_s=101.0, now_s=5.0)
+    robots.path_heard("io", (Point(9, 9),), stamp_s=101.0, now_s=5.0)
     place = robots.place("io", now_s=5.0 + RECENT_POSE_S)
     assert place.position == Point(1, 2)
 
@@ -27,7 +27,7 @@ def test_a_recent_pose_says_where_to_look():
 def test_after_a_while_the_end_of_the_path_says_where_to_look():
     robots = roster()
     robots.pose_heard("io", Point(1, 2), stamp_s=100.0, now_s=5.0)
-    robots.path_heard("io", Point(9, 9), stamp_s=101.0, now_s=5.0)
+    robots.path_heard("io", (Point(9, 9),), stamp_s=101.0, now_s=5.0)
     place = robots.place("io", now_s=6.0 + RECENT_POSE_S)
     assert place.position == Point(9, 9)
     assert "path" in place.reason
@@ -49,14 +49,14 @@ def test_old_news_changes_nothing():
     assert not robots.pose_heard("io", Point(3, 4), stamp_s=100.0, now_s=6.0)
     assert not robots.pose_heard("io", Point(3, 4), stamp_s=99.0, now_s=6.0)
     assert robots.position_of("io") == Point(1, 2)
-    assert robots.path_heard("io", Point(9, 9), stamp_s=100.0, now_s=6.0)
-    assert not robots.path_heard("io", Point(8, 8), stamp_s=100.0, now_s=6.0)
+    assert robots.path_heard("io", (Point(9, 9),), stamp_s=100.0, now_s=6.0)
+    assert not robots.path_heard("io", (Point(8, 8),), stamp_s=100.0, now_s=6.0)
 
 
 def test_strangers_are_ignored():
     robots = roster()
     assert not robots.pose_heard("mallory", Point(1, 2), stamp_s=100.0, now_s=5.0)
-    assert not robots.path_heard("mallory", Point(1, 2), stamp_s=100.0, now_s=5.0)
+    assert not robots.path_heard("mallory", (Point(1, 2),), stamp_s=100.0, now_s=5.0)
     assert robots.position_of("mallory") is None
 
 

@@ -1,6 +1,7 @@
 """Shortest paths on many maps, judged by plain distances and by brute force."""
 
 import math
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -74,11 +75,18 @@ def pairs(many):
     return list(zip(many[::2], many[1::2], strict=True))
 
 
+@lru_cache(maxsize=25)
+def searched(kind, seed):
+    """Who sees whom takes brute force most of its time, wherever it is asked to go then."""
+    ground, _ = kind(seed)
+    return ShortestPaths(ground.airspace), BruteForce(ground)
+
+
 def ratios(kind, seeds, step=None):
     found = []
     for seed in seeds:
         ground, chance = kind(seed)
-        paths, optimum = ShortestPaths(ground.airspace), BruteForce(ground)
+        paths, optimum = searched(kind, seed)
         for start, goal in pairs(places(chance, 6, step)):
             if not (optimum.holds(start) and optimum.holds(goal)):
                 continue

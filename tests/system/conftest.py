@@ -18,6 +18,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from mocha_link import Team
 from sitl.free_ports import derive_team
+from tests.system.looker import CHROMIUM, OPTIONS
 
 ROOT = Path(__file__).parents[2]
 PENNOVATION = ROOT / "missions" / "pennovation" / "mission.yaml"
@@ -44,7 +45,7 @@ class Command:
         )
         self.said = ""
 
-    def wait_for(self, text, limit_s=60.0):
+    def wait_for(self, text, limit_s=120.0):
         """Read stderr until a text was said."""
         deadline_s = time.monotonic() + limit_s
         while text not in self.said:
@@ -61,19 +62,19 @@ class Command:
     def interrupt(self):
         self.process.send_signal(signal.SIGINT)
 
-    def finish(self, limit_s=90.0):
+    def finish(self, limit_s=240.0):
         """Wait for the end; returns exit code and stdout."""
         out, err = self.process.communicate(timeout=limit_s)
         self.said += err.decode()
         return self.process.returncode, out.decode()
 
 
-@pytest.fixture
-def command(tmp_path):
+@contextlib.contextmanager
+def commands(folder):
     with contextlib.ExitStack() as stack:
 
         def start(*arguments):
-            started = Command(*arguments, cwd=tmp_path)
+            started = Command(*arguments, cwd=folder)
 
             def end():
                 if started.process.poll() is None:
@@ -86,6 +87,36 @@ def command(tmp_path):
             return started
 
         yield start
+
+
+@pytest.fixture
+def command(tmp_path):
+    with commands(tmp_path) as start:
+        yield start
+
+
+@pytest.fixture(scope="module")
+def shared_folder(tmp_path_factory):
+    """For what all tests of a module look at."""
+    return tmp_path_factory.mktemp("shared")
+
+
+@pytest.fixture(scope="module")
+def shared_command(shared_folder):
+    """What it starts ends with the module."""
+    with commands(shared_folder) as start:
+        yield start
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if CHROMIUM is None:
+        pytest.skip("no Chromium: apt-get install chromium to test the pages")
+    sync_api = pytest.importorskip("playwright.sync_api")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+        yield browser
+        browser.close()
 
 
 @pytest.fixture
@@ -153,6 +184,15 @@ def vehicle(command, udp_port, free_udp_port, short_mission):
 
 @pytest.fixture
 def short_mission(tmp_path):
+    return hurry(tmp_path / "mission")
+
+
+@pytest.fixture(scope="module")
+def shared_mission(shared_folder):
+    return hurry(shared_folder / "mission")
+
+
+def hurry(folder):
     """Pennovation in a hurry: the paper's times divided by six, flown twice as fast."""
     text = PENNOVATION.read_text(encoding="utf-8")
     for key, slow, fast in (
@@ -163,7 +203,6 @@ def short_mission(tmp_path):
     ):
         assert f"{key}: {slow}" in text
         text = text.replace(f"{key}: {slow}", f"{key}: {fast}")
-    folder = tmp_path / "mission"
     folder.mkdir()
     shutil.copy(PENNOVATION.parent / "world.yaml", folder)
     derive_team(Team.load(PENNOVATION.parent / "team.yaml"), folder)

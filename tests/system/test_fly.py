@@ -1,11 +1,24 @@
 """`air-router fly` against a vehicle that somebody else started, and what goes wrong there."""
 
+import fcntl
 import json
+import os
+import pty
+import signal
 import socket
+import subprocess
+import sys
+import termios
+from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
+from air_router.control import ControlClient, ControlError
+from air_router.log import Log
+from air_router.mission import load_mission
+from air_router.replay import replay
+from geo.frame import Point
 from mocha_link import Team
 
 HOLD, MISSION = 0x03040000, 0x04040000
@@ -46,14 +59,35 @@ def fly(command, udp_port, short_mission):
     return start
 
 
-def test_a_flight_that_meets_nobody_comes_home(vehicle, fly):
+def test_a_flight_that_meets_nobody_goes_where_it_is_told_and_comes_home(
+    vehicle, fly, short_mission, tmp_path
+):
+    mission = load_mission(short_mission)
+    inside = Point(*mission.zones[0].polygon.centroid.coords[0])
+    outside = Point(0.0, 5000.0)
     vehicle(speed=25)
-    flight = fly("--arm", "--yes", "--duration=45")
+    endpoint = f"ipc://{tmp_path}/control"
+    flight = fly("--arm", "--yes", "--control", endpoint)
+    flight.wait_for("INIT -> SEARCH")
+    with ControlClient(endpoint, by="the test", timeout_s=30) as uav:
+        beside = uav.goto([mission.frame.to_geodetic(inside)], hold_s=1)
+        refused = uav.goto([mission.frame.to_geodetic(outside)])
+        with pytest.raises(ControlError, match="no request 'dance'"):
+            uav.request({"request": "dance"})
+        flight.wait_for("GOTO -> EXPL")
+        assert uav.home().accepted
     code, out = flight.finish()
     assert code == 0, flight.said
+    assert beside.accepted, beside
+    hover = mission.frame.to_local(*beside.points[0])
+    assert mission.planning_airspace.with_margin(-0.01).point_clear(hover)
+    assert "it is inside no-fly zone" in beside.why
+    assert (refused.accepted, refused.code) == (False, "outside-fence")
+    assert "the test: refused: the point lies outside of the fence" in flight.said
     report = json.loads(out)
     assert report["outcome"] == "done"
     assert report["states_visited"][:2] == ["INIT", "SEARCH"]
+    assert {"GOTO", "EXPL", "HOME"} <= set(report["states_visited"])
     assert report["closest_approach_m"] >= 5.0
     assert report["interactions"]["started"] == 0
 
@@ -61,7 +95,7 @@ def test_a_flight_that_meets_nobody_comes_home(vehicle, fly):
 def test_ctrl_c_in_flight_leaves_the_vehicle_holding(vehicle, fly, udp_port):
     vehicle(speed=15)
     flight = fly("--arm", "--yes")
-    flight.wait_for("READY -> INIT")
+    flight.wait_for("INIT -> SEARCH")
     flight.interrupt()
     code, out = flight.finish()
     assert code == 130
@@ -76,21 +110,101 @@ def test_ctrl_c_in_flight_leaves_the_vehicle_holding(vehicle, fly, udp_port):
         watcher.close()
 
 
-def test_kill_9_in_flight_leaves_the_vehicle_on_its_checked_leg(vehicle, fly, udp_port):
+def test_kill_9_in_flight_leaves_the_vehicle_on_its_checked_leg_and_a_record(
+    vehicle, fly, udp_port, tmp_path
+):
     vehicle(speed=15)
-    flight = fly("--arm", "--yes")
-    flight.wait_for("READY -> INIT")
+    flight = fly("--arm", "--yes", "--log-dir", tmp_path / "logs")
+    flight.wait_for("INIT -> SEARCH")
     flight.process.kill()
     flight.process.wait()
     watcher = Watcher(udp_port)
     try:
-        for _ in range(5):  # it may still have been climbing past the take-off item
-            watcher.next("MISSION_CURRENT")
         items = {watcher.next("MISSION_CURRENT").seq for _ in range(20)}
         assert watcher.next("HEARTBEAT").custom_mode == MISSION
         assert len(items) == 1  # it hovers at the node that it was sent to
     finally:
         watcher.close()
+    (path,) = (tmp_path / "logs").iterdir()
+    log = Log(path)
+    again = replay(log)  # up to its last second, it decided as we do
+    assert log.ending.startswith("it was cut off")
+    assert again.difference is None
+    assert again.events > 10
+
+
+def in_a_terminal():
+    """The process that begins here gets its stdin as its terminal, as a login session does."""
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+
+def test_a_flight_outlives_the_session_that_it_was_started_from(
+    vehicle, short_mission, udp_port, tmp_path
+):
+    vehicle(speed=15)
+    endpoint = f"ipc://{tmp_path}/control"
+    master, slave = pty.openpty()
+    flight = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "air_router.cli", "fly", short_mission),
+            *(f"--connect=udpin://127.0.0.1:{udp_port}", "--json", "--control", endpoint),
+        ],
+        stdin=slave,
+        stdout=subprocess.PIPE,
+        stderr=slave,
+        start_new_session=True,
+        preexec_fn=in_a_terminal,  # noqa: PLW1509 - no thread of ours holds a lock here
+        cwd=tmp_path,
+    )
+    os.close(slave)
+    with flight, ControlClient(endpoint, timeout_s=30) as uav:
+        said = b""
+        while b"waiting for the pilot" not in said:
+            said += os.read(master, 65536)
+        os.close(master)  # the connection to the vehicle's computer is lost
+        assert uav.status()["state"] == "READY"
+        assert uav.home().accepted
+        out, _ = flight.communicate(timeout=60)
+    assert json.loads(out)["outcome"] == "ended: a program's word, before take-off"
+
+
+def test_ctrl_c_twice_leaves_at_once_and_the_vehicle_in_the_air(vehicle, fly, udp_port):
+    vehicle(speed=15)
+    flight = fly("--arm", "--yes")
+    flight.wait_for("INIT -> SEARCH")
+    flight.interrupt()
+    flight.wait_for("once more to leave at once")
+    flight.interrupt()
+    assert flight.process.wait(60) == 130
+    watcher = Watcher(udp_port)
+    try:
+        assert watcher.next("EXTENDED_SYS_STATE").landed_state == 2
+        assert watcher.next("HEARTBEAT").custom_mode in {HOLD, MISSION}  # on its leg, or held
+    finally:
+        watcher.close()
+
+
+def test_a_team_that_is_killed_leaves_the_vehicle_on_its_route(command, short_mission):
+    """All robots, their gossip nodes and radios are one process of `air-router sim`."""
+    flight = command(
+        *("air_router.cli", "sim", short_mission, "--speed=20", "--duration=20", "--json")
+    )
+    flight.wait_for("READY -> INIT")
+    (team,) = (pid for pid in children(flight.process.pid) if "team" in words_of(pid))
+    os.kill(team, signal.SIGKILL)
+    code, out = flight.finish()
+    report = json.loads(out)
+    assert (code, report["outcome"]) == (0, "done"), flight.said
+    assert report["closest_approach_m"] >= 5.0
+
+
+def children(pid):
+    threads = Path(f"/proc/{pid}/task").iterdir()
+    return [int(child) for t in threads for child in (t / "children").read_text().split()]
+
+
+def words_of(pid):
+    return Path(f"/proc/{pid}/cmdline").read_text().split("\0")
 
 
 def test_without_arm_it_waits_for_the_pilot(vehicle, fly):

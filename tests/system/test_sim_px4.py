@@ -21,7 +21,7 @@ def gone(process_id):
 
 def test_without_a_px4_it_says_what_to_install(command, short_mission):
     flight = command("air_router.cli", "sim", short_mission, "--px4", "/no/such/px4")
-    code, out = flight.finish(60)
+    code, out = flight.finish()
     assert (code, out) == (4, "")
     assert "Install one of these" in flight.said
 

@@ -1,37 +1,182 @@
-"""The first promise of the README: one command, and a whole communication-aware flight."""
+"""The first promise of the README: one command, and a whole communication-aware flight.
+
+A browser looks on at the same flight, where there is one. With DOCS_IMAGES=docs/images in the
+environment the picture of docs/live-page.md is taken anew.
+"""
 
 import json
+import os
+from functools import cached_property
+from pathlib import Path
 
 import pytest
 
+from air_router.actions import Answered, Seeking, StateChanged
+from air_router.behaviour import State
+from air_router.log import read
+from air_router.mission import load_mission
+from air_router.replay import replay
+from air_router.requests import SeekNow
+from mocha_link.metrics import Direction, SyncEnded
+from tests.system.looker import Looker
+
 SPEED = 25
-DURATION_S = 400
+DURATION_S = 480
+# Everything that the page's title ever says: at this speed a state may last for some frames only.
+TITLES = """() => {
+  globalThis.titles = [];
+  const text = (id) => document.getElementById(id).textContent;
+  const note = () => titles.push(
+    { state: text("state"), what: text("what"), left: text("left") && parseInt(text("left")) });
+  new MutationObserver(note).observe(
+    document.getElementById("title"), { subtree: true, childList: true, characterData: true });
+}"""
+COUNTS_DOWN = """() => titles.some(({ state, left }, index) => {
+  const before = titles[index - 1];
+  return left && before?.state === state && left < before.left;
+})"""
+HAS_ROUTE = "() => document.querySelector('path.route').getAttribute('d') !== 'M0 0'"
+OTHER = """() => {
+  const sought = titles.findLast(({ state }) => state === "SEARCH")?.what ?? "";
+  const heard = [...document.querySelectorAll(".robot")].map((robot) => robot.dataset.robot);
+  return sought.includes(": ") && heard.find((robot) => !sought.endsWith(robot));
+}"""
+IS_SOUGHT = """([robot, from]) =>
+  titles.slice(from).some(({ what }) => what.endsWith(": " + robot))"""
+MOVES = """() => {
+  const { x, y } = document.querySelector(".vehicle").getBoundingClientRect();
+  globalThis.start ??= { x, y };
+  return Math.hypot(x - start.x, y - start.y) > 3;
+}"""
+IS_CHARTED = """() => [...document.querySelectorAll("#robots canvas")].some((chart) => chart
+  .getContext("2d").getImageData(0, 0, chart.width, chart.height).data.some((part) => part > 0))"""
 
 
-@pytest.fixture
-def flown(command, short_mission, tmp_path):
-    flight = command(
-        "air_router.cli",
-        "sim",
-        short_mission,
-        f"--speed={SPEED}",
-        f"--duration={DURATION_S}",
-        "--json",
-        "--log-dir",
-        tmp_path / "logs",
-    )
-    code, out = flight.finish(100)
-    assert code == 0, flight.said
-    lines = [
-        json.loads(line)
-        for path in (tmp_path / "logs").glob("flight-*.jsonl")
-        for line in path.read_text(encoding="utf-8").splitlines()
-    ]
-    return json.loads(out), lines, flight.said
+class Flight:
+    """A simulated flight that goes on while tests look at it.
+
+    Attributes:
+        sought: Who was asked for on the page, if anybody was.
+    """
+
+    def __init__(self, command, mission, folder):
+        self.mission = load_mission(mission)
+        self.logs = folder / "logs"
+        self.sought = None
+        self._command = command(
+            "air_router.cli",
+            "sim",
+            mission,
+            f"--speed={SPEED}",
+            f"--duration={DURATION_S}",
+            "--json",
+            "--web=0",
+            "--log-dir",
+            self.logs,
+        )
+
+    @cached_property
+    def address(self):
+        self._command.wait_for("the flight is shown at ")
+        self._command.wait_for("/\n")
+        return self._command.said.partition("the flight is shown at ")[2].split()[0]
+
+    @cached_property
+    def landed(self):
+        """Report and record, once it is over."""
+        code, out = self._command.finish()
+        assert code == 0, self.said
+        (path,) = self.logs.glob("sim-*.mcap")
+        report = json.loads(out)
+        assert report["record"] == str(path)
+        return report, list(read(path))
+
+    @property
+    def said(self):
+        return self._command.said
 
 
-def test_the_uav_explores_finds_all_robots_carries_their_data_and_comes_home(flown, tmp_path):
-    report, lines, said = flown
+@pytest.fixture(scope="module")
+def flight(shared_command, shared_mission, shared_folder):
+    return Flight(shared_command, shared_mission, shared_folder)
+
+
+class Operator(Looker):
+    """Looks at the flight's page, and asks for things there."""
+
+    def __init__(self, page, address):
+        super().__init__(page, address)
+        page.evaluate(TITLES)
+        page.locator(".vehicle").wait_for()
+
+    def lose_and_find_the_flight(self):
+        """The page says so until it is connected again."""
+        page = self.page
+        shown = page.locator("#news li").count()
+        faults = len(self.faults)
+        page.evaluate(
+            "() => { elsewhere = (where) => `${where}/nowhere`; sockets.at(-1).close(); }"
+        )
+        page.locator("#gone").wait_for()
+        page.evaluate("() => { elsewhere = (where) => where; }")
+        page.locator("#gone").wait_for(state="hidden")
+        page.wait_for_function(
+            "(count) => document.querySelectorAll('#news li').length >= count", arg=shown
+        )
+        lost = self.faults[faults:]
+        assert all("WebSocket" in fault for fault in lost), lost
+        del self.faults[faults:]
+
+    def go_to(self, position):
+        self.page.locator('[data-verb="goto"]').click()
+        self.page.locator("#map").click(position=position)
+        self.page.keyboard.press("Enter")
+        self.confirm()
+
+    def seek_another(self):
+        """Once a robot is sought and another was heard of: stop, and ask for that one."""
+        page = self.page
+        page.wait_for_function(OTHER)
+        page.locator('[data-verb="hold"]').click()
+        self.shows("#state", "HOLD")
+        robot = page.evaluate(OTHER)
+        seek = page.get_by_role("button", name=f"Seek {robot} now")
+        seek.click()
+        page.get_by_role("button", name="Cancel").click()
+        assert page.locator("#state").inner_text() == "HOLD"
+        titles = page.evaluate("titles.length")
+        answer = self.ask(lambda: (seek.click(), self.confirm()))
+        assert f"the page: accepted: it seeks {robot}" in answer
+        page.wait_for_function(IS_SOUGHT, arg=[robot, titles])
+        return robot
+
+
+def test_the_page_shows_the_flight_and_takes_the_operator_s_word(browser, flight):
+    page = browser.new_page(viewport={"width": 1000, "height": 700})
+    looker = Operator(page, flight.address)
+    page.wait_for_function(MOVES)
+    assert page.locator("path.area.zone").count() == len(flight.mission.zones) > 0
+    page.wait_for_function(HAS_ROUTE)
+    page.wait_for_function(COUNTS_DOWN)
+    page.locator("path.link.lit").first.wait_for(state="attached")
+    page.wait_for_function(IS_CHARTED)
+    looker.lose_and_find_the_flight()
+    answer = looker.ask(lambda: looker.go_to({"x": 20, "y": 600}))
+    assert "outside of the fence" in answer
+    looker.shows("#hint", "outside of the fence")
+    flight.sought = looker.seek_another()
+    if "DOCS_IMAGES" in os.environ:
+        page.set_viewport_size({"width": 1280, "height": 800})
+        page.locator("#fit").click()
+        page.locator("path.link.lit").first.wait_for(state="attached")
+        page.screenshot(path=Path(os.environ["DOCS_IMAGES"]) / "live.png")
+    assert looker.strangers(flight.address) == []
+    assert looker.faults == []
+    page.close()
+
+
+def test_the_uav_explores_finds_all_robots_carries_their_data_and_comes_home(flight):
+    report, entries = flight.landed
     assert report["outcome"] == "done"
     assert {"INIT", "SEARCH", "COMM", "EXPL", "HOME", "LAND"} <= set(report["states_visited"])
     assert DURATION_S < report["duration_s"] < DURATION_S + 300
@@ -44,14 +189,15 @@ def test_the_uav_explores_finds_all_robots_carries_their_data_and_comes_home(flo
         assert robots[name]["syncs_out"] > 0
         # What the robot holds in truth, against what was painted before it last came for it.
         last_contact_s = max(
-            line["t"]
-            for line in lines
-            if line["type"] == "SyncEnded" and (line["peer"], line["direction"]) == (name, "OUT")
+            entry.t
+            for entry in entries
+            if isinstance(entry.value, SyncEnded)
+            and (entry.value.peer, entry.value.direction) == (name, Direction.OUT)
         )
         painted = max(
-            line["known_cells"]
-            for line in lines
-            if line["type"] == "Map" and line["t"] <= last_contact_s
+            entry.value.fields["known_cells"]
+            for entry in entries
+            if entry.kind == "note" and entry.value.name == "Map" and entry.t <= last_contact_s
         )
         assert world[name]["map"]["known_cells"] >= 0.8 * painted
         assert robots[name]["map_share"] >= 0.8
@@ -64,9 +210,28 @@ def test_the_uav_explores_finds_all_robots_carries_their_data_and_comes_home(flo
     )
     assert report["interactions"]["completed"] > 0.9 * report["interactions"]["started"]
 
-    assert "SEARCH -> COMM" in said
-    assert "closest approach" in said
-    assert (tmp_path / "logs" / "track.png").read_bytes().startswith(b"\x89PNG")
-    kinds = {line["kind"] for line in lines}
-    assert kinds == {"flight", "event", "action"}
-    assert lines[-1]["type"] == "Report"
+    assert "SEARCH -> COMM" in flight.said
+    assert "closest approach" in flight.said
+    assert (flight.logs / "track.png").read_bytes().startswith(b"\x89PNG")
+    kinds = {entry.kind for entry in entries}
+    assert kinds == {"about", "setup", "note", "file", "event", "action", "link", "patch"}
+    assert entries[-1].value.name == "Report"
+    again = replay(entries)
+    assert again.difference is None, "\n".join(again.difference.lines())
+    assert again.events > 1000
+
+
+def test_what_was_asked_on_the_page_is_decided_and_recorded(flight):
+    if flight.sought is None:
+        pytest.skip("nobody asked: no browser looked on")
+    _, entries = flight.landed
+    values = [entry.value for entry in entries]
+    asked = max(index for index, value in enumerate(values) if isinstance(value, SeekNow))
+    assert values[asked].robot == flight.sought
+    before = [value for value in values[:asked] if isinstance(value, Seeking | StateChanged)]
+    after = [value for value in values[asked:] if isinstance(value, Seeking | StateChanged)]
+    assert before[-1] != Seeking(flight.sought)
+    assert State.HOLD in {value.target for value in before if isinstance(value, StateChanged)}
+    assert after[0].target is State.SEARCH
+    assert after[1] == Seeking(flight.sought)
+    assert next(value for value in values[asked:] if isinstance(value, Answered)).accepted

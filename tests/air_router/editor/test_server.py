@@ -4,25 +4,36 @@ import asyncio
 import contextlib
 import json
 import shutil
+import threading
 from http import HTTPStatus
 from pathlib import Path
 
 import aiohttp
 import pytest
+from yarl import URL
 
 from air_router.cli import main
-from air_router.editor.backdrop import Backdrop
 from air_router.editor.mission_text import MissionText
 from air_router.editor.server import EditorServer
 from air_router.editor.session import Session
 from air_router.errors import ExitCode, UsageError
-from air_router.web.guard import is_loopback
+from air_router.loopback import is_loopback
+from air_router.web.backdrop import Backdrop
+from air_router.web.guard import cookie_of
 from air_router.web.site import MAX_MESSAGE_BYTES, ServeError
+from air_router.web.tile_file import TileFile
+from tests.air_router.tile_maker import around, write_tiles
 
 ROOT = Path(__file__).parents[3]
-LIMIT_S = 20
+LIMIT_S = 60
+TILES = around(17, 39.942, -75.2, reach=0)
 FREE = [39.9426, -75.2002]
 MOVE = {"do": "move", "keys": ["waypoints", 0, "position"], "to": FREE}
+
+
+@pytest.fixture
+def tiles(tmp_path):
+    return write_tiles(tmp_path / "site.MBTILES", TILES, attribution="&copy; <i>City</i> &lt;1>")
 
 
 @pytest.fixture
@@ -96,7 +107,7 @@ def test_the_page_and_all_its_parts_come_from_the_package(path):
             ("page/leaflet/leaflet.js", "text/javascript"),
             ("page/leaflet/leaflet.css", "text/css"),
             ("page/leaflet/images/layers.png", "image/png"),
-            ("edit/icon.svg", "image/svg+xml"),
+            ("page/icon.svg", "image/svg+xml"),
         ):
             answer, body = await page.get(part)
             assert (answer.status, answer.content_type) == (HTTPStatus.OK, kind)
@@ -269,6 +280,73 @@ def test_a_picture_lies_under_the_map(path, tmp_path):
     visit(path, talk, backdrop=Backdrop.of(picture, "39.9,-75.3,40.0,-75.1"))
 
 
+def test_tiles_lie_under_the_map_and_what_is_not_there_is_an_empty_picture(path, tiles, caplog):
+    async def talk(page):
+        async with page.socket() as socket:
+            backdrop = (await until(socket, ("setting",)))["backdrop"]
+        facts = backdrop["tiles"]
+        assert (facts["lowest"], facts["highest"], facts["attribution"]) == (17, 17, "© City <1>")
+        assert backdrop["bounds"] is None
+
+        async def get(*place, address=facts["address"], **options):
+            target = address.format(**dict(zip("zxy", place, strict=True)))[1:]
+            answer, body = await page.get(target, **options)
+            assert (answer.status, answer.content_type) == (HTTPStatus.OK, "image/png")
+            return body, answer.headers["Cache-Control"]
+
+        zoom, column, row, data = TILES[0]
+        assert await get(zoom, column, row) == (data, "private, max-age=3600")
+        empty, kept = await get(zoom, column, row - 1)
+        assert (len(empty), kept) == (68, "private, max-age=3600")
+        assert await get(10**8, 10**8, 10**8) == (empty, kept)
+        assert await get(zoom, column, row, address="/backdrop/other/{z}/{x}/{y}") == (
+            empty,
+            "no-store",
+        )
+        for wrong in ("-1/0/0", "1/2", "1/2/x", "1/2/3/4", "\u0661/0/0"):
+            answer, _ = await page.get(f"backdrop/{backdrop['tiles']['address'][10:22]}/{wrong}")
+            assert answer.status == HTTPStatus.NOT_FOUND
+        target = facts["address"].format(z=zoom, x=column, y=row)[1:]
+        answer, _ = await page.get(target, headers={"Host": "evil.example"})
+        assert answer.status == HTTPStatus.FORBIDDEN
+        tiles.rename(tiles.with_name("gone"))
+        assert await get(zoom, column, row) == (empty, "no-store")
+        assert await get(zoom, column, row) == (empty, "no-store")
+
+    visit(path, talk, backdrop=Backdrop.of(tiles, None))
+    assert caplog.text.count("the map stays empty in places") == 1
+
+
+def test_tiles_need_the_token_and_a_slow_one_keeps_nobody_waiting(path, tiles, monkeypatch):
+    asked, go_on = threading.Event(), threading.Event()
+    read = TileFile.tile
+
+    def wait(*place):
+        asked.set()
+        assert go_on.wait(LIMIT_S)
+        return read(*place)
+
+    monkeypatch.setattr(TileFile, "tile", wait)
+    backdrop = Backdrop.of(tiles, None)
+    zoom, column, row, data = TILES[0]
+    target = backdrop.view()["tiles"]["address"].format(z=zoom, x=column, y=row)[1:]
+
+    async def talk(page):
+        answer, _ = await page.get(target)
+        assert answer.status == HTTPStatus.UNAUTHORIZED
+        cookies = {cookie_of(URL(page.address).port): "secret"}
+        async with asyncio.TaskGroup() as tasks:
+            tile = tasks.create_task(page.get(target, cookies=cookies))
+            await asyncio.to_thread(asked.wait, LIMIT_S)
+            answer, _ = await page.get("", cookies=cookies)
+            assert answer.status == HTTPStatus.OK
+            assert not tile.done()
+            go_on.set()
+            assert (await tile)[1] == data
+
+    visit(path, talk, host="0.0.0.0", token="secret", backdrop=backdrop)  # noqa: S106
+
+
 def test_where_a_picture_lies_must_be_known(tmp_path):
     picture = tmp_path / "site.png"
     picture.write_bytes(b"")
@@ -297,7 +375,7 @@ def test_where_a_picture_lies_must_be_known(tmp_path):
 def test_a_taken_port_is_said(path):
     async def talk(page):
         port = int(page.address.rstrip("/").rpartition(":")[2])
-        with pytest.raises(ServeError, match="another --port"):
+        with pytest.raises(ServeError, match="another port"):
             await EditorServer(Session(MissionText(path)), token=None, backdrop=None).run(
                 "127.0.0.1", port, print
             )

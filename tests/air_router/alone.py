@@ -1,0 +1,36 @@
+"""A pretended gossip node, for flights that are about something else."""
+
+
+class Alone:
+    """The gossip of a UAV that meets nobody."""
+
+    def __init__(self):
+        self.closed = False
+        self.maps = 0
+
+    def start(self, deliver):
+        pass
+
+    def held(self):
+        return {}
+
+    def links(self):
+        return {}
+
+    def tell(self, telemetry):
+        assert not self.closed
+
+    def publish_map(self, time_s):
+        self.maps += 1
+
+    def tell_answer(self, answer):
+        pass
+
+    def tell_sought(self, robot, time_s):
+        pass
+
+    def newest_stamps(self):
+        return {}
+
+    def close(self):
+        self.closed = True

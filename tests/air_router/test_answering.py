@@ -1,0 +1,447 @@
+"""What somebody asks for in flight: done or refused, always answered, never an unchecked leg."""
+
+import dataclasses
+import itertools
+import math
+
+import pytest
+
+from air_router.actions import Answered, FlyToNode, FlyToPoint, HoldHere, LandHere, Refusal
+from air_router.behaviour import State
+from air_router.events import CommandFailed, RobotPose, RobotSought
+from air_router.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
+from air_router.vehicle import FlightMode, LinkSilent
+from geo.frame import Point
+from mocha_link.metrics import Direction, SyncEnded, SyncStarted
+
+ROBOT = Point(64.0, 0.0)
+FAR = (Point(75.0, -150.0), Point(-150.0, 60.0))
+MOVES = FlyToNode | FlyToPoint | LandHere
+
+
+def ask(flight, request):
+    """Ask; returns the answer, and what was commanded because of it."""
+    before = len(flight.actions)
+    flight.give(dataclasses.replace(request, request_id="7"))
+    fresh = flight.actions[before:]
+    (answer,) = [a for a in fresh if isinstance(a, Answered)]
+    assert answer.request_id == "7"
+    assert answer.accepted == (answer.code is None)
+    assert answer.why
+    return answer, [a for a in fresh if isinstance(a, MOVES | HoldHere)]
+
+
+def fly_to(flight, at_least_m=0.0, at_most_m=math.inf):
+    """Until the leg's end is so far."""
+
+    def there():
+        left_m = math.dist(flight.position, flight.target or flight.position)
+        return at_least_m <= left_m <= at_most_m and math.hypot(*flight.velocity) > 1.0
+
+    flight.fly_until(there)
+
+
+def find(flight):
+    ask(flight, SeekNow("callisto"))
+    flight.give(RobotPose("callisto", ROBOT, 1.0, "callisto"))
+
+
+def find_and_sync(flight):
+    find(flight)
+    for direction in Direction:
+        flight.give(SyncStarted("callisto", 0.0, direction))
+        flight.give(SyncEnded("callisto", 0.0, direction, 1, 1, 0.1))
+
+
+def end_in(state):
+    def end(flight):
+        ask(flight, ComeHome())
+        flight.fly_to_state(state)
+
+    return end
+
+
+WAYS = {
+    State.INIT: lambda _: None,
+    State.SEARCH: lambda flight: ask(flight, SeekNow("callisto")),
+    State.COMM: find,
+    State.EXPL: find_and_sync,
+    State.GOTO: lambda flight: ask(flight, GoTo(FAR)),
+    State.HOLD: lambda flight: ask(flight, HoldNow()),
+    State.PASSIVE: lambda flight: flight.pilot_chooses(FlightMode.OTHER),
+    **{state: end_in(state) for state in (State.HOME, State.LAND, State.DONE)},
+}
+
+
+@pytest.fixture
+def in_state(pretend):
+    """A flight in a state."""
+
+    def make(state, **changes):
+        flight = pretend(**changes)
+        if state is State.READY:
+            flight.step()
+            return flight
+        flight.take_off()
+        flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 60.0)
+        WAYS[state](flight)
+        assert flight.controller.state is state
+        return flight
+
+    return make
+
+
+# For every request and every state: the state that follows, or why it is refused.
+S, R = State, Refusal
+NEITHER = {S.READY: R.NOT_FLYING, S.PASSIVE: R.NOT_OURS, S.DONE: R.FLIGHT_OVER}
+IN_THE_AIR = (S.INIT, S.SEARCH, S.COMM, S.EXPL, S.GOTO, S.HOLD, S.HOME)
+EXPECTED = {
+    HoldNow(): {**dict.fromkeys(IN_THE_AIR, S.HOLD), S.LAND: R.COMING_HOME, **NEITHER},
+    SeekNow("io"): {**dict.fromkeys(IN_THE_AIR, S.SEARCH), S.LAND: R.COMING_HOME, **NEITHER},
+    ExploreNow(): {
+        **dict.fromkeys(IN_THE_AIR, S.EXPL),
+        S.INIT: S.INIT,
+        S.LAND: R.COMING_HOME,
+        **NEITHER,
+    },
+    GoTo(FAR): {**dict.fromkeys(IN_THE_AIR, S.GOTO), S.LAND: R.COMING_HOME, **NEITHER},
+    ComeHome(): {
+        **dict.fromkeys(IN_THE_AIR, S.HOME),
+        **NEITHER,
+        S.READY: S.DONE,
+        S.LAND: S.LAND,
+    },
+    GoOn(): {
+        **dict.fromkeys((*IN_THE_AIR, S.LAND), R.NOTHING_TO_DO),
+        **NEITHER,
+        S.HOLD: S.EXPL,
+        S.READY: R.NOT_OURS,
+        S.PASSIVE: R.NOT_OURS,  # it flies in another mode than Hold
+    },
+}
+
+
+@pytest.mark.parametrize("request_", list(EXPECTED), ids=lambda r: type(r).__name__)
+def test_every_request_in_every_state(in_state, request_):
+    assert set(EXPECTED[request_]) == set(State)
+    for state, expected in EXPECTED[request_].items():
+        flight = in_state(state)
+        answer, commanded = ask(flight, request_)
+        if isinstance(expected, State):
+            assert answer.accepted, (state, answer)
+            assert flight.controller.state is expected, state
+        else:
+            assert (answer.code, flight.controller.state) == (expected, state)
+            assert commanded == []
+        for motion in commanded:  # what is commanded is checked from where the vehicle is
+            if isinstance(motion, FlyToNode | FlyToPoint):
+                assert flight.router.check_leg(flight.position, motion.position)
+
+
+def test_held_it_stays_where_it_stopped_and_goes_on_with_the_time_that_was_left(in_state):
+    flight = in_state(State.INIT)
+    fly_to(flight, at_least_m=15.0)
+    left_s = flight.controller.time_left_s
+    answer, commanded = ask(flight, HoldNow(by="the tower"))
+    assert [type(m) for m in commanded] == [HoldHere]
+    assert any("holding, as the tower asked" in text for text in flight.said)
+    for _ in range(100):
+        flight.step()
+    place, moved = flight.position, len(flight.motions)
+    for _ in range(5000):
+        flight.step()
+    assert flight.controller.state is State.HOLD
+    assert flight.controller.time_left_s is None
+    assert math.dist(place, flight.position) < 0.1
+    assert len(flight.motions) == moved
+    answer, _ = ask(flight, GoOn())
+    assert answer.accepted
+    assert flight.controller.state is State.EXPL
+    assert flight.controller.time_left_s == pytest.approx(left_s)
+    flight.fly_to_state(State.SEARCH, left_s + 1.0)
+
+
+def test_near_the_end_of_its_leg_it_is_left_to_stop_there(in_state):
+    flight = in_state(State.GOTO)
+    fly_to(flight, at_least_m=0.2, at_most_m=1.0)
+    end = flight.target
+    answer, commanded = ask(flight, HoldNow())
+    assert answer.accepted
+    assert commanded == []
+    for _ in range(100):
+        flight.step()
+    assert flight.controller.state is State.HOLD
+    assert math.dist(flight.position, end) < 0.1
+    assert ask(flight, GoOn())[0].accepted
+
+
+@pytest.mark.parametrize("state", [State.SEARCH, State.COMM, State.GOTO, State.HOME])
+def test_what_was_held_is_gone_on_with(in_state, state):
+    flight = in_state(state)
+    robot, errand = flight.controller.robot, flight.controller.errand
+    ask(flight, HoldNow())
+    assert (flight.controller.robot, flight.controller.navigator.goal) == (None, None)
+    ask(flight, HoldNow())  # once more changes nothing
+    answer, _ = ask(flight, GoOn())
+    assert answer.accepted
+    after = State.SEARCH if state is State.COMM else state
+    assert (flight.controller.state, flight.controller.robot) == (after, robot)
+    assert flight.controller.errand is errand
+
+
+def test_a_hold_that_fails_is_asked_for_again(in_state):
+    flight = in_state(State.INIT)
+    fly_to(flight, at_least_m=15.0)
+    flight.deaf = True
+    ask(flight, HoldNow())
+    flight.deaf = False
+    flight.fly_until(lambda: flight.mode is FlightMode.HOLD, 10.0)
+    assert flight.controller.state is State.HOLD
+
+
+def test_held_it_comes_home_for_its_battery_and_that_way_is_not_called_off(in_state):
+    flight = in_state(State.HOLD)
+    flight.battery = flight.mission.battery_reserve
+    flight.step()
+    assert flight.controller.state is State.HOME
+    for request in (HoldNow(), SeekNow("io"), ExploreNow(), GoTo(FAR)):
+        answer, commanded = ask(flight, request)
+        assert (answer.code, commanded) == (Refusal.COMING_HOME, [])
+        assert "battery" in answer.why
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+
+
+def test_a_way_home_that_somebody_asked_for_is_his_to_call_off_until_something_else_demands_it(
+    in_state,
+):
+    flight = in_state(State.HOME, duration_s=100.0)
+    assert flight.controller.came_home_why == "the operator's word"
+    assert ask(flight, ExploreNow())[0].accepted
+    assert flight.controller.came_home_why is None
+    ask(flight, ComeHome())
+    ask(flight, HoldNow())
+    flight.fly_to_state(State.HOME, 120.0)  # its time is over
+    assert ask(flight, HoldNow())[0].code is Refusal.COMING_HOME
+
+
+def test_a_pilot_who_takes_a_held_vehicle_keeps_it_until_somebody_asks(in_state):
+    flight = in_state(State.HOLD)
+    flight.pilot_chooses(FlightMode.OTHER)
+    assert flight.controller.state is State.PASSIVE
+    assert ask(flight, GoOn())[0].code is Refusal.NOT_OURS
+    assert ask(flight, GoTo(FAR))[0].why.startswith("the pilot has the vehicle")
+    flight.pilot_chooses(FlightMode.HOLD)
+    assert ask(flight, GoOn())[0].accepted
+    assert flight.controller.state is State.EXPL
+
+
+def test_whom_somebody_asks_for_is_sought_at_once_and_not_left_to_another(in_state):
+    flight = in_state(State.GOTO)
+    flight.give(RobotPose("io", ROBOT, 1.0, "europa"))
+    answer, _ = ask(flight, SeekNow("io"))
+    assert answer.why == "it seeks io: its last position"
+    assert (flight.controller.state, flight.controller.robot) == (State.SEARCH, "io")
+    assert flight.controller.navigator.goal.position == ROBOT
+    flight.give(RobotSought("aardvark", "io", 1.0))
+    assert flight.controller.robot == "io"
+    flight.fly_to_state(State.EXPL)  # nobody was met there
+    assert ask(flight, SeekNow("oi"))[0].code is Refusal.UNKNOWN_ROBOT
+
+
+def test_points_are_flown_to_one_after_the_other_and_then_it_explores_on(in_state):
+    flight = in_state(State.SEARCH)
+    left = flight.controller.exploration.remaining
+    answer, _ = ask(flight, GoTo(FAR, hold_s=30.0))
+    assert answer.why == "it flies to 2 points"
+    assert answer.points == FAR
+    for point in FAR:
+        flight.fly_until(lambda p=point: math.dist(flight.position, p) < 2.0, 300.0)
+        assert flight.controller.state is State.GOTO
+    flight.fly_until(lambda: flight.controller.time_left_s is not None, 30.0)
+    began_s = flight.now_s
+    flight.fly_to_state(State.EXPL)
+    assert flight.now_s - began_s == pytest.approx(30.0, abs=0.3)
+    assert math.dist(flight.position, FAR[-1]) < 2.0
+    assert flight.controller.exploration.remaining == left
+    closest_m, _ = flight.mission.airspace.track_distance_m(flight.track)
+    assert closest_m >= flight.mission.planner.clearance_m
+
+
+def test_gusts_do_not_keep_it_at_a_point_for_ever(in_state):
+    flight = in_state(State.GOTO)
+    flight.fly_until(lambda: math.dist(flight.position, FAR[0]) < 1.0, 300.0)
+    shaken = dataclasses.replace(flight.telemetry(), velocity_m_s=(0.6, 0.0))
+    for second in range(12):
+        flight.give(dataclasses.replace(shaken, time_s=flight.now_s + second))
+        flight.now_s += 1.0
+    assert flight.controller.errand.done == 1
+
+
+def test_a_point_in_a_zone_is_hovered_beside_and_one_outside_of_the_fence_refused(in_state):
+    flight = in_state(State.INIT)
+    ring = flight.mission.zones[0].shape.ring
+    inside = Point(*(sum(axis) / len(axis) for axis in zip(*ring, strict=True)))
+    answer, _ = ask(flight, GoTo((inside,)))
+    (hover,) = answer.points
+    assert "the point: it is inside no-fly zone" in answer.why
+    assert flight.mission.planning_airspace.point_clear(hover)
+    flight.fly_until(lambda: math.dist(flight.position, hover) < 2.0, 300.0)
+    for points, why in (
+        ((Point(0.0, 5000.0),), "the point lies outside of the fence"),
+        ((FAR[0], Point(0.0, 5000.0)), "point 2 lies outside of the fence"),
+        ((Point(1e6, 0.0),), "the point is more than 10 km away"),
+        ((Point(math.nan, 0.0),), "the point is more than 10 km away"),
+    ):
+        answer, commanded = ask(flight, GoTo(points))
+        assert (answer.why, answer.code, commanded) == (why, Refusal.OUTSIDE_FENCE, [])
+
+
+def test_a_way_that_the_battery_does_not_last_for_is_refused(in_state):
+    flight = in_state(State.INIT, endurance_s=480.0, battery_reserve=0.08)
+    flight.battery = 0.45
+    flight.step()
+    answer, commanded = ask(flight, GoTo(FAR))
+    assert (answer.code, commanded) == (Refusal.RESERVE, [])
+    assert "the battery would be at" in answer.why
+    assert ask(flight, GoTo((flight.position,)))[0].accepted
+    assert ask(flight, GoTo((flight.position,), hold_s=300.0))[0].code is Refusal.RESERVE
+
+
+def test_without_a_fix_or_a_word_from_it_the_vehicle_is_only_told_to_hold(in_state):
+    flight = in_state(State.INIT)
+    for request in (SeekNow("io"), GoTo(FAR)):
+        answer = flight.controller.handle(request, flight.now_s + 5.0)[-1]
+        assert (answer.code, answer.why) == (Refusal.NOT_HEARD, "nothing heard from it for 5 s")
+    flight = in_state(State.INIT)
+    flight.give(LinkSilent(flight.now_s, 3.5))  # the vehicle's clock, which we read, stands still
+    assert ask(flight, GoTo(FAR))[0].why == "nothing heard from it for 4 s"
+    flight.step()
+    flight.fix = False
+    flight.step()
+    for request in (SeekNow("io"), GoTo(FAR)):
+        assert ask(flight, request)[0].code is Refusal.NO_FIX
+    assert ask(flight, HoldNow())[0].accepted
+    assert ask(flight, GoOn())[0].code is Refusal.NO_FIX
+    flight.fix = True
+    flight.fly_until(lambda: any("its fix again" in text for text in flight.said), 10.0)
+    flight.step()
+    assert flight.controller.state is State.HOLD
+    assert ask(flight, GoOn())[0].accepted
+
+
+def test_points_that_can_wait_are_flown_to_once_the_mission_is_in_the_air(pretend):
+    flight = pretend()
+    flight.step()
+    for number, points in (("1", FAR[:1]), ("2", FAR[1:])):
+        flight.give(GoTo(points, waits=True, by="basestation", request_id=number))
+    (replaced,) = [a for a in flight.actions if isinstance(a, Answered)]
+    assert (replaced.request_id, replaced.code) == ("1", Refusal.REPLACED)
+    flight.take_off()
+    flight.step()
+    accepted = [a for a in flight.actions if isinstance(a, Answered)][-1]
+    assert (accepted.request_id, accepted.accepted) == ("2", True)
+    assert flight.controller.state is State.GOTO
+    ask(flight, HoldNow())
+    flight.give(GoTo(FAR, waits=True, by="basestation", request_id="3"))
+    assert flight.controller.state is State.HOLD
+    ask(flight, GoOn())
+    flight.step()
+    assert flight.controller.errand.stops == FAR
+    ask(flight, HoldNow())
+    flight.give(GoTo(FAR, waits=True, request_id="4"))
+    flight.pilot_chooses(FlightMode.OTHER)
+    answered = [a for a in flight.actions if isinstance(a, Answered)][-1]
+    assert (answered.request_id, answered.code) == ("4", Refusal.NOT_OURS)
+
+
+def test_a_point_that_is_cut_off_on_the_way_is_left_out(in_state, monkeypatch):
+    flight = in_state(State.GOTO)
+    route = flight.router.route
+    closed = FAR[0]
+
+    def without(start, goal, **more):
+        return route(start, Point(0.0, 5000.0) if goal == closed else goal, **more)
+
+    monkeypatch.setattr(flight.router, "route", without)
+    flight.controller.navigator.again(flight.telemetry())
+    flight.fly_until(lambda: any("point 1 left out" in text for text in flight.said), 60.0)
+    flight.fly_until(lambda: math.dist(flight.position, FAR[1]) < 2.0, 300.0)
+    closed = FAR[1]
+    flight.fly_to_state(State.EXPL)
+
+
+def test_whoever_asks_for_whatever_whenever_no_zone_is_touched(pretend):
+    flight = pretend(duration_s=900.0)
+    flight.robots = {"io": ROBOT, "callisto": FAR[1]}
+    flight.noise_m = 0.2
+    flight.take_off()
+    wishes = itertools.cycle(
+        (GoTo(FAR), SeekNow("io"), HoldNow(), GoOn(), ExploreNow(), GoTo(FAR[::-1]), SeekNow("io"))
+    )
+    while flight.finished is None:
+        for _ in range(97):
+            flight.step()
+        if flight.finished is None:
+            ask(flight, next(wishes))
+        assert flight.now_s < 3000.0
+    assert flight.finished.landed_by_us
+    closest_m, _ = flight.mission.airspace.track_distance_m(flight.track)
+    assert closest_m >= flight.mission.planner.clearance_m
+
+
+def test_points_that_waited_do_not_call_off_a_way_home_that_was_asked_for_later(in_state):
+    flight = in_state(State.HOLD)
+    flight.give(GoTo(FAR, waits=True, request_id="old", by="basestation"))
+    ask(flight, ComeHome())
+    flight.step()
+    (answer,) = [a for a in flight.actions if isinstance(a, Answered) and a.request_id == "old"]
+    assert (answer.code, flight.controller.state) == (Refusal.COMING_HOME, State.HOME)
+
+
+def test_points_that_came_by_gossip_do_not_call_off_a_way_home(in_state):
+    flight = in_state(State.HOME)  # somebody asked for it
+    assert ask(flight, GoTo(FAR, waits=True, by="basestation"))[0].code is Refusal.COMING_HOME
+    assert flight.controller.state is State.HOME
+    assert ask(flight, GoTo(FAR))[0].accepted
+
+
+def test_a_way_home_that_the_pilot_interrupted_says_nothing_of_the_next(in_state):
+    flight = in_state(State.HOME)  # somebody asked for it
+    flight.pilot_chooses(FlightMode.HOLD)
+    assert ask(flight, GoOn())[0].accepted
+    flight.give(CommandFailed(flight.motions[-1], "lost"))
+    flight.controller._crew.homecoming.come_home("the climb does not go on")
+    assert ask(flight, ExploreNow())[0].code is Refusal.COMING_HOME
+
+
+def test_it_does_not_land_where_an_order_that_is_still_under_way_takes_it(pretend):
+    flight = pretend()
+    flight.take_off()
+    late, act = [], flight._act
+    flight._act = lambda a: late.append(a) if isinstance(a, MOVES | HoldHere) else act(a)
+    assert ask(flight, GoTo(FAR))[0].accepted
+    assert ask(flight, ComeHome())[0].accepted
+    for _ in range(3):
+        flight.step()
+    assert flight.controller.state is State.HOME
+    flight._act = act
+    for motion in late:
+        act(motion)
+        for _ in range(15):
+            flight.step()
+    flight.fly_until(lambda: flight.finished is not None, 200.0)
+    assert flight.finished.landed_by_us
+    assert math.dist(flight.position, flight.mission.home) < 3.0
+
+
+def test_it_does_not_land_while_it_passes_by_home(in_state):
+    flight = in_state(State.HOME)
+    home = flight.mission.home
+    flight.fly_until(lambda: math.dist(flight.position, home) < 12.0)
+    flight.velocity, flight.position = (5.0, 0.0), Point(home.east_m + 1.0, home.north_m)
+    flight.step()
+    assert flight.controller.state is State.HOME
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    assert math.dist(flight.position, home) < 3.0

@@ -1,0 +1,234 @@
+import dataclasses
+import math
+import random
+
+import pytest
+
+from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
+from air_router.behaviour import State
+from air_router.commanded import Commanded, Onward
+from air_router.events import CommandConfirmed, CommandFailed
+from air_router.navigator import Goal, Navigator
+from air_router.requests import ExploreNow, GoTo
+from air_router.vehicle import FlightMode, Telemetry
+from geo.airspace import Airspace
+from geo.frame import Point
+from geo.zone import Zone
+
+GIVEN_UP_S = 3.0
+SEEK = ("callisto", "europa", "io")
+
+
+def at(east_m, north_m, **more):
+    return Telemetry(time_s=1.0, position=Point(east_m, north_m), altitude_m=40.0, **more)
+
+
+NODE = FlyToNode(1, Point(100.0, 0.0))
+PLACE = FlyToPoint(Point(0.0, 100.0), 40.0)
+HOLD = HoldHere("a test")
+
+
+def test_what_is_not_confirmed_may_all_be_flown_to():
+    commanded = Commanded(near_m=2.0, speed_m_s=0.0)
+    commanded.sent(NODE)
+    commanded.sent(PLACE)
+    assert commanded.open(at(0, 0)) == (NODE.position, PLACE.position)
+    commanded.confirmed(NODE)
+    assert commanded.open(at(0, 0)) == (NODE.position, PLACE.position)
+    commanded.confirmed(PLACE)
+    assert commanded.open(at(0, 0)) == (PLACE.position,)
+    assert commanded.open(at(0.5, 99.0)) == ()  # arrived
+    commanded.sent(HOLD)
+    assert commanded.open(at(0, 0)) == (PLACE.position,)
+    commanded.confirmed(HOLD)
+    assert commanded.open(at(0, 0)) == ()
+
+
+def test_of_two_alike_the_newest_is_confirmed():
+    commanded = Commanded(near_m=2.0, speed_m_s=0.0)
+    for motion in (NODE, HOLD, PLACE, HOLD, HOLD):
+        commanded.sent(motion)
+    commanded.confirmed(HOLD)
+    assert commanded.open(at(0, 0)) == ()
+
+
+def test_what_the_vehicle_says_of_itself_counts_where_it_is_far():
+    commanded = Commanded(near_m=2.0, speed_m_s=0.0)
+    assert commanded.bound(at(0, 0, target=Point(3.0, 3.0))) == ()
+    assert commanded.bound(at(0, 0, target=Point(30.0, 3.0))) == (
+        Onward(Point(30.0, 3.0), Point(30.0, 3.0)),
+    )
+    commanded.sent(NODE)
+    assert commanded.bound(at(0, 0, target=Point(30.0, 3.0)))[0].place == NODE.position
+    commanded.forget()
+    assert commanded.bound(at(0, 0)) == ()
+
+
+@pytest.fixture
+def bend(pretend, pennovation):
+    """A vehicle on its way east; south of the rest of its way a zone, and south of that a goal."""
+    box = ((40.0, -30.0), (60.0, -30.0), (60.0, -15.0), (40.0, -15.0))
+    zone = Zone("box", tuple(Point(*corner) for corner in box))
+    airspace = Airspace(None, [zone], 5.0)
+    mission = dataclasses.replace(
+        pennovation,
+        zones=(zone,),
+        fences=(),
+        home=Point(0.0, 0.0),
+        waypoints=pennovation.waypoints[:1],
+        airspace=airspace,
+        planning_airspace=airspace.with_margin(1.5),
+        column_airspace=airspace,
+        above_airspace=airspace,
+    )
+    return pretend(mission)
+
+
+def test_a_jump_that_might_arrive_late_is_held_for_first(bend):
+    navigator = Navigator(bend.mission, bend.router)
+    way = FlyToPoint(Point(100.0, 0.0), 40.0)
+    navigator.commanded.sent(way)
+    navigator.commanded.confirmed(way)
+    moving = at(15.0, 0.0, velocity_m_s=(3.5, 0.0))
+    goal = Goal(Point(15.0, -60.0))
+    motion = navigator.go(goal, moving)
+    assert isinstance(motion, HoldHere)  # sent from farther on it would cut the box
+    navigator.commanded.sent(motion)
+    stands = at(20.0, 0.0)
+    assert navigator.update(stands) is None  # the way east is not over while that is not confirmed
+    assert isinstance(navigator.again(stands), HoldHere)
+    navigator.commanded.confirmed(motion)
+    assert navigator.update(stands) == FlyToPoint(goal.position, 40.0)
+
+
+def test_a_jump_that_may_arrive_late_is_given_at_once(bend):
+    navigator = Navigator(bend.mission, bend.router)
+    way = FlyToPoint(Point(100.0, 0.0), 40.0)
+    navigator.commanded.sent(way)
+    moving = at(15.0, 0.0, velocity_m_s=(3.5, 0.0))
+    assert navigator.go(Goal(Point(15.0, 60.0)), moving) == FlyToPoint(Point(15.0, 60.0), 40.0)
+
+
+class LateFlight:
+    """A pretended flight whose commands take their time: one at a time, in order, some given up."""
+
+    def __init__(self, flight, late_s, seed):
+        self.flight = flight
+        self.late_s = late_s
+        self.chance = random.Random(seed)
+        self.waiting = self.sending = None
+        self.under_way = []
+        flight._act = self.act
+        flight.take_off()
+        flight.mode = FlightMode.MISSION
+
+    def act(self, action):
+        if isinstance(action, FlyToNode | FlyToPoint | HoldHere | LandHere):
+            self.waiting = action
+
+    def step(self):
+        flight = self.flight
+        now_s = flight.now_s
+        while self.under_way and self.under_way[0][0] <= now_s:
+            motion = self.under_way.pop(0)[1]
+            self.carry_out(motion)
+            if self.sending is not None and motion is self.sending[0]:
+                self.sending = None
+                flight.give(CommandConfirmed(motion))
+        if self.sending is not None and now_s >= self.sending[1] + GIVEN_UP_S:
+            motion, self.sending = self.sending[0], None
+            flight.give(CommandFailed(motion, "it does not show"))
+        if self.sending is None and self.waiting is not None:
+            motion, self.waiting = self.waiting, None
+            objection = flight.controller.objection(motion, now_s)
+            if objection is not None:
+                flight.give(CommandFailed(motion, objection))
+            else:
+                last_s = self.under_way[-1][0] if self.under_way else 0.0
+                arrives_s = max(last_s, now_s + self.chance.uniform(0.0, self.late_s))
+                self.under_way.append((arrives_s, motion))
+                self.sending = (motion, now_s)
+        flight.step()
+
+    def carry_out(self, motion):
+        flight = self.flight
+        match motion:
+            case FlyToNode(position=position):
+                flight.mode, flight.target = FlightMode.MISSION, position
+            case FlyToPoint(position=position):
+                flight.mode, flight.target = FlightMode.HOLD, position
+            case HoldHere():
+                flight.mode, flight.target = FlightMode.HOLD, None
+            case LandHere():
+                flight.mode, flight.target = FlightMode.LAND, None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_however_late_commands_arrive_the_clearance_is_kept(pretend, pennovation, seed):
+    chance = random.Random(seed)
+    timers = dataclasses.replace(
+        pennovation.timers, init_s=20.0, explore_s=12.0, search_s=6.0, communicate_s=6.0
+    )
+    flight = pretend(timers=timers, speed_m_s=6.0, duration_s=260.0)
+    late = LateFlight(flight, 2.9, seed)
+    while flight.controller.state is not State.DONE and flight.now_s < 600.0:
+        late.step()
+        if chance.random() < 0.02:
+            spot = chance.choice(flight.mission.waypoints).position
+            flight.robots[chance.choice(SEEK)] = Point(spot[0] + 20.0, spot[1] - 10.0)
+    assert flight.controller.state is State.DONE
+    closest_m, what = flight.mission.airspace.track_distance_m(flight.track)
+    assert closest_m >= flight.mission.planner.clearance_m, what
+
+
+def test_a_jump_that_would_show_though_another_order_is_still_to_come_is_doubtful():
+    commanded = Commanded(near_m=2.0, speed_m_s=0.0)
+    other = FlyToNode(2, Point(50.0, 50.0))
+    assert not commanded.doubtful(NODE, shows=True)
+    commanded.sent(NODE)  # given up
+    assert not commanded.doubtful(NODE, shows=True)  # it came late: the same place
+    commanded.sent(PLACE)
+    assert commanded.doubtful(NODE, shows=True)
+    assert commanded.doubtful(NODE, shows=False)  # the first one may come, and show
+    assert not commanded.doubtful(other, shows=False)
+    commanded.confirmed(PLACE)
+    assert not commanded.doubtful(NODE, shows=True)
+    commanded.forget()
+    assert not commanded.doubtful(NODE, shows=True)
+
+
+def test_it_may_be_turned_away_at_the_second_place_having_come_from_the_first():
+    commanded = Commanded(near_m=2.0, speed_m_s=4.0)
+    commanded.sent(NODE)
+    commanded.sent(FlyToPoint(Point(100.0, 50.0), 40.0))
+    reaches = {on.reach for on in commanded.bound(at(0, 0)) if on.place == (100.0, 50.0)}
+    assert any(reach.east_m == 100.0 and reach.north_m > 52.0 for reach in reaches)
+
+
+def test_what_may_come_late_is_held_for_where_it_would_not_show(pretend):
+    """As it was rehearsed: the jump that shows is not the one that was made last."""
+    flight = pretend()
+    flight.take_off()
+    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
+    told = flight.motions[-1]
+    assert isinstance(told, FlyToNode)
+    item, telemetry = flight.plan.item_of(told.node), flight.telemetry
+    flight.deaf = True
+    flight.give(GoTo((Point(60.0, -40.0),)))  # it was given up, and may come any moment
+    flight.deaf = False
+    flight.telemetry = lambda: dataclasses.replace(telemetry(), item=item)
+    flight.step()
+    commanded = len(flight.motions)
+    flight.give(ExploreNow())
+    assert isinstance(flight.motions[commanded], HoldHere)
+    flight.telemetry = telemetry
+    flight.fly_until(lambda: isinstance(flight.motions[-1], FlyToNode), 10.0)
+    assert flight.motions[-1].node == told.node
+
+
+def test_a_leg_is_swept_for_as_long_as_the_position_is_old(bend):
+    navigator = Navigator(bend.mission, bend.router, reaction_s=2.0)
+    moving = at(22.0, 0.0, velocity_m_s=(3.5, 0.0))
+    down = FlyToPoint(Point(22.0, -60.0), 40.0)
+    assert navigator.objection(down, moving, moving.time_s) is None
+    assert navigator.objection(down, moving, moving.time_s + 1.9) is not None

@@ -1,0 +1,89 @@
+"""What goes on board where PX4 judges it in its own way; MAVSDK's part is played."""
+
+import asyncio
+
+import pytest
+from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
+
+from air_router import px4_plan
+from air_router.errors import PlanRefusedError
+from air_router.flight_plan import FlightPlan
+from air_router.px4_plan import upload_plan
+
+
+def identity(items):
+    """What PX4 tells one mission from another by."""
+    return [(item.command, item.x, item.y, item.z) for item in items]
+
+
+class Board:
+    """A PX4 as MAVSDK shows it: it judges a mission only if it is another than before."""
+
+    def __init__(self, *, good=True):
+        self.good = good
+        self.mission_state, self.mission_reports, self.item_total = 1, 0, 0
+        self.refusals = []
+        self.items, self.fence, self.rally = [], [], []
+        self.uploads = 0
+        self.judged = None
+
+    def forget_words(self):
+        self.refusals.clear()
+
+    def said(self):
+        return ""
+
+    async def wait_for(self, condition):
+        while not condition():
+            self.mission_reports += 1
+            self.item_total = len(self.items)
+            await asyncio.sleep(0)
+
+    def upload_mission_async(self, items, answer):
+        self.uploads += 1
+        self.items = items
+        if self.judged != identity(items):
+            self.judged = identity(items)
+            self.mission_state = 2 if self.good else 1
+            self.refusals += [] if self.good else ["plan item 3 lies in a no-fly zone"]
+        answer(MissionRawResult.SUCCESS, None)
+
+    def clear_mission_async(self, answer):
+        self.items, self.judged = [], None
+        answer(MissionRawResult.SUCCESS, None)
+
+    def upload_geofence_async(self, items, answer):
+        self.fence = items
+        answer(MissionRawResult.SUCCESS, None)
+
+    def upload_rally_points_async(self, items, answer):
+        self.rally = items
+        answer(MissionRawResult.SUCCESS, None)
+
+    def download_mission_async(self, answer):
+        answer(MissionRawResult.SUCCESS, self.items, None)
+
+    def download_geofence_async(self, answer):
+        answer(MissionRawResult.SUCCESS, self.fence, None)
+
+    def download_rallypoints_async(self, answer):
+        answer(MissionRawResult.SUCCESS, self.rally, None)
+
+
+@pytest.fixture(autouse=True)
+def hurried(monkeypatch):
+    monkeypatch.setattr(px4_plan, "FEASIBLE_S", 0.05)
+
+
+def test_the_same_mission_that_was_found_wrong_at_power_on_is_judged_anew(pennovation):
+    plan, board = FlightPlan.of(pennovation), Board()
+    board.judged = identity([px4_plan._to_raw(n, item, 0) for n, item in enumerate(plan.items)])
+    asyncio.run(upload_plan(board, board, plan))
+    assert (board.uploads, board.mission_state) == (2, 2)
+
+
+def test_a_mission_that_is_wrong_is_refused_with_its_reason_at_once(pennovation):
+    board = Board(good=False)
+    with pytest.raises(PlanRefusedError, match="plan item 3 lies in a no-fly zone"):
+        asyncio.run(upload_plan(board, board, FlightPlan.of(pennovation)))
+    assert board.uploads == 1

@@ -1,0 +1,555 @@
+"""Zones and fences that change in flight."""
+
+import dataclasses
+import math
+import random
+
+import pytest
+
+from air_router.actions import Answered, FlyToNode, FlyToPoint, HoldHere, ReadAgain, RenewPlan
+from air_router.behaviour import State
+from air_router.events import AirspaceChanged, PlanRenewed, RobotPose, RobotSought
+from air_router.flight_plan import FlightPlan
+from air_router.graph import WaypointGraph
+from air_router.renewal import Phase
+from air_router.requests import GoOn, HoldNow, Reload, SeekNow
+from air_router.router import Router
+from air_router.vehicle import FlightMode, PlanReplaced
+from geo.airspace import Airspace
+from geo.frame import Point
+from geo.zone import Zone
+
+
+def box(centre, half_m=12.0, name="new"):
+    east_m, north_m = centre
+    corners = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    return Zone(name, tuple(Point(east_m + half_m * e, north_m + half_m * n) for e, n in corners))
+
+
+def change(flight, *zones, fences=None):
+    mission = flight.mission
+    fences = mission.fences if fences is None else fences
+    flight.give(AirspaceChanged(fences, (*mission.zones, *zones)))
+
+
+def boarding(flight):
+    return sum(isinstance(action, RenewPlan) for action in flight.actions)
+
+
+def moves(flight, since):
+    return [m for m in flight.motions[since:] if not isinstance(m, HoldHere)]
+
+
+def ahead(flight, metres):
+    speed = math.hypot(*flight.velocity)
+    return tuple(
+        p + metres * v / speed for p, v in zip(flight.position, flight.velocity, strict=True)
+    )
+
+
+def cruising(pretend, **changes):
+    flight = pretend(**{"duration_s": 200.0, **changes})
+    flight.take_off()
+    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
+    return flight
+
+
+def clear_of(flight, zone, since=0):
+    return Airspace(None, [zone], 5.0).track_distance_m(flight.track[since:])[0]
+
+
+def to_the_end(flight):
+    flight.fly_until(lambda: flight.finished is not None, 600.0)
+    assert flight.finished.landed_by_us
+
+
+def test_a_leg_that_is_not_clear_any_more_is_held_for_and_flown_around(pretend):
+    flight = cruising(pretend)
+    zone, commanded = box(ahead(flight, 40.0)), len(flight.motions)
+    change(flight, zone)
+    assert isinstance(flight.motions[-1], HoldHere)
+    assert "zones changed: 'new' is new" in flight.said
+    assert boarding(flight) == 0  # it still moves: a fence on board would catch it
+    flight.fly_until(lambda: boarding(flight) == 1, 10.0)
+    assert math.hypot(*flight.velocity) < 0.5
+    flight.give(RobotPose("io", Point(10.0, 10.0), 1.0, "io"))
+    for _ in range(50):
+        flight.step()
+    assert moves(flight, commanded) == []  # nothing flies while the fence is on its way
+    flight.give(PlanRenewed())
+    assert moves(flight, commanded) != []
+    to_the_end(flight)
+    assert clear_of(flight, zone) >= 5.0
+
+
+def test_a_leg_that_stays_clear_is_flown_on(pretend):
+    flight = cruising(pretend)
+    commanded, leg = len(flight.motions), flight.controller.navigator.leg
+    change(flight, box((300.0, 300.0)))
+    flight.step()
+    assert boarding(flight) == 1
+    assert flight.motions[commanded:] == []
+    flight.fly_until(lambda: math.dist(flight.position, leg.to) < 0.5, 60.0)
+    flight.step()
+    assert flight.motions[commanded:] == []  # and waits there
+    flight.give(PlanRenewed())
+    to_the_end(flight)
+
+
+def test_a_vehicle_that_a_zone_is_drawn_over_leaves_it_first(pretend):
+    flight = cruising(pretend)
+    zone = box(flight.position, half_m=8.0)
+    change(flight, zone)
+    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
+    assert clear_of(flight, zone, -1) > 4.0  # its place lies 6.5 m off, and it is near that
+    assert any(text.startswith("leaving no-fly zone 'new'") for text in flight.said)
+    assert math.dist(flight.position, zone.shape.ring[0]) < 30.0  # by the shortest way
+    left = len(flight.track)
+    flight.give(PlanRenewed())
+    to_the_end(flight)
+    assert clear_of(flight, zone, left) >= 5.0
+
+
+def test_somebody_else_s_order_meanwhile_does_not_keep_it_inside(pretend):
+    flight = cruising(pretend)
+    zone = box(flight.position, half_m=8.0)
+    change(flight, zone)
+    flight.step()
+    while not boarding(flight):
+        robot = flight.controller.robot or "io"
+        flight.give(RobotPose(robot, Point(10.0, 10.0), flight.now_s, robot))
+        flight.step()
+        assert flight.now_s < 400.0
+    assert clear_of(flight, zone, -1) > 4.0  # its place lies 6.5 m off, and it is near that
+
+
+def test_waypoints_in_a_zone_are_left_out_and_the_others_flown(pretend):
+    flight = pretend(duration_s=None)
+    timers = dataclasses.replace(flight.mission.timers, init_s=3000.0)
+    flight = pretend(duration_s=None, timers=timers)
+    flight.take_off()
+    flight.fly_until(lambda: flight.controller.exploration.remaining < 36, 300.0)
+    inside = next(w for w in flight.mission.waypoints if w.number == 10)
+    change(flight, box(inside.position))
+    barred = flight.controller.mission.barred
+    assert barred == {10}
+    assert "waypoint 10 left out: no clear way leads there" in flight.said
+    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
+    flight.give(PlanRenewed())
+    flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 3000.0)
+    visited = {m.node for m in flight.motions if isinstance(m, FlyToNode)}
+    assert set(range(1, 40)) - visited == set(barred)
+
+
+def test_on_board_a_waypoint_that_is_left_out_lies_at_home(pennovation):
+    place = pennovation.waypoints[9].position
+    changed = pennovation.with_areas(pennovation.fences, (*pennovation.zones, box(place)))
+    before, after = FlightPlan.of(pennovation), FlightPlan.of(changed)
+    home = after.items[after.item_of(0)]
+    for waypoint in pennovation.waypoints:
+        item = after.items[after.item_of(waypoint.number)]
+        if waypoint.number in changed.barred:
+            assert (item.x_deg_e7, item.y_deg_e7) == (home.x_deg_e7, home.y_deg_e7)
+        else:
+            assert item == before.items[before.item_of(waypoint.number)]
+    assert pennovation.barred == frozenset()
+
+
+def test_a_waypoint_whose_zone_is_taken_away_is_flown_again(pretend):
+    flight = cruising(pretend)
+    last = flight.mission.waypoints[-1]
+    change(flight, box(last.position, half_m=4.0))
+    remaining = flight.controller.exploration.remaining
+    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
+    flight.give(PlanRenewed())
+    change(flight)
+    assert flight.controller.exploration.remaining > remaining
+    assert any(text.endswith("flown again") for text in flight.said)
+
+
+def test_where_no_waypoint_is_left_it_goes_on_seeking(pretend):
+    flight = cruising(pretend, duration_s=400.0)
+    zones = [box(w.position, 3.0, f"over {w.number}") for w in flight.mission.waypoints]
+    change(flight, *zones)
+    flight.fly_until(lambda: boarding(flight) == 1, 100.0)
+    flight.give(PlanRenewed())
+    assert flight.controller.state is State.SEARCH
+    to_the_end(flight)
+
+
+def test_without_the_fence_on_board_it_comes_home_among_the_new_zones(pretend):
+    flight = cruising(pretend)
+    zone = box(ahead(flight, 40.0))
+    change(flight, zone)
+    flight.fly_until(lambda: boarding(flight) == 1, 10.0)
+    flight.give(PlanRenewed("the fence was not taken: TIMEOUT"))
+    assert flight.controller.state is State.HOME
+    assert flight.controller.came_home_why == "the changed fence is not on board"
+    to_the_end(flight)
+    assert clear_of(flight, zone) >= 5.0
+
+
+def test_on_the_ground_it_is_put_on_board_at_once(pretend):
+    flight = pretend(duration_s=200.0)
+    flight.give(flight.telemetry())
+    change(flight, box((90.0, 90.0)))
+    assert boarding(flight) == 1
+    flight.give(PlanRenewed("no"))
+    assert "the changed fence is not on board" in flight.finished.why
+
+
+def test_what_changes_while_a_pilot_has_it_counts_and_goes_on_board_when_it_is_resumed(pretend):
+    flight = cruising(pretend)
+    flight.pilot_chooses(FlightMode.HOLD)
+    flight.fly_until(lambda: math.hypot(*flight.velocity) < 0.1, 10.0)
+    commanded = len(flight.motions)
+    change(flight, box((flight.position[0] + 40.0, flight.position[1])))
+    for _ in range(20):
+        flight.step()
+    assert (boarding(flight), flight.motions[commanded:]) == (0, [])
+    flight.give(GoOn())
+    flight.step()
+    assert (boarding(flight), flight.motions[commanded:]) == (1, [])
+    flight.give(PlanRenewed())
+    to_the_end(flight)
+
+
+def test_who_may_ask_for_it_when(pretend):
+    flight = cruising(pretend)
+
+    def answer():
+        flight.give(Reload())
+        return next(a for a in reversed(flight.actions) if isinstance(a, Answered))
+
+    assert answer().accepted
+    assert sum(isinstance(a, ReadAgain) for a in flight.actions) == 1
+    change(flight, box((300.0, 300.0)))
+    flight.step()
+    assert boarding(flight) == 1
+    assert answer().code == "busy"
+    change(flight, box((310.0, 310.0)))
+    assert "zones not changed" in flight.said[-1]
+    flight.give(PlanRenewed())
+    flight.give(PlanRenewed())  # of nobody
+    to_the_end(flight)
+    assert answer().code == "flight-over"
+
+
+@pytest.mark.parametrize("asked_for", [False, True])
+def test_whom_it_goes_on_to_seek_it_still_yields_unless_somebody_asked_for_it(pretend, asked_for):
+    flight = pretend(explore=False, name="titan", duration_s=2000.0)
+    flight.take_off()
+    if asked_for:
+        flight.operator_asks(SeekNow("callisto"))
+    assert flight.controller.robot == "callisto"
+    east_m, north_m = flight.position
+    change(flight, box((east_m, north_m), half_m=1.0, name="above"))
+    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
+    flight.give(PlanRenewed())
+    assert (flight.controller.state, flight.controller.robot) == (State.SEARCH, "callisto")
+    flight.give(RobotSought("atlas", "callisto", 1.0))
+    assert flight.controller.robot == ("callisto" if asked_for else "europa")
+
+
+def test_a_router_that_was_made_elsewhere_decides_nothing_else(pretend):
+    said = []
+    for prepared in (False, True):
+        flight = cruising(pretend)
+        zone = box(ahead(flight, 40.0))
+        if prepared:
+            changed = flight.mission.with_areas(
+                flight.mission.fences, (*flight.mission.zones, zone)
+            )
+            flight.controller.prepare(Router(WaypointGraph(changed)))
+        change(flight, zone)
+        flight.fly_until(lambda flight=flight: boarding(flight) == 1, 10.0)
+        flight.give(PlanRenewed())
+        to_the_end(flight)
+        said.append(flight.actions)
+    assert said[0] == said[1]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_wherever_zones_appear_what_has_been_left_is_not_entered_again(pretend, seed):
+    chance = random.Random(seed)
+    flight = pretend(
+        duration_s=240.0, timers=dataclasses.replace(pretend().mission.timers, init_s=30)
+    )
+    flight.take_off()
+    zones, outside_since, due = [], {}, None
+    while flight.finished is None:
+        flight.step()
+        assert flight.now_s < 900.0, (flight.controller.state, flight.said[-3:])
+        flying = flight.in_air and flight.controller.in_charge
+        if flying and len(zones) < 3 and due is None and chance.random() < 0.004:
+            place = [p + chance.uniform(-40.0, 40.0) for p in flight.position]
+            zone = box(place, chance.uniform(3.0, 15.0), f"new {len(zones)}")
+            if math.dist(place, flight.mission.home) > 40.0:
+                zones.append(zone)
+                change(flight, *zones)
+                due = flight.now_s + chance.uniform(0.5, 5.0)
+        if boarding(flight) and due is not None and flight.now_s > due:
+            flight.give(PlanRenewed())
+            due = None if flight.controller._crew.renewal.phase is None else due
+        for zone in zones:
+            far_m = Airspace(None, [zone], 0.0).distance_m(flight.position)
+            if far_m >= 5.0:
+                outside_since.setdefault(zone.name, flight.now_s)
+            if zone.name in outside_since:
+                began_s = outside_since[zone.name]
+                assert far_m > 0.0, (zone.name, began_s, flight.now_s)
+    assert zones
+    assert flight.controller.state is State.DONE
+    assert any(isinstance(m, FlyToPoint | FlyToNode) for m in flight.motions)
+
+
+def test_a_second_change_while_it_leaves_a_zone_is_no_breach_of_the_first(pretend):
+    flight = cruising(pretend)
+    zone = box(flight.position, half_m=8.0)
+    change(flight, zone)
+    flight.step()
+    change(flight, zone, box((300.0, 300.0), name="another"))
+    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
+    flight.give(PlanRenewed())
+    to_the_end(flight)
+
+
+def test_it_leaves_a_zone_also_where_others_are_nearer_than_allowed(pretend):
+    flight = cruising(pretend)
+    flight.give(HoldNow())
+    flight.fly_until(lambda: math.hypot(*flight.velocity) < 0.01, 10.0)
+    (east_m, north_m), before = flight.position, len(flight.track)
+    zone = box((east_m, north_m - 4.5), half_m=9.0)
+    other = box((east_m - 11.0, north_m), half_m=10.0, name="another")
+    change(flight, zone, other)
+    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
+    assert clear_of(flight, zone, -1) > 4.0
+    assert clear_of(flight, other, before) > 0.95
+    flight.give(PlanRenewed())
+    flight.give(GoOn())
+    to_the_end(flight)
+
+
+def on_a_long_leg(pretend):
+    flight = pretend(duration_s=200.0)
+    flight.take_off()
+    flight.fly_until(lambda: 40.0 < math.dist(flight.position, flight.target) < 45.0)
+    return flight
+
+
+def test_a_hold_that_is_lost_while_zones_change_is_said_again_before_all_else(pretend):
+    flight = on_a_long_leg(pretend)
+    zone = box(ahead(flight, 28.0), half_m=2.0)
+    flight.deaf = True
+    change(flight, zone)
+    for _ in range(10):
+        flight.step()
+    assert boarding(flight) == 0
+    flight.deaf = False
+    flight.fly_until(lambda: boarding(flight) == 1, 20.0)
+    assert math.hypot(*flight.velocity) < 0.5
+    flight.give(PlanRenewed())
+    to_the_end(flight)
+    assert clear_of(flight, zone) >= 5.0
+
+
+def test_a_zone_that_it_flies_into_because_the_hold_was_lost_is_left(pretend):
+    flight = on_a_long_leg(pretend)
+    zone = box(ahead(flight, 22.0), half_m=6.0)
+    flight.deaf = True
+    change(flight, zone)
+    flight.fly_until(lambda: clear_of(flight, zone, -1) < -3.0, 20.0)
+    flight.deaf = False
+    flight.fly_until(lambda: boarding(flight) == 1, 30.0)
+    assert any(text.startswith("leaving no-fly zone 'new'") for text in flight.said)
+    left = len(flight.track)
+    flight.give(PlanRenewed())
+    to_the_end(flight)
+    assert clear_of(flight, zone, left) >= 4.0
+
+
+def test_a_leg_that_is_flown_on_because_a_stop_was_lost_counts_as_under_way(pretend):
+    flight = on_a_long_leg(pretend)
+    flight.deaf = True
+    flight.give(HoldNow())
+    flight.deaf = False
+    zone = box(ahead(flight, 25.0), half_m=2.0)
+    change(flight, zone)
+    flight.fly_until(lambda: boarding(flight) == 1, 20.0)
+    assert clear_of(flight, zone) >= 5.0
+    assert math.hypot(*flight.velocity) < 0.5
+
+
+def test_the_way_out_of_a_zone_is_told_again_if_it_was_lost(pretend):
+    flight = cruising(pretend)
+    flight.deaf = True
+    change(flight, box(flight.position, half_m=8.0))
+    for _ in range(10):
+        flight.step()
+    flight.deaf = False
+    flight.fly_until(lambda: boarding(flight) == 1, 20.0)
+
+
+def test_without_the_fence_on_board_no_item_of_the_plan_is_flown_to(pretend):
+    flight = cruising(pretend)
+    change(flight, box(ahead(flight, 40.0)))
+    flight.fly_until(lambda: boarding(flight) == 1, 10.0)
+    commanded = len(flight.motions)
+    flight.give(PlanRenewed("no; and the one before is not back"))
+    to_the_end(flight)
+    assert not any(isinstance(m, FlyToNode) for m in flight.motions[commanded:])
+
+
+def test_the_battery_is_looked_at_while_zones_change(pretend):
+    flight = on_a_long_leg(pretend)
+    change(flight, box((300.0, 300.0)))
+    flight.step()
+    assert boarding(flight) == 1
+    flight.battery = flight.mission.battery_reserve
+    commanded = len(flight.motions)
+    flight.step()
+    assert flight.controller.state is State.HOME
+    assert any(text.startswith("coming home: battery at") for text in flight.said)
+    for _ in range(100):
+        flight.step()
+    assert [type(m) for m in flight.motions[commanded:]] == [HoldHere]  # it waits where it is
+    flight.give(PlanRenewed())
+    to_the_end(flight)
+
+
+def test_the_battery_is_looked_at_while_it_leaves_a_zone(pretend):
+    flight = cruising(pretend)
+    zone = box(flight.position, half_m=8.0)
+    flight.battery = flight.mission.battery_reserve
+    change(flight, zone)
+    flight.fly_until(lambda: boarding(flight) == 1, 60.0)
+    assert flight.controller.state is State.HOME
+    assert clear_of(flight, zone, -1) > 4.0
+    flight.give(PlanRenewed("no"))  # home all the same
+    to_the_end(flight)
+
+
+def test_a_change_that_comes_just_before_hands_off_is_kept_and_said(pretend):
+    flight = cruising(pretend)
+    flight.deaf = True
+    flight.give(Reload())
+    flight.give(PlanReplaced(flight.now_s, only_fence=True))
+    assert flight.controller.state is State.INIT  # it is told to hold first
+    commanded = len(flight.motions)
+    change(flight, box(ahead(flight, 60.0)))
+    assert "'new' is new; they go on board when the mission is resumed" in flight.said[-1]
+    assert "new" in {zone.name for zone in flight.controller.mission.zones}
+    assert (boarding(flight), flight.motions[commanded:]) == (0, [])
+    flight.deaf = False
+    flight.fly_to_state(State.PASSIVE, 5.0)
+    assert boarding(flight) == 0
+
+
+def test_a_change_that_comes_after_the_landing_is_said_to_be_none(pretend):
+    flight = cruising(pretend)
+    flight.give(Reload())
+    to_the_end(flight)
+    change(flight, box((300.0, 300.0)))
+    assert flight.said[-1] == "zones not changed: the flight is over"
+
+
+def test_a_fence_that_did_not_get_on_board_while_a_pilot_flew_is_tried_again(pretend):
+    flight = cruising(pretend)
+    change(flight, box((300.0, 300.0)))
+    flight.step()
+    flight.pilot_chooses(FlightMode.HOLD)
+    assert flight.controller.state is State.PASSIVE
+    flight.give(PlanRenewed("somebody else uploads"))
+    flight.fly_until(lambda: math.hypot(*flight.velocity) < 0.1, 10.0)
+    assert boarding(flight) == 1
+    flight.give(GoOn())
+    flight.step()
+    assert boarding(flight) == 2
+    flight.give(PlanRenewed())
+    to_the_end(flight)
+
+
+def walls(centre, half_m=16.0, thick_m=3.0):
+    """Four zones around a place, as somebody would draw them one after the other."""
+    (east_m, north_m), far_m = centre, half_m + thick_m
+    sides = {
+        "north": (-far_m, half_m, far_m, far_m),
+        "south": (-far_m, -far_m, far_m, -half_m),
+        "east": (half_m, -far_m, far_m, far_m),
+        "west": (-far_m, -far_m, -half_m, far_m),
+    }
+    for name, (west, south, east, north) in sides.items():
+        corners = ((west, south), (east, south), (east, north), (west, north))
+        yield Zone(name, tuple(Point(east_m + e, north_m + n) for e, n in corners))
+
+
+def walled_in(pretend, **changes):
+    flight = cruising(pretend, **{"duration_s": None, **changes})
+    flight.give(HoldNow())
+    flight.fly_until(lambda: math.hypot(*flight.velocity) < 0.01, 10.0)
+    drawn = []
+    for zone in walls(flight.position):
+        drawn.append(zone)
+        change(flight, *drawn)
+        flight.fly_until(lambda: flight.controller._crew.renewal.phase is Phase.BOARDING, 10.0)
+        flight.give(PlanRenewed())
+        flight.step()
+        if flight.controller.walled_in:  # what the mission has beside it is a wall too
+            return flight, drawn
+    raise AssertionError(drawn)
+
+
+def told_walled_in(flight):
+    return [text for text in flight.said if text.startswith("walled in")]
+
+
+def test_walled_in_by_several_reloads_it_says_so_at_once_and_now_and_then(pretend):
+    flight, drawn = walled_in(pretend)
+    (told,) = told_walled_in(flight)
+    assert f"'{drawn[-1].name}'" in told
+    assert "take a zone away and reload" in told
+    flight.fly_until(lambda: len(told_walled_in(flight)) == 3, 70.0)
+    assert flight.controller.state is State.HOLD
+
+
+def test_walled_in_at_its_reserve_it_hovers_and_says_what_will_happen(pretend):
+    flight, _ = walled_in(pretend)
+    commanded = len(flight.motions)
+    flight.battery = flight.mission.battery_reserve
+    flight.step()
+    assert flight.controller.state is State.HOME
+    flight.step()
+    assert "it should come home and cannot" in told_walled_in(flight)[-1]
+    assert "autopilot's battery failsafe" in told_walled_in(flight)[-1]
+    for _ in range(600):
+        flight.step()
+    assert moves(flight, commanded) == []
+    assert len(told_walled_in(flight)) == 3  # every half minute, and once for its reserve
+    flight.failsafe = True  # the autopilot acts: it is left to it
+    flight.step()
+    assert flight.controller.state is State.PASSIVE
+
+
+def test_walled_in_it_comes_home_once_a_zone_is_taken_away(pretend):
+    flight, (*rest, _) = walled_in(pretend)
+    flight.battery, before = flight.mission.battery_reserve, boarding(flight)
+    flight.step()
+    change(flight, *rest)
+    since = len(flight.track)
+    flight.step()
+    assert flight.said.count("a clear way leads home again") == 1
+    assert not flight.controller.walled_in
+    flight.fly_until(lambda: boarding(flight) == before + 1, 10.0)
+    flight.give(PlanRenewed())
+    to_the_end(flight)
+    assert min(clear_of(flight, zone, since) for zone in rest) >= 5.0
+
+
+def test_walled_in_it_goes_on_with_what_it_can_do_inside(pretend):
+    flight, drawn = walled_in(pretend)
+    flight.give(GoOn())
+    since = len(flight.track)
+    for _ in range(1200):
+        flight.step()
+    assert told_walled_in(flight)
+    assert min(clear_of(flight, zone, since) for zone in drawn) >= 5.0

@@ -1,0 +1,375 @@
+"""Every command and snippet of README and docs is run, loaded or parsed; none is passed over.
+
+`make docs-test` runs what takes longer: the tutorial with its flight (walk_tutorial.py), and what
+else flies or serves (walk_commands.py).
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import re
+import shutil
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+
+import air_router.cli
+import mocha_link.cli
+import sitl.cli
+from air_router.command_line import _with_places
+from air_router.mission import load_mission
+from air_router.report import COLUMNS
+from air_router.wish import parse, wish_of
+from mocha_link.document import Document
+from mocha_link.team import Team
+from sitl.experiment.channel_trace import read_trace
+from sitl.experiment.plan_file import load_experiment
+from sitl.experiment.settings import TraceModel
+from tests.docs.blocks import PAGES, PROGRAMS, ROOT, blocks, simple_commands
+
+ALL = {block.name: block for block in blocks()}
+MODULES = dict(zip(PROGRAMS, (air_router.cli, mocha_link.cli, sitl.cli), strict=True))
+TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+
+RUN_BY = {  # snippets that need something around them: the test that runs each
+    "README.md python 1": "test_readme.py::test_the_snippet_runs",
+    "bridges.md python 1": "mocha_link/bridges/test_docs.py::test_the_program",
+    "control.md python 1": "air_router/test_control.py::test_what_the_docs_show_is_done",
+    "coverage.md python 1": "air_router/test_docs_routes.py::test_the_snippet_runs",
+    "embedding.md python 1": "mocha_link/test_docs_embedding.py::test_the_planner_meets_everybody",
+    "embedding.md python 2": (
+        "mocha_link/test_docs_embedding.py::test_the_reader_needs_nothing_of_ours"
+    ),
+    "mission-file.md yaml": (
+        "air_router/test_mission_file.py::"
+        "test_the_documented_examples_load_and_the_table_has_every_key"
+    ),
+    "radios.md text 1": "mocha_link/test_docs_embedding.py::test_the_reports_are_reports",
+    "radios.md yaml 1": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
+    "radios.md 2": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
+    "records.md 1": "air_router/test_replay.py::test_the_snippet_of_the_docs_runs",
+    "ros.md python 1": "mocha_link/bridges/test_docs.py::test_values",
+    "state-machine.md mermaid": (
+        "air_router/test_behaviour.py::test_the_diagram_in_the_docs_is_the_one_drawn_from_the_table"
+    ),
+    "team-file.md yaml": "mocha_link/test_docs.py::test_the_examples_are_teams",
+}
+NO_SNIPPET = {  # pictures, formulas and what programs print
+    "architecture.md 1": "who imports whom; tests/test_house.py sees to it",
+    "coverage.md 2": "printed by the command above it, shortened",
+    "errors.md 1": "printed; every code: tests/test_errors.py",
+    "embedding.md 2": "PromQL; its metrics: tests/mocha_link/test_prometheus.py",
+    "mission-file.md 2": "printed; its codes: below",
+    "seeking.md 1": "a formula",
+    "sync-protocol.md 1": "who sends what when",
+    "terminal.md 1": "what is printed; its parts: air_router/test_status.py",
+    "terminal.md 2": "what is printed; its columns: below",
+    "world-file.md 2": "printed by `sitl team`, shortened",
+    "control.md cpp 1": "needs a compiler and cppzmq; its request: below",
+}
+FOREIGN = {  # first words of commands that are not ours
+    "roscore": "ROS 1",
+    "roslaunch": "ROS 1",
+    "rostopic": "ROS 1",
+    "MOCHA_WORKSPACE=CATKIN_WS": "needs ROS 1; starts tests/system/test_live_original.py",
+    "while": "a shell loop with a radio's own program",
+    "do": "",
+    "done": "",
+    "sleep": "",
+    "echo": "",
+    "java": "Rajant's program",
+    "ncat": "",
+    "radio:": "a line of a team file (radios.md)",
+    "source": "",
+    "cp": "",
+    "PX4_HOME_LAT=39.9421523": "PX4's own build",
+    ".": "a virtual environment's own script",
+    "sed": "run by walk_tutorial.py",
+    "gdal_translate": "GDAL makes MBTiles (editing.md)",
+    "gdaladdo": "",
+    "sqlite3": "",
+}
+RUN_IN = ("check", "plan", "convert", "cover", "keys", "import", "town", "completion")
+RUN_ALREADY = {"coverage.md", "coming-home.md", "README.md", "tutorial.md"}  # by tests of their own
+
+
+def elsewhere(block):
+    return {block.name, block.name.rpartition(" ")[0]} & {*RUN_BY, *NO_SNIPPET}
+
+
+def command_blocks():
+    return [
+        b for b in ALL.values() if b.commands and not {b.name, b.name[:-2]} & {*RUN_BY, *NO_SNIPPET}
+    ]
+
+
+def test_who_runs_a_snippet_exists():
+    for name, test in RUN_BY.items():
+        assert any(block in {name, f"{name} 1"} for block in ALL), name
+        file, _, function = test.partition("::")
+        source = (ROOT / "tests" / file).read_text(encoding="utf-8")
+        assert f"def {function}(" in source, test
+        assert name.split(".md")[0] in source.replace("README", "README.md"), test
+    assert NO_SNIPPET.keys() <= ALL.keys()
+
+
+def test_no_snippet_is_passed_over():
+    loaded = {"yaml", "json", "csv", "python", "sh", "ini", ""}
+    for block in ALL.values():
+        assert elsewhere(block) or block.language in loaded, (
+            f"{block.page}:{block.line}: who checks this?"
+        )
+
+
+def shape(words):
+    """A usage line as a command: brackets and what is in them taken away."""
+    return [word for word in words if not word.startswith("[")]
+
+
+@pytest.mark.parametrize("block", command_blocks(), ids=lambda block: block.name)
+def test_every_command_line_can_be_parsed(block):
+    if block.name == "world-file.md 1":  # a usage line: all that it says is there
+        said = parser_of("sitl").format_help() + help_of("sitl team")
+        assert all(option in said for option in re.findall(r"--[a-z-]+", block.text))
+        return
+    parsed = 0
+    for line in block.commands:
+        if line.startswith(("home ", "rally ", "PX4 return ")):
+            continue  # coming-home.md: what the command above prints
+        if line.startswith("{"):
+            json.loads(line if line.endswith("}") else block.text.partition("\n\n")[2])
+            parsed += 1
+            continue
+        if line.startswith('"points"'):
+            continue
+        line = re.sub(r"\[[^\]]*\]", "", line)  # noqa: PLW2901 - what may be left out
+        line = re.sub(r"<\((.*?)\)", r"; \1", line)  # noqa: PLW2901
+        for words in simple_commands(line):
+            check(words, f"{block.page}:{block.line}: {line}")
+            parsed += 1
+    assert parsed
+
+
+@functools.cache
+def parser_of(program):
+    return MODULES[program].parser()
+
+
+def check(words, where):
+    """That a command is one."""
+    first, *rest = words
+    first = first.rpartition("/")[2] or first
+    if first in PROGRAMS:
+        try:
+            parser_of(first).parse_args(_with_places(rest))
+        except SystemExit as end:
+            if end.code:
+                pytest.fail(where)
+    elif first == "make":
+        assert {word for word in rest if "=" not in word} <= TARGETS, where
+        for word in rest:
+            if word.startswith("REHEARSE="):
+                check(["sitl", "rehearse", "MISSION", *word.partition("=")[2].split()], where)
+    elif first in {"python", "python3"} and rest[0] == "-m":
+        assert list(ROOT.glob(rest[1].replace(".", "/") + "*")) or rest[1] == "venv", where
+    elif first == "python" and rest[0].endswith(".py"):
+        page = Path(where.partition(":")[0]).read_text(encoding="utf-8")
+        assert f"Save it as `{rest[0]}`" in page, where
+    elif first == "pip":
+        asked = {e for extra in re.findall(r"\[([a-z0-9,]+)\]", where) for e in extra.split(",")}
+        assert asked <= EXTRAS.keys(), where
+    else:
+        assert first in FOREIGN, f"{where}: no command of ours, and not in FOREIGN"
+
+
+@functools.cache
+def help_of(command):
+    program, *names = command.split()
+    parser = parser_of(program)
+    for name in names:
+        parser = next(a for a in parser._actions if hasattr(a, "_name_parser_map")).choices[name]
+    return parser.format_help()
+
+
+def test_commands_named_in_the_text_exist():
+    """`air-router sim --speed 10` within a sentence or a table: command and options."""
+    for page in PAGES:
+        text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+        for span in re.findall(r"`([^`\n]+)`", text):
+            words = span.split()
+            if words[0] not in PROGRAMS or len(words) < 2 or not re.fullmatch(r"[a-z]+", words[1]):
+                continue
+            if words[1] in {"udp", "message"}:  # what is signed (security.md), no command
+                continue
+            try:
+                said = help_of(" ".join(words[:2]))
+            except KeyError:
+                pytest.fail(f"{page.name}: `{span}`: no such command")
+            if words[1] == "bridge":
+                said += "".join(help_of(f"mocha-link bridge {b}") for b in ("zmq", "ros1", "ros2"))
+            for option in re.findall(r"(?<=\s)--[a-z0-9-]+", span):
+                assert re.search(rf"(?m)^\s+(-\w.*)?{option}\b", said), f"{page.name}: `{span}`"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with the files that examples name."""
+    folder = tmp_path_factory.mktemp("docs")
+    shutil.copytree(ROOT / "missions", folder / "missions", ignore=lambda *_: {"large"})
+    files = ROOT / "tests" / "data" / "files"
+    pennovation = ROOT / "missions" / "pennovation"
+    shutil.copy(ROOT / "tests" / "data" / "pennovation.plan", folder / "town.plan")
+    shutil.copy(files / "geozones_ed269.json", folder / "geozones.json")
+    for name in ("mission.yaml", "team.yaml", "world.yaml"):
+        shutil.copy(pennovation / name, folder / name)
+    for name in ("robot_configs", "topic_configs"):
+        shutil.copy(ROOT / "tests/data/mocha/upstream" / f"{name}.yaml", folder)
+    radios = {
+        r["using-radio"]: {"MAC-address": [f"00:00:00:00:00:{n:02x}"]}
+        for n, r in enumerate(yaml.safe_load((folder / "robot_configs.yaml").read_text()).values())
+    }
+    (folder / "radio_configs.yaml").write_text(yaml.safe_dump(radios))
+    (folder / "urban_sim.sim.yaml").write_text(
+        '{"geoFence": {"polygons": [\n'
+        '{"inclusion": true, "polygon": [[150, 80], [-190, 80], [-190, -140], [150, -140],],},\n'
+        '{"inclusion": false, "polygon": [[0, -7], [30, -7], [30, -43]]}]},\n'
+        '"waypoints": {2: [-10.0, 0.0, 60], 3: [60.0, 0.0, 50]}}\n'
+    )
+    return folder
+
+
+RUN = [
+    (block, line)
+    for block in command_blocks()
+    if block.page.name not in RUN_ALREADY
+    for line in block.commands
+    if line.split()[0] in PROGRAMS and line.split()[1] in RUN_IN and " | " not in line
+]
+
+
+@pytest.mark.parametrize(("block", "line"), RUN, ids=[line for _, line in RUN])
+def test_the_fast_ones_run(block, line, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    (words,) = simple_commands(line)
+    for option in ("-o", "--out"):  # a second example may write the same file
+        if option in words and words[1] != "town":
+            Path(words[words.index(option) + 1]).unlink(missing_ok=True)
+    assert MODULES[words[0]].main(words[1:]) == 0, capsys.readouterr().err
+
+
+SHORTEST = ALL["mission-file.md yaml 1"].text
+TOWN = "coordinates: local\nframe: {origin: [38.5, -98.5]}\nwaypoints: [[50, 50]]\n"
+
+
+@pytest.mark.parametrize("line", range(3))
+def test_seeking(line, tmp_path):
+    said = ALL["seeking.md yaml 1"].text.splitlines()[line]
+    team = f"team: {ROOT / 'missions/pennovation/team.yaml'}\nuav: titan\n"
+    (tmp_path / "mission.yaml").write_text(f"{SHORTEST}{team}{said}\n")
+    mission = load_mission(tmp_path / "mission.yaml")
+    assert mission.seek_policy == ("rendezvous", "freshest", "round_robin")[line]
+
+
+def test_several(tmp_path):
+    said = ALL["several-vehicles.md yaml 1"].text
+    (tmp_path / "mission.yaml").write_text(f"{said}{TOWN}fence: null\nno_fly_zones: []\n")
+    mission = load_mission(tmp_path / "mission.yaml")
+    assert [layer.uav for layer in mission.layers] == ["titan", "atlas"]
+
+
+def test_zone_files(folder):
+    shutil.copy(ROOT / "tests/data/files/zones.kml", folder / "site.kml")
+    (folder / "filed.yaml").write_text(SHORTEST + ALL["files.md yaml 1"].text)
+    load_mission(folder / "filed.yaml")
+
+
+def test_goals_by_gossip(tmp_path):
+    team = Document.load(ROOT / "missions" / "pennovation" / "team.yaml").data
+    added = yaml.safe_load(ALL["control.md yaml 2"].text)["kinds"]
+    team["kinds"] |= {"base_station": added["base_station"]}
+    team["kinds"]["aerial_robot"]["topics"] += added["aerial_robot"]["topics"]
+    team["robots"]["basestation"] = {
+        "kind": "base_station",
+        "address": "10.0.0.9",
+        "base_port": 25000,
+        "clients": ["titan"],
+    }
+    team["robots"]["titan"]["clients"].append("basestation")
+    (tmp_path / "team.yaml").write_text(yaml.safe_dump(team))
+    assert "/goals" in {t.name for t in Team.load(tmp_path / "team.yaml").topics_of("basestation")}
+    mission = f"{SHORTEST}team: team.yaml\nuav: titan\n{ALL['control.md yaml 1'].text}"
+    (tmp_path / "mission.yaml").write_text(mission)
+    assert load_mission(tmp_path / "mission.yaml").goals_from == ("basestation",)
+
+
+def test_the_request_in_other_languages():
+    (text,) = re.findall(r'R"\((.*?)\)"', ALL["control.md cpp 1"].text)
+    assert wish_of(parse([text.encode()])).request == "seek"
+
+
+def test_an_experiment(tmp_path):
+    (tmp_path / "mine.yaml").write_text(ALL["experiments.md yaml 1"].text)
+    experiment, _ = load_experiment(str(tmp_path / "mine.yaml"))
+    assert len(experiment.rows) == 4
+
+
+def test_a_trace(tmp_path):
+    (tmp_path / "trace.csv").write_text(ALL["experiment-engine.md csv 1"].text)
+    model = TraceModel(path=tmp_path / "trace.csv")
+    assert len(read_trace(model, ["base", "uav01", "ugv01"])) == 2
+
+
+def test_a_route(monkeypatch, capsys):
+    monkeypatch.chdir(ROOT)
+    exec(compile(ALL["routes.md python 1"].text, "routes.md", "exec"), {})  # noqa: S102 - our own
+    length_m, _, legs = capsys.readouterr().out.partition(" ")
+    assert float(length_m) > 0
+    assert "Point(" in legs
+
+
+def test_what_check_prints_of_the_way_home(folder, capsys):
+    printed = ALL["coming-home.md 1"].text.partition("\n\n")[2]
+    mission = folder / "missions" / "pennovation" / "mission.yaml"
+    mission.write_text(mission.read_text().replace("# endurance_s: 1800", "endurance_s: 1200"))
+    assert air_router.cli.main(["check", str(mission)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    for line in printed.splitlines():
+        assert " ".join(line.removesuffix("...").split()) in said
+
+
+def test_the_columns_at_the_end():
+    """docs/terminal.md shows the table that a flight ends with."""
+    heads = ALL["terminal.md 2"].text.splitlines()[0]
+    assert re.split(r"  +", heads.strip()) == [head for head, _ in COLUMNS]
+
+
+def test_printed_problems_have_codes():
+    known = (ROOT / "docs" / "errors.md").read_text(encoding="utf-8")
+    for name in ("errors.md 1", "mission-file.md 2"):
+        for code in re.findall(r"\[([a-z-]+)\]$", ALL[name].text, re.MULTILINE):
+            assert f"`{code}`" in known
+
+
+def test_every_link_leads_somewhere():
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for link, _, anchor in re.findall(r"\]\(([^)#\s]*)(#([^)]*))?\)", text):
+            if link.startswith("http"):
+                continue
+            target = (page.parent / link) if link else page
+            assert target.exists(), f"{page.name}: {link}"
+            if anchor:
+                heads = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE)
+                slugs = {re.sub(r"[^\w -]", "", head).lower().replace(" ", "-") for head in heads}
+                assert anchor in slugs, f"{page.name}: {link}#{anchor}"
+
+
+def test_the_index_has_every_page_once():
+    text = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    linked = re.findall(r"\]\(([a-z0-9-]+\.md)\)", text)
+    pages = {page.name for page in PAGES} - {"README.md", "index.md"}
+    assert sorted(linked) == sorted(pages)

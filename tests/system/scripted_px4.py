@@ -1,0 +1,111 @@
+"""A PX4 that does and answers what a test says, over UDP; and writes down what it is told."""
+
+import contextlib
+import socket
+import threading
+
+from pymavlink.dialects.v20 import common as mavlink
+
+TURN_S = 0.05
+COPTER, PX4 = 2, 12
+CUSTOM_MODE, ARMED = 1, 128
+GROUND, AIR = 1, 2
+POSITION, HOLD, MISSION, LAND = 3 << 16, 0x03040000, 0x04040000, 0x06040000
+LAND_NOW, SET_MODE, CHANGE_SPEED, REPOSITION = 21, 176, 178, 192
+US = (1, 191)
+
+
+class ScriptedPx4:
+    """Sends the same state again and again, as a PX4 does.
+
+    Args:
+        port: Where it sends to.
+        place: Latitude and longitude in degrees.
+        script: Called with it and every order, on its thread.
+
+    Attributes:
+        orders: What moves it or changes its mode, in order.
+        heartbeats: How many it has sent.
+        told: What a heartbeat says and in how many orders from before it was told.
+    """
+
+    def __init__(self, port, place, script):
+        self._to = ("127.0.0.1", port)
+        self._place = tuple(round(degrees * 1e7) for degrees in place)
+        self._script = script
+        self.mode, self.armed, self.landed = MISSION, True, AIR
+        self.item, self.target = 3, None
+        self.talks = True
+        self.orders = []
+        self.heartbeats = 0
+        self._link = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.settimeout(TURN_S)
+        self._stop = threading.Event()
+        self._news = threading.Condition()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def close(self):
+        self._stop.set()
+        self._thread.join()
+        self._socket.close()
+
+    def commands(self):
+        """Name and number of what it was told."""
+        return [(order.get_type(), getattr(order, "command", None)) for order in self.orders]
+
+    def acknowledge(self, order, result, to=US):
+        self.say("command_ack", order.command, result, 0, 0, *to)
+
+    def say(self, name, *fields):
+        message = getattr(self._link, f"{name}_encode")(*fields)
+        self._socket.sendto(message.pack(self._link), self._to)
+
+    def wait_for_heartbeats(self, number, limit_s=60.0):
+        """So many more."""
+        with self._news:
+            end = self.heartbeats + number
+            assert self._news.wait_for(lambda: self.heartbeats >= end, limit_s)
+
+    def _run(self):
+        parser = mavlink.MAVLink(None)
+        parser.robust_parsing = True
+        while not self._stop.is_set():
+            self._tell()
+            with contextlib.suppress(TimeoutError):
+                for message in parser.parse_buffer(self._socket.recv(65536)) or ():
+                    self._take(message)
+
+    def _take(self, message):
+        match message.get_type():
+            case "COMMAND_LONG" if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
+                self.acknowledge(message, 0)
+                if message.param1 == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
+                    zeros = bytes(8)
+                    version = (1 << 24) | (17 << 16)
+                    self.say("autopilot_version", 0, version, 0, 0, 0, zeros, zeros, zeros, 0, 0, 1)
+            case "COMMAND_LONG" if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+                self.acknowledge(message, 0)
+            case "COMMAND_LONG" | "COMMAND_INT" | "MISSION_SET_CURRENT":
+                self.orders.append(message)
+                self._script(self, message)
+
+    def _tell(self):
+        latitude, longitude = self._place
+        self.say("global_position_int", 1000, latitude, longitude, 40000, 30000, 0, 0, 0, 0)
+        if not self.talks:
+            return
+        self.say("extended_sys_state", 0, self.landed)
+        self.say("home_position", latitude, longitude, 10000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+        self.say("mission_current", self.item, 12, 2, 1)
+        if self.target is not None:
+            latitude, longitude = (round(degrees * 1e7) for degrees in self.target)
+            zeros = (0.0,) * 8
+            self.say("position_target_global_int", 0, 5, 0, latitude, longitude, 40.0, *zeros)
+        base_mode = CUSTOM_MODE | (ARMED if self.armed else 0)
+        self.say("heartbeat", COPTER, PX4, base_mode, self.mode, 4)
+        with self._news:
+            self.heartbeats += 1
+            self._news.notify_all()

@@ -1,0 +1,87 @@
+"""The report of a flight in a real browser: light, dark, on a phone; it asks for nothing.
+
+With DOCS_IMAGES=docs/images in the environment, and REPORT naming a report, its picture is taken.
+"""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from air_router.actions import StateChanged
+from air_router.behaviour import Signal, State
+from air_router.flight_report.page import page_of
+from air_router.flight_report.story import story_of
+from air_router.flight_setup import FlightSetup
+from air_router.log import Entry, Note
+from air_router.mission import load_mission
+from air_router.vehicle import Telemetry
+from geo.frame import Point
+from mocha_link.link_events import Direction, SyncEnded
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+if CHROMIUM is None:
+    pytest.skip("no Chromium: apt-get install chromium to test the pages", allow_module_level=True)
+sync_api = pytest.importorskip("playwright.sync_api")
+
+ROOT = Path(__file__).parents[2]
+MISSION = ROOT / "missions" / "pennovation" / "mission.yaml"
+OPTIONS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
+
+
+def entries():
+    yield Entry(0.0, "setup", FlightSetup(load_mission(MISSION), ("io",), name="titan"))
+    yield Entry(0.0, "action", StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None))
+    for t in range(100):
+        place = Point(0.4 * t, 0.0)
+        told = Telemetry(float(t), place, 40.0, armed=True, in_air=True, battery=1 - t / 200)
+        yield Entry(t, "event", told)
+        yield Entry(t, "event", SyncEnded("io", 1.7e9 + t, Direction.OUT, 1, 1000 * t, 0.1))
+        yield Entry(t, "note", Note("Map", {"known_cells": 10 * t}))
+
+
+@pytest.fixture
+def report(tmp_path):
+    if "REPORT" in os.environ:
+        return Path(os.environ["REPORT"])
+    story = story_of(entries())
+    story.end("it was cut off")
+    page = tmp_path / "report.html"
+    page.write_text(page_of(story, "flight.mcap"), encoding="utf-8")
+    return page
+
+
+def test_the_report_fits_every_screen_and_asks_for_nothing(report):
+    asked, faults = [], []
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+        page = browser.new_page()
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("console", lambda said: faults.append(said.text))
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.goto(report.as_uri())
+        papers = set()
+        for width, shown, scheme in ((1200, "wide", "light"), (390, "narrow", "dark")):
+            page.set_viewport_size({"width": width, "height": 860})
+            page.emulate_media(color_scheme=scheme)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            pictures = page.locator("#timeline svg:visible")
+            assert pictures.count() == 1
+            assert shown in pictures.first.get_attribute("class")
+            box = page.locator("#bandwidth svg:visible").bounding_box()
+            assert box["width"] > 0.8 * width - 220
+            # A label is as large as one can read.
+            text = page.locator("#bandwidth svg:visible text").first.bounding_box()
+            assert text["height"] > 10
+            papers.add(page.evaluate("getComputedStyle(document.body).backgroundColor"))
+            if "DOCS_IMAGES" in os.environ and scheme == "light":
+                folder = Path(os.environ["DOCS_IMAGES"])
+                page.screenshot(path=folder / "report.png", clip=SHOWN)
+        browser.close()
+    assert len(papers) == 2
+    assert asked == [report.as_uri()]
+    assert faults == []
+
+
+SHOWN = {"x": 80, "y": 0, "width": 1040, "height": 860}

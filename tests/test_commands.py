@@ -1,0 +1,110 @@
+"""Commands are imported when they are asked for, and the tables of them say what they are."""
+
+import argparse
+import importlib
+import json
+import subprocess
+import sys
+
+import pytest
+
+import air_router.cli
+import mocha_link.cli
+import sitl.cli
+
+PROGRAMS = {"air-router": air_router.cli, "mocha-link": mocha_link.cli, "sitl": sitl.cli}
+TABLE = [(program, row) for program, cli in PROGRAMS.items() for row in cli.COMMANDS]
+OURS = {"air_router", "geo", "mocha_link", "sitl"}
+
+
+def asked(program, *words):
+    """The program as it is after these words; what it says is on stdout or stderr."""
+    try:
+        return PROGRAMS[program].main([*words])
+    except SystemExit as end:
+        return end.code
+
+
+def subcommands(parser):
+    (action,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+    return action.choices
+
+
+@pytest.mark.parametrize(("program", "row"), TABLE, ids=lambda value: getattr(value, "name", value))
+def test_a_module_registers_what_the_table_says(program, row):
+    commands = argparse.ArgumentParser().add_subparsers()
+    importlib.import_module(row.module).register(commands)
+    assert [*commands.choices] == [row.name]
+    assert [action.help for action in commands._choices_actions] == [row.about]
+    assert row.module.split(".")[0] == PROGRAMS[program].__name__.split(".")[0]
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_one_by_one_the_commands_say_the_same_as_all_at_once(program, capsys):
+    whole = PROGRAMS[program].parser()
+    assert asked(program, "--help") == 0
+    assert capsys.readouterr().out == whole.format_help()
+    for name, parser in subcommands(whole).items():
+        assert asked(program, name, "--help") == 0
+        assert capsys.readouterr().out == parser.format_help()
+        assert asked(program, name, "--no-such-option") == 2
+        told = capsys.readouterr().err
+        with pytest.raises(SystemExit) as end:
+            whole.parse_args([name, "--no-such-option"])
+        assert (end.value.code, told) == (2, capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize("words", [[], ["dance"], ["-v", "dance"], ["--log-level", "loud", "x"]])
+def test_wrong_usage_is_told_the_same(program, words, capsys):
+    assert asked(program, *words) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"usage: {program} ")
+    with pytest.raises(SystemExit):
+        PROGRAMS[program].parser().parse_args(words)
+    assert told == capsys.readouterr().err
+
+
+def loaded(program, *words):
+    """What a fresh interpreter has imported when the program has done this."""
+    script = (
+        f"import json, sys\nfrom {PROGRAMS[program].__name__} import main\n"
+        "try: main(sys.argv[1:])\n"
+        "except SystemExit as end: assert not end.code\n"
+        "json.dump([*sys.modules], sys.stderr)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, *words], capture_output=True, text=True, check=True
+    )
+    return set(json.loads(done.stderr.splitlines()[-1]))
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize("word", ["--version", "--help"])
+def test_what_only_the_program_says_needs_only_python(program, word):
+    found = loaded(program, word)
+    assert not {row.module for row in PROGRAMS[program].COMMANDS} & found
+    assert not {"numpy", "pydantic", "yaml", "zmq", "shapely", "pyproj"} & found
+    assert len([name for name in found if name.split(".")[0] in OURS]) < 15
+
+
+VEHICLE = {"mavsdk", "pymavlink"}
+EXTRAS = {"aiohttp", "distributed", "matplotlib", "scipy", "pyulog", "pyarrow", "rosbags", "shtab"}
+
+
+@pytest.mark.parametrize(
+    ("words", "unneeded"),
+    [
+        ("air-router check --help", EXTRAS | VEHICLE | {"networkx", "zmq", "mcap"}),
+        ("air-router ask --help", EXTRAS | VEHICLE | {"shapely", "networkx", "yaml", "mcap"}),
+        ("air-router fly --help", EXTRAS | {"pymavlink", "networkx"}),
+        ("mocha-link check --help", EXTRAS | VEHICLE | {"numpy", "shapely", "pyproj"}),
+        ("mocha-link node --help", EXTRAS | VEHICLE | {"shapely", "pyproj"}),
+        ("mocha-link top --help", EXTRAS | VEHICLE | {"numpy", "pydantic", "yaml"}),
+        ("sitl vehicle --help", EXTRAS | {"mavsdk", "networkx", "zmq", "mcap"}),
+        ("sitl experiment --help", EXTRAS | VEHICLE | {"zmq", "mcap"}),
+    ],
+)
+def test_a_command_imports_what_it_needs(words, unneeded):
+    found = loaded(*words.split())
+    assert not {name.split(".")[0] for name in found} & unneeded
