@@ -5,6 +5,9 @@ SPEED ?= 10
 VENV := .venv
 BIN := $(VENV)/bin
 
+# A flight is several processes: each would compile everything anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: setup sim test rehearse experiments lint bench bench-link bench-route clean
 
 setup: $(VENV)/.ready
@@ -21,7 +24,7 @@ sim: setup
 	$(BIN)/air-router sim $(MISSION) --speed $(SPEED) --log-dir logs $(SIM)
 
 test: setup
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 4 --dist loadfile --no-loadscope-reorder
 
 # Every snippet of README and docs; the tutorial as it stands there and what else flies or serves: 4 minutes
 docs-test: setup

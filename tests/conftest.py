@@ -15,9 +15,12 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 _STATE = tempfile.TemporaryDirectory(prefix="air-router-tests-")
 os.environ["XDG_STATE_HOME"] = _STATE.name
 
+PATIENT = {"test_px4_commands.py"}
+"""Waits nearly all of its time."""
+
 LONG = {"test_hostile.py", "test_days.py", "test_shortest_maps.py", "test_conformance.py"}
 FLIGHTS = {
-    *("test_fly.py", "test_preflight.py", "test_px4.py", "test_px4_commands.py"),
+    *("test_fly.py", "test_preflight.py", "test_px4.py"),
     *("test_several.py", "test_sim_px4.py", "test_whole_flight.py"),
 }
 """Of tests/system: vehicles fly in real time or faster, and must not wait for each other."""
@@ -31,7 +34,7 @@ def pytest_collection_modifyitems(items):
     """The long ones first (`--no-loadscope-reorder` keeps it so): no core waits at the end."""
 
     def rank(item):
-        if _flies(item.path):
+        if _flies(item.path) or item.path.name in PATIENT:
             return 0
         return 1 if item.path.parent.name == "system" or item.path.name in LONG else 2
 
