@@ -1,5 +1,6 @@
 """The suite gives the same answer every time; `HYPOTHESIS_PROFILE=explore` looks for new cases."""
 
+import gc
 import os
 import tempfile
 from pathlib import Path
@@ -39,6 +40,12 @@ def pytest_collection_modifyitems(items):
         return 1 if item.path.parent.name == "system" or item.path.name in LONG else 2
 
     items.sort(key=rank)
+
+
+def pytest_collection_finish():
+    """Six thousand tests stay: the garbage collector need not look at them again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True)
