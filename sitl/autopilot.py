@@ -35,7 +35,6 @@ from sitl.wind import Wind, WindSettings
 
 HOME_AFTER_S: Final = 2.2
 ARMABLE_AFTER_S: Final = 4.5
-_MOVING_M_S: Final = 0.5
 _DRAG_LEAVES: Final = 0.9
 
 
@@ -158,15 +157,19 @@ class Autopilot:
         yaw_rad: float | None = None,
         speed_m_s: float | None = None,
     ) -> None:
-        """Go to a point in Hold mode; None keeps what is. The mode is asked for separately."""
+        """Go to a point in Hold mode, which is asked for separately.
+
+        Without a point it goes on to where it was going, at the altitude and heading that are
+        given; without anything it stops.
+        """
         if not self.armed:
             return
         situation = self.situation
-        north, east = point or (self.setpoint.north_m, self.setpoint.east_m)
-        moving = math.hypot(*situation.velocity_m_s[:2]) > _MOVING_M_S
-        if point is None and (moving or self.setpoint.kind is not SetpointKind.POSITION):
-            ahead = stop_ahead(situation)
-            north, east = ahead.north_m, ahead.east_m
+        if point is None:
+            nothing = altitude_m is None and yaw_rad is None
+            north, east = self._stop() if nothing else self._kept()
+        else:
+            north, east = point
         goal = point or (situation.north_m, situation.east_m)
         if not self.guard.allows(*goal) or not self.guard.near_home(*goal, situation):
             situation.say(
@@ -179,6 +182,28 @@ class Autopilot:
         target_m = situation.altitude_m if altitude_m is None else altitude_m
         target = replace(go_to(north, east, target_m, situation), yaw_rad=yaw_rad)
         self.modes.hold.reposition(target, speed_m_s)
+
+    def change_altitude(self, altitude_m: float | None) -> None:
+        """Stop in Hold mode, which is asked for separately, and climb or descend; None: stay."""
+        if not self.armed:
+            return
+        situation = self.situation
+        target_m = situation.altitude_m if altitude_m is None else altitude_m
+        self.modes.hold.reposition(go_to(*self._stop(), target_m, situation))
+
+    def _stop(self) -> tuple[float, float]:
+        """Where it comes to a stop, north and east; in a take-off that is here."""
+        situation = self.situation
+        if self.setpoint.kind is SetpointKind.TAKEOFF:
+            return situation.north_m, situation.east_m
+        ahead = stop_ahead(situation)
+        return ahead.north_m, ahead.east_m
+
+    def _kept(self) -> tuple[float, float]:
+        """Where it is going, north and east; here if that is no place."""
+        if self.setpoint.kind is SetpointKind.POSITION:
+            return self.setpoint.north_m, self.setpoint.east_m
+        return self.situation.north_m, self.situation.east_m
 
     def take_off(self, altitude_m: float) -> None:
         """Set the height of the next take-off, AMSL; NaN: MIS_TAKEOFF_ALT above here."""

@@ -184,7 +184,7 @@ class Commands:
         result = self._mode(FlightMode.AUTO_LOITER)
         if result is CommandResult.ACCEPTED:
             wanted = altitude if math.isfinite(altitude) else None
-            self._autopilot.reposition(None, wanted, None, None)
+            self._autopilot.change_altitude(wanted)
         return result
 
     def _start_mission(self, request: CommandRequest) -> CommandResult:

@@ -271,6 +271,31 @@ IN_AIR: Final = (
         Start.AIR,
     ),
     Conversation(
+        "goto-nowhere-ends-a-goto-that-has-not-begun",
+        "DO_REPOSITION without a place stops a vehicle that stands still and was just sent away",
+        "measured",
+        (
+            Reposition(60, 0, 15),
+            Reposition(None),
+            Wait(6.0),
+            Stays(4.0, 1.5),
+            Arrives(0, 0, None, near_m=5.0),
+        ),
+        Start.AIR,
+    ),
+    Conversation(
+        "goto-height-alone-goes-on",
+        "DO_REPOSITION with an altitude and no place, while a goto is flown, flies on to its place",
+        "measured",
+        (
+            Reposition(40, 0, 15),
+            Arrives(15, None, None, near_m=3.0),
+            Reposition(None, 0, 20),
+            Arrives(40, 0, 20, near_m=3.0),
+        ),
+        Start.AIR,
+    ),
+    Conversation(
         "goto-keeps-height-and-place",
         "DO_REPOSITION with a NaN altitude keeps the height, without a place keeps the place",
         "commands",

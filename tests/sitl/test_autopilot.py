@@ -339,6 +339,16 @@ class TestReposition:
         rig.run(10)
         assert rig.position() == pytest.approx((30, 0, 22), abs=1)
 
+    def test_nothing_at_all_stops_it_however_slow_it_is(self, rig):
+        rig.fly()
+        assert rig.reposition(30, 0, math.nan) == [0]
+        rig.run(0.1)
+        nothing = 2**31 - 1
+        unsaid = (math.nan, nothing, nothing, math.nan)
+        rig.send("command_int", 1, 1, 5, 192, 0, 0, -1, 1, 0, *unsaid)
+        rig.run(10)
+        assert rig.position()[:2] == pytest.approx((0, 0), abs=2)
+
     def test_on_the_ground_it_is_accepted_and_nothing_moves(self, rig):
         rig.ready()
         assert rig.reposition(30, 0, AMSL + 15) == [0]
