@@ -6,7 +6,6 @@ what it says. It knows nothing of MAVLink but PX4's mode numbers and item layout
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Final
 
