@@ -152,6 +152,12 @@ class PretendFlight(Airframe):
     def fly_to_state(self, state, limit_s=2000.0):
         self.fly_until(lambda: self.controller.state is state, limit_s)
 
+    def fly_away(self):
+        self.fly_until(lambda: math.dist(self.position, self.mission.home) > 60.0)
+
+    def closest_m(self):
+        return self.mission.airspace.track_distance_m(self.track)[0]
+
     def pilot_chooses(self, mode):
         self.mode = mode
         self.target = None

@@ -5,28 +5,19 @@ import random
 
 import pytest
 
-from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, PublishMap, Taker
+from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, PublishMap
 from air_router.behaviour import State
-from air_router.events import CommandConfirmed, CommandFailed, RobotPose
-from air_router.handing import HOLDS
+from air_router.events import RobotPose
 from air_router.mission import Waypoint
-from air_router.requests import ComeHome, GoOn
+from air_router.requests import ComeHome
 from air_router.search import Search
-from air_router.vehicle import FlightMode, ItemReached, LinkSilent, PlanReplaced
+from air_router.vehicle import FlightMode, ItemReached, LinkSilent
 from geo.airspace import Airspace
 from geo.frame import Point
 from geo.zone import Zone
 from mocha_link.metrics import Direction, SyncEnded, SyncStarted
 
 CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
-
-
-def closest_m(flight):
-    return flight.mission.airspace.track_distance_m(flight.track)[0]
-
-
-def fly_away(flight):
-    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 60.0)
 
 
 def test_a_whole_flight(pretend):
@@ -39,7 +30,7 @@ def test_a_whole_flight(pretend):
     found = {a.robot for a in flight.actions if getattr(a, "target", None) is State.COMM}
     assert found == set(CORNERS)
     assert math.dist(flight.position, flight.mission.home) < 1.0
-    assert closest_m(flight) >= flight.mission.planner.clearance_m
+    assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
 def test_the_paper_s_times(pretend):
@@ -143,7 +134,7 @@ def test_with_position_noise_every_waypoint_is_visited_and_no_leg_commanded_twic
     commanded = [m.node for m in flight.motions if isinstance(m, FlyToNode)]
     assert set(range(1, 40)) <= set(commanded)
     assert len(commanded) < 80
-    assert closest_m(flight) >= flight.mission.planner.clearance_m
+    assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
 def test_a_robot_over_a_zone_is_waited_for_beside_it(pretend):
@@ -163,12 +154,12 @@ def test_a_robot_over_a_zone_is_waited_for_beside_it(pretend):
 def test_the_battery_reserve_brings_it_home(pretend):
     flight = pretend()
     flight.take_off()
-    fly_away(flight)
+    flight.fly_away()
     flight.battery = flight.mission.battery_reserve
     flight.fly_until(lambda: flight.finished is not None)
     assert flight.finished.landed_by_us
     assert any("battery" in text for text in flight.said)
-    assert closest_m(flight) >= flight.mission.planner.clearance_m
+    assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
 def test_the_operator_s_word_brings_it_home_from_every_state(pretend):
@@ -176,149 +167,12 @@ def test_the_operator_s_word_brings_it_home_from_every_state(pretend):
         flight = pretend()
         flight.robots = dict(CORNERS)
         flight.take_off()
-        fly_away(flight)
+        flight.fly_away()
         flight.fly_to_state(state)
         flight.operator_asks(ComeHome())
         assert flight.controller.state is State.HOME
         flight.fly_until(lambda f=flight: f.finished is not None)
         assert flight.finished.landed_by_us
-
-
-@pytest.mark.parametrize("state", [State.INIT, State.SEARCH, State.COMM, State.EXPL, State.HOME])
-@pytest.mark.parametrize("mode", [FlightMode.OTHER, FlightMode.RETURN, FlightMode.LAND])
-def test_the_pilot_wins_and_is_left_alone(pretend, state, mode):
-    flight = pretend()
-    flight.robots = dict(CORNERS)
-    flight.take_off()
-    if state is State.HOME:
-        fly_away(flight)
-        flight.operator_asks(ComeHome())
-    flight.fly_to_state(state)
-    flight.pilot_chooses(mode)
-    assert flight.controller.state is State.PASSIVE
-    commanded = len(flight.motions)
-    for _ in range(600):
-        flight.step()
-    flight.operator_asks(ComeHome())
-    flight.give(RobotPose("io", CORNERS["io"], 1e9, "io"))
-    assert len(flight.motions) == commanded
-    flight.mode = FlightMode.LAND
-    flight.fly_until(lambda: flight.finished is not None)
-    assert not flight.finished.landed_by_us
-
-
-@pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.OTHER, FlightMode.RETURN])
-def test_a_pilot_who_takes_over_in_the_climb_keeps_the_vehicle(pretend, mode):
-    flight = pretend()
-    flight.take_off_halfway()
-    assert flight.controller.state is State.READY
-    flight.pilot_chooses(mode)
-    assert flight.controller.state is State.PASSIVE
-    flight.altitude_m = flight.mission.altitude_above_home_m
-    flight.pilot_chooses(FlightMode.MISSION)
-    for _ in range(100):
-        flight.step()
-    assert flight.motions == []
-    flight.mode = FlightMode.LAND
-    flight.fly_until(lambda: flight.finished is not None)
-    assert not flight.finished.landed_by_us
-
-
-def test_a_pilot_may_fly_by_hand_before_choosing_mission(pretend):
-    flight = pretend()
-    flight.take_off_halfway(FlightMode.TAKEOFF)
-    for mode in (FlightMode.OTHER, FlightMode.HOLD):
-        flight.pilot_chooses(mode)
-    assert flight.controller.state is State.READY
-    assert not flight.controller.in_charge
-    flight.altitude_m = flight.mission.altitude_above_home_m
-    flight.pilot_chooses(FlightMode.MISSION)
-    assert flight.controller.state is State.INIT
-
-
-def test_armed_and_disarmed_again_without_a_take_off(pretend):
-    flight = pretend()
-    for armed in (True, False):
-        flight.armed = armed
-        flight.step()
-    assert not flight.finished.landed_by_us
-    assert flight.finished.why == "disarmed, before take-off"
-
-
-def test_a_pilot_who_arms_and_lets_it_disarm_again_may_arm_again(pretend):
-    flight = pretend(patient=True)
-    for armed in (True, False):
-        flight.armed = armed
-        flight.step()
-    assert flight.finished is None
-    assert any("waiting on" in text for text in flight.said)
-    flight.take_off()
-    flight.fly_to_state(State.INIT)
-
-
-def test_a_climb_that_does_not_go_on_is_landed(pretend):
-    flight = pretend()
-    flight.take_off_halfway()
-    flight.fly_until(lambda: flight.finished is not None, 120.0)
-    assert any("the climb does not go on" in text for text in flight.said)
-    assert flight.finished.landed_by_us
-    assert flight.states == [State.HOME, State.LAND, State.DONE]
-
-
-def test_another_plan_before_take_off_ends_it(pretend):
-    flight = pretend()
-    flight.step()
-    flight.give(PlanReplaced(flight.now_s))
-    assert flight.finished.why == "the plan on board was replaced, before take-off"
-
-
-def by_hand_to(flight, position, altitude_m):
-    """A pilot takes off by hand, flies somewhere, and chooses Mission mode there."""
-    flight.armed = flight.in_air = True
-    flight.mode, flight.altitude_m, flight.position = FlightMode.OTHER, altitude_m, position
-    flight.step()
-    flight.pilot_chooses(FlightMode.MISSION)
-
-
-def test_mission_chosen_far_away_and_high_is_flown_on_from_there_around_the_zones(pretend):
-    flight = pretend(duration_s=60.0)
-    behind_zone_1 = Point(65.0, -60.0)
-    by_hand_to(flight, behind_zone_1, 40.0)
-    assert flight.controller.state is State.INIT
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
-    assert closest_m(flight) >= flight.mission.planner.clearance_m
-
-
-def test_mission_chosen_far_away_and_low_is_held(pretend):
-    flight = pretend()
-    by_hand_to(flight, Point(65.0, -60.0), 8.0)
-    assert [type(m) for m in flight.motions] == [HoldHere]
-    assert any("low and away from home" in text for text in flight.said)
-    for _ in range(100):
-        flight.step()
-    assert [type(m) for m in flight.motions] == [HoldHere]
-    flight.pilot_chooses(FlightMode.LAND)
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.taken_by is Taker.PILOT
-
-
-def test_another_plan_on_board_means_hands_off(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_to_state(State.INIT)
-    flight.give(PlanReplaced(flight.now_s))
-    assert flight.controller.state is State.PASSIVE
-
-
-def test_another_fence_on_board_stops_our_leg_first_and_means_hands_off_then(pretend):
-    flight = pretend()
-    flight.take_off()
-    fly_away(flight)
-    flight.give(PlanReplaced(flight.now_s, only_fence=True))
-    assert isinstance(flight.motions[-1], HoldHere)
-    assert flight.controller.state is State.PASSIVE
-    assert any("fence on board was replaced" in text for text in flight.said)
 
 
 def test_a_command_that_fails_is_tried_again(pretend):
@@ -417,7 +271,7 @@ def test_a_place_from_which_no_waypoint_is_reached_costs_none_of_them(pretend):
 def test_a_vehicle_that_stands_is_told_again_and_then_something_else(pretend):
     flight = pretend(timers=dataclasses.replace(pretend().mission.timers, init_s=2000.0))
     flight.take_off()
-    fly_away(flight)
+    flight.fly_away()
     commanded = len(flight.motions)
     for _ in range(1500):
         flight.target = None  # it takes every command and does not move
@@ -425,13 +279,13 @@ def test_a_vehicle_that_stands_is_told_again_and_then_something_else(pretend):
     assert len(flight.controller.exploration.left_out) == 1
     assert 5 <= len(flight.motions) - commanded <= 15
     flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 2500.0)
-    assert closest_m(flight) >= flight.mission.planner.clearance_m
+    assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
 def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(pretend):
     flight = pretend()
     flight.take_off()
-    fly_away(flight)
+    flight.fly_away()
     controller, now_s = flight.controller, flight.now_s
     motion = FlyToPoint(flight.mission.home, 40.0)
     assert "called off" in controller.objection(motion, now_s)
@@ -487,7 +341,7 @@ def test_wherever_the_robots_are_no_zone_is_touched(pretend, seed):
     flight.take_off()
     flight.fly_until(lambda: flight.finished is not None, 3000.0)
     assert flight.finished.landed_by_us
-    assert closest_m(flight) >= flight.mission.planner.clearance_m
+    assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
 def test_a_long_silence_is_told_now_and_then(pretend):
@@ -527,7 +381,7 @@ def test_whatever_goes_wrong_nothing_raises_nobody_is_overridden_and_no_zone_is_
             case _:
                 pass
         flight.step()
-    assert closest_m(flight) >= flight.mission.planner.clearance_m
+    assert flight.closest_m() >= flight.mission.planner.clearance_m
     assert len(flight.motions) < (flight.now_s - 100.0) * 2
     if flight.controller.state is State.DONE:
         return
@@ -538,318 +392,3 @@ def test_whatever_goes_wrong_nothing_raises_nobody_is_overridden_and_no_zone_is_
         flight.step()
     assert flight.controller.state is State.PASSIVE
     assert len(flight.motions) == commanded
-
-
-def off_track(flight, east_m, north_m):
-    """A gust, or a jump of the position estimate."""
-    flight.position = Point(flight.position.east_m + east_m, flight.position.north_m + north_m)
-
-
-def test_a_jump_of_the_position_has_the_leg_checked_again_from_there(pretend):
-    flight = pretend(duration_s=200.0)
-    flight.take_off()
-    fly_away(flight)
-    leg = flight.controller.navigator.leg
-    commanded = len(flight.motions)
-    off_track(flight, 3.0, 3.0)
-    flight.step()
-    assert flight.controller.navigator.leg is leg
-    assert len(flight.motions) == commanded  # clear from there as well: it flies on
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
-
-
-def test_a_leg_that_is_not_clear_after_a_jump_is_not_flown_on(pretend):
-    flight = pretend(duration_s=600.0)
-    flight.take_off()
-    fly_away(flight)
-    navigator = flight.controller.navigator
-    behind = next(
-        Point(*where)
-        for where in itertools.product(range(-150, 100, 5), repeat=2)
-        if flight.mission.planning_airspace.point_clear(Point(*where))
-        and not flight.mission.airspace.leg_clear(Point(*where), navigator.leg.to)
-    )
-    flight.position = behind
-    flight.step()
-    assert isinstance(flight.motions[-1], HoldHere) or navigator.leg.to != flight.motions[-2]
-    track_from = len(flight.track)
-    flight.fly_until(lambda: flight.finished is not None)
-    after = flight.track[track_from:]
-    assert flight.mission.airspace.track_distance_m(after)[0] >= flight.mission.planner.clearance_m
-
-
-def test_without_a_fix_it_holds_and_goes_on_some_seconds_after_it_is_back(pretend):
-    flight = pretend(duration_s=120.0)
-    flight.take_off()
-    fly_away(flight)
-    flight.fix = False
-    flight.step()
-    assert isinstance(flight.motions[-1], HoldHere)
-    commanded = len(flight.motions)
-    for _ in range(200):
-        flight.step()
-    assert len(flight.motions) == commanded
-    flight.fix = True
-    for _ in range(25):
-        flight.step()
-    assert len(flight.motions) == commanded
-    flight.fly_until(lambda: len(flight.motions) > commanded, 5.0)
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
-    assert sum("lost its fix" in text for text in flight.said) == 1
-
-
-def in_comm(flight):
-    flight.robots = dict(CORNERS)
-    flight.take_off()
-    flight.fly_to_state(State.COMM)
-    flight.robots = {}
-    return flight.controller.robot
-
-
-def has_moved(robot, flight):
-    return RobotPose(robot, Point(60.0, 0.0), flight.now_s + 1.0, robot)
-
-
-def test_a_landing_goes_on_without_a_fix(pretend):
-    flight = pretend(duration_s=60.0)
-    flight.take_off()
-    flight.fly_to_state(State.LAND)
-    commanded = len(flight.motions)
-    flight.fix = False
-    flight.fly_until(lambda: flight.finished is not None)
-    assert len(flight.motions) == commanded
-    assert "GPS has lost its fix: landing on" in flight.said
-    assert flight.finished.landed_by_us
-
-
-def test_a_vehicle_that_does_not_jump_is_sent_to_points(pretend):
-    flight = pretend(duration_s=100.0)
-    act = flight._act
-
-    def no_jumps(action):
-        if isinstance(action, FlyToNode):
-            flight.give(CommandFailed(action, "Mission mode was asked for and it stays in Hold"))
-        else:
-            act(action)
-
-    flight._act = no_jumps
-    flight.take_off()
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
-    jumps = [m for m in flight.motions if isinstance(m, FlyToNode)]
-    assert 4 <= len(jumps) <= 5
-    assert flight.said.count("the plan on board is not flown: flying to points instead") == 1
-
-
-def test_without_a_fix_nothing_that_happens_moves_the_vehicle(pretend):
-    flight = pretend()
-    robot = in_comm(flight)
-    flight.fix = False
-    flight.step()
-    commanded = len(flight.motions)
-    flight.give(has_moved(robot, flight))
-    flight.operator_asks(ComeHome())
-    assert flight.controller.state is State.HOME
-    flight.fix = True
-    for _ in range(25):
-        flight.step()
-    assert len(flight.motions) == commanded
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
-
-
-def test_a_hold_without_a_fix_that_failed_is_asked_for_again(pretend):
-    flight = pretend()
-    flight.take_off()
-    fly_away(flight)
-    flight.fix, flight.deaf = False, True
-    flight.step()
-    flight.deaf = False
-    commanded = len(flight.motions)
-    flight.fly_until(lambda: len(flight.motions) > commanded, 5.0)
-    assert isinstance(flight.motions[-1], HoldHere)
-    for _ in range(100):
-        flight.step()
-    assert len(flight.motions) == commanded + 1
-
-
-def test_between_a_breach_and_hands_off_nothing_moves_the_vehicle(pretend):
-    flight = pretend()
-    robot = in_comm(flight)
-    controller = flight.controller
-    flight.position, flight.velocity = in_a_zone(flight), (0.0, 0.0)
-    (hold,) = controller.handle(flight.telemetry(), flight.now_s)
-    assert isinstance(hold, HoldHere)  # and it takes its time to be confirmed
-    assert controller.handle(has_moved(robot, flight), flight.now_s) == []
-    (answer,) = controller.handle(ComeHome(), flight.now_s)
-    assert "hands off in a moment" in answer.why
-    assert controller.objection(hold, flight.now_s) is None
-    flight.give(CommandConfirmed(hold))
-    assert controller.state is State.PASSIVE
-
-
-def in_a_zone(flight):
-    zone = next(z for z in flight.mission.airspace.zones)
-    west, south, east, north = zone.polygon.bounds
-    return Point((west + east) / 2, (south + north) / 2)
-
-
-def test_a_breach_is_held_given_to_the_pilot_and_never_resumed_by_itself(pretend):
-    flight = pretend()
-    flight.take_off()
-    fly_away(flight)
-    flight.position = in_a_zone(flight)
-    flight.step()
-    assert isinstance(flight.motions[-1], HoldHere)
-    assert flight.controller.state is State.PASSIVE
-    assert any("breach of" in text and "not resumed" in text for text in flight.said)
-    commanded = len(flight.motions)
-    flight.position = flight.mission.home
-    for _ in range(300):
-        flight.step()
-    assert len(flight.motions) == commanded
-    assert flight.controller.state is State.PASSIVE
-
-
-def in_breach_and_deaf(pretend):
-    flight = pretend()
-    flight.take_off()
-    fly_away(flight)
-    flight.deaf = True
-    commanded = len(flight.motions)
-    flight.position, flight.velocity = in_a_zone(flight), (0.0, 0.0)
-    flight.target = flight.position
-    flight.step()
-    return flight, commanded
-
-
-def test_a_hold_before_hands_off_that_was_lost_is_said_again(pretend):
-    flight, commanded = in_breach_and_deaf(pretend)
-    for _ in range(35):
-        flight.step()
-    assert flight.controller.state is State.INIT
-    flight.deaf = False
-    flight.fly_to_state(State.PASSIVE, 5.0)
-    assert flight.mode is FlightMode.HOLD
-    assert [type(m) for m in flight.motions[commanded:]] == [HoldHere] * 3  # every three seconds
-
-
-def test_a_breach_that_cannot_be_held_is_given_to_the_pilot_all_the_same(pretend):
-    flight, commanded = in_breach_and_deaf(pretend)
-    flight.give(has_moved("io", flight))  # and nothing else is commanded meanwhile
-    flight.fly_to_state(State.PASSIVE, 30.0)
-    assert [type(m) for m in flight.motions[commanded:]] == [HoldHere] * HOLDS
-    assert flight.said[-1].endswith("it was told to hold and did not")
-
-
-def test_a_pilot_who_takes_it_while_the_hold_is_said_again_keeps_it(pretend):
-    flight, commanded = in_breach_and_deaf(pretend)
-    flight.pilot_chooses(FlightMode.OTHER)
-    assert flight.controller.state is State.PASSIVE
-    for _ in range(100):
-        flight.step()
-    assert len(flight.motions) == commanded + 1
-
-
-def test_while_it_is_held_before_hands_off_another_fence_changes_nothing(pretend):
-    flight, _ = in_breach_and_deaf(pretend)
-    flight.give(PlanReplaced(flight.now_s, only_fence=True))
-    assert flight.controller.state is State.INIT  # the hold is still to come
-    flight.deaf = False
-    flight.fly_to_state(State.PASSIVE, 5.0)
-    assert flight.mode is FlightMode.HOLD
-
-
-@pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.MISSION])
-def test_what_was_given_away_comes_back_only_when_somebody_asks(pretend, mode):
-    flight = pretend(duration_s=400.0)
-    flight.take_off()
-    fly_away(flight)
-    flight.pilot_chooses(FlightMode.OTHER)
-    flight.operator_asks(GoOn())
-    assert flight.controller.state is State.PASSIVE
-    assert any("choose Hold first" in text for text in flight.said)
-    flight.pilot_chooses(mode)
-    for _ in range(100):
-        flight.step()
-    assert flight.controller.state is State.PASSIVE
-    flight.operator_asks(GoOn())
-    assert flight.controller.state is State.EXPL
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
-    assert flight.finished.taken_by is None
-    assert closest_m(flight) >= flight.mission.planner.clearance_m
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"failsafe": True}, "failsafe"),
-        ({"fix": False}, "no fix"),
-        ({"altitude_m": 5.0}, "climb to"),
-        ({"in_air": False}, "on the ground"),
-    ],
-)
-def test_why_a_flight_is_not_resumed(pretend, change, said):
-    flight = pretend()
-    flight.take_off()
-    fly_away(flight)
-    flight.pilot_chooses(FlightMode.HOLD)
-    for name, value in change.items():
-        setattr(flight, name, value)
-    flight.step()
-    flight.operator_asks(GoOn())
-    assert flight.controller.state is State.PASSIVE
-    assert any(text.startswith("not resumed") and said in text for text in flight.said)
-
-
-def test_a_flight_with_another_plan_on_board_is_not_resumed(pretend):
-    flight = pretend()
-    flight.take_off()
-    fly_away(flight)
-    flight.give(PlanReplaced(flight.now_s))
-    flight.pilot_chooses(FlightMode.HOLD)
-    flight.operator_asks(GoOn())
-    assert flight.controller.state is State.PASSIVE
-    assert any("another plan is on board" in text for text in flight.said)
-
-
-def test_a_companion_that_was_restarted_goes_on_when_asked(pretend):
-    flight = pretend(duration_s=200.0)
-    flight.armed = flight.in_air = True
-    flight.mode, flight.altitude_m = FlightMode.HOLD, flight.mission.altitude_above_home_m
-    flight.position = flight.mission.waypoints[5].position
-    for _ in range(50):
-        flight.step()
-    assert flight.motions == []
-    flight.operator_asks(GoOn())
-    assert flight.controller.state is State.INIT
-    flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.landed_by_us
-
-
-def test_a_failsafe_while_it_hovers_in_hold_by_our_command_takes_it_over(pretend):
-    flight = pretend()
-    flight.robots = dict(CORNERS)
-    flight.take_off()
-    flight.fly_to_state(State.COMM)
-    flight.fly_until(lambda: flight.mode is FlightMode.HOLD)
-    flight.failsafe = True
-    flight.step()
-    assert flight.controller.state is State.PASSIVE
-    assert any("an autopilot failsafe" in text for text in flight.said)
-
-
-def test_a_hold_without_a_fix_that_failed_is_asked_for_again_whatever_happens_meanwhile(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_to_state(State.SEARCH)
-    robot = flight.controller.robot
-    flight.fix, flight.deaf = False, True
-    flight.step()
-    flight.give(RobotPose(robot, Point(60.0, 0.0), flight.now_s, robot))
-    assert flight.controller.state is State.COMM  # the pause before the next try was the state's
-    flight.deaf = False
-    flight.fly_until(lambda: flight.mode is FlightMode.HOLD, 5.0)

@@ -1,0 +1,229 @@
+"""Whose the vehicle is: a pilot takes it, somebody changes the plan, a flight is resumed."""
+
+import pytest
+
+from air_router.actions import HoldHere, Taker
+from air_router.behaviour import State
+from air_router.events import RobotPose
+from air_router.requests import ComeHome, GoOn
+from air_router.vehicle import FlightMode, PlanReplaced
+from geo.frame import Point
+
+CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
+
+
+@pytest.mark.parametrize("state", [State.INIT, State.SEARCH, State.COMM, State.EXPL, State.HOME])
+@pytest.mark.parametrize("mode", [FlightMode.OTHER, FlightMode.RETURN, FlightMode.LAND])
+def test_the_pilot_wins_and_is_left_alone(pretend, state, mode):
+    flight = pretend()
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    if state is State.HOME:
+        flight.fly_away()
+        flight.operator_asks(ComeHome())
+    flight.fly_to_state(state)
+    flight.pilot_chooses(mode)
+    assert flight.controller.state is State.PASSIVE
+    commanded = len(flight.motions)
+    for _ in range(600):
+        flight.step()
+    flight.operator_asks(ComeHome())
+    flight.give(RobotPose("io", CORNERS["io"], 1e9, "io"))
+    assert len(flight.motions) == commanded
+    flight.mode = FlightMode.LAND
+    flight.fly_until(lambda: flight.finished is not None)
+    assert not flight.finished.landed_by_us
+
+
+@pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.OTHER, FlightMode.RETURN])
+def test_a_pilot_who_takes_over_in_the_climb_keeps_the_vehicle(pretend, mode):
+    flight = pretend()
+    flight.take_off_halfway()
+    assert flight.controller.state is State.READY
+    flight.pilot_chooses(mode)
+    assert flight.controller.state is State.PASSIVE
+    flight.altitude_m = flight.mission.altitude_above_home_m
+    flight.pilot_chooses(FlightMode.MISSION)
+    for _ in range(100):
+        flight.step()
+    assert flight.motions == []
+    flight.mode = FlightMode.LAND
+    flight.fly_until(lambda: flight.finished is not None)
+    assert not flight.finished.landed_by_us
+
+
+def test_a_pilot_may_fly_by_hand_before_choosing_mission(pretend):
+    flight = pretend()
+    flight.take_off_halfway(FlightMode.TAKEOFF)
+    for mode in (FlightMode.OTHER, FlightMode.HOLD):
+        flight.pilot_chooses(mode)
+    assert flight.controller.state is State.READY
+    assert not flight.controller.in_charge
+    flight.altitude_m = flight.mission.altitude_above_home_m
+    flight.pilot_chooses(FlightMode.MISSION)
+    assert flight.controller.state is State.INIT
+
+
+def test_armed_and_disarmed_again_without_a_take_off(pretend):
+    flight = pretend()
+    for armed in (True, False):
+        flight.armed = armed
+        flight.step()
+    assert not flight.finished.landed_by_us
+    assert flight.finished.why == "disarmed, before take-off"
+
+
+def test_a_pilot_who_arms_and_lets_it_disarm_again_may_arm_again(pretend):
+    flight = pretend(patient=True)
+    for armed in (True, False):
+        flight.armed = armed
+        flight.step()
+    assert flight.finished is None
+    assert any("waiting on" in text for text in flight.said)
+    flight.take_off()
+    flight.fly_to_state(State.INIT)
+
+
+def test_a_climb_that_does_not_go_on_is_landed(pretend):
+    flight = pretend()
+    flight.take_off_halfway()
+    flight.fly_until(lambda: flight.finished is not None, 120.0)
+    assert any("the climb does not go on" in text for text in flight.said)
+    assert flight.finished.landed_by_us
+    assert flight.states == [State.HOME, State.LAND, State.DONE]
+
+
+def test_another_plan_before_take_off_ends_it(pretend):
+    flight = pretend()
+    flight.step()
+    flight.give(PlanReplaced(flight.now_s))
+    assert flight.finished.why == "the plan on board was replaced, before take-off"
+
+
+def by_hand_to(flight, position, altitude_m):
+    """A pilot takes off by hand, flies somewhere, and chooses Mission mode there."""
+    flight.armed = flight.in_air = True
+    flight.mode, flight.altitude_m, flight.position = FlightMode.OTHER, altitude_m, position
+    flight.step()
+    flight.pilot_chooses(FlightMode.MISSION)
+
+
+def test_mission_chosen_far_away_and_high_is_flown_on_from_there_around_the_zones(pretend):
+    flight = pretend(duration_s=60.0)
+    behind_zone_1 = Point(65.0, -60.0)
+    by_hand_to(flight, behind_zone_1, 40.0)
+    assert flight.controller.state is State.INIT
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    assert flight.closest_m() >= flight.mission.planner.clearance_m
+
+
+def test_mission_chosen_far_away_and_low_is_held(pretend):
+    flight = pretend()
+    by_hand_to(flight, Point(65.0, -60.0), 8.0)
+    assert [type(m) for m in flight.motions] == [HoldHere]
+    assert any("low and away from home" in text for text in flight.said)
+    for _ in range(100):
+        flight.step()
+    assert [type(m) for m in flight.motions] == [HoldHere]
+    flight.pilot_chooses(FlightMode.LAND)
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.taken_by is Taker.PILOT
+
+
+def test_another_plan_on_board_means_hands_off(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_to_state(State.INIT)
+    flight.give(PlanReplaced(flight.now_s))
+    assert flight.controller.state is State.PASSIVE
+
+
+def test_another_fence_on_board_stops_our_leg_first_and_means_hands_off_then(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    flight.give(PlanReplaced(flight.now_s, only_fence=True))
+    assert isinstance(flight.motions[-1], HoldHere)
+    assert flight.controller.state is State.PASSIVE
+    assert any("fence on board was replaced" in text for text in flight.said)
+
+
+@pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.MISSION])
+def test_what_was_given_away_comes_back_only_when_somebody_asks(pretend, mode):
+    flight = pretend(duration_s=400.0)
+    flight.take_off()
+    flight.fly_away()
+    flight.pilot_chooses(FlightMode.OTHER)
+    flight.operator_asks(GoOn())
+    assert flight.controller.state is State.PASSIVE
+    assert any("choose Hold first" in text for text in flight.said)
+    flight.pilot_chooses(mode)
+    for _ in range(100):
+        flight.step()
+    assert flight.controller.state is State.PASSIVE
+    flight.operator_asks(GoOn())
+    assert flight.controller.state is State.EXPL
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    assert flight.finished.taken_by is None
+    assert flight.closest_m() >= flight.mission.planner.clearance_m
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"failsafe": True}, "failsafe"),
+        ({"fix": False}, "no fix"),
+        ({"altitude_m": 5.0}, "climb to"),
+        ({"in_air": False}, "on the ground"),
+    ],
+)
+def test_why_a_flight_is_not_resumed(pretend, change, said):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    flight.pilot_chooses(FlightMode.HOLD)
+    for name, value in change.items():
+        setattr(flight, name, value)
+    flight.step()
+    flight.operator_asks(GoOn())
+    assert flight.controller.state is State.PASSIVE
+    assert any(text.startswith("not resumed") and said in text for text in flight.said)
+
+
+def test_a_flight_with_another_plan_on_board_is_not_resumed(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    flight.give(PlanReplaced(flight.now_s))
+    flight.pilot_chooses(FlightMode.HOLD)
+    flight.operator_asks(GoOn())
+    assert flight.controller.state is State.PASSIVE
+    assert any("another plan is on board" in text for text in flight.said)
+
+
+def test_a_companion_that_was_restarted_goes_on_when_asked(pretend):
+    flight = pretend(duration_s=200.0)
+    flight.armed = flight.in_air = True
+    flight.mode, flight.altitude_m = FlightMode.HOLD, flight.mission.altitude_above_home_m
+    flight.position = flight.mission.waypoints[5].position
+    for _ in range(50):
+        flight.step()
+    assert flight.motions == []
+    flight.operator_asks(GoOn())
+    assert flight.controller.state is State.INIT
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+
+
+def test_a_failsafe_while_it_hovers_in_hold_by_our_command_takes_it_over(pretend):
+    flight = pretend()
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    flight.fly_to_state(State.COMM)
+    flight.fly_until(lambda: flight.mode is FlightMode.HOLD)
+    flight.failsafe = True
+    flight.step()
+    assert flight.controller.state is State.PASSIVE
+    assert any("an autopilot failsafe" in text for text in flight.said)

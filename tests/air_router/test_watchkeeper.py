@@ -1,0 +1,248 @@
+"""What a flight does about what goes wrong: off its track, no satellites, in a zone."""
+
+import itertools
+
+from air_router.actions import FlyToNode, HoldHere
+from air_router.behaviour import State
+from air_router.events import CommandConfirmed, CommandFailed, RobotPose
+from air_router.handing import HOLDS
+from air_router.requests import ComeHome
+from air_router.vehicle import FlightMode, PlanReplaced
+from geo.frame import Point
+
+CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
+
+
+def off_track(flight, east_m, north_m):
+    """A gust, or a jump of the position estimate."""
+    flight.position = Point(flight.position.east_m + east_m, flight.position.north_m + north_m)
+
+
+def test_a_jump_of_the_position_has_the_leg_checked_again_from_there(pretend):
+    flight = pretend(duration_s=200.0)
+    flight.take_off()
+    flight.fly_away()
+    leg = flight.controller.navigator.leg
+    commanded = len(flight.motions)
+    off_track(flight, 3.0, 3.0)
+    flight.step()
+    assert flight.controller.navigator.leg is leg
+    assert len(flight.motions) == commanded  # clear from there as well: it flies on
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+
+
+def test_a_leg_that_is_not_clear_after_a_jump_is_not_flown_on(pretend):
+    flight = pretend(duration_s=600.0)
+    flight.take_off()
+    flight.fly_away()
+    navigator = flight.controller.navigator
+    behind = next(
+        Point(*where)
+        for where in itertools.product(range(-150, 100, 5), repeat=2)
+        if flight.mission.planning_airspace.point_clear(Point(*where))
+        and not flight.mission.airspace.leg_clear(Point(*where), navigator.leg.to)
+    )
+    flight.position = behind
+    flight.step()
+    assert isinstance(flight.motions[-1], HoldHere) or navigator.leg.to != flight.motions[-2]
+    track_from = len(flight.track)
+    flight.fly_until(lambda: flight.finished is not None)
+    after = flight.track[track_from:]
+    assert flight.mission.airspace.track_distance_m(after)[0] >= flight.mission.planner.clearance_m
+
+
+def test_without_a_fix_it_holds_and_goes_on_some_seconds_after_it_is_back(pretend):
+    flight = pretend(duration_s=120.0)
+    flight.take_off()
+    flight.fly_away()
+    flight.fix = False
+    flight.step()
+    assert isinstance(flight.motions[-1], HoldHere)
+    commanded = len(flight.motions)
+    for _ in range(200):
+        flight.step()
+    assert len(flight.motions) == commanded
+    flight.fix = True
+    for _ in range(25):
+        flight.step()
+    assert len(flight.motions) == commanded
+    flight.fly_until(lambda: len(flight.motions) > commanded, 5.0)
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    assert sum("lost its fix" in text for text in flight.said) == 1
+
+
+def in_comm(flight):
+    flight.robots = dict(CORNERS)
+    flight.take_off()
+    flight.fly_to_state(State.COMM)
+    flight.robots = {}
+    return flight.controller.robot
+
+
+def has_moved(robot, flight):
+    return RobotPose(robot, Point(60.0, 0.0), flight.now_s + 1.0, robot)
+
+
+def test_a_landing_goes_on_without_a_fix(pretend):
+    flight = pretend(duration_s=60.0)
+    flight.take_off()
+    flight.fly_to_state(State.LAND)
+    commanded = len(flight.motions)
+    flight.fix = False
+    flight.fly_until(lambda: flight.finished is not None)
+    assert len(flight.motions) == commanded
+    assert "GPS has lost its fix: landing on" in flight.said
+    assert flight.finished.landed_by_us
+
+
+def test_a_vehicle_that_does_not_jump_is_sent_to_points(pretend):
+    flight = pretend(duration_s=100.0)
+    act = flight._act
+
+    def no_jumps(action):
+        if isinstance(action, FlyToNode):
+            flight.give(CommandFailed(action, "Mission mode was asked for and it stays in Hold"))
+        else:
+            act(action)
+
+    flight._act = no_jumps
+    flight.take_off()
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    jumps = [m for m in flight.motions if isinstance(m, FlyToNode)]
+    assert 4 <= len(jumps) <= 5
+    assert flight.said.count("the plan on board is not flown: flying to points instead") == 1
+
+
+def test_without_a_fix_nothing_that_happens_moves_the_vehicle(pretend):
+    flight = pretend()
+    robot = in_comm(flight)
+    flight.fix = False
+    flight.step()
+    commanded = len(flight.motions)
+    flight.give(has_moved(robot, flight))
+    flight.operator_asks(ComeHome())
+    assert flight.controller.state is State.HOME
+    flight.fix = True
+    for _ in range(25):
+        flight.step()
+    assert len(flight.motions) == commanded
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+
+
+def test_a_hold_without_a_fix_that_failed_is_asked_for_again(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    flight.fix, flight.deaf = False, True
+    flight.step()
+    flight.deaf = False
+    commanded = len(flight.motions)
+    flight.fly_until(lambda: len(flight.motions) > commanded, 5.0)
+    assert isinstance(flight.motions[-1], HoldHere)
+    for _ in range(100):
+        flight.step()
+    assert len(flight.motions) == commanded + 1
+
+
+def test_between_a_breach_and_hands_off_nothing_moves_the_vehicle(pretend):
+    flight = pretend()
+    robot = in_comm(flight)
+    controller = flight.controller
+    flight.position, flight.velocity = in_a_zone(flight), (0.0, 0.0)
+    (hold,) = controller.handle(flight.telemetry(), flight.now_s)
+    assert isinstance(hold, HoldHere)  # and it takes its time to be confirmed
+    assert controller.handle(has_moved(robot, flight), flight.now_s) == []
+    (answer,) = controller.handle(ComeHome(), flight.now_s)
+    assert "hands off in a moment" in answer.why
+    assert controller.objection(hold, flight.now_s) is None
+    flight.give(CommandConfirmed(hold))
+    assert controller.state is State.PASSIVE
+
+
+def in_a_zone(flight):
+    zone = next(z for z in flight.mission.airspace.zones)
+    west, south, east, north = zone.polygon.bounds
+    return Point((west + east) / 2, (south + north) / 2)
+
+
+def test_a_breach_is_held_given_to_the_pilot_and_never_resumed_by_itself(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    flight.position = in_a_zone(flight)
+    flight.step()
+    assert isinstance(flight.motions[-1], HoldHere)
+    assert flight.controller.state is State.PASSIVE
+    assert any("breach of" in text and "not resumed" in text for text in flight.said)
+    commanded = len(flight.motions)
+    flight.position = flight.mission.home
+    for _ in range(300):
+        flight.step()
+    assert len(flight.motions) == commanded
+    assert flight.controller.state is State.PASSIVE
+
+
+def in_breach_and_deaf(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    flight.deaf = True
+    commanded = len(flight.motions)
+    flight.position, flight.velocity = in_a_zone(flight), (0.0, 0.0)
+    flight.target = flight.position
+    flight.step()
+    return flight, commanded
+
+
+def test_a_hold_before_hands_off_that_was_lost_is_said_again(pretend):
+    flight, commanded = in_breach_and_deaf(pretend)
+    for _ in range(35):
+        flight.step()
+    assert flight.controller.state is State.INIT
+    flight.deaf = False
+    flight.fly_to_state(State.PASSIVE, 5.0)
+    assert flight.mode is FlightMode.HOLD
+    assert [type(m) for m in flight.motions[commanded:]] == [HoldHere] * 3  # every three seconds
+
+
+def test_a_breach_that_cannot_be_held_is_given_to_the_pilot_all_the_same(pretend):
+    flight, commanded = in_breach_and_deaf(pretend)
+    flight.give(has_moved("io", flight))  # and nothing else is commanded meanwhile
+    flight.fly_to_state(State.PASSIVE, 30.0)
+    assert [type(m) for m in flight.motions[commanded:]] == [HoldHere] * HOLDS
+    assert flight.said[-1].endswith("it was told to hold and did not")
+
+
+def test_a_pilot_who_takes_it_while_the_hold_is_said_again_keeps_it(pretend):
+    flight, commanded = in_breach_and_deaf(pretend)
+    flight.pilot_chooses(FlightMode.OTHER)
+    assert flight.controller.state is State.PASSIVE
+    for _ in range(100):
+        flight.step()
+    assert len(flight.motions) == commanded + 1
+
+
+def test_while_it_is_held_before_hands_off_another_fence_changes_nothing(pretend):
+    flight, _ = in_breach_and_deaf(pretend)
+    flight.give(PlanReplaced(flight.now_s, only_fence=True))
+    assert flight.controller.state is State.INIT  # the hold is still to come
+    flight.deaf = False
+    flight.fly_to_state(State.PASSIVE, 5.0)
+    assert flight.mode is FlightMode.HOLD
+
+
+def test_a_hold_without_a_fix_that_failed_is_asked_for_again_whatever_happens_meanwhile(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_to_state(State.SEARCH)
+    robot = flight.controller.robot
+    flight.fix, flight.deaf = False, True
+    flight.step()
+    flight.give(RobotPose(robot, Point(60.0, 0.0), flight.now_s, robot))
+    assert flight.controller.state is State.COMM  # the pause before the next try was the state's
+    flight.deaf = False
+    flight.fly_until(lambda: flight.mode is FlightMode.HOLD, 5.0)
