@@ -39,6 +39,7 @@ STEP_S = 0.1
 ACCELERATION_M_S2 = 3.0
 SYNC_EVERY_S = 2.0
 SYNC_TAKES_S = 0.3
+CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
 
 
 class Airframe:

@@ -16,8 +16,7 @@ from geo.airspace import Airspace
 from geo.frame import Point
 from geo.zone import Zone
 from mocha_link.metrics import Direction, SyncEnded, SyncStarted
-
-CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
+from tests.air_router.conftest import CORNERS
 
 
 def test_a_whole_flight(pretend):

@@ -8,8 +8,7 @@ from air_router.events import RobotPose
 from air_router.requests import ComeHome, GoOn
 from air_router.vehicle import FlightMode, PlanReplaced
 from geo.frame import Point
-
-CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
+from tests.air_router.conftest import CORNERS
 
 
 @pytest.mark.parametrize("state", [State.INIT, State.SEARCH, State.COMM, State.EXPL, State.HOME])

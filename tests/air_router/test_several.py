@@ -19,10 +19,9 @@ from air_router.targets import SOUGHT_BY_OTHER_S, Roster
 from air_router.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from mocha_link import Team
+from tests.air_router.conftest import CORNERS
 
 MISSIONS = Path(__file__).parents[2] / "missions"
-
-CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
 
 
 def seeking(flight):

@@ -9,8 +9,7 @@ from air_router.handing import HOLDS
 from air_router.requests import ComeHome
 from air_router.vehicle import FlightMode, PlanReplaced
 from geo.frame import Point
-
-CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
+from tests.air_router.conftest import CORNERS
 
 
 def off_track(flight, east_m, north_m):
