@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -90,8 +91,8 @@ def run(arguments: argparse.Namespace) -> int:
         if process.wait_until_armable(stop.is_set):
             sys.stdout.write(json.dumps(_ready(process, settings, install.words)) + "\n")
             sys.stdout.flush()
-        while process.running and not stop.wait(0.2):
-            pass
+        while process.running and not stop.is_set():
+            time.sleep(0.2)
         ended = not stop.is_set()
     return ExitCode.NO_VEHICLE if ended else ExitCode.DONE
 
