@@ -87,13 +87,13 @@ def run(arguments: argparse.Namespace) -> int:
         instance=arguments.instance,
         folder=arguments.log_dir,
     )
-    with stop_signal() as stop, Px4Process(install, settings) as process:
-        if process.wait_until_armable(stop.is_set):
+    with stop_signal() as stopped, Px4Process(install, settings) as process:
+        if process.wait_until_armable(stopped):
             sys.stdout.write(json.dumps(_ready(process, settings, install.words)) + "\n")
             sys.stdout.flush()
-        while process.running and not stop.is_set():
+        while process.running and not stopped():
             time.sleep(0.2)
-        ended = not stop.is_set()
+        ended = not stopped()
     return ExitCode.NO_VEHICLE if ended else ExitCode.DONE
 
 

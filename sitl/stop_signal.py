@@ -3,35 +3,26 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 import signal
-import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import FrameType
-
-_log = logging.getLogger(__name__)
 
 
 @contextlib.contextmanager
-def stop_signal() -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set while this lasts; look at it, do not wait for it.
+def stop_signal() -> Iterator[Callable[[], bool]]:
+    """While this lasts, whether SIGINT or SIGTERM has come.
 
-    Who holds its lock when a signal comes would wait for ever: the first one sets it, once.
+    Signals come in the middle of anything, also of each other: nothing here takes a lock.
     """
-    stop = threading.Event()
-    noted = False
+    stopped = False
 
-    def note(number: int, _frame: FrameType | None) -> None:
-        nonlocal noted
-        if noted:  # a parent that is killed sends one for each of its threads
-            return
-        noted = True
-        _log.info("%s: stopping", signal.Signals(number).name)
-        stop.set()
+    def note(_number: int, _frame: FrameType | None) -> None:
+        nonlocal stopped
+        stopped = True
 
     before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield stop
+        yield lambda: stopped
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import json
 import logging
-import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -200,11 +199,11 @@ class TeamSimulation:
             },
         }
 
-    def run(self, stop: threading.Event) -> None:
-        """Follow the vehicle until `stop` is set."""
+    def run(self, stopped: Callable[[], bool]) -> None:
+        """Follow the vehicle until `stopped` says so."""
         heard_s = time.monotonic()
         silent = False
-        while not stop.is_set():
+        while not stopped():
             state = self._truth.receive(_STOP_LOOK_S)
             if state is not None:
                 heard_s, silent = time.monotonic(), False

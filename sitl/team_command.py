@@ -99,12 +99,12 @@ def _simulate(arguments: argparse.Namespace) -> None:
     plan = load_world(arguments.world or mission.world, mission, crew.ground, arguments.seed)
     if arguments.free_ports is not None:
         team = derive_team(team, arguments.free_ports)
-    with stop_signal() as stop:
+    with stop_signal() as stopped:
         places = _places(arguments, (crew.vehicle, *crew.others))
         with TeamSimulation(mission, team, plan, places, epoch_s=arguments.epoch) as simulation:
             sys.stdout.write(json.dumps(simulation.ready()) + "\n")
             sys.stdout.flush()
-            simulation.run(stop)
+            simulation.run(stopped)
             content = simulation.report()
         if arguments.report is not None:
             write_report(arguments.report, content)

@@ -145,10 +145,10 @@ def _simulate(arguments: argparse.Namespace) -> None:
         px4_version=arguments.px4_version,
     )
     ports = _ports(arguments)
-    with stop_signal() as stop, VehicleProcess(settings, ports) as process:
+    with stop_signal() as stopped, VehicleProcess(settings, ports) as process:
         sys.stdout.write(json.dumps(_ready(settings, ports)) + "\n")
         sys.stdout.flush()
-        process.run(stop.is_set)
+        process.run(stopped)
 
 
 def _home_of(path: Path | None, uav: str | None) -> Place:

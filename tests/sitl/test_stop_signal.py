@@ -1,18 +1,18 @@
-"""Signals that come while another is being noted."""
+"""Signals end a process of the simulated world, whenever they come."""
 
 import signal
+
+import pytest
 
 from sitl.stop_signal import stop_signal
 
 
-def test_a_second_signal_while_the_first_is_noted():
-    with stop_signal() as stop:
-        notify = stop._cond.notify_all
-
-        def again():
-            signal.raise_signal(signal.SIGTERM)
-            notify()
-
-        stop._cond.notify_all = again
-        signal.raise_signal(signal.SIGTERM)
-        assert stop.is_set()
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_is_noted_and_the_handlers_of_before_come_back(number):
+    before = signal.getsignal(number)
+    with stop_signal() as stopped:
+        assert not stopped()
+        signal.raise_signal(number)
+        signal.raise_signal(number)  # a parent that is killed sends one for each of its threads
+        assert stopped()
+    assert signal.getsignal(number) is before

@@ -288,7 +288,7 @@ def simulation(tmp_path, mission):
 def test_without_a_vehicle_it_waits_and_says_so(simulation, monkeypatch, caplog):
     monkeypatch.setattr("sitl.team._SILENCE_NOTE_S", 0.0)
     stop = threading.Event()
-    runner = threading.Thread(target=simulation.run, args=(stop,))
+    runner = threading.Thread(target=simulation.run, args=(stop.is_set,))
     with caplog.at_level("WARNING"):
         runner.start()
         wait_until(lambda: "waiting for the vehicle" in caplog.text)
