@@ -1,0 +1,147 @@
+"""What a rehearsed flight leaves behind for the judge: the vehicle's true track, the wire, the scene.
+
+The flyer of a scene (in one process, with the real programs, on a real PX4) fills these in; the
+judge knows nothing else. Nothing here comes from the code that is judged. All times are simulated
+seconds since the vehicle started, on one clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Final
+
+AUTOPILOT: Final = 1
+"""MAVLink component of the autopilot."""
+
+COMPANION: Final = 191
+"""MAVLink component of the companion (MAV_COMP_ID_ONBOARD_COMPUTER)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The true state of the vehicle process at one moment; at least 20 of them a second.
+
+    Attributes:
+        time_s: Simulated seconds since the vehicle started.
+        latitude_deg: True position, WGS-84.
+        longitude_deg: True position, WGS-84.
+        altitude_amsl_m: True height above mean sea level.
+        armed: Whether the motors may turn.
+        landed: Whether it really stands on the ground.
+        custom_mode: The mode that it flies in, as in HEARTBEAT.custom_mode.
+        failsafe: Whether a failsafe of the autopilot acts.
+    """
+
+    time_s: float
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    armed: bool
+    landed: bool
+    custom_mode: int
+    failsafe: bool
+
+
+@dataclass(frozen=True, slots=True)
+class WireMessage:
+    """One MAVLink message between the vehicle and a companion or station, either direction.
+
+    Attributes:
+        time_s: When it was sent.
+        system: Who sent it: system id.
+        component: Who sent it: component id; `AUTOPILOT` is the vehicle, `COMPANION` is ours.
+        target: Target system id; 0: all.
+        name: MAVLink name, `COMMAND_LONG`, `COMMAND_INT`, `MISSION_ITEM_INT`, `SET_MODE`...
+        fields: All fields by their MAVLink names, degE7 and the like as on the wire.
+        delivered: Whether it reached the other end; a lost one was sent all the same.
+    """
+
+    time_s: float
+    system: int
+    component: int
+    target: int
+    name: str
+    fields: Mapping[str, Any]
+    delivered: bool = True
+
+
+class What(StrEnum):
+    """What can happen in a scene that the judge has to know of; the comment says the value.
+
+    Only what has been done is told, when it has been done: a pilot's mode that the vehicle refused
+    did not happen.
+    """
+
+    MISSION_FILE = "mission file"  # the text as it is to be flown from now on, after a reload
+    PILOT = "pilot"  # what the pilot or a station chose: mode name, "sticks", "item", "plan" ...
+    DISARMED = "disarmed"  # who: "pilot", "station"; also by force in the air
+    REQUEST = "request"  # an operator's request as sent: its verb, "resume", "hold", "home" ...
+    KILLED = "companion killed"  # None
+    STARTED = "companion started"  # None; also the first time
+    STOPPED = "companion stopped"  # None: SIGSTOP
+    CONTINUED = "companion continued"  # None: SIGCONT
+    FAULT = "fault begins"  # the fault's name, or a line of text
+    FAULT_OVER = "fault ends"  # the same
+    ESTIMATE_OFF = "estimate off"  # metres that the estimate is wrong by from now on, 3D
+    HOME_MOVED = "home moved"  # (latitude_deg, longitude_deg, altitude_amsl_m)
+    FENCE_CHANGED = "fence changed"  # by another station; "deleted", "added" ...
+    BATTERY = "battery"  # seconds that it takes from full to empty from now on
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """Something that the scene did.
+
+    Attributes:
+        time_s: When.
+        what: Which kind.
+        value: As `What` says.
+    """
+
+    time_s: float
+    what: What
+    value: Any = None
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Something that the companion announced to operator and pilot."""
+
+    time_s: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """All that is known of one flight.
+
+    Attributes:
+        scene: The scene's name and seed, for the table.
+        faults: Names of the faults in it; `acceptance` has a row for each.
+        mission_path: The mission file as flown: files that it names are looked for beside it.
+        mission_text: Its text at the start.
+        uav: Which of several UAVs this one is.
+        samples: In order of time, from before arming to after disarming (or the end of watching).
+        messages: In order of time.
+        happenings: In order of time.
+        lines: What the companion announced, in order of time.
+        exit_code: Of the companion (`air-router fly`); None: it was killed, or flies on.
+        outcome: The end that the companion announced: last line, or the status' own word.
+    """
+
+    scene: str
+    faults: frozenset[str]
+    mission_path: Path
+    mission_text: str
+    samples: tuple[Sample, ...]
+    messages: tuple[WireMessage, ...] = ()
+    happenings: tuple[Happening, ...] = ()
+    lines: tuple[Line, ...] = ()
+    exit_code: int | None = None
+    outcome: str = ""
+    uav: str | None = None
+    notes: Mapping[str, str] = field(default_factory=dict)
+    """Free words of who flew it, for the report only."""
