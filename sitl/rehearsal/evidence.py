@@ -1,4 +1,4 @@
-"""What a rehearsed flight leaves behind for the judge: the vehicle's true track, the wire, the scene.
+"""What a rehearsed flight leaves behind for the judge: true track, wire and scene.
 
 The flyer of a scene (in one process, with the real programs, on a real PX4) fills these in; the
 judge knows nothing else. Nothing here comes from the code that is judged. All times are simulated
