@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
+
+from air_router.loop_clock import loop_s
 
 if TYPE_CHECKING:
     from air_router.wish import Wish
@@ -25,7 +26,7 @@ class Budget:
     """Fills up with time, and is spent."""
 
     def __init__(
-        self, per_s: float, at_once: float, monotonic: Callable[[], float] = time.monotonic
+        self, per_s: float, at_once: float, monotonic: Callable[[], float] = loop_s
     ) -> None:
         self._per_s = per_s
         self._at_once = self._left = at_once

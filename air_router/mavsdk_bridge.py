@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -83,7 +82,7 @@ def subscribe(direct: MavlinkDirect, name: str, callback: Callable[[Received], N
     loop = asyncio.get_running_loop()
 
     def on_message(message: MavlinkMessage, _user_data: Any) -> None:  # on MAVSDK's thread
-        arrived_s = time.monotonic()
+        arrived_s = loop.time()
         sender = (message.system_id, message.component_id)
         _from_thread(loop, callback, Received(json.loads(message.fields_json), sender, arrived_s))
 

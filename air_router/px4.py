@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from mavsdk.plugins.action.action import Action, ActionResult
+from mavsdk.plugins.events.events import Events
 from mavsdk.plugins.geofence.geofence import Geofence
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkDirectError
 from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
@@ -37,8 +38,6 @@ from air_router.px4_telemetry import Px4Telemetry
 from air_router.vehicle import FlightMode, LinkSilent, Vehicle, VehicleEvent, VehicleInfo
 
 if TYPE_CHECKING:
-    from mavsdk.system import System
-
     from air_router.clock import VehicleClock
     from air_router.flight_plan import FlightPlan
     from air_router.inspection import Inspection
@@ -76,16 +75,23 @@ class Px4Vehicle(Vehicle):
         url: MAVSDK connection URL, such as `udpin://0.0.0.0:14540`.
         clock: Told the vehicle's time.
         system_id: The vehicle's MAVLink system id; ours must be the same.
+        connection: What opens the link; a rehearsal's leads to a vehicle in the same process.
     """
 
     def __init__(
-        self, mission: Mission, url: str, clock: VehicleClock, *, system_id: int = 1
+        self,
+        mission: Mission,
+        url: str,
+        clock: VehicleClock,
+        *,
+        system_id: int = 1,
+        connection: Callable[[str, int], Px4Connection] = Px4Connection,
     ) -> None:
-        self._connection = Px4Connection(url, system_id)
+        self._connection = connection(url, system_id)
         self._telemetry = Px4Telemetry(mission.frame, clock)
         self._commands = Px4Commands(self._telemetry, system_id)
         self._motions = Px4Motions(mission, self._telemetry, self._commands)
-        self._system: System
+        self._events: Callable[[], Events]
         self._action: Action
         self._raw: MissionRaw
         self._geofence: Geofence
@@ -101,11 +107,10 @@ class Px4Vehicle(Vehicle):
 
     async def connect(self) -> VehicleInfo:
         """See `Vehicle.connect`; also asks for the positions often enough to fly by them."""
-        system = self._system = await self._connection.open()
-        self._action = Action(system)
-        self._raw = MissionRaw(system)
-        self._geofence = Geofence(system)
-        self._direct = MavlinkDirect(system)
+        plugins = await self._connection.open()
+        self._direct, self._raw = plugins.direct, plugins.raw
+        self._geofence, self._action = plugins.geofence, plugins.action
+        self._events = plugins.events
         self._telemetry.listen(self._direct, self._connection.system_id)
         self._commands.listen(self._direct)
         wishes = [(SET_MESSAGE_INTERVAL, what, 1e6 / hz) for what, hz in RATES_HZ.items()]
@@ -131,7 +136,7 @@ class Px4Vehicle(Vehicle):
     async def inspect(self, parameters: Sequence[str]) -> Inspection:
         """See `Vehicle.inspect`; a vehicle that is just being switched on is given some seconds."""
         return await inspect(
-            self._system, self._direct, self._telemetry, self._connection.system_id, parameters
+            self._events, self._direct, self._telemetry, self._connection.system_id, parameters
         )
 
     async def recognise(self, plan: FlightPlan) -> None:
@@ -172,7 +177,7 @@ class Px4Vehicle(Vehicle):
             return
         if not await telemetry.shows(lambda: telemetry.health_good, HEALTH_S):
             raise ArmingRefusedError(
-                f"not ready to arm after {HEALTH_S:.0f} s{await arming_problems(self._system)}"
+                f"not ready to arm after {HEALTH_S:.0f} s{await arming_problems(self._events)}"
                 f"{telemetry.said()}; see the arming checks in the ground station"
             )
         for _ in range(ATTEMPTS):
@@ -182,7 +187,7 @@ class Px4Vehicle(Vehicle):
             ):
                 return
         raise ArmingRefusedError(
-            f"the autopilot answers {result.name}{await arming_problems(self._system)}"
+            f"the autopilot answers {result.name}{await arming_problems(self._events)}"
             f"{telemetry.said()}; see the arming checks in the ground station"
         )
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import math
-import time
 from collections import defaultdict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectError
 
 from air_router.errors import NotConfirmedError
+from air_router.loop_clock import loop_s
 from air_router.mavsdk_bridge import message
 from air_router.px4_connection import COMPANION_COMPONENT
 from air_router.vehicle import FlightMode
@@ -193,7 +193,7 @@ class Px4Commands:
         Raises:
             NotConfirmedError: it does not follow, with the reason where there is one.
         """
-        sent = Sent(order, Choices.of(self._telemetry), time.monotonic())
+        sent = Sent(order, Choices.of(self._telemetry), loop_s())
         self._tried[order.command].newest = sent
         verdict = None
         for attempt in range(attempts):
@@ -207,7 +207,7 @@ class Px4Commands:
         self._tried[order.command].unanswered.clear()  # on a link in order: lost, or here by now
 
     def _leave(self, sent: Sent, attempt: int) -> None:
-        sent.last_s = time.monotonic()
+        sent.last_s = loop_s()
         sent.refusal = None
         self._tried[sent.order.command].unanswered.append((sent.last_s, sent))
         self.send(sent.order.wire(attempt), sent.order.words)
@@ -223,7 +223,7 @@ class Px4Commands:
 
         while True:
             end_s = min(max(sent.last_s, sent.heard_s) + CONFIRM_S, sent.first_s + LONGEST_S)
-            left_s = end_s - time.monotonic()
+            left_s = end_s - loop_s()
             # Whatever ends the wait: it may have said meanwhile that it is about it.
             if left_s <= 0.0 or await self._telemetry.shows(judged, left_s):
                 return verdict
@@ -243,7 +243,7 @@ class Px4Commands:
         heartbeat_s = telemetry.arrived_s("HEARTBEAT")
         return (
             heartbeat_s >= sent.last_s + SETTLED_S
-            and time.monotonic() - heartbeat_s <= FRESH_S
+            and loop_s() - heartbeat_s <= FRESH_S
             and sent.heard_s < sent.last_s
             and sent.before.told_since(sent.last_s, telemetry)
             and sent.before.same(Choices.of(telemetry))

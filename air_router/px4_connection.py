@@ -7,12 +7,18 @@ import logging
 import re
 import socket
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from mavsdk.autopilot import Autopilot
 from mavsdk.component_type import ComponentType
 from mavsdk.exceptions import MavsdkError
 from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.action.action import Action
+from mavsdk.plugins.events.events import Events
+from mavsdk.plugins.geofence.geofence import Geofence
+from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
+from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 
 from air_router.errors import NoVehicleError
 from air_router.mavlink_elsewhere import USUAL_PORTS, advice, listen
@@ -39,6 +45,25 @@ DATA_S: Final = 4.0
 _URL = re.compile(r"(udpin|udpout|tcpin|tcpout|serial|serial_flowcontrol)://(\S+)")
 
 
+@dataclass(frozen=True, slots=True)
+class Plugins:
+    """All that a flight uses of MAVSDK; a rehearsal puts its own in their place.
+
+    Attributes:
+        direct: Messages as they are.
+        raw: Transfers of mission, fence and rally points.
+        geofence: Takes a fence off board.
+        action: Arms.
+        events: Opens the autopilot's health reports, to be destroyed after use.
+    """
+
+    direct: MavlinkDirect
+    raw: MissionRaw
+    geofence: Geofence
+    action: Action
+    events: Callable[[], Events]
+
+
 class Px4Connection:
     """One MAVSDK instance on one connection.
 
@@ -56,7 +81,7 @@ class Px4Connection:
         self.system_id = system_id
         self._mavsdk: Mavsdk | None = None
 
-    async def open(self) -> System:
+    async def open(self) -> Plugins:
         """Wait for a PX4.
 
         Raises:
@@ -78,7 +103,13 @@ class Px4Connection:
                 f"{self._url}: the autopilot is {system.autopilot_type().name}, not PX4; "
                 "only PX4 is flown"
             )
-        return system
+        return Plugins(
+            MavlinkDirect(system),
+            MissionRaw(system),
+            Geofence(system),
+            Action(system),
+            lambda: Events(system),
+        )
 
     async def _wanted(self, mavsdk: Mavsdk, first: System) -> System:
         """The system that was asked for, where several send here."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import Final
 
 from mavsdk.plugins.events.events import Events, EventsError, LogLevel
-
-if TYPE_CHECKING:
-    from mavsdk.system import System
 
 REPORT_S: Final = 3.0
 """Wall-clock limit for the report: its words are fetched from the autopilot first."""
@@ -16,15 +14,15 @@ REPORT_S: Final = 3.0
 _LOOK_S: Final = 0.2
 
 
-async def arming_problems(system: System) -> str:
+async def arming_problems(open_events: Callable[[], Events]) -> str:
     """What stands in the way of arming, to add to an error; empty if the autopilot does not say."""
-    problems = await reported_problems(system, REPORT_S)
+    problems = await reported_problems(open_events, REPORT_S)
     return f" ({'; '.join(problems)})" if problems else ""
 
 
-async def reported_problems(system: System, limit_s: float) -> tuple[str, ...]:
+async def reported_problems(open_events: Callable[[], Events], limit_s: float) -> tuple[str, ...]:
     """The same as a list, empty if the autopilot does not say within a wall-clock limit."""
-    events = Events(system)
+    events = open_events()
     try:
         async with asyncio.timeout(limit_s):
             while not (problems := _reported(events)):  # noqa: ASYNC110 - once, and then it ends

@@ -20,7 +20,7 @@ from air_router.mavsdk_bridge import call, message
 from air_router.px4_health import reported_problems
 
 if TYPE_CHECKING:
-    from mavsdk.system import System
+    from mavsdk.plugins.events.events import Events
 
     from air_router.px4_telemetry import Px4Telemetry
 
@@ -39,7 +39,7 @@ ATTEMPTS: Final = 5
 
 
 async def inspect(
-    system: System,
+    events: Callable[[], Events],
     direct: MavlinkDirect,
     telemetry: Px4Telemetry,
     system_id: int,
@@ -55,7 +55,7 @@ async def inspect(
     report = telemetry.reports.last
     problems = () if report is None else report.problems
     if not telemetry.health_good and not problems:
-        problems = await reported_problems(system, WORDS_S)
+        problems = await reported_problems(events, WORDS_S)
     return Inspection(
         healthy=telemetry.health_good,
         problems=problems,

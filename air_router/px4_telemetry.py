@@ -6,12 +6,12 @@ import asyncio
 import logging
 import math
 import struct
-import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from air_router.inspection import GpsFix
+from air_router.loop_clock import loop_s
 from air_router.mavsdk_bridge import Received, subscribe
 from air_router.px4_events import WARNING, ArmingReports, Px4Event
 from air_router.px4_mode import flight_mode
@@ -48,7 +48,7 @@ class Px4Telemetry:
         self._system_id = 0
         self._callbacks: list[Callable[[VehicleEvent], None]] = []
         self._news = asyncio.Event()
-        self._heard_s = time.monotonic()
+        self._heard_s = loop_s()
         self._arrived_s: dict[str, float] = {}
         self._texts: deque[str] = deque(maxlen=3)
         self._plan_ids: tuple[int, int] | None = None
@@ -121,7 +121,7 @@ class Px4Telemetry:
 
     def silent_s(self) -> float:
         """Wall-clock seconds since anything was heard."""
-        return time.monotonic() - self._heard_s
+        return loop_s() - self._heard_s
 
     def arrived_s(self, *names: str) -> float:
         """When the newest message of these names came, on the monotonic clock; long ago if none."""
@@ -136,7 +136,7 @@ class Px4Telemetry:
         if self._unix is None:
             return None
         unix_s, heard_s = self._unix
-        return unix_s + time.monotonic() - heard_s
+        return unix_s + loop_s() - heard_s
 
     def forget_words(self) -> None:
         """Something new is asked of the autopilot: what it said before is not about that."""
@@ -207,7 +207,7 @@ class Px4Telemetry:
         def on_message(received: Received) -> None:
             if received.sender != (self._system_id, AUTOPILOT):
                 return
-            self._heard_s = time.monotonic()
+            self._heard_s = loop_s()
             self._arrived_s[name] = received.arrived_s
             handler(received.fields)
             self._wake_waiters()
@@ -267,7 +267,7 @@ class Px4Telemetry:
     def _on_system_time(self, fields: dict[str, Any]) -> None:
         if fields["time_unix_usec"] > 0:
             self._clock.heard_unix(fields["time_unix_usec"] / 1e6, fields["time_boot_ms"] / 1e3)
-            self._unix = (fields["time_unix_usec"] / 1e6, time.monotonic())
+            self._unix = (fields["time_unix_usec"] / 1e6, loop_s())
 
     def _on_home(self, fields: dict[str, Any]) -> None:
         try:

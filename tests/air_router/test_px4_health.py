@@ -36,8 +36,7 @@ def test_what_stands_in_the_way_of_arming(monkeypatch, after, said):
         ("No connection to the ground station", LogLevel.CRITICAL),
     ]
     reports = Reports(problems, after=after)
-    monkeypatch.setattr(px4_health, "Events", lambda _system: reports)
     monkeypatch.setattr(px4_health, "REPORT_S", 0.1)
     monkeypatch.setattr(px4_health, "_LOOK_S", 0.001)
-    assert asyncio.run(px4_health.arming_problems(None)) == said
+    assert asyncio.run(px4_health.arming_problems(lambda: reports)) == said
     assert reports.destroyed
