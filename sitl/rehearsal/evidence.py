@@ -7,8 +7,8 @@ seconds since the vehicle started, on one clock.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
@@ -124,6 +124,9 @@ class Evidence:
         mission_path: The mission file as flown: files that it names are looked for beside it.
         mission_text: Its text at the start.
         uav: Which of several UAVs this one is.
+        start_unix_s: Unix time at the vehicle's start, for zones with hours; None: all zones apply.
+        reaction_s: What the companion has to react, simulated seconds: more where the simulated
+            time runs faster than the real programs' own.
         samples: In order of time, from before arming to after disarming (or the end of watching).
         messages: In order of time.
         happenings: In order of time.
@@ -143,5 +146,9 @@ class Evidence:
     exit_code: int | None = None
     outcome: str = ""
     uav: str | None = None
-    notes: Mapping[str, str] = field(default_factory=dict)
-    """Free words of who flew it, for the report only."""
+    start_unix_s: float | None = None
+    reaction_s: float = 1.0
+
+    def told(self, what: What) -> Iterator[Happening]:
+        """The happenings of a kind, in order of time."""
+        return (happening for happening in self.happenings if happening.what is what)
