@@ -7,7 +7,7 @@ from enum import IntEnum
 from typing import ClassVar
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.problem import DocumentError, Problem
+from mocha_link.problem import DocumentError, Problem, first_of_each_kind
 
 
 class ExitCode(IntEnum):
@@ -41,7 +41,7 @@ class MissionFileError(AirRouterError):
     exit_code = ExitCode.INVALID_FILE
 
     def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = tuple(sorted(set(problems)))
+        self.problems = first_of_each_kind(problems)
         super().__init__("\n".join(map(str, self.problems)))
 
 

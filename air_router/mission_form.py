@@ -58,7 +58,7 @@ def _day(value: Any) -> int:
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Position = Annotated[Pair, Field(description="[latitude, longitude] in degrees")]
-Polygon = list[Pair]
+Polygon = Annotated[list[Pair], Field(max_length=20_000)]
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
 _Metres = Annotated[float, Field(gt=0, le=10_000)]
 _Distance = Annotated[float, Field(ge=0, le=1_000)]
@@ -80,7 +80,7 @@ class AreaForm(BaseModel):
     """A fence, or the place of a zone."""
 
     polygon: Polygon | None = None
-    holes: list[Polygon] = []
+    holes: Annotated[list[Polygon], Field(max_length=1_000)] = []
     circle: CircleForm | None = None
 
     @model_validator(mode="after")
@@ -212,7 +212,9 @@ class MissionForm(BaseModel):
     home: Annotated[HomeForm, Field(description="where the vehicle takes off and lands")]
     altitude_m: _Altitude
     speed_m_s: Annotated[float, Field(gt=0, le=50)] = DEFAULT_SPEED_M_S
-    waypoints: Annotated[list[WaypointForm], Field(description="what to explore, in order")]
+    waypoints: Annotated[
+        list[WaypointForm], Field(max_length=5_000, description="what to explore, in order")
+    ]
     fence: AreaForm | None = None
     fences: list[AreaForm] = []
     no_fly_zones: Annotated[

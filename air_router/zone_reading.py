@@ -18,8 +18,8 @@ from air_router.draft import Keys, Source
 from air_router.json_document import JsonDocument, value_at
 from geo.frame import Geodetic
 from geo.validity import Validity
-from mocha_link.document import Problem
 from mocha_link.printable import printable
+from mocha_link.problem import Problem, ProblemList
 
 MAX_RADIUS_M = 1_000_000.0
 MAX_ALTITUDE_M = 100_000.0
@@ -84,15 +84,23 @@ class ZoneReading:
         source: The file.
         kind: Its format, in words.
         zones: Its zones.
-        problems: What is wrong with it.
-        notes: What was left out or read with caution, though nothing is wrong with it.
     """
 
     source: Source
     kind: str
     zones: list[FileZone] = field(default_factory=list)
-    problems: list[Problem] = field(default_factory=list)
-    notes: list[Problem] = field(default_factory=list)
+    _problems: ProblemList = field(default_factory=ProblemList)
+    _notes: ProblemList = field(default_factory=ProblemList)
+
+    @property
+    def problems(self) -> list[Problem]:
+        """What is wrong with it: the first of each kind, and how many more there are."""
+        return list(self._problems)
+
+    @property
+    def notes(self) -> list[Problem]:
+        """What was left out or read with caution, though nothing is wrong with it."""
+        return list(self._notes)
 
     @property
     def path(self) -> Path:
@@ -101,11 +109,11 @@ class ZoneReading:
 
     def complain(self, keys: Keys, message: str, code: str) -> None:
         """Note a problem."""
-        self.problems.append(self.source.problem(keys, message, code))
+        self._problems.add(self.path, code, lambda: self.source.problem(keys, message, code))
 
     def note(self, keys: Keys, message: str, code: str) -> None:
         """Note what the operator should know."""
-        self.notes.append(self.source.problem(keys, message, code))
+        self._notes.add(self.path, code, lambda: self.source.problem(keys, message, code))
 
     def ring(self, places: list[Geodetic], keys: Keys) -> MapRing | None:
         """Corners as a ring; None, with a problem noted, if they are too few or too many."""

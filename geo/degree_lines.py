@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from geo.frame import Geodetic
+from geo.frame import Geodetic, check_on_earth
 
 _DEGREE_M = 111_000.0
 STEP_M = 1_000.0
@@ -22,7 +22,12 @@ def dense_ring(ring: Sequence[Geodetic], step_m: float = STEP_M) -> list[Geodeti
     """The ring with corners in between on long sides, on the straight line in degrees.
 
     A side goes around the Earth the short way, over the antimeridian if that is shorter.
+
+    Raises:
+        FrameError: a corner is not on Earth.
     """
+    for corner in ring:
+        check_on_earth(*corner)
     dense: list[Geodetic] = []
     for start, end in zip(ring, [*ring[1:], *ring[:1]], strict=True):
         lat_deg = end.latitude_deg - start.latitude_deg

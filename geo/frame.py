@@ -52,11 +52,11 @@ class LocalFrame:
     origin: Geodetic
 
     def __post_init__(self) -> None:
-        _check(self.origin.latitude_deg, self.origin.longitude_deg)
+        check_on_earth(self.origin.latitude_deg, self.origin.longitude_deg)
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> Point:
         """Metres east and north of the origin, of a place given in degrees."""
-        _check(latitude_deg, longitude_deg)
+        check_on_earth(latitude_deg, longitude_deg)
         to_local, _ = _transformers(*self.origin)
         east_m, north_m = to_local.transform(longitude_deg, latitude_deg)
         if not (math.isfinite(east_m) and math.isfinite(north_m)):
@@ -72,7 +72,7 @@ class LocalFrame:
         )
         legal = (np.abs(latitudes) <= 90) & (np.abs(longitudes) <= 180)
         for index in np.flatnonzero(~legal)[:1]:
-            _check(float(latitudes[index]), float(longitudes[index]))
+            check_on_earth(float(latitudes[index]), float(longitudes[index]))
         to_local, _ = _transformers(*self.origin)
         places = np.stack(to_local.transform(longitudes, latitudes), axis=-1)
         for index in np.flatnonzero(~np.isfinite(places).all(axis=-1))[:1]:
@@ -104,7 +104,8 @@ class LocalFrame:
         return Geodetic(latitude_deg, longitude_deg)
 
 
-def _check(latitude_deg: float, longitude_deg: float) -> None:
+def check_on_earth(latitude_deg: float, longitude_deg: float) -> None:
+    """Raise FrameError where there is no such latitude or longitude."""
     if not abs(latitude_deg) <= 90:  # also catches NaN
         raise FrameError(f"latitude {latitude_deg} is not within -90..90 degrees")
     if not abs(longitude_deg) <= 180:

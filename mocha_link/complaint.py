@@ -118,7 +118,8 @@ def _shown(value: Any) -> str:
         return "a list"
     if isinstance(value, dict):
         return "a mapping"
-    return as_label(value)
+    label = as_label(value)
+    return label if len(label) <= 40 else f"{label[:37]}..."
 
 
 def _advice(kind: str, found: Any) -> str:

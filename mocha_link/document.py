@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,17 +17,22 @@ import pydantic
 import yaml
 
 from mocha_link.complaint import Key, as_label, code_of, complaint
-from mocha_link.problem import DocumentError, Problem
+from mocha_link.problem import DocumentError, Problem, ProblemList
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from pydantic_core import ErrorDetails
 
 __all__ = ["Document", "DocumentError", "Problem", "as_yaml"]
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_VALUES = 200_000  # aliases may repeat a value; this bounds what they expand to
 
-_DEEP = 100
+MAX_DEPTH = 60
+_LARGE = 50_000
+"""Characters from which on an error is told in the words of the quick parser: the other one takes
+a second for so many."""
 
 M = TypeVar("M", bound=pydantic.BaseModel)
 
@@ -62,25 +68,36 @@ if yaml.__with_libyaml__:
 
 
 def _compose(text: str) -> yaml.Node | None:
-    """The document as nodes. Raises YAMLError, RecursionError."""
-    if yaml.__with_libyaml__:
-        try:
-            if _depth(text) < _DEEP:
-                return _QuickLoader(text).get_single_node()
-        except yaml.YAMLError:
-            pass  # told below, in words that do not depend on what is installed
-    return _Loader(text).get_single_node()
+    """The document as nodes. Raises YAMLError: it is none; _TooDeepError."""
+    if not yaml.__with_libyaml__:
+        _check_depth(text, _Loader)
+        return _Loader(text).get_single_node()
+    try:
+        _check_depth(text, _QuickLoader)
+        return _QuickLoader(text).get_single_node()
+    except yaml.YAMLError:
+        if len(text) > _LARGE:
+            raise
+    return _Loader(text).get_single_node()  # its words do not depend on what is installed
 
 
-def _depth(text: str) -> int:
-    depth = deepest = 0
-    for event in yaml.parse(text, Loader=_QuickLoader):
+class _TooDeepError(Exception):
+    """Nested deeper than any honest file; both parsers take very long for it, or crash."""
+
+    def __init__(self, mark: yaml.Mark) -> None:
+        super().__init__()
+        self.mark = mark
+
+
+def _check_depth(text: str, loader: type[_Loader | _QuickLoader]) -> None:
+    depth = 0
+    for event in yaml.parse(text, Loader=loader):
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
-            deepest = max(depth, deepest)
+            if depth > MAX_DEPTH:
+                raise _TooDeepError(event.start_mark)
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
-    return deepest
 
 
 class Document:
@@ -147,8 +164,10 @@ class Document:
             raise _one(
                 path, line, column, "control character in the text; remove it", "not-yaml"
             ) from None
-        except RecursionError:
-            raise _one(path, 1, 1, "nested too deeply; flatten it", "too-deep") from None
+        except _TooDeepError as error:
+            message = f"nested more than {MAX_DEPTH} deep; flatten it"
+            place = (error.mark.line + 1, error.mark.column + 1)
+            raise _one(path, *place, message, "too-deep") from None
         if plain.problems:
             raise DocumentError(plain.problems)
         return cls(path, root, data)
@@ -183,15 +202,17 @@ class Document:
         try:
             return model.model_validate_json(text, strict=True, extra="forbid")
         except pydantic.ValidationError as error:
-            problems = []
+            problems = ProblemList()
             for detail in error.errors(include_url=False):
-                unknown = detail["type"] == "extra_forbidden"
-                missing = detail["type"] == "missing"
-                keys = detail["loc"][:-1] if missing else detail["loc"]
-                place = self.place_of_key(*keys) if unknown else self.place(*keys)
-                message, code = complaint(detail, model), code_of(detail)
-                problems.append(Problem(self.path, *place, message, code, tuple(keys)))
+                problems.add(self.path, code_of(detail), partial(self._problem, detail, model))
             raise DocumentError(problems) from None
+
+    def _problem(self, detail: ErrorDetails, model: type[pydantic.BaseModel]) -> Problem:
+        unknown = detail["type"] == "extra_forbidden"
+        missing = detail["type"] == "missing"
+        keys = detail["loc"][:-1] if missing else detail["loc"]
+        place = self.place_of_key(*keys) if unknown else self.place(*keys)
+        return Problem(self.path, *place, complaint(detail, model), code_of(detail), tuple(keys))
 
     def _find(self, keys: Sequence[Key]) -> tuple[yaml.Node | None, yaml.Node | None]:
         """The value node and its key node; steps that the document does not have are skipped."""

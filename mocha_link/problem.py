@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Final
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.printable import printable
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
+MOST_OF_A_KIND: Final = 20
+"""Problems with one code that a file is told of; a person mends the first ones and looks again."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -49,5 +51,39 @@ class DocumentError(MochaLinkError):
     """A file cannot be used; carries every problem found in it, in file order."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = tuple(sorted(set(problems)))
+        self.problems = first_of_each_kind(problems)
         super().__init__("\n".join(map(str, self.problems)))
+
+
+def first_of_each_kind(problems: Iterable[Problem]) -> tuple[Problem, ...]:
+    """Problems in file order, at most `MOST_OF_A_KIND` per file and code, and how many are left."""
+    collected = ProblemList()
+    for problem in sorted(set(problems)):
+        collected.add(problem.path, problem.code, lambda found=problem: found)
+    return tuple(sorted(collected))
+
+
+class ProblemList:
+    """Collects problems, and builds only the first of each kind: to find a place takes a while.
+
+    It iterates over these as they came, then says of each kind how many more there are.
+    """
+
+    def __init__(self) -> None:
+        self._told: list[Problem] = []
+        self._numbers: Counter[tuple[Path, str]] = Counter()
+        self._last: dict[tuple[Path, str], Problem] = {}
+
+    def add(self, path: Path, code: str, make: Callable[[], Problem]) -> None:
+        """Note a problem; `make` is only called if it is one of the first of its kind."""
+        self._numbers[path, code] += 1
+        if self._numbers[path, code] <= MOST_OF_A_KIND:
+            self._last[path, code] = make()
+            self._told.append(self._last[path, code])
+
+    def __iter__(self) -> Iterator[Problem]:
+        yield from self._told
+        for (path, code), last in self._last.items():
+            if (left := self._numbers[path, code] - MOST_OF_A_KIND) > 0:
+                message = f"{left} more problems of the kind '{code}' in this file"
+                yield Problem(path, last.line, last.column + 1, message, "more")

@@ -105,6 +105,19 @@ def test_every_problem_has_a_code():
         assert code_of(broken) == [code], broken
 
 
+def test_of_each_kind_the_first_problems_are_told_and_the_others_counted():
+    text = "".join(f"key_{n}: 1\n" for n in range(50))
+    with pytest.raises(DocumentError) as caught:
+        Document.from_text(f"name: a\n{text}altitude_m: -1", PATH).parse(Survey)
+    lines = [(problem.line, problem.code) for problem in caught.value.problems]
+    assert lines == [
+        *((line, "unknown-key") for line in range(2, 22)),
+        (21, "more"),
+        (52, "out-of-range"),
+    ]
+    assert "30 more problems of the kind 'unknown-key'" in str(caught.value)
+
+
 def test_values_and_places():
     document = Document.from_text(TEXT, PATH)
     assert document.data["points"] == [{"east_m": 1, "north_m": 2}, {"east_m": 3, "north_m": 4.5}]
@@ -223,7 +236,7 @@ def test_an_empty_file_is_not_a_survey():
         ("a: &x [*x]", "fleet.yaml:1:4: an alias inside its own anchor; remove it"),
         ("a: 1\n---\nb: 2", "fleet.yaml:2:1: not valid YAML"),
         ("a: *nobody", "fleet.yaml:1:4: not valid YAML"),
-        ("[" * 5000, "fleet.yaml:1:1: nested too deeply; flatten it"),
+        ("[" * 5000, "fleet.yaml:1:61: nested more than 60 deep; flatten it"),
     ],
 )
 def test_broken_documents_name_the_place(text, problem):
