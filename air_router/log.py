@@ -79,11 +79,13 @@ class Log:
     Attributes:
         path: Where it is.
         ending: None: whole. Otherwise what is wrong with its end; all before it is good.
+        damaged: Bytes of it are wrong; one that only ends early, as after a power cut, is not.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.ending: str | None = None
+        self.damaged = False
         self._motions: deque[tuple[int | None, Motion]] = deque(maxlen=RECENT)
 
     def __iter__(self) -> Iterator[Entry]:
@@ -132,6 +134,7 @@ class Log:
                     count[1] += 1
                     yield Entry(0.0, "file", StoredFile(record.name, record.data))
                 case Statistics() if count != [record.message_count, record.attachment_count]:
+                    self.damaged = True
                     self.ending = "it is damaged: something of it cannot be found"
         if not ours:
             raise LogError(f"{self.path}: {self.ending or _FOREIGN}")
@@ -158,9 +161,11 @@ class Log:
             yield from inner
 
     def _end(self, file: IO[bytes], error: Exception) -> str:
+        self.damaged = True
         if isinstance(error, InvalidMagic):
             return "its last bytes are not those of an MCAP file"
         if isinstance(error, EndOfFile) or not file.read(1):
+            self.damaged = False
             return "it was cut off: the program was ended from outside, or the disk failed"
         return f"it is damaged at byte {file.tell()}: {str(error) or type(error).__name__}"
 

@@ -2,7 +2,8 @@
 
 A thread of its own writes, so that a slow disk never holds up a decision. Each second the chunk
 that is being filled is closed, handed to the system and pushed to the disk: `kill -9` and a power
-cut lose the last second and no more. When the disk fails, the file ends where it was whole.
+cut lose the last second and no more. While the disk is full the file ends where it was whole, and
+what happens waits in memory.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ MOST_BYTES: Final = 2 << 30
 """A file grows to this size and no further."""
 
 MOST_WAITING: Final = 64 << 20
-"""Bytes that wait for a disk that stands still; then the file is given up."""
+"""Bytes that wait for a disk that stands still or is full; then the file is given up."""
 
 CLOSE_S: Final = 10.0
 
@@ -72,20 +73,29 @@ class _FullError(OSError):
 
 
 class _Sink:
-    """Where the MCAP writer writes to: it counts, so that nothing has to be sought."""
+    """Where the MCAP writer writes to: into memory, and what is whole from there to the disk.
+
+    What a disk refuses waits in memory, and the file ends where it was whole; so a disk on which
+    there is room again gets everything that happened meanwhile.
+    """
 
     def __init__(self, path: Path, most_bytes: int) -> None:
         self._file = path.open("xb", buffering=0)
         self._most_bytes = most_bytes
         self._position = 0
-        self._good = 0
+        self._whole = 0
+        self._on_disk = 0
+        self._waiting = bytearray()
+
+    @property
+    def waiting(self) -> int:
+        """Bytes that are not on the disk yet."""
+        return len(self._waiting)
 
     def write(self, data: bytes) -> int:
         if self._position + len(data) > self._most_bytes:
             raise _FullError(f"it has reached its limit of {self._most_bytes / 1e6:.0f} MB")
-        rest = memoryview(data)
-        while rest:
-            rest = rest[self._file.write(rest) or 0 :]
+        self._waiting += data
         self._position += len(data)
         return len(data)
 
@@ -93,19 +103,30 @@ class _Sink:
         return self._position
 
     def flush(self) -> None:
-        """All that was written is whole: should the disk fail later, the file ends here."""
-        self._good = self._position
+        """All that was written is whole."""
+        self._whole = self._position
 
     def sync(self) -> None:
-        os.fdatasync(self._file.fileno())
-
-    def cut(self) -> None:
-        """End the file where it was whole."""
-        with contextlib.suppress(OSError):
-            self._file.truncate(self._good)
+        """Put what is whole on the disk. Raises OSError: it does not take it now."""
+        data = bytes(self._waiting[: self._whole - self._on_disk])
+        try:
+            self._append(data)
+            os.fdatasync(self._file.fileno())
+        except OSError:
+            with contextlib.suppress(OSError):
+                self._file.truncate(self._on_disk)
+            self._file.seek(self._on_disk)
+            raise
+        del self._waiting[: len(data)]
+        self._on_disk += len(data)
 
     def close(self) -> None:
         self._file.close()
+
+    def _append(self, data: bytes) -> None:
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._file.write(rest) or 0 :]
 
 
 class LogFile:
@@ -113,7 +134,8 @@ class LogFile:
 
     Args:
         path: The new file.
-        trouble: Told once, on the thread that writes, when the file cannot be written any more.
+        trouble: Told, on the thread that writes, when the disk takes nothing, when it does again,
+            and when the file is given up.
         metadata: What is known of the whole file, as texts.
         most_bytes: How large it may grow.
 
@@ -138,6 +160,7 @@ class LogFile:
         self._queue: queue.SimpleQueue[_Message | _File | None] = queue.SimpleQueue()
         self._given = self._taken = 0  # bytes: each is counted on one thread only
         self._failed = False
+        self._refused = False
         self._thread = threading.Thread(
             target=self._run, args=(dict(metadata),), name="flight record", daemon=True
         )
@@ -209,9 +232,24 @@ class LogFile:
         try:
             work()
         except Exception as error:  # noqa: BLE001 - no fault of a record may end a flight
-            reason = error.strerror if isinstance(error, OSError) else None
-            self._fail(reason or str(error) or type(error).__name__)
-            self._sink.cut()
+            self._fail(_reason(error))
+            self._sync()  # what is whole
+
+    def _sync(self) -> None:
+        """Put it on the disk; what that does not take is kept, up to a limit, for the next time."""
+        try:
+            self._sink.sync()
+        except OSError as error:
+            if self._sink.waiting > MOST_WAITING:
+                self._fail(_reason(error))
+            elif not self._refused:
+                self._refused = True
+                advice = "the record waits in memory: make room on the disk"
+                self._trouble(f"{self.path}: {_reason(error)}; {advice}")
+            return
+        if self._refused and not self._failed:
+            self._refused = False
+            self._trouble(f"{self.path}: the disk takes it again; nothing of the record is lost")
 
     def _fail(self, reason: str) -> None:
         if not self._failed:
@@ -227,11 +265,13 @@ class LogFile:
     def _end(self) -> None:
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._sink.flush()
-        self._sink.sync()
+        self._sync()
+        if self._refused:
+            self._fail("the disk takes nothing")
 
     def _flush(self) -> None:
         self._close_chunk()
-        self._sink.sync()
+        self._sync()
 
     def _close_chunk(self) -> None:
         self._writer.flush()  # type: ignore[no-untyped-call]
@@ -263,3 +303,8 @@ class LogFile:
         self._channels[channel.topic] = number
         self._numbers[number] = 0
         return number
+
+
+def _reason(error: Exception) -> str:
+    reason = error.strerror if isinstance(error, OSError) else None
+    return reason or str(error) or type(error).__name__

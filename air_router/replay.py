@@ -114,7 +114,7 @@ def replay(entries: Iterable[Entry], controller: Controller | None = None) -> Re
         controller: What decides; None: made from the setup in the record.
 
     Raises:
-        ReplayError: there is no setup in the record, or no event.
+        ReplayError: there is no setup in the record, or no decision to compare with.
         LogError: see `air_router.log`.
     """
     result = Replay()
@@ -140,8 +140,10 @@ def replay(entries: Iterable[Entry], controller: Controller | None = None) -> Re
         if before and isinstance(before[-1].event, Telemetry) and not before[-1].actions:
             before.pop()
         before.append(step)
-    if not result.events:
-        raise ReplayError("no event was recorded: there is nothing to replay")
+    if not result.actions:
+        cut = entries.ending if isinstance(entries, Log) else None
+        why = f": {cut}" if cut else ""
+        raise ReplayError(f"no decision was recorded, so there is nothing to compare{why}")
     return result
 
 

@@ -19,7 +19,8 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "replay",
         help="run a recorded flight's decisions again, and compare",
         description="Give the events of a recorded flight to a new controller and compare what it "
-        "decides. Exit code 0: the same; 1: otherwise, the first difference is told.",
+        "decides. Exit code 0: the same; 1: otherwise, the first difference is told; 3: the "
+        "record is damaged or holds no decision, so the comparison is not complete.",
         epilog="examples:\n"
         "  air-router replay flight-20261120T234403Z-titan.mcap\n"
         "  air-router replay LOG --web --speed 10    (on a map page)",
@@ -57,7 +58,9 @@ def run(arguments: argparse.Namespace) -> int:
                 f"{log.path.name}: the same {result.actions} decisions on {result.events} events, "
                 f"up to {result.until_s:.1f} s"
             )
-    return ExitCode.DONE if found is None else ExitCode.ENDED_OTHERWISE
+    if found is not None:
+        return ExitCode.ENDED_OTHERWISE
+    return ExitCode.INVALID_FILE if log.damaged else ExitCode.DONE
 
 
 def _say(text: str) -> None:

@@ -84,9 +84,9 @@ def _compose(text: str) -> yaml.Node | None:
 class _TooDeepError(Exception):
     """Nested deeper than any honest file; both parsers take very long for it, or crash."""
 
-    def __init__(self, mark: yaml.Mark) -> None:
+    def __init__(self, line: int, column: int) -> None:
         super().__init__()
-        self.mark = mark
+        self.place = (line + 1, column + 1)
 
 
 def _check_depth(text: str, loader: type[_Loader | _QuickLoader]) -> None:
@@ -95,7 +95,8 @@ def _check_depth(text: str, loader: type[_Loader | _QuickLoader]) -> None:
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_DEPTH:
-                raise _TooDeepError(event.start_mark)
+                mark = event.start_mark
+                raise _TooDeepError(*((mark.line, mark.column) if mark else (0, 0)))
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
 
@@ -166,8 +167,7 @@ class Document:
             ) from None
         except _TooDeepError as error:
             message = f"nested more than {MAX_DEPTH} deep; flatten it"
-            place = (error.mark.line + 1, error.mark.column + 1)
-            raise _one(path, *place, message, "too-deep") from None
+            raise _one(path, *error.place, message, "too-deep") from None
         if plain.problems:
             raise DocumentError(plain.problems)
         return cls(path, root, data)

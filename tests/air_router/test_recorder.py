@@ -184,23 +184,30 @@ def test_a_folder_that_cannot_be_used_is_told_once_and_the_flight_goes_on(tmp_pa
     assert told == [f"{tmp_path}/file/logs: Not a directory; the flight is not recorded"]
 
 
-@pytest.mark.parametrize("room", [0, 20_000])
-def test_a_full_disk_is_told_once_and_what_was_written_stays_good(tmp_path, monkeypatch, room):
-    def write(sink, data):
-        if sink._position + len(data) > room:
-            sink._file.write(data[:100])
-            raise OSError(28, "No space left on device")
-        sink._position += sink._file.write(data)
-        return len(data)
+def disk_of(monkeypatch, room):
+    """A disk with room for `room["bytes"]`, which may change."""
 
-    monkeypatch.setattr(log_file._Sink, "write", write)
+    def append(sink, data):
+        fits = max(0, room["bytes"] - sink._on_disk)
+        sink._file.write(data[:fits])
+        if fits < len(data):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(log_file._Sink, "_append", append)
     monkeypatch.setattr(log_file, "FLUSH_S", 0.0)
+
+
+@pytest.mark.parametrize("room", [0, 20_000])
+def test_a_disk_that_stays_full_keeps_what_was_whole(tmp_path, monkeypatch, room):
+    disk_of(monkeypatch, {"bytes": room})
     told = []
     with Recorder(tmp_path, "m", trouble=told.append) as recorder:
         for step in range(3000):
             recorder.event(telemetry(step, math.sqrt(step)), float(step))
-    assert len(told) == 1
-    assert told[0].endswith("No space left on device; nothing more is recorded, the flight goes on")
+    assert [text.partition(": ")[2] for text in told] == [
+        "No space left on device; the record waits in memory: make room on the disk",
+        "the disk takes nothing; nothing more is recorded, the flight goes on",
+    ]
     log = Log(recorder.path)
     if room:
         times = [entry.t for entry in log if entry.kind == "event"]
@@ -210,6 +217,31 @@ def test_a_full_disk_is_told_once_and_what_was_written_stays_good(tmp_path, monk
     else:
         with pytest.raises(LogError, match="not an MCAP file"):
             list(log)
+
+
+def test_a_disk_with_room_again_gets_what_happened_meanwhile(tmp_path, monkeypatch):
+    room = {"bytes": 5_000}
+    disk_of(monkeypatch, room)
+    told, full = [], threading.Event()
+
+    def trouble(text):
+        told.append(text)
+        full.set()
+
+    with Recorder(tmp_path, "m", trouble=trouble) as recorder:
+        for step in range(500):
+            recorder.event(telemetry(step, math.sqrt(step)), float(step))
+        assert full.wait(60)
+        room["bytes"] = 10**9
+        for step in range(500, 1000):
+            recorder.event(telemetry(step, math.sqrt(step)), float(step))
+    assert [text.partition("; ")[2] for text in told] == [
+        "the record waits in memory: make room on the disk",
+        "nothing of the record is lost",
+    ]
+    log = Log(recorder.path)
+    assert [e.t for e in log if e.kind == "event"] == [float(step) for step in range(1000)]
+    assert log.ending is None
 
 
 def test_a_disk_that_stands_still_is_given_up_before_memory_is_full(tmp_path, monkeypatch):

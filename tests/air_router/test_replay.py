@@ -120,6 +120,24 @@ def test_a_record_that_was_cut_off_replays_to_its_end(flown, capsys):
     assert "note: the record is not whole: it was cut off" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("share", [0.02, 0.3])
+def test_a_damaged_record_is_never_the_same(flown, capsys, share):
+    data = bytearray(flown.read_bytes())
+    at = int(len(data) * share)
+    data[at : at + 40] = bytes(40)
+    flown.write_bytes(data)
+    assert main(["replay", str(flown)]) == 3
+    out, err = capsys.readouterr()
+    assert "damaged" in out + err
+
+
+def test_a_record_that_ends_before_its_first_decision_is_nothing_to_compare(flown):
+    entries = list(read(flown))
+    first = next(index for index, entry in enumerate(entries) if entry.kind == "action")
+    with pytest.raises(ReplayError, match="no decision was recorded"):
+        replay(entries[: first - 1])
+
+
 def test_without_a_name_it_is_the_newest_flight(flown, capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
