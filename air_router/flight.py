@@ -264,9 +264,15 @@ class Flight:
 
     def _check_still(self, *, armed: bool = False) -> None:
         """Refuse to start what the pilot has started while we got ready."""
-        telemetry = self.controller.telemetry
-        if telemetry is not None and (telemetry.in_air or (telemetry.armed and not armed)):
+        telemetry, before = self.controller.telemetry, self._first.result()
+        if telemetry is None:
+            return
+        if telemetry.in_air or (telemetry.armed and not armed):
             raise RefusedError("the pilot has armed the vehicle; it is left to the pilot")
+        if telemetry.mode not in {before.mode, FlightMode.HOLD, FlightMode.MISSION}:
+            raise RefusedError(
+                f"the pilot chose {telemetry.mode.value} mode meanwhile; it is left to the pilot"
+            )
 
     # Events in, actions out.
 

@@ -41,9 +41,15 @@ class MotionSender:
         self._sending: asyncio.Task[None] | None = None
 
     def give(self, motion: Motion) -> None:
-        """Send this next; one that still waits is void."""
+        """Send this next; one that still waits is void.
+
+        A hold leaves at once: it does not wait until what was sent before is confirmed. That may
+        arrive late all the same: controller and vehicle reckon with it.
+        """
         self._waiting = motion
         self._given.set()
+        if isinstance(motion, HoldHere) and self._sending is not None:
+            self._sending.cancel()
 
     def call_off(self) -> None:
         """Somebody else flies: what waits is void, and what is under way is not repeated."""

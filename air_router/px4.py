@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from mavsdk.plugins.action.action import Action, ActionResult
 from mavsdk.plugins.events.events import Events
 from mavsdk.plugins.geofence.geofence import Geofence
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkDirectError
@@ -20,7 +19,7 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 
 from air_router.errors import ArmingRefusedError, NotConfirmedError, PlanRefusedError
 from air_router.mavsdk_bridge import call, message
-from air_router.px4_commands import CONFIRM_S, Px4Commands
+from air_router.px4_commands import Px4Commands
 from air_router.px4_connection import Px4Connection
 from air_router.px4_health import arming_problems
 from air_router.px4_inspection import inspect
@@ -60,7 +59,6 @@ ANSWER_S: Final = 5.0
 ONCE_S: Final = 1.5
 """Wall-clock limit for what is asked for at the beginning, and can be done without."""
 
-ATTEMPTS: Final = 3
 SILENT_S: Final = 3.0
 HEALTH_S: Final = 60.0
 NOTICE: Final = 5
@@ -92,7 +90,6 @@ class Px4Vehicle(Vehicle):
         self._commands = Px4Commands(self._telemetry, system_id)
         self._motions = Px4Motions(mission, self._telemetry, self._commands)
         self._events: Callable[[], Events]
-        self._action: Action
         self._raw: MissionRaw
         self._geofence: Geofence
         self._direct: MavlinkDirect
@@ -109,8 +106,7 @@ class Px4Vehicle(Vehicle):
         """See `Vehicle.connect`; also asks for the positions often enough to fly by them."""
         plugins = await self._connection.open()
         self._direct, self._raw = plugins.direct, plugins.raw
-        self._geofence, self._action = plugins.geofence, plugins.action
-        self._events = plugins.events
+        self._geofence, self._events = plugins.geofence, plugins.events
         self._telemetry.listen(self._direct, self._connection.system_id)
         self._commands.listen(self._direct)
         wishes = [(SET_MESSAGE_INTERVAL, what, 1e6 / hz) for what, hz in RATES_HZ.items()]
@@ -173,23 +169,24 @@ class Px4Vehicle(Vehicle):
     async def arm(self) -> None:
         """See `Vehicle.arm`."""
         telemetry = self._telemetry
-        if telemetry.armed:
-            return
+        before = telemetry.mode
         if not await telemetry.shows(lambda: telemetry.health_good, HEALTH_S):
             raise ArmingRefusedError(
                 f"not ready to arm after {HEALTH_S:.0f} s{await arming_problems(self._events)}"
                 f"{telemetry.said()}; see the arming checks in the ground station"
             )
-        for _ in range(ATTEMPTS):
-            (result,) = await self._answer(self._action.arm_async)
-            if result == ActionResult.SUCCESS and await telemetry.shows(
-                lambda: telemetry.armed, CONFIRM_S
-            ):
-                return
-        raise ArmingRefusedError(
-            f"the autopilot answers {result.name}{await arming_problems(self._events)}"
-            f"{telemetry.said()}; see the arming checks in the ground station"
-        )
+        if telemetry.armed or telemetry.mode not in {before, FlightMode.HOLD, FlightMode.MISSION}:
+            raise ArmingRefusedError(
+                f"the pilot has armed it, or chosen {telemetry.mode.value} mode; "
+                "it is left to the pilot"
+            )
+        try:
+            await self._motions.arm()
+        except NotConfirmedError as error:
+            raise ArmingRefusedError(
+                f"{error}{await arming_problems(self._events)}; see the arming checks in the "
+                "ground station"
+            ) from None
 
     async def start(self) -> None:
         """See `Vehicle.start`."""

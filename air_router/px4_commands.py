@@ -118,6 +118,7 @@ class Sent:
         accepted: The vehicle acknowledged this very order, as far as can be told.
         acked_s: When an acknowledgement came that may also be that of an order from before.
         refusal: The result with which it refused it, None if it did not.
+        followed: The vehicle was seen to follow it.
     """
 
     order: Px4Order
@@ -128,6 +129,7 @@ class Sent:
     accepted: bool = False
     acked_s: float = math.inf
     refusal: int | None = None
+    followed: bool = False
 
 
 Shown = Callable[[Sent], bool]
@@ -204,6 +206,7 @@ class Px4Commands:
             _log.info("%s: nothing shows and nobody has chosen anything: again", order.words)
         if verdict is not Verdict.FOLLOWED:
             raise NotConfirmedError(self._why_not(sent, verdict))
+        sent.followed = True
         self._tried[order.command].unanswered.clear()  # on a link in order: lost, or here by now
 
     def _leave(self, sent: Sent, attempt: int) -> None:
@@ -231,11 +234,22 @@ class Px4Commands:
     def _verdict(self, sent: Sent, shown: Shown, *, more: bool) -> Verdict | None:
         if shown(sent):
             return Verdict.FOLLOWED
-        if self._telemetry.mode not in {sent.before.mode, sent.order.leads_to}:
+        if self._telemetry.mode not in {sent.before.mode, sent.order.leads_to, *self._late_modes()}:
             return Verdict.TAKEN
         if sent.refusal is not None and not (more and sent.refusal == Result.TEMPORARILY_REJECTED):
             return Verdict.REFUSED
         return Verdict.AGAIN if more and self._nobody_chose(sent) else None
+
+    def _late_modes(self) -> set[FlightMode]:
+        """The modes of orders that were called off, or did not show: they may show yet."""
+        since_s = loop_s() - LATE_S
+        newest = (tried.newest for tried in self._tried.values())
+        return {
+            sent.order.leads_to
+            for sent in newest
+            if sent is not None and sent.order.moves and not sent.followed
+            if sent.last_s >= since_s
+        }
 
     def _nobody_chose(self, sent: Sent) -> bool:
         """Whether the vehicle says just now that everything is as it was before the order."""

@@ -14,7 +14,6 @@ from mavsdk.autopilot import Autopilot
 from mavsdk.component_type import ComponentType
 from mavsdk.exceptions import MavsdkError
 from mavsdk.mavsdk import Configuration, Mavsdk
-from mavsdk.plugins.action.action import Action
 from mavsdk.plugins.events.events import Events
 from mavsdk.plugins.geofence.geofence import Geofence
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
@@ -53,14 +52,12 @@ class Plugins:
         direct: Messages as they are.
         raw: Transfers of mission, fence and rally points.
         geofence: Takes a fence off board.
-        action: Arms.
         events: Opens the autopilot's health reports, to be destroyed after use.
     """
 
     direct: MavlinkDirect
     raw: MissionRaw
     geofence: Geofence
-    action: Action
     events: Callable[[], Events]
 
 
@@ -107,7 +104,6 @@ class Px4Connection:
             MavlinkDirect(system),
             MissionRaw(system),
             Geofence(system),
-            Action(system),
             lambda: Events(system),
         )
 

@@ -8,9 +8,9 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
-from air_router.errors import NotConfirmedError
+from air_router.errors import ArmingRefusedError, NotConfirmedError
 from air_router.px4_commands import CONFIRM_S, SAME_M, Px4Commands, Sent
-from air_router.px4_order import change_speed, choose, land, reposition, set_current, stop
+from air_router.px4_order import arm, change_speed, choose, land, reposition, set_current, stop
 from air_router.vehicle import FlightMode
 
 if TYPE_CHECKING:
@@ -25,14 +25,16 @@ _log = logging.getLogger(__name__)
 ATTEMPTS: Final = 4
 """How often an order that leads to no place leaves at most, while nobody chooses anything else."""
 
-TARGET_S: Final = 1.5
-"""Wall-clock limit for a vehicle in Hold to say where it flies to, twice a second if it can."""
-
 DONE_S: Final = 0.2
 """So long after its acknowledgement an order shows in what the vehicle says."""
 
 STOPS_M: Final = 5.0
 """A vehicle whose new target is nearer than this stops there."""
+
+_BEGIN_AT_ONCE: Final = frozenset(
+    {FlightMode.MISSION, FlightMode.TAKEOFF, FlightMode.RETURN, FlightMode.LAND}
+)
+"""Modes in which a vehicle may take off as soon as it is armed; a flight before left it in one."""
 
 
 class Px4Motions:
@@ -49,13 +51,53 @@ class Px4Motions:
         self._speed_m_s = mission.speed_m_s
         self._telemetry = telemetry
         self._commands = commands
+        self._armed_in: FlightMode | None = None  # any other was chosen by the pilot since
         self._late: Point | None = None  # where it was sent and may yet begin to fly
         self._speed_known = True  # the plan sets it
         self._telling_speed: asyncio.Task[None] | None = None
 
+    async def arm(self) -> None:
+        """See `Vehicle.arm`.
+
+        HEARTBEAT tells every second whether it is armed: one that was disarmed before that has
+        acknowledged it and does not show it.
+
+        Raises:
+            ArmingRefusedError: it was disarmed again at once.
+            NotConfirmedError: it does not arm, or says nothing.
+        """
+        telemetry = self._telemetry
+        if telemetry.mode in _BEGIN_AT_ONCE:
+            await self._choose(choose(FlightMode.HOLD), attempts=ATTEMPTS)
+
+        def shown(sent: Sent) -> bool:
+            told_s = telemetry.arrived_s("HEARTBEAT")
+            return (telemetry.armed and told_s > sent.first_s) or told_s > sent.acked_s + DONE_S
+
+        self._armed_in = telemetry.mode
+        await self._tell(arm(telemetry.mode), shown)
+        self._check_armed()
+
     async def start(self) -> None:
         """See `Vehicle.start`."""
+        self._check_armed()
         await self._choose(choose(FlightMode.MISSION), attempts=ATTEMPTS)
+
+    def _check_armed(self) -> None:
+        telemetry = self._telemetry
+        if not telemetry.armed:
+            raise ArmingRefusedError(
+                "it was armed, and disarmed again by the pilot, a ground station or the "
+                "autopilot; it is not armed once more"
+            )
+        if self._armed_in is not None and telemetry.mode not in {
+            self._armed_in,
+            FlightMode.MISSION,
+        }:
+            raise ArmingRefusedError(
+                f"the pilot chose {telemetry.mode.value} mode once it was armed; "
+                "it is left to the pilot"
+            )
 
     async def jump(self, item: int, objection: Callable[[], str | None] | None) -> None:
         """See `Vehicle.jump`: the item first, then the mode, so that no old item is flown to.
@@ -108,15 +150,13 @@ class Px4Motions:
         """See `Vehicle.hold`.
 
         A vehicle that flies to a point is in Hold mode already: asked for again it changes nothing
-        (as a PX4 1.17 does). What stops it is a DO_REPOSITION to no place at all. One that was told
-        to fly to a point, and did not show it in time, may be in Hold by that when it shows.
+        (as a PX4 1.17 does). What stops it is a DO_REPOSITION to no place at all. So one that was
+        told to fly to a point, and has not shown it, is stopped: it may be about to begin.
         """
-        if self._telemetry.mode is FlightMode.HOLD:
+        if self._telemetry.mode is FlightMode.HOLD or self._late is not None:
             await self._stop_here()
         else:
             await self._choose(choose(FlightMode.HOLD), attempts=ATTEMPTS)
-            if self._late is not None and await self._flies_to(self._late):
-                await self._stop_here()
         self._late = None
 
     async def land(self) -> None:
@@ -138,16 +178,13 @@ class Px4Motions:
 
         await self._tell(order, shown, attempts=attempts)
 
-    async def _flies_to(self, place: Point) -> bool:
-        """Whether a vehicle in Hold says that it flies to a place of ours."""
-        await self._telemetry.shows(lambda: self._telemetry.target is not None, TARGET_S)
-        return _near(self._telemetry.target, place)
-
     async def _stop_here(self) -> None:
-        """Stop a vehicle that is in Hold mode already: only its target can show that."""
+        """Stop a vehicle that is in Hold mode, perhaps, already: only its target can show that."""
         telemetry, before = self._telemetry, self._telemetry.target
 
         def shown(sent: Sent) -> bool:
+            if telemetry.mode is not FlightMode.HOLD:
+                return False
             target, here = telemetry.target, telemetry.position
             if sent.accepted or target is None or here is None:
                 return sent.accepted

@@ -10,7 +10,7 @@ from air_router.px4_mode import MAIN_AUTO, sub_mode
 from air_router.vehicle import FlightMode
 
 AUTOPILOT: Final = 1  # MAV_COMP_ID_AUTOPILOT1
-LAND, SET_MODE, CHANGE_SPEED, REPOSITION = 21, 176, 178, 192  # MAV_CMD
+LAND, SET_MODE, CHANGE_SPEED, REPOSITION, ARM_DISARM = 21, 176, 178, 192, 400  # MAV_CMD
 CUSTOM_MODE: Final = 1.0  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 GROUND_SPEED: Final = 1.0  # SPEED_TYPE
 CHANGE_MODE: Final = 1.0  # MAV_DO_REPOSITION_FLAGS
@@ -45,6 +45,11 @@ class Px4Order:
     params: tuple[float, ...]
     target: Target | None = None
 
+    @property
+    def moves(self) -> bool:
+        """Whether it changes the mode, or where the vehicle flies to."""
+        return self.command not in {CHANGE_SPEED, ARM_DISARM}
+
     def wire(self, confirmation: int) -> tuple[str, dict[str, Any]]:
         """Name and fields of the message; `confirmation` is how often it has left before."""
         values = {f"param{n}": _plain(value) for n, value in enumerate(self.params, start=1)}
@@ -75,6 +80,11 @@ def choose(mode: FlightMode) -> Px4Order:
     """Enter Mission or Hold mode."""
     params = (CUSTOM_MODE, float(MAIN_AUTO), float(sub_mode(mode)), 0.0, 0.0, 0.0, 0.0)
     return Px4Order(f"{mode.value} mode", mode, SET_MODE, params)
+
+
+def arm(mode: FlightMode) -> Px4Order:
+    """Arm, in the mode that the vehicle is in."""
+    return Px4Order("arming", mode, ARM_DISARM, (1.0, *(0.0,) * 6))
 
 
 def land() -> Px4Order:

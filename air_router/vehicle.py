@@ -118,7 +118,8 @@ class Vehicle(Protocol):
         NoVehicleError: from `connect`, with a diagnosis.
         PlanRefusedError: from `upload`, `renew` and `recognise`, when what is on board is not what
             was sent.
-        ArmingRefusedError: from `arm`, with the autopilot's reasons.
+        ArmingRefusedError: from `arm`, with the autopilot's reasons; from `arm` and `start`, where
+            the pilot has disarmed the vehicle or chosen a mode.
         NotConfirmedError: when a command was sent and the vehicle did not follow.
     """
 
@@ -145,10 +146,14 @@ class Vehicle(Protocol):
         """Make sure that this plan is on board already, in flight too, without changing it."""
 
     async def arm(self) -> None:
-        """Arm, waiting for the autopilot's health first."""
+        """Arm, once, waiting for the autopilot's health first; never over a disarming."""
 
     async def start(self) -> None:
-        """Enter Mission mode: on the ground this takes off."""
+        """Enter Mission mode: on the ground this takes off.
+
+        Not over what the pilot chose since `arm`: a vehicle that was disarmed, or is in another
+        mode, is left as it is.
+        """
 
     async def jump(self, item: int, objection: Callable[[], str | None] | None = None) -> None:
         """Fly straight to a plan item and hover there, in Mission mode.

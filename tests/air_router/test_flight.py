@@ -29,8 +29,9 @@ from air_router.preflight import PreflightRefusedError
 from air_router.recorder import Recorder
 from air_router.replay import replay
 from air_router.report import table
+from air_router.requests import HoldNow
 from air_router.status import StatusLine
-from air_router.vehicle import FlightMode, LinkSilent, Telemetry
+from air_router.vehicle import FlightMode, LinkSilent, PlanReplaced, Telemetry
 from geo.frame import Point
 from geo.validity import Validity
 from geo.zone import Zone
@@ -543,3 +544,66 @@ def test_called_off_before_the_climb_it_does_not_climb_alone(rig):
     flight.vehicle.start = start
     assert flight.run().exit_code == ExitCode.ENDED_OTHERWISE
     assert flight.vehicle.verbs[-2:] == ["hold", "close"]
+
+
+@pytest.mark.parametrize("chosen", [FlightMode.OTHER, FlightMode.RETURN])
+def test_a_mode_that_the_pilot_chose_while_we_got_ready_is_not_taken_back(rig, chosen):
+    flight = rig()
+    vehicle = flight.vehicle
+    upload = vehicle.upload
+
+    async def upload_while_the_pilot_chooses(plan):
+        await upload(plan)
+        vehicle.airframe.mode = chosen
+        seen = flight.flight.controller
+        while not (seen.telemetry and seen.telemetry.mode is chosen):  # noqa: ASYNC110
+            await asyncio.sleep(0)
+
+    vehicle.upload = upload_while_the_pilot_chooses
+    with pytest.raises(RefusedError, match=f"the pilot chose {chosen.value} mode"):
+        flight.run()
+    assert not {"arm", "start", "hold"} & set(vehicle.verbs)
+
+
+def unconfirmed_jumps(flight):
+    """From now on jumps leave, and neither show nor fail."""
+
+    async def jump(item, objection):
+        flight.vehicle.verbs.append("jump")
+        await asyncio.Event().wait()
+
+    flight.vehicle.jump = jump
+
+
+def sends_a_hold(flight, then):
+    """Fly; `then` is done while a jump waits; how many steps of 0.1 s the hold took to leave."""
+    vehicle, airframe, seen = flight.vehicle, flight.vehicle.airframe, {}
+    unconfirmed_jumps(flight)
+
+    def step():
+        if "jump" in vehicle.verbs and "at_s" not in seen:
+            seen["at_s"] = airframe.now_s
+            then()
+        if "hold" in vehicle.verbs and "held_s" not in seen:
+            seen["held_s"] = airframe.now_s
+            os.kill(os.getpid(), signal.SIGINT)
+        assert airframe.now_s < 300.0
+
+    vehicle.on_step = step
+    flight.run()
+    return round((seen["held_s"] - seen["at_s"]) / 0.1)
+
+
+def test_a_hold_that_is_asked_for_does_not_wait_for_an_unconfirmed_jump(rig):
+    flight = rig(duration_s=None)
+    assert sends_a_hold(flight, lambda: flight.flight.desk.ask(HoldNow())) <= 1
+
+
+def test_the_hold_before_hands_are_off_does_not_wait_for_an_unconfirmed_jump(rig):
+    flight = rig(duration_s=None)
+    vehicle = flight.vehicle
+
+    def replace_fence():
+        vehicle.callback(PlanReplaced(vehicle.airframe.now_s, only_fence=True))
+
+    assert sends_a_hold(flight, replace_fence) <= 1

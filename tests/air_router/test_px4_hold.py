@@ -17,42 +17,38 @@ PLACE = Point(40.0, 30.0)
 
 
 class Told:
-    """What tells a PX4 that is in Hold mode as soon as it is asked, and flies somewhere."""
+    """Follows what it is told at once."""
 
-    def __init__(self, telemetry, flies_to):
+    def __init__(self, telemetry):
         self._telemetry = telemetry
-        self._flies_to = flies_to
         self.told = []
 
     async def tell(self, order, shown, *, attempts):
         assert attempts > 1
         self._telemetry.mode = order.leads_to
-        self._telemetry._target = self._flies_to
         self.told.append(order)
 
 
 @pytest.mark.parametrize(
-    ("late", "flies_to", "stopped"),
+    ("mode", "late", "order"),
     [
-        (None, PLACE, 0),  # nothing of ours is late: wherever it flies to is somebody else's
-        (PLACE, Point(40.3, 30.0), 1),
-        (PLACE, Point(10.0, 0.0), 0),  # where it brakes, or where a pilot sends it
+        (FlightMode.MISSION, None, choose(FlightMode.HOLD)),
+        (FlightMode.MISSION, PLACE, stop()),  # it may be in Hold by that, and flying there
+        (FlightMode.HOLD, None, stop()),
     ],
 )
-def test_a_hold_that_shows_by_an_order_from_before_is_followed_by_a_stop(
-    pennovation, late, flies_to, stopped
-):
+def test_a_vehicle_that_may_be_flying_to_a_point_is_stopped(pennovation, mode, late, order):
     async def script():
         telemetry = Px4Telemetry(pennovation.frame, VehicleClock())
-        commands = Told(telemetry, flies_to)
+        commands = Told(telemetry)
         motions = Px4Motions(pennovation, telemetry, commands)
-        telemetry.mode = FlightMode.MISSION
+        telemetry.mode = mode
         motions._late = late
         await motions.hold()
         assert motions._late is None
         return commands.told
 
-    assert asyncio.run(script()) == [choose(FlightMode.HOLD), stop()][: 1 + stopped]
+    assert asyncio.run(script()) == [order]
 
 
 def test_a_text_is_cut_by_bytes_and_not_within_a_letter():

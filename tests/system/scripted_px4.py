@@ -11,7 +11,8 @@ COPTER, PX4 = 2, 12
 CUSTOM_MODE, ARMED = 1, 128
 GROUND, AIR = 1, 2
 POSITION, HOLD, MISSION, LAND = 3 << 16, 0x03040000, 0x04040000, 0x06040000
-LAND_NOW, SET_MODE, CHANGE_SPEED, REPOSITION = 21, 176, 178, 192
+LAND_NOW, SET_MODE, CHANGE_SPEED, REPOSITION, ARM_DISARM = 21, 176, 178, 192, 400
+HEALTHY = 1 << 28
 US = (1, 191)
 
 
@@ -98,6 +99,7 @@ class ScriptedPx4:
         if not self.talks:
             return
         self.say("extended_sys_state", 0, self.landed)
+        self.say("sys_status", 0, 0, HEALTHY, 0, 16000, 0, 90, 0, 0, 0, 0, 0, 0)
         self.say("home_position", latitude, longitude, 10000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
         self.say("mission_current", self.item, 12, 2, 1)
         if self.target is not None:

@@ -10,14 +10,19 @@ import itertools
 import pytest
 
 from air_router import px4_commands
+from air_router.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.clock import VehicleClock
-from air_router.errors import NotConfirmedError
+from air_router.errors import ArmingRefusedError, NotConfirmedError
+from air_router.events import CommandConfirmed
+from air_router.flight_plan import FlightPlan
 from air_router.mission import load_mission
+from air_router.motions import MotionSender
 from air_router.px4 import Px4Vehicle
 from air_router.px4_motions import ATTEMPTS
 from air_router.vehicle import FlightMode
 from geo.frame import Point
 from tests.system.scripted_px4 import (
+    ARM_DISARM,
     CHANGE_SPEED,
     GROUND,
     HOLD,
@@ -83,7 +88,7 @@ def seen(telemetry, px4):
     target = px4.target is None or telemetry.target is not None
     return (
         telemetry.mode is modes[px4.mode]
-        and telemetry.armed
+        and telemetry.armed == px4.armed
         and telemetry.item == px4.item
         and telemetry.in_air == (px4.landed != GROUND)
         and target
@@ -412,3 +417,146 @@ def test_the_speed_is_told_beside_and_until_it_is_acknowledged(run, hovering):
     loop, known = None, asyncio.Event()
     px4 = run(answer, script, **hovering)
     assert px4.commands() == [*JUMP, *[("COMMAND_LONG", CHANGE_SPEED)] * 2]
+
+
+# A hold calls off what waits for its confirmation.
+
+
+@pytest.fixture
+def hold_over(run, mission):
+    """Gives a motion, and a hold as soon as `number` orders have arrived; both as a flight does."""
+
+    def fly(answer, motion, number, **state):
+        reports = []
+
+        async def script(vehicle):
+            nonlocal loop
+            loop = asyncio.get_running_loop()
+            done = asyncio.Event()
+
+            def report(event):
+                reports.append(event)
+                done.set()
+
+            sender = MotionSender(vehicle, FlightPlan.of(mission), lambda _: None, report)
+            sending = asyncio.create_task(sender.run())
+            sender.give(motion)
+            await arrived.wait()
+            sender.give(HoldHere("asked for"))
+            await done.wait()
+            sending.cancel()
+
+        def take(px4, order):
+            answer(px4, order)
+            if len(px4.orders) == number:
+                loop.call_soon_threadsafe(arrived.set)
+
+        loop, arrived = None, asyncio.Event()
+        return run(take, script, **state), reports
+
+    return fly
+
+
+def is_stop(order):
+    return getattr(order, "command", None) == REPOSITION and order.x == 2**31 - 1
+
+
+@pytest.mark.usefixtures("patient")
+@pytest.mark.parametrize("mode", [HOLD, MISSION])
+def test_a_hold_does_not_wait_for_a_go_to_that_was_lost(hold_over, hovering, mode):
+    def answer(px4, order):
+        if is_stop(order):
+            px4.mode, px4.target = HOLD, px4.places(Point(0.5, 0.5))
+            px4.acknowledge(order, ACCEPTED)
+
+    state = {**hovering, "mode": mode}
+    px4, reports = hold_over(answer, FlyToPoint(THERE, 30.0), 1, **state)
+    assert px4.commands() == STOP * 2
+    assert reports == [CommandConfirmed(HoldHere("asked for"))]
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_hold_stops_a_jump_that_shows_only_after_it(hold_over, hovering, mission):
+    """The mode of the jump arrives, and is told in a heartbeat that the hold has not reached."""
+
+    def answer(px4, order):
+        set_item(px4, order)
+        if is_stop(order):
+            px4.mode = MISSION
+            px4._tell()
+            px4.mode, px4.target = HOLD, px4.places(Point(0.5, 0.5))
+            px4.acknowledge(order, ACCEPTED)
+
+    node = ITEM - FlightPlan.of(mission).first_node_item
+    jump_there = FlyToNode(node, mission.waypoints[node - 1].position)
+    px4, reports = hold_over(answer, jump_there, 2, **hovering)
+    assert px4.commands() == JUMP + STOP
+    assert reports == [CommandConfirmed(HoldHere("asked for"))]
+
+
+# Arming.
+
+STANDING = {"mode": HOLD, "landed": GROUND, "armed": False}
+ARM = [("COMMAND_LONG", ARM_DISARM)]
+
+
+async def arm_and_start(vehicle):
+    await vehicle.arm()
+    await vehicle.start()
+
+
+def refuses(match):
+    async def script(vehicle):
+        with pytest.raises(ArmingRefusedError, match=match):
+            await arm_and_start(vehicle)
+
+    return script
+
+
+def test_a_vehicle_that_is_disarmed_as_soon_as_it_was_armed_is_not_armed_again(run):
+    def disarmed_at_once(px4, order):
+        px4.acknowledge(
+            order, ACCEPTED
+        )  # and a ground station disarms it before the next HEARTBEAT
+
+    assert run(disarmed_at_once, refuses("disarmed again"), **STANDING).commands() == ARM
+
+
+@pytest.mark.parametrize("answer", [silent, deaf])
+def test_an_arming_that_is_not_answered_is_not_repeated(run, answer):
+    assert run(answer, refuses("does not show"), **STANDING).commands() == ARM
+
+
+def test_an_arming_that_shows_needs_no_answer(run):
+    def arms(px4, order):
+        px4.armed = True
+        follows(px4, order)
+
+    assert run(arms, arm_and_start, **STANDING).commands() == ARM + ORDERS[start]
+
+
+@pytest.mark.parametrize(
+    ("choice", "said"),
+    [({"mode": POSITION}, "the pilot chose another"), ({"armed": False}, "disarmed")],
+)
+def test_what_the_pilot_chose_since_the_arming_is_not_taken_back(run, choice, said):
+    def arms(px4, _order):
+        px4.armed = True
+
+    async def script(vehicle):
+        await vehicle.arm()
+        for name, value in choice.items():
+            setattr(px4s[0], name, value)
+        await vehicle.telemetry.wait_for(
+            lambda: vehicle.telemetry.mode is FlightMode.OTHER or not vehicle.telemetry.armed
+        )
+        with pytest.raises(ArmingRefusedError, match=said):
+            await vehicle.start()
+
+    px4s = []
+
+    def answer(px4, order):
+        px4s.append(px4)
+        arms(px4, order)
+
+    assert run(answer, script, **STANDING).commands() == ARM
