@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from air_router.answering import Answering
 from air_router.cockpit import Cockpit
+from air_router.deviations import Deviations
 from air_router.enclosure import Enclosure
 from air_router.errand import Judge
 from air_router.errands import Errands
@@ -76,6 +77,7 @@ class Crew:
         self.enclosure = Enclosure(mission, router)
         self._judge = Judge(mission, router, self.search)
         self._watch = Watch(mission, plan)
+        self._deviations = Deviations(mission)
         # What is flown.
         to_explore = self.exploration if explore else None
         self.exploring = Exploring(cockpit, helm, self.exploration, self.enclosure)
@@ -109,6 +111,7 @@ class Crew:
             self.exploration,
             launch=self.launch,
             watch=self._watch,
+            deviations=self._deviations,
             handing=self.handing,
             homecoming=self.homecoming,
             renewal=self.renewal,
@@ -125,3 +128,4 @@ class Crew:
         self.homecoming.renew(mission, router)
         self._judge.renew(mission, router)
         self._watch.renew(mission)
+        self._deviations.renew(mission)

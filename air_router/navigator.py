@@ -71,6 +71,7 @@ class Navigator:
     """Takes the vehicle to one goal at a time.
 
     `by_points`: nodes are flown to as any other point, because the vehicle does not fly its plan.
+    So they are while home is higher or lower than at take-off, and with it the items of the plan.
 
     Args:
         mission: Altitudes, acceptance radius, and the airspace that every leg must keep to.
@@ -257,7 +258,7 @@ class Navigator:
                 self.progress = Progress.ARRIVED
                 # Near, but perhaps fast, or bound elsewhere: let it settle on the point itself.
                 if legs or bound:
-                    return self._motion(Leg(self.goal.position, self.goal.node))
+                    return self._motion(Leg(self.goal.position, self.goal.node), telemetry)
                 return None
             self._legs = legs
             if self.clear(telemetry, self._legs[0].to):
@@ -287,10 +288,10 @@ class Navigator:
         self._sweep(leg, telemetry)
         self._braking = False
         self.progress = Progress.FLYING
-        return self._motion(leg)
+        return self._motion(leg, telemetry)
 
-    def _motion(self, leg: Leg) -> Motion:
-        if leg.node is not None and not self.by_points:
+    def _motion(self, leg: Leg, telemetry: Telemetry) -> Motion:
+        if leg.node is not None and not (self.by_points or _items_moved(telemetry)):
             return FlyToNode(leg.node, leg.to)
         return FlyToPoint(leg.to, self._mission.altitude_of(leg.node))
 
@@ -301,6 +302,8 @@ class Navigator:
         age_s = max(0.0, now_s - telemetry.time_s)
         if age_s > self.reaction_s:
             return "the vehicle's position is too old to check the leg from"
+        if isinstance(motion, FlyToNode) and _items_moved(telemetry):
+            return "home was moved, and the plan's items with it"
         if not self.clear(telemetry, motion.position, age_s):
             return "the leg was no longer clear in its turn"
         return None
@@ -360,6 +363,11 @@ def stopping_point(telemetry: Telemetry, reaction_s: float = REACTION_S) -> Poin
     travel_s = reaction_s + speed_m_s / (2 * BRAKING_M_S2)
     east_m, north_m = telemetry.position
     return Point(east_m + east_m_s * travel_s, north_m + north_m_s * travel_s)
+
+
+def _items_moved(telemetry: Telemetry) -> bool:
+    """Whether the plan's items lie higher or lower than planned, because home does."""
+    return telemetry.home_moved is not None and telemetry.home_moved.changes_heights
 
 
 def _speed_m_s(telemetry: Telemetry) -> float:

@@ -197,8 +197,22 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
     return Check("place", Verdict.GOOD, f"{away_m:.1f} m from the mission's home, inside the fence")
 
 
-def altitude(mission: Mission, info: VehicleInfo) -> list[Check]:
-    """Whether home is as high as zones' limits and layers were reckoned with; else no line."""
+def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[Check]:
+    """Whether home is as high as the vehicle stands, and as zones and layers were reckoned with.
+
+    Without such zones and layers, and with a home where it should be, there is no line.
+    """
+    if telemetry.home_moved is not None:
+        up_m = telemetry.home_moved.up_m
+        side = "above" if up_m > 0 else "below"
+        return [
+            Check(
+                "altitude",
+                Verdict.BAD,
+                f"the vehicle's home is {abs(up_m):.0f} m {side} where it stands",
+                "its plan would be flown so much off: set home to where it stands (DO_SET_HOME)",
+            )
+        ]
     told_m, found_m = mission.home_altitude_amsl_m, info.home_altitude_amsl_m
     needed = len(mission.layers) > 1 or any(zone.band is not None for zone in mission.zones)
     if told_m is None or found_m is None or not needed:

@@ -73,7 +73,7 @@ class Survey:
         checks: list[Check] = [
             *first,
             preflight.place(mission, self._router, info, telemetry),
-            *preflight.altitude(mission, info),
+            *preflight.altitude(mission, info, telemetry),
             *preflight.health(inspection),
             preflight.gps(inspection.gps),
             battery(mission, self._router, inspection.battery, inspection.voltage_v),

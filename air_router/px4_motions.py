@@ -129,8 +129,9 @@ class Px4Motions:
     async def reposition(self, point: Point, altitude_m: float) -> None:
         """See `Vehicle.reposition`; it leaves once, as a jump does.
 
-        DO_REPOSITION is always above mean sea level. Home's altitude moves in flight, so the
-        target is the present altitude corrected by what is missing, both of one message.
+        DO_REPOSITION is always above mean sea level. PX4 corrects home's altitude in flight, so the
+        target is the present altitude corrected by what is missing, both of one message. A home
+        that a ground station moved changes neither: heights count from that of the take-off.
         """
         telemetry, before = self._telemetry, self._telemetry.target
         latitude_deg, longitude_deg = self._frame.to_geodetic(point)

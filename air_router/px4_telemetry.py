@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
+from air_router.height_frame import HeightFrame
 from air_router.inspection import GpsFix
 from air_router.loop_clock import loop_s
 from air_router.mavsdk_bridge import Received, subscribe
@@ -57,6 +58,7 @@ class Px4Telemetry:
         self._position: Point | None = None
         self._target: Point | None = None
         self._unix: tuple[float, float] | None = None
+        self._heights = HeightFrame()
         self.reports = ArmingReports()
         self.refusals: list[str] = []
         self.parameters: dict[str, float] = {}
@@ -199,6 +201,8 @@ class Px4Telemetry:
             item=self.item,
             fix=self.gps is None or self.gps.good,
             target=self.target,
+            altitude_amsl_m=self.altitude_amsl_m,
+            home_moved=self._heights.moved,
         )
 
     def _only_autopilot(
@@ -247,8 +251,14 @@ class Px4Telemetry:
         except FrameError as error:
             _log.warning("a position of the vehicle is left out: %s", error)
             return
-        self.altitude_m = fields["relative_alt"] / 1e3
         self.altitude_amsl_m = fields["alt"] / 1e3
+        self.altitude_m = self._heights.altitude_m(
+            self.altitude_amsl_m,
+            fields["relative_alt"] / 1e3,
+            self.home,
+            armed=self.armed,
+            in_air=self.in_air is not False,  # it may be met in the air
+        )
         self.velocity_m_s = (fields["vy"] / 100, fields["vx"] / 100)  # MAVLink: x north, y east
         self.heading_deg = None if fields["hdg"] == 65535 else fields["hdg"] / 100
         self._emit_snapshot()

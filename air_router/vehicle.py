@@ -13,6 +13,7 @@ from enum import Enum
 from typing import Protocol
 
 from air_router.flight_plan import FlightPlan
+from air_router.height_frame import HomeMove
 from air_router.inspection import Inspection
 from geo.frame import Point
 
@@ -35,7 +36,7 @@ class Telemetry:
     Attributes:
         time_s: Seconds on the vehicle's clock since it booted.
         position: Horizontal position, metres east/north of the mission's origin.
-        altitude_m: Metres above home.
+        altitude_m: Metres above home, as that was at take-off.
         velocity_m_s: Velocity (east, north) in metres per second.
         heading_deg: Clockwise from true north, None when unknown.
         armed: Motors may turn.
@@ -46,6 +47,9 @@ class Telemetry:
         item: Sequence number of the plan item it flies to, None when unknown.
         fix: The satellite receiver has a position; True also while it says nothing of itself.
         target: Where it flies to or hovers, by its own word; None when unknown.
+        altitude_amsl_m: Metres above mean sea level; None when unknown.
+        home_moved: By how much the autopilot's home is off that of the take-off, from which the
+            heights of its plan do not count any more; None while it is where it was.
     """
 
     time_s: float
@@ -61,6 +65,8 @@ class Telemetry:
     item: int | None = None
     fix: bool = True
     target: Point | None = None
+    altitude_amsl_m: float | None = None
+    home_moved: HomeMove | None = None
 
 
 @dataclass(frozen=True, slots=True)

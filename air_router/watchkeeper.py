@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from air_router.actions import FlyToNode, HoldHere, Motion, Taker
 from air_router.behaviour import Signal, State, knows
+from air_router.deviations import Deviation, Response
 from air_router.milestones import HELD, Silence, TakeOff, take_off
 from air_router.vehicle import FlightMode
 from air_router.watch import Sign
@@ -13,6 +14,7 @@ from air_router.watch import Sign
 if TYPE_CHECKING:
     from air_router.answering import Answering
     from air_router.cockpit import Cockpit
+    from air_router.deviations import Deviations
     from air_router.events import CommandConfirmed
     from air_router.exploration import Exploration
     from air_router.flight_plan import FlightPlan
@@ -25,6 +27,10 @@ if TYPE_CHECKING:
     from air_router.watch import Watch
 
 
+HOLD_S: Final = 2.0
+"""A vehicle that holds for a deviation stands after so long, and goes on."""
+
+
 class Watchkeeper:
     """Asks the other parts in turn, the gravest matter first.
 
@@ -35,6 +41,7 @@ class Watchkeeper:
         exploration: Told where the vehicle passes.
         launch: What has been seen of take-off and landing.
         watch: What is found wrong in flight.
+        deviations: What is off what was planned.
         handing: Whose the vehicle is.
         homecoming: Whether the mission ends.
         renewal: Whether zones are being changed.
@@ -51,6 +58,7 @@ class Watchkeeper:
         *,
         launch: Launch,
         watch: Watch,
+        deviations: Deviations,
         handing: Handing,
         homecoming: Homecoming,
         renewal: Renewal,
@@ -63,6 +71,7 @@ class Watchkeeper:
         self._exploration = exploration
         self._launch = launch
         self._watch = watch
+        self._deviations = deviations
         self._handing = handing
         self._homecoming = homecoming
         self._renewal = renewal
@@ -71,8 +80,10 @@ class Watchkeeper:
         self._silence = Silence()
 
     def wait_for_fix(self, motion: Motion) -> Motion | None:
-        """A guard: a vehicle that does not know where it is, is sent nowhere."""
-        return None if self._watch.without_fix(self._cockpit.telemetry) else motion
+        """A guard: a vehicle that does not know where it is, or how high, is sent nowhere."""
+        if self._watch.without_fix(self._cockpit.telemetry) or self._deviations.waits:
+            return None
+        return motion
 
     def vehicle_heard(self, telemetry: Telemetry) -> None:
         """The vehicle says how it is."""
@@ -81,6 +92,9 @@ class Watchkeeper:
         cockpit.silent_s = 0.0
         if self._launch.note(telemetry):
             custody.assume(FlightMode.MISSION)
+        moved = self._deviations.home(telemetry) if telemetry.in_air else None
+        if moved is not None and not self._flies_mission:
+            cockpit.say(moved.words)
         if self._launch.over(telemetry) and knows(cockpit.state, Signal.GROUNDED):
             self._grounded()
         elif handing.in_charge and custody.taken(telemetry):
@@ -90,7 +104,10 @@ class Watchkeeper:
             handing.check()
         elif cockpit.state is State.READY:
             self._take_off(telemetry)
+            if moved is not None and moved.response is Response.HOLD and handing.in_charge:
+                self._homecoming.come_home("home was moved in the climb")
         elif handing.in_charge and self._fit(telemetry):
+            self._keep(telemetry, moved)
             self._go_on(telemetry)
 
     def _grounded(self) -> None:
@@ -134,6 +151,34 @@ class Watchkeeper:
                 cockpit.schedule.retry_in(0.0)
         return finding.sign in {Sign.GOOD, Sign.BACK}
 
+    @property
+    def _flies_mission(self) -> bool:
+        """Whether it flies by our commands, above the ground, among zones that do not change."""
+        grounding = self._cockpit.state in {State.READY, State.LAND}
+        changing = self._renewal.phase is not None or self._handing.giving_up is not None
+        return self._handing.in_charge and not grounding and not changing
+
+    def _keep(self, telemetry: Telemetry, moved: Deviation | None) -> None:
+        """Have it keep to what was planned; see `deviations`."""
+        if not self._flies_mission:
+            self._deviations.forget()
+            return
+        found = self._deviations.look(telemetry, self._helm.custody)
+        for deviation in found if moved is None else [moved, *found]:
+            self._respond(*deviation)
+
+    def _respond(self, response: Response, words: str) -> None:
+        cockpit = self._cockpit
+        if response is Response.HOME and knows(cockpit.state, Signal.COME_HOME):
+            self._homecoming.come_home(words)
+            return
+        holds = response in {Response.HOLD, Response.WAIT, Response.HOME}
+        cockpit.say(f"{words}: holding" if holds else words)
+        if holds:
+            self._helm.hold(words)
+        if response is not Response.TELL:
+            cockpit.schedule.retry_in(0.0 if response is Response.BACK else HOLD_S)
+
     def _may_try_again(self) -> bool:
         """Whether nothing waits to be tried again, or its time has come."""
         schedule = self._cockpit.schedule
@@ -145,6 +190,8 @@ class Watchkeeper:
         self._exploration.passing(telemetry.position, cockpit.now_s)
         self._homecoming.check(telemetry)
         if self._renewal.go_on(telemetry):
+            return
+        if self._deviations.waits:
             return
         if cockpit.schedule.left_s == 0.0:
             cockpit.signal(Signal.TIMER)

@@ -56,6 +56,7 @@ class Airframe:
         self.battery = 1.0
         self.failsafe = False
         self.fix = True
+        self.home_moved = None
         self.target = None
         self.track = []
         self.noise_m = 0.0
@@ -97,6 +98,7 @@ class Airframe:
             failsafe=self.failsafe,
             battery=self.battery,
             fix=self.fix,
+            home_moved=self.home_moved,
         )
 
     def _wanted(self):

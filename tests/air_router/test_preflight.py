@@ -4,6 +4,7 @@ import pytest
 
 from air_router import preflight
 from air_router.graph import WaypointGraph
+from air_router.height_frame import HomeMove
 from air_router.inspection import GpsFix, Inspection
 from air_router.preflight import Card, Check, PreflightRefusedError, Verdict
 from air_router.preflight_parameters import NAMES, parameters, straight_return
@@ -87,6 +88,13 @@ def test_the_place(pennovation, router):
     assert nowhere.verdict is LOOK
 
 
+def test_a_home_that_is_not_as_high_as_the_vehicle_stands(pennovation):
+    at = telemetry(position=pennovation.home, home_moved=HomeMove(0.0, 0.0, -25.0))
+    (check,) = preflight.altitude(pennovation, info(home=pennovation.home), at)
+    assert check.verdict is BAD
+    assert "home is 25 m below where it stands" in check.found
+
+
 def test_health_says_why_not():
     (check,) = preflight.health(Inspection(healthy=False, problems=("no fix", "no compass")))
     assert check.verdict is BAD
@@ -133,7 +141,7 @@ def test_a_wrong_clock_grounds_missions_with_hours():
 def test_the_altitude_that_zones_were_reckoned_with(pennovation):
     def verdicts(home_amsl_m, zones):
         mission = dataclasses.replace(pennovation, home_altitude_amsl_m=home_amsl_m, zones=zones)
-        return [check.verdict for check in preflight.altitude(mission, info())]
+        return [check.verdict for check in preflight.altitude(mission, info(), telemetry())]
 
     banded = (Zone("z", Circle(HOME, 5.0), band=Band(lower_m=100.0)),)
     assert verdicts(None, banded) == []

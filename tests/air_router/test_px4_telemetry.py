@@ -1,9 +1,11 @@
 import pytest
 
 from air_router.clock import VehicleClock
+from air_router.height_frame import HomeMove
 from air_router.px4_events import event_id
 from air_router.px4_telemetry import ARMED, Px4Telemetry
 from air_router.vehicle import FlightMode, ItemReached, PlanReplaced
+from geo.frame import Point
 
 HOLD, MISSION, POSITION = 0x03040000, 0x04040000, 0x00030000
 
@@ -27,14 +29,14 @@ class Vehicle:
     def beats(self, mode):
         self.says("_on_heartbeat", custom_mode=mode, base_mode=ARMED, system_status=4)
 
-    def is_at(self, lat, lon, time_ms=1000):
+    def is_at(self, lat, lon, time_ms=1000, amsl_m=50.0, above_home_m=40.0):
         self.says(
             "_on_position",
             time_boot_ms=time_ms,
             lat=lat,
             lon=lon,
-            alt=50_000,
-            relative_alt=40_000,
+            alt=round(amsl_m * 1000),
+            relative_alt=round(above_home_m * 1000),
             vx=100,
             vy=-200,
             vz=0,
@@ -88,6 +90,70 @@ def test_a_position_that_is_none_is_left_out(vehicle):
     assert vehicle.events == []
     vehicle.is_at(399_400_000, -752_000_000, time_ms=2000)
     assert [event.time_s for event in vehicle.events] == [2.0]
+
+
+class InFlight:
+    """One that took off with its home 489 m above the sea, and hovers 40 m above that."""
+
+    def __init__(self, vehicle, frame, home):
+        self.vehicle, self._frame, self._home = vehicle, frame, home
+        self.beats_at_home(489.0)
+        vehicle.says("_on_extended_state", landed_state=1)
+        self.reads(489.0, 0.0)
+        vehicle.says("_on_extended_state", landed_state=2)
+        self.reads(529.0, 40.0)
+
+    def beats_at_home(self, amsl_m, east_m=0.0):
+        self.vehicle.beats(MISSION)
+        place = Point(self._home.east_m + east_m, self._home.north_m)
+        latitude_deg, longitude_deg = self._frame.to_geodetic(place)
+        self.vehicle.says(
+            "_on_home",
+            latitude=round(latitude_deg * 1e7),
+            longitude=round(longitude_deg * 1e7),
+            altitude=round(amsl_m * 1000),
+        )
+
+    def reads(self, amsl_m, above_home_m):
+        self.vehicle.is_at(399_400_000, -752_000_000, amsl_m=amsl_m, above_home_m=above_home_m)
+        return self.vehicle.events[-1]
+
+
+@pytest.fixture
+def in_flight(vehicle, pennovation):
+    return InFlight(vehicle, pennovation.frame, pennovation.home)
+
+
+def test_heights_count_from_the_home_of_the_take_off(in_flight):
+    told = in_flight.reads(529.0, 65.0)  # another station has moved home 25 m down
+    assert told.altitude_m == pytest.approx(40.0)
+    assert told.home_moved == pytest.approx(HomeMove(0.0, 0.0, -25.0))
+    told = in_flight.reads(504.0, 40.0)  # it sinks: PX4 keeps 40 m above the home of now
+    assert told.altitude_m == pytest.approx(15.0)
+    told = in_flight.reads(529.0, 40.0)
+    assert (told.altitude_m, told.home_moved) == (40.0, None)
+
+
+def test_a_home_moved_aside_is_told(in_flight):
+    in_flight.beats_at_home(489.0, east_m=60.0)
+    told = in_flight.reads(529.0, 40.0)
+    assert told.home_moved == pytest.approx(HomeMove(60.0, 0.0, 0.0), abs=0.1)
+    assert told.altitude_m == 40.0
+
+
+def test_px4_corrects_its_home_by_itself_and_nothing_is_told(in_flight):
+    for home_m in (487.9, 490.2, 486.7, 491.3):  # as measured on PX4 1.17, up to 2.3 m
+        told = in_flight.reads(home_m + 40.0, 40.0)
+        assert (told.altitude_m, told.home_moved) == (40.0, None)
+
+
+def test_before_take_off_home_is_where_the_autopilot_has_it_and_near_the_vehicle(vehicle):
+    vehicle.beats(MISSION)
+    vehicle.says("_on_extended_state", landed_state=1)
+    for amsl_m, above_home_m, moved in ((489.0, 0.3, None), (492.0, 0.0, None), (492.0, 25.0, -25)):
+        vehicle.is_at(399_400_000, -752_000_000, amsl_m=amsl_m, above_home_m=above_home_m)
+        told = vehicle.events[-1].home_moved
+        assert (None if told is None else told.up_m) == moved
 
 
 def test_a_repeated_report_of_an_item_is_told_once(vehicle):

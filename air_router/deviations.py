@@ -1,0 +1,277 @@
+"""What telemetry shows to be off what was planned: home moved, height, clearance, speed. Pure.
+
+Each deviation is told when it begins. What follows is in this table; nothing follows while a pilot
+flies, zones are being changed, or the vehicle lands.
+
+| deviation | begins | what follows |
+|---|---|---|
+| home moved up or down | at once | hold, then on in the planned height, by points |
+| home moved to a side | at once | it is told: only the autopilot's own Return flies there |
+| too low or too high | 4 s off the altitudes of the mission | hold, then back to them and on |
+| the altitude jumps off them | at once | hold until it is back: which of both is right? |
+| one of the last two | 30 s | home |
+| nearer to a zone or the fence than the clearance | at once | hold, then away from there and on |
+| faster than commanded | for 2 s | hold, then on at the commanded speed |
+| one of these, a third time within 3 minutes | at once | home |
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from enum import Enum
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from air_router.actions import HoldHere
+from air_router.departure import names_of
+
+if TYPE_CHECKING:
+    from air_router.custody import Custody
+    from air_router.height_frame import HomeMove
+    from air_router.mission import Mission
+    from air_router.vehicle import Telemetry
+
+OFF_S: Final = 4.0
+"""How long the vehicle is off its altitudes, and comes no nearer, before that is told."""
+
+BACK_S: Final = 2.0
+"""It counts as back after so long."""
+
+OFF_HOME_S: Final = 30.0
+"""After so long off its altitudes it comes home."""
+
+_NEARER_M: Final = 0.5
+"""A climb or descent that gains so much goes on."""
+
+JUMP_M: Final = 5.0
+CLIMB_M_S: Final = 8.0
+"""An altitude that changes by more than this, on top of what a climb at that speed makes in the
+time, has not been flown."""
+
+_HOME_AGAIN_M: Final = 2.0
+"""A home that was told to be moved is told again when it is so much elsewhere."""
+
+NOISE_M: Final = 0.25
+"""What a position wanders by is no loss of clearance."""
+
+_NEARER_STILL_M: Final = 1.0
+"""A clearance that was lost is told again when so much more of it is."""
+
+FASTER_M_S: Final = 1.0
+FASTER: Final = 1.25
+FAST_S: Final = 2.0
+"""A gust makes a vehicle no faster than this for so long."""
+
+TIMES: Final = 3
+WITHIN_S: Final = 180.0
+"""What has happened so often in that time will happen again."""
+
+
+class Response(Enum):
+    """What follows a deviation."""
+
+    TELL = "nothing but words"
+    HOLD = "it holds, and goes on when it stands"
+    WAIT = "it holds until the deviation is over"
+    BACK = "the deviation is over: what waited goes on"
+    HOME = "it comes home"
+
+
+class Deviation(NamedTuple):
+    """What to say, and what to do about it."""
+
+    response: Response
+    words: str
+
+
+class Deviations:
+    """Looks at every telemetry.
+
+    Attributes:
+        waits: Its altitude has jumped, and it holds until that is over: no leg is begun.
+    """
+
+    def __init__(self, mission: Mission) -> None:
+        self.waits = False
+        self._mission = mission
+        self._home_told: HomeMove | None = None
+        self._before: Telemetry | None = None
+        self._out_m = 0.0  # the least that it was off its altitudes lately
+        self._out_since_s: float | None = None
+        self._off_since_s: float | None = None
+        self._back_since_s: float | None = None
+        self._spare_told_m: float | None = 0.0  # None: the clearance is kept
+        self._clear_until: tuple[float, Telemetry] | None = None
+        self._fast_since_s: float | None = None
+        self._fast_told = True
+        self._times: deque[float] = deque(maxlen=TIMES)
+
+    def renew(self, mission: Mission) -> None:
+        """The mission's zones are others now: one may have been drawn near to the vehicle."""
+        self._mission = mission
+        self._spare_told_m, self._clear_until = 0.0, None
+
+    def home(self, telemetry: Telemetry) -> Deviation | None:
+        """Whether the autopilot's home was moved since it was told last; whoever flies."""
+        moved, told = telemetry.home_moved, self._home_told
+        if moved is None:
+            self._home_told = None
+            return None if told is None else Deviation(Response.BACK, "home is back in its place")
+        if told is not None and math.dist(moved, told) < _HOME_AGAIN_M:
+            return None
+        self._home_told = moved
+        words = f"home was moved: {_move(moved, telemetry)}"
+        if not moved.changes_heights:
+            return Deviation(Response.TELL, f"{words}; the autopilot's own Return flies there")
+        return Deviation(Response.HOLD, f"{words}; heights count from the take-off as before")
+
+    def look(self, telemetry: Telemetry, custody: Custody) -> list[Deviation]:
+        """What is off now, on a vehicle that flies its mission by our commands."""
+        found = (
+            self._height(telemetry),
+            self._clearance(telemetry),
+            self._speed(telemetry, custody),
+        )
+        self._before = telemetry
+        return [deviation for deviation in found if deviation is not None]
+
+    def forget(self) -> None:
+        """It does not fly its mission by our commands just now."""
+        self.waits = False
+        self._before = self._out_since_s = self._fast_since_s = None
+        self._fast_told = True  # it may come out of another's flight, and brakes
+        self._off_since_s = self._back_since_s = None
+        self._spare_told_m, self._clear_until = 0.0, None
+
+    # Height.
+
+    def _height(self, telemetry: Telemetry) -> Deviation | None:
+        band, now_s, before = self._mission.cruise, telemetry.time_s, self._before
+        altitude_m = telemetry.altitude_m
+        out_m = max(band.lower_m - altitude_m, altitude_m - band.upper_m, 0.0)
+        if before is not None and _jumped(before, telemetry):
+            words = f"the altitude jumped from {before.altitude_m:.0f} to {altitude_m:.0f} m"
+            if out_m == 0.0:
+                return Deviation(Response.HOLD, words)
+            self.waits = True
+            self._off_since_s, self._back_since_s = now_s, None
+            return Deviation(Response.WAIT, words)
+        if self._off_since_s is not None:
+            return self._while_off(telemetry, out_m, self._off_since_s)
+        if out_m == 0.0 or self._out_since_s is None or out_m < self._out_m - _NEARER_M:
+            self._out_m, self._out_since_s = out_m, now_s
+            return None
+        if now_s - self._out_since_s < OFF_S:
+            return None
+        self._off_since_s, self._back_since_s = now_s, None
+        return self._again(now_s, f"too {self._off(altitude_m)}")
+
+    def _while_off(
+        self, telemetry: Telemetry, out_m: float, off_since_s: float
+    ) -> Deviation | None:
+        now_s = telemetry.time_s
+        if out_m == 0.0:
+            if self._back_since_s is None:
+                self._back_since_s = now_s
+            if now_s - self._back_since_s < BACK_S:
+                return None
+            self.waits, self._off_since_s, self._out_since_s = False, None, None
+            return Deviation(Response.BACK, f"at {telemetry.altitude_m:.0f} m again")
+        self._back_since_s = None
+        if now_s - off_since_s < OFF_HOME_S:
+            return None
+        self.waits, self._off_since_s = False, math.inf  # once, until it is back
+        return Deviation(Response.HOME, f"too {self._off(telemetry.altitude_m)}")
+
+    def _off(self, altitude_m: float) -> str:
+        band = self._mission.cruise
+        side = "low" if altitude_m < band.lower_m else "high"
+        return (
+            f"{side}: {altitude_m:.0f} m above home, {band.lower_m:.0f} to {band.upper_m:.0f} m "
+            "is flown"
+        )
+
+    # Clearance.
+
+    def _clearance(self, telemetry: Telemetry) -> Deviation | None:
+        here = telemetry.position
+        if self._clear_until is not None:
+            spare_m, at = self._clear_until
+            if math.dist(here, at.position) < spare_m and _as_high(at, telemetry, self._mission):
+                return None
+        airspace = self._mission.airspace_at(telemetry.altitude_m)
+        spare_m, name = airspace.spare_m(here)
+        self._clear_until = (spare_m, telemetry)
+        told_m = self._spare_told_m
+        if spare_m >= -NOISE_M:
+            if spare_m >= 0.0:
+                self._spare_told_m = None
+            return None
+        if told_m is not None and spare_m > told_m - _NEARER_STILL_M:
+            return None
+        self._spare_told_m = spare_m
+        kept_m = airspace.kept_m(name)
+        words = f"{max(spare_m + kept_m, 0.0):.1f} m from {names_of((name,))}, {kept_m:g} m is kept"
+        if told_m is not None:
+            return Deviation(Response.TELL, words)
+        return self._again(telemetry.time_s, words)
+
+    # Speed.
+
+    def _speed(self, telemetry: Telemetry, custody: Custody) -> Deviation | None:
+        commanded_m_s = self._mission.speed_m_s
+        speed_m_s = math.hypot(*telemetry.velocity_m_s)
+        if speed_m_s <= FASTER * commanded_m_s + FASTER_M_S:
+            self._fast_since_s, self._fast_told = None, False
+            return None
+        if self._fast_since_s is None:
+            self._fast_since_s = telemetry.time_s
+        if self._fast_told or telemetry.time_s - self._fast_since_s < FAST_S:
+            return None
+        self._fast_told = True
+        words = (
+            f"it flies {speed_m_s:.1f} m/s and was told {commanded_m_s:.1f} m/s: "
+            "another ground station changed its speed, or the wind carries it"
+        )
+        if isinstance(custody.last, HoldHere):  # for another reason; it brakes
+            return Deviation(Response.TELL, words)
+        return self._again(telemetry.time_s, words)
+
+    def _again(self, now_s: float, words: str) -> Deviation:
+        self._times.append(now_s)
+        if len(self._times) == TIMES and now_s - self._times[0] <= WITHIN_S:
+            self._times.clear()
+            return Deviation(Response.HOME, words)
+        return Deviation(Response.HOLD, words)
+
+
+def _jumped(before: Telemetry, telemetry: Telemetry) -> bool:
+    seconds = max(telemetry.time_s - before.time_s, 0.0)
+    change_m = abs(telemetry.altitude_m - before.altitude_m)
+    return change_m > JUMP_M + CLIMB_M_S * seconds
+
+
+def _as_high(one: Telemetry, other: Telemetry, mission: Mission) -> bool:
+    """Whether the same zones count at two altitudes."""
+    at = mission.airspace_at
+    return at(one.altitude_m) is at(other.altitude_m)
+
+
+def _move(moved: HomeMove, telemetry: Telemetry) -> str:
+    """A move of home, from and to where, in words."""
+    words = []
+    if moved.changes_heights:
+        words.append(f"{abs(moved.up_m):.0f} m {'up' if moved.up_m > 0 else 'down'}")
+        if telemetry.altitude_amsl_m is not None:
+            before_m = telemetry.altitude_amsl_m - telemetry.altitude_m
+            words[-1] += f" (from {before_m:.0f} to {before_m + moved.up_m:.0f} m above the sea)"
+    aside_m = math.hypot(moved.east_m, moved.north_m)
+    if aside_m >= 1.0:
+        words.append(f"{aside_m:.0f} m {_towards(moved)}")
+    return " and ".join(words)
+
+
+def _towards(moved: HomeMove) -> str:
+    winds = ("north", "north-east", "east", "south-east", "south", "south-west", "west")
+    eighth = round(math.degrees(math.atan2(moved.east_m, moved.north_m)) / 45.0) % 8
+    return (*winds, "north-west")[eighth]

@@ -1,0 +1,87 @@
+"""The home that the heights of a flight count from, while the autopilot's own may move. Pure.
+
+A PX4 flies the heights of its plan above the home that it has now. Any ground station may move
+that in flight, and the vehicle climbs or sinks by as much. What was planned and checked counts
+from the home of the take-off: that one is kept here, and what the vehicle says is told from it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from geo.frame import Point
+
+HOME_UP_M: Final = 4.0
+"""PX4 1.17 corrects the altitude of its home in flight, by up to 2.3 m as measured: that it follows
+is right, and no move. A mission keeps 5 m from what is above and below it."""
+
+HOME_ASIDE_M: Final = 3.0
+"""In flight PX4 moves its home to no side by itself."""
+
+
+class HomeMove(NamedTuple):
+    """By how much, in metres, the autopilot's home is away from that of the take-off."""
+
+    east_m: float
+    north_m: float
+    up_m: float
+
+    @property
+    def changes_heights(self) -> bool:
+        """Whether the items of the plan lie at other heights by it."""
+        return abs(self.up_m) > HOME_UP_M
+
+
+@dataclass(slots=True)
+class HeightFrame:
+    """Keeps the home of the take-off.
+
+    Attributes:
+        home: Its place, metres east/north; None until the vehicle told it.
+        home_amsl_m: Its height above mean sea level; None until the vehicle was heard.
+        moved: By how much the autopilot's home is off it; None while it is the same.
+    """
+
+    home: Point | None = None
+    home_amsl_m: float | None = None
+    moved: HomeMove | None = None
+    _flew: bool = False
+
+    def altitude_m(
+        self,
+        amsl_m: float,
+        above_home_m: float,
+        home: Point | None,
+        *,
+        armed: bool,
+        in_air: bool,
+    ) -> float:
+        """How high the vehicle is above the home of the take-off.
+
+        Until the take-off that is the home that the autopilot has. One that lies clearly higher or
+        lower than a vehicle on the ground is none to take off from: the ground counts then.
+
+        Args:
+            amsl_m: Its height above mean sea level, and
+            above_home_m: above the autopilot's home of now, both of one message.
+            home: Where the autopilot's home is, metres east/north; None if it is not known.
+            armed: Whether its motors may turn.
+            in_air: Whether it flies.
+        """
+        self._flew = (self._flew and armed) or in_air
+        now_m = amsl_m - above_home_m
+        if self.home_amsl_m is None or not self._flew:
+            grounded = not self._flew and abs(above_home_m) > HOME_UP_M
+            self.home, self.home_amsl_m = home, amsl_m if grounded else now_m
+        if self.home is None:
+            self.home = home
+        up_m = now_m - self.home_amsl_m
+        east_m, north_m = 0.0, 0.0
+        if home is not None and self.home is not None:
+            east_m, north_m = home.east_m - self.home.east_m, home.north_m - self.home.north_m
+        off_height = abs(up_m) > HOME_UP_M
+        off_place = math.hypot(east_m, north_m) > HOME_ASIDE_M
+        self.moved = HomeMove(east_m, north_m, up_m) if off_height or off_place else None
+        return amsl_m - self.home_amsl_m if off_height else above_home_m

@@ -1,0 +1,166 @@
+"""What is off what was planned: told when it begins, and held for, by the table of `deviations`."""
+
+import dataclasses
+import math
+
+import pytest
+
+from air_router.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.behaviour import State
+from air_router.departure import names_of
+from air_router.deviations import FAST_S, OFF_HOME_S, OFF_S
+from air_router.height_frame import HomeMove
+from air_router.requests import HoldNow
+from air_router.vehicle import FlightMode
+from geo.frame import Point
+from tests.air_router.conftest import Airframe
+
+LOWER = HomeMove(0.0, 0.0, -25.0)
+
+
+@pytest.fixture
+def cruising(pretend):
+    """A flight on its way, whose home is far from where it is."""
+    flight = pretend(duration_s=600.0)
+    flight.take_off()
+    flight.fly_away()
+    return flight
+
+
+def fly(flight, seconds):
+    end_s = flight.now_s + seconds
+    flight.fly_until(lambda: flight.now_s >= end_s)
+
+
+def told(flight, word):
+    return [text for text in flight.said if word in text]
+
+
+@pytest.mark.parametrize("moved", [LOWER, HomeMove(30.0, 40.0, 15.0)])
+def test_home_moved_up_or_down_it_holds_at_once_and_flies_on_in_the_planned_height(cruising, moved):
+    cruising.home_moved = moved
+    before = len(cruising.motions)
+    cruising.step()
+    assert isinstance(cruising.motions[before], HoldHere)
+    assert len(told(cruising, "home was moved")) == 1
+    cruising.fly_until(lambda: cruising.finished is not None)
+    after = cruising.motions[before + 1 :]
+    assert not any(isinstance(motion, FlyToNode) for motion in after)
+    heights_m = {motion.altitude_m for motion in after if isinstance(motion, FlyToPoint)}
+    assert heights_m == {cruising.mission.altitude_above_home_m}
+    assert cruising.finished.landed_by_us
+    assert len(told(cruising, "home was moved")) == 1
+
+
+def test_a_jump_that_was_decided_before_home_moved_is_not_sent(cruising):
+    motion = next(m for m in reversed(cruising.motions) if isinstance(m, FlyToNode))
+    telemetry = cruising.telemetry()
+    navigator = cruising.controller.navigator
+    assert navigator.objection(motion, telemetry, telemetry.time_s) is None
+    cruising.home_moved = LOWER
+    telemetry = cruising.telemetry()
+    assert "home was moved" in navigator.objection(motion, telemetry, telemetry.time_s)
+
+
+def test_home_moved_aside_is_told_and_flown_on(cruising):
+    cruising.home_moved = HomeMove(60.0, 0.0, 0.5)
+    before = len(cruising.motions)
+    fly(cruising, 1.0)
+    assert not any(isinstance(motion, HoldHere) for motion in cruising.motions[before:])
+    (words,) = told(cruising, "home was moved")
+    assert "60 m east" in words
+
+
+@pytest.mark.parametrize("state", [State.HOLD, State.HOME, State.LAND, State.PASSIVE])
+def test_home_moved_is_told_in_every_state_in_the_air(pretend, state):
+    flight = pretend(duration_s=60.0)
+    flight.take_off()
+    if state is State.HOLD:
+        flight.fly_away()
+        flight.operator_asks(HoldNow(by="operator"))
+    elif state is State.PASSIVE:
+        flight.fly_away()
+        flight.pilot_chooses(FlightMode.OTHER)
+    flight.fly_to_state(state)
+    flight.home_moved = LOWER
+    flight.step()
+    assert len(told(flight, "home was moved")) == 1
+
+
+def test_home_moved_in_the_climb_it_comes_down_again(pretend):
+    flight = pretend()
+    flight.take_off_halfway()
+    flight.home_moved = LOWER
+    flight.step()
+    assert State.HOME in flight.states
+    assert told(flight, "home was moved in the climb")
+
+
+@pytest.mark.parametrize("off_m", [-8.0, 8.0])
+def test_sinking_or_climbing_off_its_altitudes_is_told_and_held_for(cruising, off_m):
+    for _ in range(20):
+        cruising.altitude_m += off_m / 20
+        cruising.step()
+    before = len(cruising.motions)
+    fly(cruising, OFF_S + 0.5)
+    assert isinstance(cruising.motions[before], HoldHere)
+    assert len(told(cruising, "too low" if off_m < 0 else "too high")) == 1
+    fly(cruising, OFF_HOME_S)
+    assert cruising.controller.state is State.HOME
+
+
+def test_a_vehicle_that_comes_down_to_its_altitudes_is_left_alone(pretend):
+    flight = pretend()
+    Airframe.take_off(flight)
+    flight.altitude_m += 30.0
+    for _ in range(300):
+        flight.altitude_m -= 0.1
+        flight.step()
+    assert not told(flight, "too high")
+
+
+def test_a_jump_of_the_altitude_is_held_for_until_it_is_back(cruising):
+    cruising.altitude_m += 12.0
+    before = len(cruising.motions)
+    fly(cruising, 10.0)
+    (hold,) = cruising.motions[before:]
+    assert isinstance(hold, HoldHere)
+    assert len(told(cruising, "the altitude jumped from 40 to 52 m")) == 1
+    cruising.altitude_m -= 12.0
+    fly(cruising, 5.0)
+    assert cruising.motions[before + 1 :]
+    assert cruising.controller.state is not State.HOME
+
+
+def test_a_lost_clearance_is_told_while_it_happens_and_held_for(cruising):
+    mission = cruising.mission
+    cruising.position = next(
+        place
+        for east in range(-160, 110)
+        for place in (Point(float(east), float(north)) for north in range(-160, 110, 7))
+        if 3.0 < mission.airspace.distance_m(place) < 4.5
+    )
+    distance_m, name = mission.airspace.nearest(cruising.position)
+    before = len(cruising.motions)
+    cruising.step()
+    assert isinstance(cruising.motions[before], HoldHere)
+    (words,) = told(cruising, "m is kept")
+    assert names_of((name,)) in words
+    assert distance_m == pytest.approx(float(words.split()[0]), abs=1.0)
+    cruising.fly_until(lambda: cruising.finished is not None)
+    assert cruising.finished.landed_by_us
+
+
+def test_faster_than_commanded_is_told_and_held_for(cruising):
+    east_m_s, north_m_s = cruising.velocity
+    speed_m_s = math.hypot(east_m_s, north_m_s)
+    before = len(cruising.motions)
+
+    def rushes():
+        telemetry = type(cruising).telemetry(cruising)
+        velocity = (12.0 * east_m_s / speed_m_s, 12.0 * north_m_s / speed_m_s)
+        return dataclasses.replace(telemetry, velocity_m_s=velocity)
+
+    cruising.telemetry = rushes
+    cruising.fly_until(lambda: told(cruising, "it flies 12.0 m/s"), FAST_S + 0.5)
+    assert isinstance(cruising.motions[before], HoldHere)
