@@ -186,7 +186,9 @@ class Gossip:
 
     def _translate(self, event: LinkEvent) -> None:
         self._deliver(event)
-        if isinstance(event, MessageStored) and event.robot != self._name:
+        if not isinstance(event, MessageStored) or event.robot == self._name:
+            return
+        if self._reader.reads(event.robot, event.topic):  # a map takes long to decompress
             message = self.node.latest(event.robot, event.topic)
             news = None if message is None else self._news(message, event.peer)
             if isinstance(news, GoTo):

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from air_router.actions import Action, StateChanged
+from air_router.actions import Action, RenewPlan, StateChanged
 from air_router.behaviour import State
 from air_router.events import AirspaceChanged, Event, PlanRenewed
 from air_router.vehicle import Telemetry
@@ -60,6 +60,7 @@ class Ledger:
     partial: int = 0
     timed_out: int = 0
     _changed: Airspace | None = None
+    _boarding: bool = False  # until the plan is renewed the controller refuses other zones
     _renewed: list[tuple[int, Airspace]] = field(default_factory=list)
     _ours_until: int | None = None
     _began_s: float | None = None
@@ -81,14 +82,18 @@ class Ledger:
                 self._synced(event)
             case SyncTimedOut():
                 self.timed_out += 1
-            case AirspaceChanged(fences=fences, zones=zones):
+            case AirspaceChanged(fences=fences, zones=zones) if not self._boarding:
                 self._changed = self.mission.with_areas(fences, zones).airspace
-            case PlanRenewed() if self._changed is not None:  # from here on; before it is left
-                self._renewed.append((len(self.track), self._changed))
-                self._changed = None
+            case PlanRenewed():
+                self._boarding = False
+                if self._changed is not None:  # from here on; before it is left
+                    self._renewed.append((len(self.track), self._changed))
+                    self._changed = None
 
     def action(self, action: Action) -> None:
         """Take in what was decided."""
+        if isinstance(action, RenewPlan):
+            self._boarding = True
         if isinstance(action, StateChanged):
             if action.target not in self.states:
                 self.states.append(action.target)

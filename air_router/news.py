@@ -62,10 +62,19 @@ class Reader:
         self._goals_from = goals_from
         self._goals: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=GOALS_KEPT))
 
+    def reads(self, robot: str, topic: str) -> bool:
+        """Whether what a robot says on a topic may be an event at all: others need no reading."""
+        if topic == GOALS_TOPIC:
+            return robot in self._goals_from
+        return topic in {POSE_TOPIC, PATH_TOPIC, SEEK_TOPIC}
+
     def event_of(
         self, robot: str, topic: str, data: bytes, *, peer: str, unix_s: float
     ) -> Event | None:
         """The event that a message is to the mission; None: it is none.
+
+        Nothing is said later than it is heard: one stamp of a time to come, from a clock that is
+        wrong or a robot that lies, would make everything that follows old.
 
         Args:
             robot: Who made it.
@@ -81,14 +90,15 @@ class Reader:
         if topic == POSE_TOPIC:
             pose = PoseMessage.decode(data)
             place = self._near(self._frame.to_local(pose.latitude_deg, pose.longitude_deg))
-            return RobotPose(robot, place, pose.stamp_s, peer)
+            return RobotPose(robot, place, min(pose.stamp_s, unix_s), peer)
         if topic == PATH_TOPIC:
             path = PathMessage.decode(data)
-            return RobotPath(robot, self._way(path), path.stamp_s) if path.points else None
+            stamp_s = min(path.stamp_s, unix_s)
+            return RobotPath(robot, self._way(path), stamp_s) if path.points else None
         if topic == SEEK_TOPIC:
             seek = SeekMessage.decode(data)
             if unix_s - seek.stamp_s <= SOUGHT_BY_OTHER_S:  # it may be carried news
-                return RobotSought(robot, seek.robot, seek.stamp_s)
+                return RobotSought(robot, seek.robot, min(seek.stamp_s, unix_s))
         if topic == GOALS_TOPIC and robot in self._goals_from:
             return self._request_of(robot, GoalsMessage.decode(data), unix_s)
         return None

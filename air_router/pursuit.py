@@ -76,13 +76,17 @@ class Pursuit:
         self._asked_for, self._wanted = self._wanted, None
         self._set_out(self._asked_for)
 
-    def _set_out(self, first: str | None) -> None:
-        """Seek this robot, if any, or the next one that there is a way to."""
+    def _set_out(self, first: str | None, *, goes_on: bool = False) -> None:
+        """Seek this robot, if any, or the next one that there is a way to.
+
+        One that is sought already, if it `goes_on`, is not tried once more by that.
+        """
         for aim in self._aims(first):
             motion = self._helm.plan_to(aim.goal)
             if self._helm.navigator.progress is not Progress.STRANDED:
                 self.robot = aim.robot
-                self._search.roster.sought(aim.robot)
+                if not (goes_on and aim.robot == first):
+                    self._search.roster.sought(aim.robot)
                 self._cockpit.say(f"SEARCH {aim.robot}: {aim.reason}")
                 self._helm.advance(motion)
                 return
@@ -109,14 +113,14 @@ class Pursuit:
 
     def fly_on(self) -> None:
         """Seek the same robot, if there is a way to it now."""
-        self._set_out(self.robot)
+        self._set_out(self.robot, goes_on=True)
 
     def _aims(self, first: str | None) -> Iterator[Aim]:
         """Where to seek that robot, then the others in their turn."""
         now_s = self._cockpit.now_s
         if first is not None:
             yield self._search.aim(first, now_s)
-        yield from self._search.aims(now_s)
+        yield from (aim for aim in self._search.aims(now_s) if aim.robot != first)
 
     def _nobody(self) -> None:
         self.robot = None

@@ -26,6 +26,9 @@ _LEFT_M: Final = 15.0
 _LEFT_S: Final = 60.0
 """A pose so far off a path, and so much younger, says that the robot does not follow it."""
 
+_SET_BACK: Final = 3
+"""So many stamps in a row that keep step with our clock say what a robot's clock shows now."""
+
 _BEFORE_S: Final = 30.0
 """A pose so much older than a path does not say where on it the robot is."""
 
@@ -90,6 +93,46 @@ class Course:
 
 
 @dataclass(slots=True)
+class _Stamps:
+    """The stamps of one topic of a robot, in its own seconds, against when they came.
+
+    What is stamped no later than the newest is old, carried by others. But a robot whose clock was
+    set back, or that stamped one message with a time to come, would never be heard again: stamps
+    that go on at the pace at which they come, `_SET_BACK` one after the other, are its clock.
+
+    Attributes:
+        newest_s: The newest.
+        behind_s: What its clock is behind ours at least, by the least delay of a message.
+    """
+
+    newest_s: float = -math.inf
+    behind_s: float = math.inf
+    _late: tuple[float, float] | None = None  # the last old stamp, and when it came
+    _in_step: int = 0
+
+    def news(self, stamp_s: float, now_s: float) -> bool:
+        """Whether a message is newer than all before; `now_s` is our clock."""
+        if not math.isfinite(stamp_s):
+            return False
+        set_back = stamp_s <= self.newest_s and self._set_back(stamp_s, now_s)
+        if set_back:
+            self.behind_s = math.inf
+        self.behind_s = min(self.behind_s, now_s - stamp_s)
+        if stamp_s <= self.newest_s and not set_back:
+            return False
+        self.newest_s, self._late, self._in_step = stamp_s, None, 0
+        return True
+
+    def _set_back(self, stamp_s: float, now_s: float) -> bool:
+        before, self._late = self._late, (stamp_s, now_s)
+        passed_s = 0.0 if before is None else now_s - before[1]
+        ticked_s = 0.0 if before is None else stamp_s - before[0]
+        in_step = 0.5 * passed_s < ticked_s < 1.5 * passed_s
+        self._in_step = self._in_step + 1 if in_step else 0
+        return self._in_step >= _SET_BACK
+
+
+@dataclass(slots=True)
 class Whereabouts:
     """What is known of one robot.
 
@@ -117,14 +160,16 @@ class Whereabouts:
     taken_s: float | None = None
     given_s: float | None = None
     tries: int = 0
-    _behind_s: float = math.inf  # what its clock is behind ours
+    _poses: _Stamps = field(default_factory=_Stamps)
+    _paths: _Stamps = field(default_factory=_Stamps)
     _marks: deque[Sighting] = field(default_factory=lambda: deque(maxlen=_STRETCHES + 1))
 
     def pose_heard(self, position: Point, stamp_s: float, now_s: float) -> bool:
         """Take its pose in; True if it is newer than the one known before."""
-        self._compare_clocks(stamp_s, now_s)
-        if self.pose is not None and stamp_s <= self.pose.stamp_s:
+        if not self._poses.news(stamp_s, now_s):
             return False
+        if self.pose is not None and stamp_s <= self.pose.stamp_s:  # its clock was set back
+            self._marks.clear()
         self.pose = Sighting(position, stamp_s)
         if not self._marks or stamp_s - self._marks[-1].stamp_s >= _STRETCH_S[0]:
             self._marks.append(self.pose)
@@ -133,8 +178,7 @@ class Whereabouts:
 
     def path_heard(self, points: tuple[Point, ...], stamp_s: float, now_s: float) -> bool:
         """Take the path that it published in; True if it is news."""
-        self._compare_clocks(stamp_s, now_s)
-        if not points or (self.path is not None and stamp_s <= self.path.stamp_s):
+        if not points or not self._paths.news(stamp_s, now_s):
             return False
         self.path = Intent(points, stamp_s)
         self._news(now_s)
@@ -164,7 +208,7 @@ class Whereabouts:
 
     def ours_s(self, stamp_s: float) -> float:
         """A time on the robot's clock, on ours."""
-        return stamp_s + self._behind_s
+        return stamp_s + min(self._poses.behind_s, self._paths.behind_s)
 
     def course(self, usual_m_s: float = USUAL_SPEED_M_S) -> Course | None:
         """Where it will be; None if it was never heard of.
@@ -197,9 +241,6 @@ class Whereabouts:
         if off_m > _LEFT_M and pose.stamp_s - path.stamp_s > _LEFT_S:
             ahead = ()
         return Course((pose.position, *ahead), self.ours_s(pose.stamp_s), speed_m_s)
-
-    def _compare_clocks(self, stamp_s: float, now_s: float) -> None:
-        self._behind_s = min(self._behind_s, now_s - stamp_s)
 
     def _news(self, now_s: float) -> None:
         self.news_s = now_s

@@ -23,6 +23,7 @@ from air_router.messages import (
     MessageError,
     PathMessage,
     PoseMessage,
+    SeekMessage,
 )
 from air_router.news import FARTHEST_M, PATH_POINTS, PATH_READ, Reader
 from air_router.recorder import Recorder
@@ -119,6 +120,30 @@ def test_goals_are_looked_at_no_faster_than_other_requests(gossip, pennovation, 
     gossip.tell(Telemetry(50.0, Point(0.0, 0.0), 40.0))
     gossip.tell(Telemetry(51.0, Point(0.0, 0.0), 40.0))
     assert [number for number in given if number is not None] == ["0", "1", "49"]
+
+
+def test_only_what_the_mission_may_heed_is_decompressed(gossip, pennovation, monkeypatch):
+    read, given = [], []
+    message = heard("/pose", pose(pennovation.frame, Point(30.0, -20.0)).encode())
+    monkeypatch.setattr(gossip.node, "latest", lambda _, topic: read.append(topic) or message)
+    gossip._deliver = given.append
+    for topic in ("/map", "/goals", "/answers", "/pose"):
+        gossip._translate(MessageStored("europa", 10.0, "io", topic, Header(2, 0, 10, 0), 1))
+    assert read == ["/pose"]
+    assert len(given) == 5
+
+
+def test_nothing_is_said_later_than_it_is_heard(pennovation):
+    reader, later = Reader(pennovation.frame), 9.9e10
+    latitude_deg, longitude_deg = pennovation.frame.to_geodetic(Point(30.0, -20.0))
+    there = {"latitude_deg": latitude_deg, "longitude_deg": longitude_deg}
+    for topic, message in (
+        ("/pose", PoseMessage(stamp_s=later, **there)),
+        ("/path", PathMessage(stamp_s=later, points=((latitude_deg, longitude_deg),))),
+        ("/seek", SeekMessage(stamp_s=later, robot="io")),
+    ):
+        event = reader.event_of("io", topic, message.encode(), peer="io", unix_s=1000.0)
+        assert event.stamp_s == 1000.0
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,16 @@
 import numpy as np
 import pytest
 
-from air_router.actions import StateChanged
+from air_router.actions import RenewPlan, StateChanged
 from air_router.behaviour import Signal, State
+from air_router.events import AirspaceChanged, PlanRenewed
 from air_router.ledger import Ledger, RobotAccount
 from air_router.mapper import Mapper
 from air_router.report import table
 from air_router.vehicle import Telemetry
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
+from geo.zone import Circle, Zone
 from mocha_link.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
 
 
@@ -59,6 +61,23 @@ def test_what_the_pilot_flies_afterwards_is_the_pilot_s(ledger):
     report = ledger.report("pilot", 0.0)
     assert report["closest_approach_m"] == before
     assert len(ledger.track) == 3
+
+
+def test_zones_that_the_controller_refused_are_not_judged_by(ledger, pennovation):
+    fly(ledger, (0.0, 0.0), (5.0, 0.0))
+    ledger.event(AirspaceChanged(pennovation.fences, pennovation.zones), 12.0)
+    ledger.action(RenewPlan())
+    drawn = Zone("refused", Circle(Point(5.0, 3.0), 4.0))
+    ledger.event(AirspaceChanged(pennovation.fences, (*pennovation.zones, drawn)), 12.5)
+    ledger.event(PlanRenewed(), 13.0)
+    fly(ledger, (5.0, 0.2), (5.0, 0.4), start_s=14.0)
+    assert ledger.report("done", 0.0)["closest_approach_to"] != "refused"
+    accepted = AirspaceChanged(pennovation.fences, (*pennovation.zones, drawn))
+    ledger.event(accepted, 16.0)
+    ledger.action(RenewPlan())
+    ledger.event(PlanRenewed(), 17.0)
+    fly(ledger, (5.0, 0.2), (5.0, 0.4), start_s=18.0)
+    assert ledger.report("done", 0.0)["closest_approach_to"] == "refused"
 
 
 def test_the_share_of_the_map_is_what_was_there_to_be_fetched(ledger, mapper):

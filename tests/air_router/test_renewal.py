@@ -17,13 +17,14 @@ from air_router.router import Router
 from air_router.vehicle import FlightMode, PlanReplaced
 from geo.airspace import Airspace
 from geo.frame import Point
-from geo.zone import Zone
+from geo.zone import Outline, Zone
+
+SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 def box(centre, half_m=12.0, name="new"):
     east_m, north_m = centre
-    corners = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    return Zone(name, tuple(Point(east_m + half_m * e, north_m + half_m * n) for e, n in corners))
+    return Zone(name, tuple(Point(east_m + half_m * e, north_m + half_m * n) for e, n in SQUARE))
 
 
 def change(flight, *zones, fences=None):
@@ -553,3 +554,34 @@ def test_walled_in_it_goes_on_with_what_it_can_do_inside(pretend):
         flight.step()
     assert told_walled_in(flight)
     assert min(clear_of(flight, zone, since) for zone in drawn) >= 5.0
+
+
+def test_a_change_of_zones_is_no_further_try_to_find_a_robot(pretend):
+    flight = pretend(duration_s=600.0)
+    flight.take_off()
+    flight.operator_asks(SeekNow("io", by="operator"))
+    for number in range(3):
+        change(flight, box((300.0, 300.0 + 30.0 * number), name=f"new {number}"))
+        flight.fly_until(lambda n=number: boarding(flight) == n + 1, 20.0)
+        flight.give(PlanRenewed())
+    assert flight.controller.search.roster["io"].tries == 1
+
+
+def test_a_way_that_is_not_there_is_said_once(pretend):
+    flight = pretend(duration_s=600.0)
+    flight.take_off()
+    flight.operator_asks(SeekNow("io", by="operator"))
+    flight.fly_until(lambda: flight.now_s > 110.0)
+    here = flight.position
+    ring = Zone(
+        "ring",
+        Outline(
+            tuple(Point(here[0] + 60.0 * e, here[1] + 60.0 * n) for e, n in SQUARE),
+            (tuple(Point(here[0] + 30.0 * e, here[1] + 30.0 * n) for e, n in SQUARE),),
+        ),
+    )
+    change(flight, ring)
+    flight.fly_until(lambda: boarding(flight) == 1, 20.0)
+    before = len(flight.said)
+    flight.give(PlanRenewed())
+    assert sum("no way to io" in text for text in flight.said[before:]) == 1

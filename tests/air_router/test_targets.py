@@ -1,3 +1,7 @@
+import math
+
+import pytest
+
 from air_router.targets import LOST_AFTER_S, RECENT_POSE_S, Roster
 from geo.frame import Point
 
@@ -66,3 +70,36 @@ def test_lost_robots_are_tried_last_and_robots_never_heard_are_not_lost():
     late_s = LOST_AFTER_S + 1.0
     robots.pose_heard("io", Point(0, 0), stamp_s=1.0, now_s=late_s)
     assert robots.candidates(late_s) == ("europa", "io", "callisto")
+
+
+def poses(robots, stamps_s, from_s):
+    """One a second, at other places; how many of them were news."""
+    return sum(
+        robots.pose_heard("io", Point(from_s + k, 0.0), stamp_s, from_s + k)
+        for k, stamp_s in enumerate(stamps_s)
+    )
+
+
+@pytest.mark.parametrize("bad_s", [9.9e10, math.nan, math.inf, -math.inf, -9e10, 0.0])
+def test_one_bad_stamp_blinds_to_no_robot(bad_s):
+    robots = roster()
+    assert poses(robots, [1000.0 + k for k in range(10)], 5.0) == 10
+    poses(robots, [bad_s], 15.0)
+    assert poses(robots, [1011.0 + k for k in range(90)], 16.0) >= 86
+    assert robots.position_of("io") == Point(105.0, 0.0)
+    assert robots["io"].word_s == pytest.approx(105.0)
+    assert robots["io"].speed_m_s == pytest.approx(1.0)
+
+
+def test_a_clock_that_is_set_back_is_followed():
+    robots = roster()
+    poses(robots, [1.7e9 + k for k in range(10)], 5.0)
+    assert poses(robots, [20.0 + k for k in range(10)], 15.0) >= 6
+    assert robots["io"].word_s == pytest.approx(24.0)
+
+
+def test_what_others_carried_stays_old():
+    robots = roster()
+    poses(robots, [1000.0 + k for k in range(10)], 5.0)
+    late = [(900.0 + 7 * k, 15.0 + k / 10) for k in range(10)]  # all at once, of a long time
+    assert not any(robots.pose_heard("io", Point(0, 0), *at) for at in late)
