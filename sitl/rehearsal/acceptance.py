@@ -109,6 +109,7 @@ ACCEPTED: Final = MappingProxyType(
         "RESTART": _HOME,
         "KILL": _row(End.HOVERS),
         "STOPPED": _HOME,
+        "MOVED_LINK": _HOME,
         "REBOOT": _row(*End, says="reboot|restart|start|silent|anew"),
         "BATTERY": _HOME_OR_FAILSAFE,  # where home could not be reached in time
         "BATTERY_LIES": _HOME_OR_FAILSAFE,
@@ -117,6 +118,7 @@ ACCEPTED: Final = MappingProxyType(
         "MAD_ROBOTS": _HOME,
         "HOSTILE": _HOME,
         "ONE_DEAD": _HOME,
+        "TWO_VEHICLES": _HOME,
         # The operator.
         "RELOAD": _HOME,
         "WALL": _HOME_OR_FAILSAFE,  # walled in for good it hovers until the battery's failsafe

@@ -1,21 +1,138 @@
-"""A UDP relay between companion and vehicle that loses packets, and listens in for the judge."""
+"""A UDP relay between companion and vehicle that spoils what passes, and writes down all of it."""
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import random
 import select
 import socket
-import struct
 import threading
 import time
-from typing import TYPE_CHECKING, Any, Final, Self
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple, Self
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from pymavlink.dialects.v20 import development as mavlink
 
-_HEARTBEAT, _COMMAND_ACK, _HIL_STATE_QUATERNION = 0, 77, 115
-_PLACE: Final = struct.Struct("<36xiii")
-_HEAD: Final = 10
+from sitl.rehearsal.evidence import AUTOPILOT, Sample, WireMessage
+
+_HEAD, _CHECKSUM, _SIGNATURE, _MAGIC = 10, 2, 13, 0xFD
+_HEARTBEAT, _HIL_STATE, _HIL_ACTUATORS = 0, 115, 93
+_MISSION: Final = frozenset({*range(37, 48), 51, 73})
+_FROM_VEHICLE: Final = frozenset({_HEARTBEAT, 1, 77, 242, 245, 436, *_MISSION})
+_FROM_OTHERS: Final = frozenset({11, 69, 75, 76, 84, 86, 23, *_MISSION})
+_ARMED, _CRITICAL = 128, 5
+_LANDED_M: Final = 0.3
+"""So low above where it started a vehicle stands on the ground: the simulated ground is flat."""
+
+
+class Frame(NamedTuple):
+    """One MAVLink 2 frame."""
+
+    number: int
+    system: int
+    component: int
+    data: bytes
+
+
+@dataclass(slots=True)
+class Weather:
+    """What happens to datagrams and frames.
+
+    Attributes:
+        loss: Share of datagrams that are lost, each way.
+        silent: Nothing passes.
+        lost: Messages from the vehicle that do not pass, by number.
+        frozen: Messages that say for ever what they said first.
+        late_s: By how much these come late, wall clock.
+        late: Which messages; empty: all that the vehicle says.
+    """
+
+    loss: float = 0.0
+    silent: bool = False
+    lost: frozenset[int] = frozenset()
+    frozen: frozenset[int] = frozenset()
+    late_s: float = 0.0
+    late: frozenset[int] = frozenset()
+
+
+@dataclass(slots=True)
+class Recording:
+    """What the relay has seen, in simulated time.
+
+    Attributes:
+        samples: The true track.
+        messages: The wire.
+        time_s: Simulated seconds.
+        mode: The vehicle's custom mode, as it said last.
+        armed: As it said last.
+        failsafe: Whether one acts, as it said last.
+        ground_m: Where it stood first.
+        above_m: Above that.
+        place: True latitude, longitude, altitude.
+    """
+
+    samples: list[Sample] = field(default_factory=list)
+    messages: list[WireMessage] = field(default_factory=list)
+    time_s: float = 0.0
+    mode: int = 0
+    armed: bool = False
+    failsafe: bool = False
+    ground_m: float | None = None
+    above_m: float = 0.0
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    _before_s: float = 0.0
+
+    def restart(self) -> None:
+        """The vehicle is started anew: its time begins at zero again."""
+        self._before_s = self.time_s
+
+    def look(self, frame: Frame, *, delivered: bool) -> None:
+        """Note a frame, from either side."""
+        vehicle = frame.component == AUTOPILOT
+        wanted = _FROM_VEHICLE if vehicle else _FROM_OTHERS
+        if frame.number not in wanted:
+            return
+        try:
+            message: Any = mavlink.MAVLink(None).decode(bytearray(frame.data))
+        except mavlink.MAVError:
+            return
+        fields = message.to_dict()
+        name = fields.pop("mavpackettype")
+        if vehicle and name == "HEARTBEAT":
+            self.mode = message.custom_mode
+            self.armed = bool(message.base_mode & _ARMED)
+            self.failsafe = message.system_status >= _CRITICAL
+        if vehicle and name == "CURRENT_MODE":
+            self.mode = message.custom_mode
+        target = int(fields.get("target_system", 0))
+        self.messages.append(
+            WireMessage(self.time_s, frame.system, frame.component, target, name, fields, delivered)
+        )
+
+    def see(self, frame: Frame) -> None:
+        """Note a frame of the truth's link."""
+        if frame.number not in {_HIL_STATE, _HIL_ACTUATORS}:
+            return
+        message: Any = mavlink.MAVLink(None).decode(bytearray(frame.data))
+        if message.time_usec:
+            self.time_s = self._before_s + message.time_usec / 1e6
+        if frame.number == _HIL_ACTUATORS:
+            return
+        self.place = message.lat / 1e7, message.lon / 1e7, message.alt / 1e3
+        if self.ground_m is None:
+            self.ground_m = self.place[2]
+        self.above_m = self.place[2] - self.ground_m
+        landed = self.above_m < _LANDED_M
+        if not self.samples or self.samples[-1].time_s < self.time_s:
+            self.samples.append(
+                Sample(
+                    self.time_s, *self.place, self.armed, landed, self.mode, failsafe=self.failsafe
+                )
+            )
 
 
 class LossyRelay:
@@ -23,34 +140,35 @@ class LossyRelay:
 
     Args:
         companion_port: Where the companion listens.
-        loss: Share of datagrams that are lost, each way.
         seed: Of what is lost.
+        ports: Where the vehicle sends its API link and its truth; 0 takes free ones.
 
     Attributes:
         api_port: Where the vehicle sends its API link.
         truth_port: Where the vehicle sends its truth.
-        silent: Nothing passes.
-        truth: Latitude, longitude in degrees and altitude in metres AMSL, as it really is.
-        mode: The vehicle's custom mode, as it said last.
-        armed: As it said last.
-        failsafe: Whether it has ever said that a failsafe acts.
+        weather: What is done to what passes; may be changed at any time.
+        recording: What was seen.
+        copy_truth_to: A port that gets the truth as well; 0: none.
+        answers: Called with what the vehicle sends to another than the companion.
     """
 
-    def __init__(self, companion_port: int, loss: float, seed: int) -> None:
+    def __init__(self, companion_port: int, seed: int, ports: tuple[int, int] = (0, 0)) -> None:
         self._companion = ("127.0.0.1", companion_port)
-        self._loss = loss
         self._chance = random.Random(f"relay {seed}")  # noqa: S311 - weather
         self._ends = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
-        for end in self._ends:
-            end.bind(("127.0.0.1", 0))
-        self._api, self._outside, self._truth = self._ends
+        for end, port in zip(self._ends, (*ports, 0), strict=True):
+            end.bind(("127.0.0.1", port))
+        self._api, self._truth, self._outside = self._ends
         self.api_port = int(self._api.getsockname()[1])
         self.truth_port = int(self._truth.getsockname()[1])
-        self.silent = False
-        self.truth: tuple[float, float, float] | None = None
-        self.mode = 0
-        self.armed = self.failsafe = False
+        self.weather = Weather()
+        self.recording = Recording()
+        self.copy_truth_to = 0
+        self.answers: Callable[[WireMessage], None] = lambda _message: None
+        self._system = 1
         self._vehicle: Any = None
+        self._first: dict[int, bytes] = {}
+        self._waiting: deque[tuple[float, bytes]] = deque()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -64,44 +182,96 @@ class LossyRelay:
         for end in self._ends:
             end.close()
 
-    def inject(self, frame: bytes) -> None:
-        """Send something to the vehicle in somebody else's name."""
+    def inject(self, data: bytes) -> None:
+        """Send something to the vehicle in another's name."""
+        for frame in frames(data):
+            self.recording.look(frame, delivered=True)
         if self._vehicle is not None:
-            self._api.sendto(frame, self._vehicle)
+            self._api.sendto(data, self._vehicle)
+
+    def intrude(self, data: bytes) -> None:
+        """Send something to the companion, from a place where no vehicle is."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            stranger.sendto(data, self._companion)
+
+    def move(self) -> None:
+        """From now on the vehicle is heard from another port, as after a radio's restart."""
+        old = self._outside
+        self._outside = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._outside.bind(("127.0.0.1", 0))
+        self._ends[2] = self._outside
+        old.close()
+
+    def listen(self, port: int) -> None:
+        """Take what another vehicle sends there for the companion as well."""
+        end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        end.bind(("127.0.0.1", port))
+        self._ends.append(end)
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            for end in select.select(self._ends, [], [], 0.1)[0]:
-                data, sender = end.recvfrom(65536)
-                if end is self._truth:
-                    self._look(data)
-                elif end is self._api:
-                    self._vehicle = sender
-                    self._look(data)
-                    if self._passes():
-                        self._outside.sendto(data, self._companion)
-                elif self._vehicle is not None and self._passes():
-                    self._api.sendto(data, self._vehicle)
+            with contextlib.suppress(OSError, ValueError):  # a socket that has just been replaced
+                for end in select.select(self._ends, [], [], 0.05)[0]:
+                    data, sender = end.recvfrom(65536)
+                    self._pass(end, data, sender)
+            self._release()
 
-    def _passes(self) -> bool:
-        return not self.silent and self._chance.random() >= self._loss
+    def _pass(self, end: socket.socket, data: bytes, sender: Any) -> None:
+        if end is self._truth:
+            for frame in frames(data):
+                self.recording.see(frame)
+            if self.copy_truth_to:
+                self._truth.sendto(data, ("127.0.0.1", self.copy_truth_to))
+            return
+        if end not in self._ends[:3]:
+            self._outside.sendto(data, self._companion)
+            return
+        passes = not self.weather.silent and self._chance.random() >= self.weather.loss
+        if end is self._outside:
+            for frame in frames(data):
+                self.recording.look(frame, delivered=passes)
+            if passes and self._vehicle is not None:
+                self._api.sendto(data, self._vehicle)
+            return
+        if any(frame.system != self._system for frame in itertools.islice(frames(data), 1)):
+            self._outside.sendto(data, self._companion)  # another vehicle on the same radio
+            return
+        self._vehicle = sender
+        spoilt = b"".join(self._spoilt(data, passes=passes))
+        if spoilt:
+            self._outside.sendto(spoilt, self._companion)
 
-    def _look(self, data: bytes) -> None:
-        """Frames may come several in a datagram."""
-        at = 0
-        while at + _HEAD < len(data) and data[at] == 0xFD:
-            length = data[at + 1]
-            payload = data[at + _HEAD : at + _HEAD + length]
-            number = int.from_bytes(data[at + 7 : at + 10], "little")
-            if number == _HEARTBEAT and data[at + 6] == 1:
-                padded = payload.ljust(9, b"\0")
-                self.mode = int.from_bytes(padded[:4], "little")
-                self.armed = bool(padded[6] & 128)
-                self.failsafe |= padded[7] >= 5
-            elif number == _HIL_STATE_QUATERNION:
-                latitude, longitude, altitude = _PLACE.unpack(payload.ljust(48, b"\0")[:48])
-                self.truth = (latitude / 1e7, longitude / 1e7, altitude / 1e3)
-            at += _HEAD + length + 2
+    def _spoilt(self, data: bytes, *, passes: bool) -> Iterator[bytes]:
+        """What of a vehicle's datagram reaches the companion now."""
+        weather = self.weather
+        for frame in frames(data):
+            lost = frame.number in weather.lost or not passes
+            self.recording.look(frame, delivered=not lost)
+            if frame.number in _MISSION and self.recording.messages:
+                self.answers(self.recording.messages[-1])
+            if lost:
+                continue
+            if frame.number in weather.frozen:
+                yield self._first.setdefault(frame.number, frame.data)
+            elif weather.late_s and (not weather.late or frame.number in weather.late):
+                self._waiting.append((time.monotonic() + weather.late_s, frame.data))
+            else:
+                yield frame.data
+
+    def _release(self) -> None:
+        while self._waiting and self._waiting[0][0] <= time.monotonic():
+            self._outside.sendto(self._waiting.popleft()[1], self._companion)
+
+
+def frames(datagram: bytes) -> Iterator[Frame]:
+    """The MAVLink 2 frames in a datagram; what is none ends it."""
+    at = 0
+    while at + _HEAD < len(datagram) and datagram[at] == _MAGIC:
+        signature = _SIGNATURE if datagram[at + 2] & 1 else 0
+        end = at + _HEAD + datagram[at + 1] + _CHECKSUM + signature
+        number = int.from_bytes(datagram[at + 7 : at + 10], "little")
+        yield Frame(number, datagram[at + 5], datagram[at + 6], datagram[at:end])
+        at = end
 
 
 def wait_until(condition: Callable[[], bool], limit_s: float) -> bool:

@@ -1,218 +1,494 @@
-"""Rehearsed flights of the real thing: `air-router fly`, MAVSDK and UDP against `sitl vehicle`.
+"""Flights of the real programs: `air-router fly`, MAVSDK and UDP, against a vehicle process.
 
-A relay between the two loses packets and falls silent; pilot and power failure are played from
-here. The judge is the same as for flights in one process.
+The vehicle is `sitl vehicle` or a real PX4. A relay in between spoils the link and writes down what
+passes and where the vehicle really is; pilots and other stations are played from here. What comes
+out is evidence for the same judge as of flights in one process.
 """
 
 from __future__ import annotations
 
+import contextlib
+import json
+import math
+import os
+import pty
 import shutil
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import threading
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Final
+from typing import IO, Any, Final
 
-from pymavlink.dialects.v20 import common as mavlink
-
-from air_router.mission import load_mission
-from geo.frame import Point
 from mocha_link import Team
 from sitl.free_ports import derive_team
-from sitl.rehearsal.faults import Fault, Scene
-from sitl.rehearsal.judge import End, Judge, Verdict
-from sitl.rehearsal.lossy_relay import LossyRelay, wait_until
-from sitl.rehearsal.stage import hurried
+from sitl.rehearsal.evidence import Evidence, Happening, Line, What
+from sitl.rehearsal.lossy_relay import LossyRelay, Recording, Weather, wait_until
+from sitl.rehearsal.mission_reader import read_mission
+from sitl.rehearsal.station import MODES, Station, items_of
+from sitl.rehearsal.strangers import intrusion
+from sitl.rehearsal.wire_scenes import STREAMS, Act, WireScene
 
-if TYPE_CHECKING:
-    from air_router.mission import Mission
+SPEED: Final = 10.0
+DURATION_S: Final = 45
+STARTS_S: Final = 60.0
+FLIGHT_S: Final = 420.0
+"""Simulated seconds; a flight without a fault takes a quarter of it."""
 
-SPEED: Final = 10
-DURATION_S: Final = 60
-FLIGHT_S: Final = 120.0
-"""Wall clock, for a flight that takes fifteen seconds on an idle machine."""
+WALL_S: Final = 300.0
+LET_GO_S: Final = 40.0
+"""So long a vehicle is watched after the companion has ended, simulated."""
 
-FLIGHTS: Final = {
-    Fault.NONE: 2,
-    Fault.GUSTS: 5,
-    Fault.LOSS_1: 4,
-    Fault.LOSS_5: 5,
-    Fault.LOSS_20: 6,
-    Fault.SILENCE: 6,
-    Fault.PILOT: 4,
-    Fault.RESTART: 5,
-    Fault.KILL: 2,
-    Fault.BATTERY: 3,
-}
-_ALLOWED: Final = {
-    Fault.PILOT: frozenset({End.PILOT}),
-    Fault.KILL: frozenset({End.HOVERS}),
-    Fault.LOSS_20: frozenset({End.STAYED}),  # over such a link a plan may not get on board
-}
-_HOLD, _RETURN = 0x03040000, 0x05040000
-_AIRBORNE: Final = "READY -> INIT"
+_EPOCH: Final = 1_800_000_000
+_REACTS_S: Final = 0.15
+_SHOWS_S: Final = 3.0
+_FROM_HOME_M: Final = 25.0
+_OLD_S: Final = 2.0
 _HURRIED: Final = (
-    ("init_s: 180", "init_s: 20"),
-    ("explore_s: 120", "explore_s: 15"),
-    ("search_s: 45", "search_s: 8"),
+    ("altitude_m: 40", "altitude_m: 20"),
+    ("init_s: 180", "init_s: 12"),
+    ("explore_s: 120", "explore_s: 10"),
+    ("search_s: 45", "search_s: 6"),
     ("speed_m_s: 3.5", "speed_m_s: 5"),
 )
 
 
-def scenes_over_mavlink() -> list[Scene]:
-    """Which flights."""
-    return [Scene(fault, seed) for fault, number in FLIGHTS.items() for seed in range(number)]
-
-
 class Companion:
-    """`air-router fly` as a process whose words are followed."""
+    """`air-router fly` as a process that is typed to, and whose lines are followed.
 
-    def __init__(self, arguments: list[str], folder: Path) -> None:
-        command = [sys.executable, "-m", "air_router.cli", "fly", *arguments]
+    Args:
+        arguments: Of `air-router`.
+        folder: To run in.
+        now_s: Simulated time.
+
+    Attributes:
+        process: It.
+        lines: What it said.
+    """
+
+    def __init__(self, arguments: list[str], folder: Path, now_s: Callable[[], float]) -> None:
+        self._keyboard, terminal = pty.openpty()
         self.process = subprocess.Popen(  # noqa: S603 - our own program
-            command,
+            [sys.executable, "-m", "air_router.cli", "fly", *arguments, "--json"],
             cwd=folder,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
+            stdin=terminal,
+            stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
         )
-        self.said = ""
-        assert self.process.stderr is not None  # noqa: S101 - it was asked for
-        self._reader = threading.Thread(target=self._read, args=(self.process.stderr,), daemon=True)
-        self._reader.start()
+        os.close(terminal)
+        self.lines: list[Line] = []
+        self.outcome = ""
+        self._now_s = now_s
+        self._readers = [
+            threading.Thread(target=self._read, args=(stream, keep), daemon=True)
+            for stream, keep in (
+                (self.process.stderr, self._line),
+                (self.process.stdout, self._end),
+            )
+        ]
+        for reader in self._readers:
+            reader.start()
 
-    def _read(self, stream: IO[bytes]) -> None:
+    def _read(self, stream: IO[bytes], keep: Callable[[str], None]) -> None:
         for line in stream:
-            self.said += line.decode(errors="replace")
+            keep(line.decode(errors="replace").rstrip())
+
+    def _line(self, text: str) -> None:
+        self.lines.append(Line(self._now_s(), text))
+
+    def _end(self, text: str) -> None:
+        with contextlib.suppress(ValueError):
+            self.outcome = str(json.loads(text).get("outcome", ""))
+
+    @property
+    def last(self) -> str:
+        """The last change of its state that it announced."""
+        changes = [line.text for line in self.lines if " -> " in line.text and " s  " in line.text]
+        return changes[-1] if changes else ""
 
     @property
     def ended(self) -> bool:
         """Whether the process is gone."""
         return self.process.poll() is not None
 
-    def kill(self) -> None:
-        """As a power failure does."""
+    def type(self, word: str) -> None:
+        """As an operator at its terminal."""
+        os.write(self._keyboard, f"{word}\n".encode())
+
+    def signal(self, number: int) -> None:
+        """Send it a signal, if it runs."""
+        with contextlib.suppress(ProcessLookupError):
+            self.process.send_signal(number)
+
+    def close(self) -> None:
+        """End it as a power failure does, and read what it has said."""
         self.process.kill()
         self.process.wait()
+        for reader in self._readers:
+            reader.join(2.0)
+        with contextlib.suppress(OSError):
+            os.close(self._keyboard)
 
 
 class RealFlight:
-    """One flight of a scene."""
+    """One flight of a scene.
 
-    def __init__(self, scene: Scene, path: Path) -> None:
+    Args:
+        scene: What goes wrong.
+        path: Of the mission file.
+        speed: Times real time.
+        px4: Where a real PX4 is; None: `sitl vehicle`.
+    """
+
+    def __init__(
+        self, scene: WireScene, path: Path, speed: float = SPEED, px4: str | None = None
+    ) -> None:
         self.scene = scene
         self._path = path
-        self._pilot = False
-        self._done = threading.Event()
+        self._speed = speed
+        self._px4 = px4
+        self._happenings: list[Happening] = []
+        self._lines: list[Line] = []
+        self._vehicle: subprocess.Popen[bytes] | None = None
+        self._second: subprocess.Popen[bytes] | None = None
+        self._awaited: tuple[What, object, Callable[[], bool], float] | None = None
+        self._sticks_until_s = -math.inf
+        self._relay: LossyRelay
+        self._companion: Companion
+        self._station: Station
+        self._arguments: list[str] = []
+        self._port = 0
 
-    def fly(self) -> Verdict:
+    @property
+    def _seen(self) -> Recording:
+        return self._relay.recording
+
+    def fly(self) -> Evidence:
         """From starting the programs to the end."""
-        with tempfile.TemporaryDirectory() as folder:
-            mission_path = _hurry(self._path, Path(folder))
-            mission = hurried(load_mission(mission_path))
+        with (
+            tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name,
+            contextlib.ExitStack() as stack,
+        ):
+            folder = Path(name)
+            mission = _hurry(self._path, folder)
             port = _free_port()
-            with LossyRelay(port, self.scene.loss, self.scene.seed) as relay:
-                vehicle = self._vehicle(mission_path, relay)
-                try:
-                    return self._flown(mission, mission_path, relay, port)
-                finally:
-                    vehicle.terminate()
-                    vehicle.wait()
+            ports = self._start_px4(mission) if self._px4 is not None else (0, 0)
+            stack.callback(self._end_vehicle)
+            self._relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports))
+            self._relay.weather = Weather(loss=self.scene.loss)
+            self._station = Station(self._relay)
+            self._port = port
+            self._arguments = [
+                *(str(mission), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
+                f"--duration={DURATION_S}",
+            ]
+            if any(act.when == "COMM" for act in self.scene.acts()):
+                stack.enter_context(self._team(mission, folder))
+            return self._flown(mission)
 
-    def _flown(self, mission: Mission, path: Path, relay: LossyRelay, port: int) -> Verdict:
-        judge = Judge(mission)
-        watching = threading.Thread(target=self._watch, args=(judge, mission, relay))
-        watching.start()
-        arguments = [str(path), f"--connect=udpin://127.0.0.1:{port}", f"--duration={DURATION_S}"]
-        companion = Companion([*arguments, "--arm", "--yes"], path.parent)
+    def _flown(self, mission: Path) -> Evidence:
+        self._start("--arm", "--yes")
+        if self._px4 is None:  # which would only burn time while the companion starts
+            wait_until(lambda: _is_taken(self._port) or self._companion.ended, STARTS_S)
+            self._start_vehicle(mission)
         try:
-            if wait_until(lambda: _AIRBORNE in companion.said or companion.ended, FLIGHT_S):
-                companion = self._misfortune(companion, arguments, relay)
-            gone = self.scene.fault in {Fault.KILL, Fault.PILOT}
-            wait_until(lambda: companion.ended or not relay.armed, 8.0 if gone else FLIGHT_S)
-            wait_until(lambda: companion.ended, 5.0)
-            end = self._end(mission, relay) if judge.ours_s > 0 else End.STAYED
+            wait_until(lambda: self._seen.armed or self._companion.ended, STARTS_S)
+            self._run(self._seen.time_s)
         finally:
-            if not companion.ended:
-                companion.kill()
-            self._done.set()
-            watching.join()
-        allowed = {End.LANDED, End.FAILSAFE} | _ALLOWED.get(self.scene.fault, frozenset())
-        return Verdict(
-            scene=f"{self.scene} over MAVLink",
-            fault=self.scene.fault.name,
-            end=end,
-            deepest_m=judge.deepest_m,
-            flown_s=judge.ours_s,
-            expected=end in allowed,
-            why=companion.said[-300:],
+            code = self._companion.process.poll()
+            self._companion.close()
+        seen = self._seen
+        return Evidence(
+            scene=f"{self.scene}{' on PX4' if self._px4 else ' over MAVLink'}",
+            faults=frozenset({self.scene.fault}),
+            mission_path=mission,
+            mission_text=mission.read_text(encoding="utf-8"),
+            samples=tuple(seen.samples),
+            messages=tuple(seen.messages),
+            happenings=tuple(self._happenings),
+            lines=(*self._lines, *self._companion.lines),
+            exit_code=code,
+            outcome=self._companion.outcome,
+            reaction_s=1.0 + _REACTS_S * self._speed,
         )
 
-    def _vehicle(self, path: Path, relay: LossyRelay) -> subprocess.Popen[bytes]:
+    def _run(self, began_s: float) -> None:
+        """Do what is to be done when it is to be done, until the flight is over."""
+        todo = self.scene.acts()
+        wall_s = time.monotonic() + WALL_S
+        gone_s: float | None = None
+        since_s = began_s
+        while time.monotonic() < wall_s and self._seen.time_s < began_s + FLIGHT_S:
+            now_s = self._seen.time_s
+            entered_s = since_s if not todo or not todo[0].when else self._entered_s(todo[0].when)
+            if todo and now_s >= entered_s + todo[0].at_s:
+                act = todo.pop(0)
+                getattr(self, f"do_{act.what.replace(' ', '_')}")(act.value)
+            self._watch(now_s)
+            waits = any(a.what == "restart" for a in todo)
+            if "-> DONE" in self._companion.last:
+                self._end_vehicle()  # the companion draws its track meanwhile
+                wait_until(lambda: self._companion.ended, WALL_S)
+                return
+            if (self._companion.ended and not waits) or self._is_left_alone(todo):
+                gone_s = now_s if gone_s is None else gone_s
+                down = not self._seen.armed and self._seen.above_m < 0.3
+                if (down and now_s > gone_s + 3.0) or now_s > gone_s + LET_GO_S:
+                    return
+            time.sleep(0.01)
+
+    def _is_left_alone(self, todo: list[Act]) -> bool:
+        """Whether the pilot has it for good and the companion waits for its landing."""
+        taken = any(h.what is What.PILOT for h in self._happenings)
+        return taken and not todo
+
+    def _entered_s(self, state: str) -> float:
+        entered = (line.time_s for line in self._companion.lines if f"-> {state}" in line.text)
+        return next(entered, math.inf)
+
+    def _watch(self, now_s: float) -> None:
+        """Note what was chosen when the vehicle shows it; it may have been refused."""
+        if now_s < self._sticks_until_s:
+            self._station.sticks(400)
+        if self._awaited is not None:
+            what, value, shows, until_s = self._awaited
+            if shows():
+                self._note(what, value)
+            if shows() or now_s > until_s:
+                self._awaited = None
+
+    def _note(self, what: What, value: object = None) -> None:
+        self._happenings.append(Happening(self._seen.time_s, what, value))
+
+    def _await(self, what: What, value: object, shows: Callable[[], bool]) -> None:
+        if not shows():  # what is there already nobody has chosen
+            self._awaited = what, value, shows, self._seen.time_s + _SHOWS_S
+
+    # What is done, by the names of `wire_scenes`.
+
+    def do_mode(self, value: str) -> None:
+        """The pilot chooses a mode."""
+        self._await(What.PILOT, value, lambda: self._seen.mode == MODES[value])
+        self._station.choose(value)
+
+    def do_other_mode(self, value: str) -> None:
+        """Another station chooses a mode."""
+        self._await(What.PILOT, value, lambda: self._seen.mode == MODES[value])
+        Station(self._relay, 254).choose(value)
+
+    def do_sticks(self, value: float) -> None:
+        """The pilot holds the sticks for some seconds."""
+        self._sticks_until_s = self._seen.time_s + value
+        self._await(What.PILOT, "sticks", lambda: self._seen.mode == MODES["POSCTL"])
+
+    def do_resume(self, _value: object) -> None:
+        """The operator asks it to go on."""
+        self._note(What.REQUEST, "resume")
+        self._companion.signal(signal.SIGUSR2)
+
+    def do_ask(self, value: str) -> None:
+        """The operator types a request."""
+        self._note(What.REQUEST, value)
+        self._companion.type(value)
+
+    def do_silence(self, value: object) -> None:
+        """Nothing passes, until it is said again."""
+        self._note(What.FAULT if value else What.FAULT_OVER, "silence")
+        self._relay.weather.silent = bool(value)
+
+    def do_lose(self, value: str | None) -> None:
+        """One stream does not pass."""
+        self._relay.weather.lost = STREAMS[value] if value else frozenset()
+        self._note(What.FAULT if value else What.FAULT_OVER, "lost")
+
+    def do_freeze(self, value: str | None) -> None:
+        """One stream says for ever what it said first."""
+        self._relay.weather.frozen = STREAMS[value] if value else frozenset()
+        self._note(What.FAULT if value else What.FAULT_OVER, "frozen")
+
+    def do_delay(self, value: str | None) -> None:
+        """One stream, or all of them, come late."""
+        self._relay.weather.late = STREAMS[value] if value else frozenset()
+        self._relay.weather.late_s = 0.0 if value is None else _OLD_S / self._speed
+        self._note(What.FAULT_OVER if value is None else What.FAULT, "late")
+
+    def do_delete(self, value: int) -> None:
+        """A station deletes mission or fence."""
+        self._note(What.FENCE_CHANGED, "deleted")
+        self._station.clear(value)
+
+    def do_replan(self, value: str) -> None:
+        """A station uploads the plan again, or another one."""
+        items = items_of(self._seen.messages, 0)
+        self._note(What.FENCE_CHANGED, f"{value} plan")
+        if value == "reversed":
+            self._note(What.PILOT, "plan")
+            items = [*items[:3], *reversed(items[3:])]
+        self._station.upload([{**i, "x": i["x"] + 1, "y": i["y"] - 1} for i in items])
+
+    def do_home(self, value: float) -> None:
+        """A station moves home up or down."""
+        self._note(What.HOME_MOVED, value)
+        latitude, longitude, _ = (
+            self._seen.samples[0].latitude_deg,
+            self._seen.samples[0].longitude_deg,
+            0,
+        )
+        self._station.move_home((latitude, longitude), (self._seen.ground_m or 0.0) + value)
+
+    def do_speed(self, value: float) -> None:
+        """A station changes the speed."""
+        self._note(What.FAULT, "speed")
+        self._station.change_speed(value)
+
+    def do_disarm(self, value: bool) -> None:
+        """The pilot disarms it, by force if it has to be."""
+        self._await(What.DISARMED, "pilot", lambda: not self._seen.armed)
+        self._station.disarm(forced=value)
+
+    def do_battery(self, value: float) -> None:
+        """It falls faster from now on: so many seconds from full to empty."""
+        self._note(What.BATTERY, value)
+        self._station.set_parameter("SIM_BAT_DRAIN", value)
+
+    def do_stop(self, _value: object) -> None:
+        """The companion's process gets no time."""
+        self._note(What.STOPPED)
+        self._companion.signal(signal.SIGSTOP)
+
+    def do_go_on(self, _value: object) -> None:
+        """It gets time again."""
+        self._note(What.CONTINUED)
+        self._companion.signal(signal.SIGCONT)
+
+    def do_kill(self, _value: object) -> None:
+        """As a power failure does."""
+        self._note(What.KILLED)
+        self._companion.close()
+
+    def do_restart(self, _value: object) -> None:
+        """With --resume."""
+        self._lines += self._companion.lines
+        self._start("--resume")
+
+    def do_reboot(self, _value: object) -> None:
+        """The autopilot's power fails, and it starts anew."""
+        self._note(What.DISARMED, "reboot")
+        self._end_vehicle()
+        self._seen.restart()
+        if self._px4 is None:
+            self._start_vehicle(Path(self._arguments[0]))
+        else:
+            self._start_px4(Path(self._arguments[0]))
+
+    def do_move_link(self, _value: object) -> None:
+        """The vehicle is heard from another port."""
+        self._note(What.FAULT, "link moved")
+        self._relay.move()
+
+    def do_reload(self, _value: object) -> None:
+        """The operator draws a zone around a waypoint, and has the mission file read again."""
+        path = Path(self._arguments[0])
+        text = path.read_text(encoding="utf-8")
+        mission = read_mission(path, text)
+        far = [w for w in mission.waypoints if math.hypot(*w) > _FROM_HOME_M]
+        latitude, longitude = mission.frame.degrees(*self.scene.chance("zone").choice(far))
+        zone = f"  - {{circle: {{centre: [{latitude!r}, {longitude!r}], radius_m: 6}}}}\n"
+        before, found, after = text.partition("no_fly_zones:\n")
+        text = before + found + zone + after
+        path.write_text(text, encoding="utf-8")
+        self._note(What.MISSION_FILE, text)
+        self.do_ask("reload")
+
+    def do_second_vehicle(self, _value: object) -> None:
+        """Another vehicle's messages come over the same radio."""
+        if self._px4 is None:
+            to = f"--api-to=127.0.0.1:{self._relay.api_port}"
+            self._second, _ = _started(
+                *("vehicle", self._arguments[0], f"--speed={self._speed:g}", "--no-gcs", to),
+                *("--instance=1", f"--truth-to=127.0.0.1:{_free_port()}"),
+            )
+            return
+        self._second, ready = _started(
+            *("px4", self._arguments[0], f"--px4={self._px4}", f"--speed={self._speed:g}")
+        )
+        self._relay.listen(_port_of(ready["mavlink"]))
+
+    def do_intrude(self, value: str) -> None:
+        """A stranger sends something to the companion."""
+        for data in intrusion(value, self.scene.chance("intruder")):
+            self._relay.intrude(data)
+
+    # The programs.
+
+    def _start(self, *how: str) -> None:
+        self._note(What.STARTED)
+        self._companion = Companion(
+            [*self._arguments, *how], Path(self._arguments[0]).parent, lambda: self._seen.time_s
+        )
+
+    def _start_vehicle(self, mission: Path) -> None:
         more = []
-        if self.scene.fault is Fault.GUSTS:
+        if self.scene.fault == "GUSTS":
             dice = self.scene.chance("wind")
             mean_m_s = dice.uniform(3.0, 7.0)
             more = [f"--wind={mean_m_s},{dice.uniform(0, 360)},{(10 - mean_m_s) / 2}"]
-        if self.scene.fault is Fault.BATTERY:
-            more = [f"--battery-minutes={self.scene.chance('battery').uniform(1.2, 3.0)}"]
-        vehicle = subprocess.Popen(  # noqa: S603 - our own program
-            [
-                *(sys.executable, "-m", "sitl", "vehicle", str(path), f"--speed={SPEED}"),
-                *(f"--seed={self.scene.seed}", "--no-gcs", *more),
-                f"--api-to=127.0.0.1:{relay.api_port}",
-                f"--truth-to=127.0.0.1:{relay.truth_port}",
-            ],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
+        self._vehicle, _ = _started(
+            *("vehicle", str(mission), f"--seed={self.scene.seed}", "--no-gcs", *more),
+            *(f"--speed={self._speed:g}", f"--epoch={_EPOCH}"),
+            f"--api-to=127.0.0.1:{self._relay.api_port}",
+            f"--truth-to=127.0.0.1:{self._relay.truth_port}",
         )
-        assert vehicle.stdout is not None  # noqa: S101 - it was asked for
-        vehicle.stdout.readline()
-        return vehicle
 
-    def _misfortune(
-        self, companion: Companion, arguments: list[str], relay: LossyRelay
-    ) -> Companion:
-        dice = self.scene.chance("when")
-        wait_until(lambda: False, dice.uniform(0.5, 6.0))
-        match self.scene.fault:
-            case Fault.SILENCE:
-                relay.silent = True
-                wait_until(lambda: False, dice.choice((0.5, 2.0, 5.0)))
-                relay.silent = False
-            case Fault.PILOT:
-                self._pilot = True
-                relay.inject(_mode_command(dice.choice((_HOLD, _RETURN))))
-            case Fault.RESTART:
-                companion.kill()
-                wait_until(lambda: False, dice.uniform(0.2, 3.0))
-                return Companion([*arguments, "--resume"], Path(arguments[0]).parent)
-            case Fault.KILL:
-                companion.kill()
-        return companion
+    def _start_px4(self, mission: Path) -> tuple[int, int]:
+        """Where it sends its API link and its truth."""
+        self._vehicle, ready = _started(
+            *("px4", str(mission), f"--px4={self._px4}", f"--speed={self._speed:g}")
+        )
+        return _port_of(ready["mavlink"]), _port_of(ready["truth"])
 
-    def _watch(self, judge: Judge, mission: Mission, relay: LossyRelay) -> None:
-        ground_m = mission.home_altitude_amsl_m or 0.0
-        while not self._done.wait(0.005):
-            truth = relay.truth
-            if truth is not None and truth[2] > ground_m + 1.0:
-                place: Point = mission.frame.to_local(*truth[:2])
-                ours = not (self._pilot or relay.failsafe)
-                judge.see(place, 0.005 * SPEED, ours=ours)
+    def _end_vehicle(self) -> None:
+        for vehicle in (self._vehicle, self._second):
+            if vehicle is not None:
+                vehicle.terminate()
+                vehicle.wait()
 
-    def _end(self, mission: Mission, relay: LossyRelay) -> End:
-        if relay.failsafe:
-            return End.FAILSAFE
-        if self._pilot:
-            return End.PILOT
-        assert relay.truth is not None  # noqa: S101 - it comes from the start
-        east_m, north_m = mission.frame.to_local(*relay.truth[:2])
-        home_m = ((east_m - mission.home[0]) ** 2 + (north_m - mission.home[1]) ** 2) ** 0.5
-        if not relay.armed and home_m < 3.0:
-            return End.LANDED
-        return End.HOVERS if self.scene.fault is Fault.KILL else End.NOT
+    @contextlib.contextmanager
+    def _team(self, mission: Path, folder: Path) -> Iterator[None]:
+        """The ground robots, for scenes in COMM."""
+        process, ready = _started(
+            *("team", str(mission), "--truth=udp://127.0.0.1:0", f"--free-ports={folder / 'team'}"),
+            *(f"--epoch={_EPOCH}", f"--camera=ipc://{folder / 'camera'}"),
+        )
+        try:
+            self._relay.copy_truth_to = _port_of(ready["truth"])
+            self._arguments.append(f"--team={ready['team']}")
+            yield
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def _started(*arguments: str) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+    """A program of `sitl` that says a line of JSON when it is ready."""
+    process = subprocess.Popen(  # noqa: S603 - our own program
+        [sys.executable, "-m", "sitl", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    assert process.stdout is not None  # noqa: S101 - it was asked for
+    line = process.stdout.readline()
+    if not line:
+        raise RuntimeError(f"sitl {' '.join(arguments)} ended with {process.wait()}")
+    return process, json.loads(line)
+
+
+def _port_of(url: str) -> int:
+    return int(url.rpartition(":")[2])
 
 
 def _hurry(path: Path, folder: Path) -> Path:
@@ -226,12 +502,13 @@ def _hurry(path: Path, folder: Path) -> Path:
     return hurried_path
 
 
-def _mode_command(custom_mode: int) -> bytes:
-    """DO_SET_MODE from a ground station."""
-    sender = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-    main, sub = (custom_mode >> 16) & 0xFF, custom_mode >> 24
-    frame = sender.command_long_encode(1, 1, 176, 0, 1, main, sub, 0, 0, 0, 0).pack(sender)
-    return bytes(frame)
+def _is_taken(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("0.0.0.0", port))  # noqa: S104 - to see whether it can be
+        except OSError:
+            return True
+    return False
 
 
 def _free_port() -> int:

@@ -1,0 +1,211 @@
+"""What goes wrong in flights of the real programs: one line per class, the times by chance."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+FLIGHT_S: Final = 80.0
+"""About so long after arming such a flight is over; things happen at any time of it."""
+
+STREAMS: Final[Mapping[str, frozenset[int]]] = MappingProxyType(
+    {
+        "LOST_POSITION": frozenset({32, 33}),
+        "LOST_BATTERY": frozenset({1, 147}),
+        "LOST_FIX": frozenset({24}),
+        "LOST_LANDED": frozenset({245}),
+        "LOST_ITEM": frozenset({42, 46}),
+        "LOST_MODE": frozenset({0, 436}),
+    }
+)
+"""MAVLink messages of each stream."""
+
+_LASTS_S: Final = (3.0, 30.0, 1e6)
+_STATES: Final = ("INIT", "SEARCH", "EXPL", "HOME", "LAND")
+
+
+class Act(NamedTuple):
+    """Something that is done in a flight.
+
+    Attributes:
+        at_s: Simulated seconds after arming; or after what `when` says.
+        what: A method of `over_mavlink.RealFlight` without its `do_`.
+        value: As it needs.
+        when: A state: not before the companion says that it entered it.
+    """
+
+    at_s: float
+    what: str
+    value: object = None
+    when: str = ""
+
+
+_Script = Callable[[random.Random], list[Act]]
+
+
+def _any(dice: random.Random) -> float:
+    return dice.uniform(0.5, FLIGHT_S)
+
+
+def _spell(dice: random.Random, what: str, value: object, lasts_s: float) -> list[Act]:
+    at_s = _any(dice)
+    return [Act(at_s, what, value), Act(at_s + lasts_s, what)]
+
+
+def _stream(name: str) -> _Script:
+    return lambda dice: _spell(
+        dice,
+        dice.choice(("lose", "lose", "freeze", "delay")),
+        name,
+        dice.choice(_LASTS_S),
+    )
+
+
+def _takeover(dice: random.Random) -> list[Act]:
+    """In any state; in one of four flights after a `hold`, in one of four in COMM."""
+    mode = dice.choice(("HOLD", "RETURN", "LAND", "POSCTL", "ALTCTL"))
+    kind = dice.randrange(4)
+    if kind == 0:
+        return [Act(dice.uniform(2, 25), "ask", "hold", "INIT"), Act(2.0, "mode", mode, "HOLD")]
+    if kind == 1:
+        return [Act(dice.uniform(0.1, 4.0), "mode", mode, "COMM")]
+    return [Act(dice.uniform(0.1, 6.0), "mode", mode, dice.choice(_STATES))]
+
+
+def _hand_back(dice: random.Random) -> list[Act]:
+    at_s = dice.uniform(12.0, 60.0)
+    back_s = at_s + dice.uniform(3.0, 10.0)
+    acts = [Act(at_s, "mode", dice.choice(("RETURN", "LAND", "POSCTL")))]
+    acts += [Act(back_s, "mode", "HOLD")]
+    return acts + [Act(back_s + 2.0 + 2.0 * again, "resume") for again in range(8)]
+
+
+def _replaced(dice: random.Random) -> list[Act]:
+    at_s = dice.uniform(8.0, FLIGHT_S - 20.0)
+    return [Act(at_s, "replan", "reversed")]
+
+
+def _same_plan(dice: random.Random) -> list[Act]:
+    at_s = dice.uniform(8.0, FLIGHT_S - 20.0)
+    return [Act(at_s, "replan", "same"), *(Act(at_s + 4.0 + n, "resume") for n in range(0, 12, 3))]
+
+
+def _fence_deleted(dice: random.Random) -> list[Act]:
+    at_s = dice.uniform(8.0, FLIGHT_S - 20.0)
+    return [Act(at_s, "delete", 1)]
+
+
+def _two_stations(dice: random.Random) -> list[Act]:
+    at_s = dice.uniform(8.0, FLIGHT_S)
+    first, second = dice.sample(("HOLD", "RETURN", "LAND", "POSCTL"), 2)
+    return [Act(at_s, "mode", first), Act(at_s + dice.uniform(0.0, 1.5), "other mode", second)]
+
+
+def _stopped(dice: random.Random) -> list[Act]:
+    at_s = _any(dice)
+    return [Act(at_s, "stop"), Act(at_s + dice.choice((0.5, 2.0, 5.0, 20.0, 60.0)), "go on")]
+
+
+def _restart(dice: random.Random) -> list[Act]:
+    at_s = dice.uniform(12.0, FLIGHT_S - 20.0)
+    return [Act(at_s, "kill"), Act(at_s + dice.uniform(2.0, 30.0), "restart")]
+
+
+def _bursts(dice: random.Random) -> list[Act]:
+    acts = []
+    at_s = 0.0
+    while at_s < FLIGHT_S:
+        at_s += dice.expovariate(1 / 8.0)
+        acts += [Act(at_s, "silence", True), Act(at_s + dice.uniform(0.3, 3.0), "silence", False)]
+        at_s += 3.0
+    return acts
+
+
+def _hostile(dice: random.Random) -> list[Act]:
+    kinds = ("noise", "old boot", "other vehicle", "truncated", "flood")
+    return [Act(dice.uniform(0.5, FLIGHT_S), "intrude", dice.choice(kinds)) for _ in range(12)]
+
+
+class Class(NamedTuple):
+    """One class of scenes: how many flights, and what is done in them."""
+
+    flights: int
+    script: _Script
+
+
+CLASSES: Final[Mapping[str, Class]] = MappingProxyType(
+    {
+        "NONE": Class(6, lambda _dice: []),
+        "GUSTS": Class(8, lambda _dice: []),
+        "LOSS_1": Class(6, lambda _dice: []),
+        "LOSS_5": Class(8, lambda _dice: []),
+        "LOSS_20": Class(8, lambda _dice: []),
+        "BURSTS": Class(10, _bursts),
+        "SILENCE": Class(
+            12, lambda dice: _spell(dice, "silence", True, dice.choice((0.5, 2.0, 5.0, 20.0, 60.0)))
+        ),
+        "OLD": Class(8, lambda dice: _spell(dice, "delay", "", dice.choice(_LASTS_S))),
+        **{name: Class(12, _stream(name)) for name in STREAMS},
+        "PILOT": Class(32, _takeover),
+        "HAND_BACK": Class(16, _hand_back),
+        "STICKS": Class(12, lambda dice: [Act(_any(dice), "sticks", dice.uniform(2.0, 8.0))]),
+        "TWO_STATIONS": Class(12, _two_stations),
+        "FENCE_DELETED": Class(8, _fence_deleted),
+        "PLAN_REPLACED": Class(8, _replaced),
+        "SAME_PLAN": Class(8, _same_plan),
+        "HOME_MOVED": Class(10, lambda dice: [Act(_any(dice), "home", dice.choice((-25, 15)))]),
+        "SPEED": Class(8, lambda dice: [Act(dice.uniform(12, 50), "speed", 12.0)]),
+        "DISARMED": Class(6, lambda dice: [Act(dice.uniform(0.0, 0.8), "disarm", False)]),
+        "KILLED_IN_AIR": Class(10, lambda dice: [Act(dice.uniform(4, 75), "disarm", True)]),
+        "STOPPED": Class(14, _stopped),
+        "RESTART": Class(12, _restart),
+        "KILL": Class(6, lambda dice: [Act(dice.uniform(12.0, 60.0), "kill")]),
+        "REBOOT": Class(6, lambda dice: [Act(_any(dice), "reboot")]),
+        "MOVED_LINK": Class(6, lambda dice: [Act(_any(dice), "move link")]),
+        "BATTERY": Class(10, lambda dice: [Act(_any(dice), "battery", dice.uniform(60.0, 400.0))]),
+        "HOSTILE": Class(10, _hostile),
+        "RELOAD": Class(10, lambda dice: [Act(dice.uniform(1, 30), "reload", None, "INIT")]),
+        "TWO_VEHICLES": Class(4, lambda _dice: [Act(0.0, "second vehicle")]),
+    }
+)
+"""About three hundred flights."""
+
+_LOSS: Final = {"LOSS_1": 0.01, "LOSS_5": 0.05, "LOSS_20": 0.2}
+
+
+@dataclass(frozen=True, slots=True)
+class WireScene:
+    """One flight of the real programs; everything that is drawn follows from class and seed."""
+
+    fault: str
+    seed: int
+
+    @property
+    def loss(self) -> float:
+        """Share of datagrams that are lost, each way."""
+        return _LOSS.get(self.fault, 0.0)
+
+    def acts(self) -> list[Act]:
+        """What is done, one after the other."""
+        acts = CLASSES[self.fault].script(self.chance("when"))
+        in_order = any(act.when for act in acts)
+        return acts if in_order else sorted(acts, key=lambda act: act.at_s)
+
+    def chance(self, what: str) -> random.Random:
+        """Dice of their own for everything that is drawn."""
+        return random.Random(f"{self.fault} {self.seed} {what}")  # noqa: S311 - rehearsal
+
+    def __str__(self) -> str:
+        return f"{self.fault}-{self.seed}"
+
+
+def wire_scenes(share: float = 1.0) -> list[WireScene]:
+    """The flights of a rehearsal with the real programs; `share` of each class's, at least one."""
+    return [
+        WireScene(fault, seed)
+        for fault, many in CLASSES.items()
+        for seed in range(max(1, round(many.flights * share)))
+    ]
