@@ -17,13 +17,16 @@ from air_router.errors import ExitCode
 from air_router.graph import WaypointGraph
 from air_router.mission import load_mission
 from air_router.router import Router
-from sitl.rehearsal.faults import Fault, Scene, scenes
-from sitl.rehearsal.over_mavlink import RealFlight, scenes_over_mavlink
+from sitl.rehearsal.faults import Scene, scenes
+from sitl.rehearsal.judge_flight import judge
+from sitl.rehearsal.programs.flight import SPEED, RealFlight
+from sitl.rehearsal.programs.scenes import WireScene, wire_scenes
 from sitl.rehearsal.report import table
 from sitl.rehearsal.stage import Stage, hurried
 
 if TYPE_CHECKING:
     from air_router.mission import Mission
+    from sitl.rehearsal import judge_flight
     from sitl.rehearsal.judge import Verdict
 
 
@@ -43,9 +46,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--share", type=float, default=1.0, metavar="X", help="of the flights (default 1: all)"
     )
-    parser.add_argument(
-        "--fault", choices=[f.name for f in Fault], action="append", help="only these"
-    )
+    parser.add_argument("--fault", metavar="NAME", action="append", help="only these")
     parser.add_argument("--seed", type=int, metavar="N", help="only this one of each fault")
     parser.add_argument(
         "--jobs",
@@ -57,7 +58,17 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--mavlink",
         action="store_true",
-        help="42 flights of `air-router fly` over UDP against `sitl vehicle` instead",
+        help="fly `air-router fly` over UDP against `sitl vehicle` instead: other scenes",
+    )
+    parser.add_argument(
+        "--px4", metavar="PATH", help="the same against a real PX4 (see `sitl px4 --help`)"
+    )
+    parser.add_argument(
+        "--speed",
+        type=float,
+        default=SPEED,
+        metavar="X",
+        help=f"with --mavlink and --px4: times real time (default {SPEED:g})",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object per flight instead")
     parser.set_defaults(run=run)
@@ -65,16 +76,17 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Rehearse, and print what became of it."""
-    fly = rehearse_over_mavlink if arguments.mavlink else rehearse
+    if arguments.mavlink or arguments.px4:
+        return _run_programs(arguments)
     chosen = [
         scene
-        for scene in (scenes_over_mavlink() if arguments.mavlink else scenes(arguments.share))
+        for scene in scenes(arguments.share)
         if (not arguments.fault or scene.fault.name in arguments.fault)
         and arguments.seed in {None, scene.seed}
     ]
     began_s = time.monotonic()
     verdicts = []
-    for verdict in fly(arguments.mission, chosen, arguments.jobs):
+    for verdict in rehearse(arguments.mission, chosen, arguments.jobs):
         verdicts.append(verdict)
         if arguments.json:
             sys.stdout.write(json.dumps(_as_json(verdict)) + "\n")
@@ -95,10 +107,29 @@ def rehearse(path: Path, chosen: Sequence[Scene], jobs: int) -> Iterator[Verdict
         yield from pool.map(functools.partial(_fly, path), chosen, chunksize=4)
 
 
-def rehearse_over_mavlink(path: Path, chosen: Sequence[Scene], jobs: int) -> Iterator[Verdict]:
-    """Fly scenes with the real programs; threads only wait for these."""
-    with ThreadPoolExecutor(jobs) as pool:
-        yield from pool.map(lambda scene: RealFlight(scene, path.absolute()).fly(), chosen)
+def _run_programs(arguments: argparse.Namespace) -> int:
+    chosen = [
+        scene
+        for scene in wire_scenes(arguments.share)
+        if (not arguments.fault or scene.fault in arguments.fault)
+        and arguments.seed in {None, scene.seed}
+    ]
+    began_s, bad = time.monotonic(), 0
+
+    def fly(scene: WireScene) -> judge_flight.Verdict:
+        path = arguments.mission.absolute()
+        return judge(RealFlight(scene, path, arguments.speed, arguments.px4).fly())
+
+    # Threads only wait for the programs; of PX4s one flies at a time.
+    with ThreadPoolExecutor(1 if arguments.px4 else arguments.jobs) as pool:
+        for verdict in pool.map(fly, chosen):
+            bad += not verdict.good
+            words = "good" if verdict.good else "; ".join(map(str, verdict.violations))
+            sys.stdout.write(f"{verdict.scene}: {verdict.end.value}: {words}\n")
+            sys.stdout.flush()
+    spent_s = time.monotonic() - began_s
+    sys.stderr.write(f"{len(chosen)} flights in {spent_s:.0f} s, {bad} not as they should be\n")
+    return ExitCode.ENDED_OTHERWISE if bad else ExitCode.DONE
 
 
 @functools.cache

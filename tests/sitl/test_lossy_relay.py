@@ -3,10 +3,14 @@ import socket
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from sitl.rehearsal.lossy_relay import LossyRelay, wait_until
-from sitl.rehearsal.over_mavlink import FLIGHTS, scenes_over_mavlink
+from sitl.rehearsal.acceptance import ACCEPTED
+from sitl.rehearsal.programs.flight import RealFlight
+from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
+from sitl.rehearsal.programs.scenes import CLASSES, wire_scenes
+from sitl.rehearsal.programs.station import Station
 
 LIMIT_S = 60.0
+POSITION, BATTERY = 33, 1
 
 
 @pytest.fixture
@@ -19,46 +23,104 @@ def ends():
         yield companion, vehicle
 
 
-def heartbeat(*, armed, status):
-    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+def packed(message, component=1):
+    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=component)
+    return bytes(message(sender).pack(sender))
+
+
+def heartbeat(*, armed, status=4):
     base_mode = 128 if armed else 0
-    return bytes(sender.heartbeat_encode(2, 12, base_mode, 0x04040000, status).pack(sender))
+    return packed(lambda s: s.heartbeat_encode(2, 12, base_mode, 0x04040000, status))
 
 
-def test_it_passes_both_ways_and_listens_in(ends):
+def position(height_m):
+    return packed(lambda s: s.global_position_int_encode(1, 0, 0, 0, height_m * 1000, 0, 0, 0, 0))
+
+
+def truth(height_m, time_s):
+    place = (399421523, -751997644, round(height_m * 1000))
+    return packed(
+        lambda s: s.hil_state_quaternion_encode(
+            round(time_s * 1e6), [1, 0, 0, 0], 0, 0, 0, *place, *[0] * 8
+        )
+    )
+
+
+def test_it_passes_both_ways_and_writes_down_what_passes(ends):
     companion, vehicle = ends
-    with LossyRelay(companion.getsockname()[1], 0.0, 1) as relay:
+    with LossyRelay(companion.getsockname()[1], 1) as relay:
+        vehicle.sendto(truth(6.7, 1.0), ("127.0.0.1", relay.truth_port))
         vehicle.sendto(heartbeat(armed=True, status=5), ("127.0.0.1", relay.api_port))
         said, relayed = companion.recvfrom(4096)
-        companion.sendto(b"answer", relayed)
-        assert vehicle.recvfrom(4096)[0] == b"answer"
-        relay.inject(b"a pilot")
-        assert vehicle.recvfrom(4096)[0] == b"a pilot"
-        assert said[:1] == b"\xfd"
-        assert (relay.mode, relay.armed, relay.failsafe) == (0x04040000, True, True)
-
-
-def test_the_truth_is_for_the_judge(ends):
-    companion, vehicle = ends
-    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-    truth = sender.hil_state_quaternion_encode(
-        1, [1, 0, 0, 0], 0, 0, 0, 399421523, -751997644, 46700, *[0] * 8
+        assert said == heartbeat(armed=True, status=5)
+        land = packed(lambda s: s.command_long_encode(1, 1, 21, 0, *[0] * 7), component=191)
+        companion.sendto(land, relayed)
+        assert vehicle.recvfrom(4096)[0] == land
+        Station(relay).choose("LAND")
+        assert vehicle.recvfrom(4096)[0][:1] == b"\xfd"
+        vehicle.sendto(truth(26.7, 2.0), ("127.0.0.1", relay.truth_port))
+        seen = relay.recording
+        assert wait_until(lambda: len(seen.samples) == 2, LIMIT_S)
+    last = seen.samples[-1]
+    assert (last.altitude_amsl_m, last.armed, last.landed, last.failsafe) == (
+        26.7,
+        True,
+        False,
+        True,
     )
-    with LossyRelay(companion.getsockname()[1], 0.0, 1) as relay:
-        vehicle.sendto(bytes(truth.pack(sender)), ("127.0.0.1", relay.truth_port))
-        assert wait_until(lambda: relay.truth is not None, LIMIT_S)
-        assert relay.truth == pytest.approx((39.9421523, -75.1997644, 46.7))
+    assert [(m.name, m.component) for m in seen.messages] == [
+        ("HEARTBEAT", 1),
+        ("COMMAND_LONG", 191),
+        ("COMMAND_LONG", 190),
+    ]
+    assert seen.messages[1].fields["command"] == 21
 
 
-def test_what_is_lost_is_lost(ends):
-    companion, _ = ends
-    relay = LossyRelay(companion.getsockname()[1], 0.2, 1)
-    with relay:
-        passed = sum(relay._passes() for _ in range(2000))
-        assert 1500 < passed < 1700
-        relay.silent = True
-        assert not relay._passes()
+def test_streams_are_lost_frozen_and_late_each_alone(ends):
+    companion, vehicle = ends
+    with LossyRelay(companion.getsockname()[1], 1) as relay:
+        to = ("127.0.0.1", relay.api_port)
+
+        def passed(weather, *frames):
+            relay.weather = weather
+            for frame in frames:
+                vehicle.sendto(frame, to)
+            vehicle.sendto(b"".join((position(1), heartbeat(armed=False))), to)
+            return [companion.recvfrom(4096)[0] for _ in range(len(frames) + 1)]
+
+        both = position(1) + heartbeat(armed=False)
+        assert passed(Weather()) == [both]
+        assert passed(Weather(lost=frozenset({POSITION}))) == [heartbeat(armed=False)]
+        frozen = Weather(frozen=frozenset({POSITION}))
+        assert passed(frozen, position(7)) == [position(7), position(7) + heartbeat(armed=False)]
+        late = Weather(late_s=0.01, late=frozenset({POSITION}))
+        assert passed(late) == [heartbeat(armed=False)]
+        assert companion.recvfrom(4096)[0] == position(1)
+        relay.weather = Weather(silent=True)
+        vehicle.sendto(heartbeat(armed=True), to)
+        assert wait_until(lambda: relay.recording.armed, LIMIT_S)  # it still listens in
+    assert not relay.recording.messages[-1].delivered
 
 
-def test_forty_flights_and_more():
-    assert len(scenes_over_mavlink()) == sum(FLIGHTS.values()) >= 40
+def test_a_station_uploads_a_plan_as_the_vehicle_asks_for_it(ends):
+    companion, vehicle = ends
+    item = {"frame": 6, "command": 16, "current": 0, "autocontinue": 0, "x": 5, "y": 6, "z": 20.0}
+    item |= {f"param{n}": 0.0 for n in range(1, 5)}
+    with LossyRelay(companion.getsockname()[1], 1) as relay:
+        vehicle.sendto(heartbeat(armed=True), ("127.0.0.1", relay.api_port))
+        companion.recvfrom(4096)
+        Station(relay).upload([item])
+        vehicle.recvfrom(4096)
+        ask = packed(lambda s: s.mission_request_int_encode(255, 190, 0, 0))
+        vehicle.sendto(ask, ("127.0.0.1", relay.api_port))
+        sent = mavlink.MAVLink(None).decode(bytearray(vehicle.recvfrom(4096)[0]))
+    assert (sent.get_type(), sent.x, sent.z) == ("MISSION_ITEM_INT", 5, 20.0)
+
+
+def test_every_class_is_flown_in_about_three_hundred_scenes_and_has_its_row():
+    scenes = wire_scenes()
+    assert len(scenes) >= 300
+    assert {scene.fault for scene in scenes} == set(CLASSES) <= set(ACCEPTED)
+    for scene in scenes:
+        assert scene.acts() == scene.acts()
+        assert all(hasattr(RealFlight, f"do_{a.what.replace(' ', '_')}") for a in scene.acts())

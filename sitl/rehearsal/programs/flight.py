@@ -8,30 +8,29 @@ out is evidence for the same judge as of flights in one process.
 from __future__ import annotations
 
 import contextlib
-import json
 import math
-import os
-import pty
-import shutil
 import signal
-import socket
 import subprocess
-import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Final
 
-from mocha_link import Team
-from sitl.free_ports import derive_team
 from sitl.rehearsal.evidence import Evidence, Happening, Line, What
-from sitl.rehearsal.lossy_relay import LossyRelay, Recording, Weather, wait_until
 from sitl.rehearsal.mission_reader import read_mission
-from sitl.rehearsal.station import MODES, Station, items_of
-from sitl.rehearsal.strangers import intrusion
-from sitl.rehearsal.wire_scenes import STREAMS, Act, WireScene
+from sitl.rehearsal.programs.processes import (
+    Companion,
+    free_port,
+    hurry,
+    is_taken,
+    port_of,
+    started,
+)
+from sitl.rehearsal.programs.relay import LossyRelay, Recording, Weather, wait_until
+from sitl.rehearsal.programs.scenes import STREAMS, Act, WireScene
+from sitl.rehearsal.programs.station import MODES, Station, items_of
+from sitl.rehearsal.programs.strangers import intrusion
 
 SPEED: Final = 10.0
 DURATION_S: Final = 45
@@ -40,98 +39,18 @@ FLIGHT_S: Final = 420.0
 """Simulated seconds; a flight without a fault takes a quarter of it."""
 
 WALL_S: Final = 300.0
+ENDS_S: Final = 20.0
+"""Wall clock: a companion whose vehicle stands on the ground disarmed ends by itself."""
+
 LET_GO_S: Final = 40.0
 """So long a vehicle is watched after the companion has ended, simulated."""
 
 _EPOCH: Final = 1_800_000_000
 _REACTS_S: Final = 0.15
 _SHOWS_S: Final = 3.0
+_LANDED_M: Final = 0.3
 _FROM_HOME_M: Final = 25.0
 _OLD_S: Final = 2.0
-_HURRIED: Final = (
-    ("altitude_m: 40", "altitude_m: 20"),
-    ("init_s: 180", "init_s: 12"),
-    ("explore_s: 120", "explore_s: 10"),
-    ("search_s: 45", "search_s: 6"),
-    ("speed_m_s: 3.5", "speed_m_s: 5"),
-)
-
-
-class Companion:
-    """`air-router fly` as a process that is typed to, and whose lines are followed.
-
-    Args:
-        arguments: Of `air-router`.
-        folder: To run in.
-        now_s: Simulated time.
-
-    Attributes:
-        process: It.
-        lines: What it said.
-    """
-
-    def __init__(self, arguments: list[str], folder: Path, now_s: Callable[[], float]) -> None:
-        self._keyboard, terminal = pty.openpty()
-        self.process = subprocess.Popen(  # noqa: S603 - our own program
-            [sys.executable, "-m", "air_router.cli", "fly", *arguments, "--json"],
-            cwd=folder,
-            stdin=terminal,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
-        os.close(terminal)
-        self.lines: list[Line] = []
-        self.outcome = ""
-        self._now_s = now_s
-        self._readers = [
-            threading.Thread(target=self._read, args=(stream, keep), daemon=True)
-            for stream, keep in (
-                (self.process.stderr, self._line),
-                (self.process.stdout, self._end),
-            )
-        ]
-        for reader in self._readers:
-            reader.start()
-
-    def _read(self, stream: IO[bytes], keep: Callable[[str], None]) -> None:
-        for line in stream:
-            keep(line.decode(errors="replace").rstrip())
-
-    def _line(self, text: str) -> None:
-        self.lines.append(Line(self._now_s(), text))
-
-    def _end(self, text: str) -> None:
-        with contextlib.suppress(ValueError):
-            self.outcome = str(json.loads(text).get("outcome", ""))
-
-    @property
-    def last(self) -> str:
-        """The last change of its state that it announced."""
-        changes = [line.text for line in self.lines if " -> " in line.text and " s  " in line.text]
-        return changes[-1] if changes else ""
-
-    @property
-    def ended(self) -> bool:
-        """Whether the process is gone."""
-        return self.process.poll() is not None
-
-    def type(self, word: str) -> None:
-        """As an operator at its terminal."""
-        os.write(self._keyboard, f"{word}\n".encode())
-
-    def signal(self, number: int) -> None:
-        """Send it a signal, if it runs."""
-        with contextlib.suppress(ProcessLookupError):
-            self.process.send_signal(number)
-
-    def close(self) -> None:
-        """End it as a power failure does, and read what it has said."""
-        self.process.kill()
-        self.process.wait()
-        for reader in self._readers:
-            reader.join(2.0)
-        with contextlib.suppress(OSError):
-            os.close(self._keyboard)
 
 
 class RealFlight:
@@ -174,8 +93,8 @@ class RealFlight:
             contextlib.ExitStack() as stack,
         ):
             folder = Path(name)
-            mission = _hurry(self._path, folder)
-            port = _free_port()
+            mission = hurry(self._path, folder)
+            port = free_port()
             ports = self._start_px4(mission) if self._px4 is not None else (0, 0)
             stack.callback(self._end_vehicle)
             self._relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports))
@@ -193,7 +112,7 @@ class RealFlight:
     def _flown(self, mission: Path) -> Evidence:
         self._start("--arm", "--yes")
         if self._px4 is None:  # which would only burn time while the companion starts
-            wait_until(lambda: _is_taken(self._port) or self._companion.ended, STARTS_S)
+            wait_until(lambda: is_taken(self._port) or self._companion.ended, STARTS_S)
             self._start_vehicle(mission)
         try:
             wait_until(lambda: self._seen.armed or self._companion.ended, STARTS_S)
@@ -268,7 +187,7 @@ class RealFlight:
         if not shows():  # what is there already nobody has chosen
             self._awaited = what, value, shows, self._seen.time_s + _SHOWS_S
 
-    # What is done, by the names of `wire_scenes`.
+    # What is done, by the names of `scenes`.
 
     def do_mode(self, value: str) -> None:
         """The pilot chooses a mode."""
@@ -408,15 +327,15 @@ class RealFlight:
         """Another vehicle's messages come over the same radio."""
         if self._px4 is None:
             to = f"--api-to=127.0.0.1:{self._relay.api_port}"
-            self._second, _ = _started(
+            self._second, _ = started(
                 *("vehicle", self._arguments[0], f"--speed={self._speed:g}", "--no-gcs", to),
-                *("--instance=1", f"--truth-to=127.0.0.1:{_free_port()}"),
+                *("--instance=1", f"--truth-to=127.0.0.1:{free_port()}"),
             )
             return
-        self._second, ready = _started(
+        self._second, ready = started(
             *("px4", self._arguments[0], f"--px4={self._px4}", f"--speed={self._speed:g}")
         )
-        self._relay.listen(_port_of(ready["mavlink"]))
+        self._relay.listen(port_of(ready["mavlink"]))
 
     def do_intrude(self, value: str) -> None:
         """A stranger sends something to the companion."""
@@ -437,7 +356,7 @@ class RealFlight:
             dice = self.scene.chance("wind")
             mean_m_s = dice.uniform(3.0, 7.0)
             more = [f"--wind={mean_m_s},{dice.uniform(0, 360)},{(10 - mean_m_s) / 2}"]
-        self._vehicle, _ = _started(
+        self._vehicle, _ = started(
             *("vehicle", str(mission), f"--seed={self.scene.seed}", "--no-gcs", *more),
             *(f"--speed={self._speed:g}", f"--epoch={_EPOCH}"),
             f"--api-to=127.0.0.1:{self._relay.api_port}",
@@ -446,10 +365,10 @@ class RealFlight:
 
     def _start_px4(self, mission: Path) -> tuple[int, int]:
         """Where it sends its API link and its truth."""
-        self._vehicle, ready = _started(
+        self._vehicle, ready = started(
             *("px4", str(mission), f"--px4={self._px4}", f"--speed={self._speed:g}")
         )
-        return _port_of(ready["mavlink"]), _port_of(ready["truth"])
+        return port_of(ready["mavlink"]), port_of(ready["truth"])
 
     def _end_vehicle(self) -> None:
         for vehicle in (self._vehicle, self._second):
@@ -460,58 +379,14 @@ class RealFlight:
     @contextlib.contextmanager
     def _team(self, mission: Path, folder: Path) -> Iterator[None]:
         """The ground robots, for scenes in COMM."""
-        process, ready = _started(
+        process, ready = started(
             *("team", str(mission), "--truth=udp://127.0.0.1:0", f"--free-ports={folder / 'team'}"),
             *(f"--epoch={_EPOCH}", f"--camera=ipc://{folder / 'camera'}"),
         )
         try:
-            self._relay.copy_truth_to = _port_of(ready["truth"])
+            self._relay.copy_truth_to = port_of(ready["truth"])
             self._arguments.append(f"--team={ready['team']}")
             yield
         finally:
             process.terminate()
             process.wait()
-
-
-def _started(*arguments: str) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
-    """A program of `sitl` that says a line of JSON when it is ready."""
-    process = subprocess.Popen(  # noqa: S603 - our own program
-        [sys.executable, "-m", "sitl", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    )
-    assert process.stdout is not None  # noqa: S101 - it was asked for
-    line = process.stdout.readline()
-    if not line:
-        raise RuntimeError(f"sitl {' '.join(arguments)} ended with {process.wait()}")
-    return process, json.loads(line)
-
-
-def _port_of(url: str) -> int:
-    return int(url.rpartition(":")[2])
-
-
-def _hurry(path: Path, folder: Path) -> Path:
-    text = path.read_text(encoding="utf-8")
-    for slow, fast in _HURRIED:
-        text = text.replace(slow, fast)
-    shutil.copy(path.parent / "world.yaml", folder)
-    derive_team(Team.load(path.parent / "team.yaml"), folder)
-    hurried_path = folder / "mission.yaml"
-    hurried_path.write_text(text, encoding="utf-8")
-    return hurried_path
-
-
-def _is_taken(port: int) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(("0.0.0.0", port))  # noqa: S104 - to see whether it can be
-        except OSError:
-            return True
-    return False
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

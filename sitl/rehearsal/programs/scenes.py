@@ -32,7 +32,7 @@ class Act(NamedTuple):
 
     Attributes:
         at_s: Simulated seconds after arming; or after what `when` says.
-        what: A method of `over_mavlink.RealFlight` without its `do_`.
+        what: A method of `flight.RealFlight` without its `do_`.
         value: As it needs.
         when: A state: not before the companion says that it entered it.
     """

@@ -11,7 +11,7 @@ _FLOOD = 300
 
 
 def intrusion(kind: str, dice: random.Random) -> list[bytes]:
-    """The datagrams of one kind; see `wire_scenes`."""
+    """The datagrams of one kind; see `scenes`."""
     sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     if kind == "noise":
         return [dice.randbytes(dice.randrange(1, 300)) for _ in range(20)]

@@ -8,8 +8,8 @@ from typing import Any, Final
 from pymavlink.dialects.v20 import common as mavlink
 
 from sitl.rehearsal.evidence import COMPANION, WireMessage
-from sitl.rehearsal.lossy_relay import LossyRelay
 from sitl.rehearsal.mission_reader import Pair
+from sitl.rehearsal.programs.relay import LossyRelay
 
 MODES: Final[Mapping[str, int]] = {
     "HOLD": 0x03040000,

@@ -1,0 +1,153 @@
+"""The programs of a rehearsed flight as processes: the companion, vehicles, robots."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any, Final
+
+from mocha_link import Team
+from sitl.free_ports import derive_team
+from sitl.rehearsal.evidence import Line
+
+_HURRIED: Final = (
+    ("altitude_m: 40", "altitude_m: 20"),
+    ("init_s: 180", "init_s: 12"),
+    ("explore_s: 120", "explore_s: 10"),
+    ("search_s: 45", "search_s: 6"),
+    ("speed_m_s: 3.5", "speed_m_s: 5"),
+)
+
+
+class Companion:
+    """`air-router fly` as a process that is typed to, and whose lines are followed.
+
+    Args:
+        arguments: Of `air-router`.
+        folder: To run in.
+        now_s: Simulated time.
+
+    Attributes:
+        process: It.
+        lines: What it said.
+    """
+
+    def __init__(self, arguments: list[str], folder: Path, now_s: Callable[[], float]) -> None:
+        self._keyboard, terminal = pty.openpty()
+        self.process = subprocess.Popen(  # noqa: S603 - our own program
+            [sys.executable, "-m", "air_router.cli", "fly", *arguments, "--json"],
+            cwd=folder,
+            stdin=terminal,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        os.close(terminal)
+        self.lines: list[Line] = []
+        self.outcome = ""
+        self._now_s = now_s
+        self._readers = [
+            threading.Thread(target=self._read, args=(stream, keep), daemon=True)
+            for stream, keep in (
+                (self.process.stderr, self._line),
+                (self.process.stdout, self._end),
+            )
+        ]
+        for reader in self._readers:
+            reader.start()
+
+    def _read(self, stream: IO[bytes], keep: Callable[[str], None]) -> None:
+        for line in stream:
+            keep(line.decode(errors="replace").rstrip())
+
+    def _line(self, text: str) -> None:
+        self.lines.append(Line(self._now_s(), text))
+
+    def _end(self, text: str) -> None:
+        with contextlib.suppress(ValueError):
+            self.outcome = str(json.loads(text).get("outcome", ""))
+
+    @property
+    def last(self) -> str:
+        """The last change of its state that it announced."""
+        changes = [line.text for line in self.lines if " -> " in line.text and " s  " in line.text]
+        return changes[-1] if changes else ""
+
+    @property
+    def ended(self) -> bool:
+        """Whether the process is gone."""
+        return self.process.poll() is not None
+
+    def type(self, word: str) -> None:
+        """As an operator at its terminal."""
+        os.write(self._keyboard, f"{word}\n".encode())
+
+    def signal(self, number: int) -> None:
+        """Send it a signal, if it runs."""
+        with contextlib.suppress(ProcessLookupError):
+            self.process.send_signal(number)
+
+    def close(self) -> None:
+        """End it as a power failure does, and read what it has said."""
+        self.process.kill()
+        self.process.wait()
+        for reader in self._readers:
+            reader.join(2.0)
+        with contextlib.suppress(OSError):
+            os.close(self._keyboard)
+
+
+def started(*arguments: str) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
+    """A program of `sitl` that says a line of JSON when it is ready."""
+    process = subprocess.Popen(  # noqa: S603 - our own program
+        [sys.executable, "-m", "sitl", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    assert process.stdout is not None  # noqa: S101 - it was asked for
+    line = process.stdout.readline()
+    if not line:
+        raise RuntimeError(f"sitl {' '.join(arguments)} ended with {process.wait()}")
+    return process, json.loads(line)
+
+
+def port_of(url: str) -> int:
+    """The port of an address."""
+    return int(url.rpartition(":")[2])
+
+
+def hurry(path: Path, folder: Path) -> Path:
+    """A copy of the mission in a hurry, with a team of its own, in a folder."""
+    text = path.read_text(encoding="utf-8")
+    for slow, fast in _HURRIED:
+        text = text.replace(slow, fast)
+    shutil.copy(path.parent / "world.yaml", folder)
+    derive_team(Team.load(path.parent / "team.yaml"), folder)
+    hurried_path = folder / "mission.yaml"
+    hurried_path.write_text(text, encoding="utf-8")
+    return hurried_path
+
+
+def is_taken(port: int) -> bool:
+    """Whether a program listens there."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("0.0.0.0", port))  # noqa: S104 - to see whether it can be
+        except OSError:
+            return True
+    return False
+
+
+def free_port() -> int:
+    """A UDP port that no program has."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
