@@ -103,7 +103,18 @@ class Answering:
         if isinstance(request, GoTo) and request.waits and self._put_off(request):
             return
         answer = self._to_requests[type(request)](self, request)
+        if isinstance(answer, Accepted) and self._waits_for_zones(request):
+            what = f"{answer.what}; it sets out once the changed zones are on board"
+            answer = answer._replace(what=what)
         self._answer(request, answer)
+
+    def _waits_for_zones(self, request: AnyRequest) -> bool:
+        """Whether what was just accepted is not begun before zones have changed."""
+        return (
+            self._renewal.phase is not None
+            and isinstance(request, GoOn | SeekNow | ExploreNow | ComeHome | GoTo)
+            and self._cockpit.in_air
+        )
 
     def _answer(self, request: AnyRequest, answer: Accepted | Refused) -> None:
         accepted = isinstance(answer, Accepted)
@@ -141,6 +152,8 @@ class Answering:
         if objection is not None:
             return objection
         if state in {State.READY, State.PASSIVE}:
+            if self._cockpit.in_air and (silent := self._permission.not_heard()) is not None:
+                return silent
             why = self._handing.resume()
             if why is not None:
                 return Refused(Refusal.NOT_OURS, why)
@@ -215,9 +228,20 @@ class Answering:
             return Accepted("it comes home already")
         if state is not State.READY and (gone := self._permission.in_the_air()) is not None:
             return gone
-        flies = self._cockpit.in_air
+        answer = Accepted(self._how_it_comes_home())
         self._homecoming.come_home_by_word(request.by)
-        return Accepted("it comes home" if flies else "the mission ends on the ground")
+        return answer
+
+    def _how_it_comes_home(self) -> str:
+        """What follows when it is told to, in words."""
+        if self._cockpit.telemetry is None:
+            return "the mission ends before it begins; the vehicle is left as it is"
+        if not self._cockpit.in_air:
+            return "the mission ends on the ground"
+        unknown = self._permission.without_position()
+        if unknown is not None:
+            return f"it comes home as soon as it is known where it is: {unknown.why}"
+        return "it comes home"
 
     def _asked_to_go_to(self, request: GoTo) -> Accepted | Refused:
         objection = self._permission.to_move()
@@ -247,6 +271,10 @@ class Answering:
         if self._renewal.phase is Phase.BOARDING:
             return Refused(Refusal.BUSY, "zones are being changed just now; ask again")
         self._cockpit.do(ReadAgain())
+        if self._cockpit.telemetry is None:
+            return Accepted(
+                "the mission file is read again; what has changed goes on board after the plan"
+            )
         return Accepted("the mission file is read again")
 
     _to_requests: Final[dict[type, Callable[[Answering, Any], Accepted | Refused]]] = {

@@ -185,7 +185,9 @@ class Flight:
             self._start(receive_patches(self._camera, self._paint))
         if self._resume:
             self._go_on()
-        elif self._arm:
+            return
+        await self._rereader.settled()
+        if self._arm:
             self._check_still()
             await self._vehicle.arm()
             self._check_still(armed=True)
@@ -217,6 +219,7 @@ class Flight:
         self._admit()
         await self._vehicle.upload(self._plan)
         self._status.say(f"on board and read back: {self._plan.size}")
+        self._rereader.plan_on_board()
 
     def _admit(self) -> None:
         self._admitted = True
@@ -240,6 +243,7 @@ class Flight:
         if not self._resume:
             raise RefusedError(f"{found}; land it, or say --resume to go on with the flight")
         self._status.say(found)
+        self._rereader.plan_on_board()
         self._admit()
         self._on_event(telemetry)
 

@@ -47,12 +47,18 @@ class Permission:
 
     def to_move(self) -> Refused | None:
         """And beside that it is known where it is."""
-        refused = self.to_stop()
-        if refused is not None:
-            return refused
+        return self.to_stop() or self.without_position()
+
+    def without_position(self) -> Refused | None:
+        """It is known where it is: legs are checked from there."""
         telemetry = self._cockpit.heard
         if self._watch.without_fix(telemetry):
             return Refused(Refusal.NO_FIX, "GPS has no fix")
+        return self.not_heard()
+
+    def not_heard(self) -> Refused | None:
+        """It was heard just now."""
+        telemetry = self._cockpit.heard
         # Its clock stands still while nothing is heard of it: then the link says for how long.
         silent_s = max(self._cockpit.now_s - telemetry.time_s, self._cockpit.silent_s)
         if silent_s > NOT_HEARD_S:

@@ -93,6 +93,7 @@ class Px4Vehicle(Vehicle):
         self._raw: MissionRaw
         self._geofence: Geofence
         self._direct: MavlinkDirect
+        self._plan_lock = asyncio.Lock()  # one transfer of the plan at a time, and none at take-off
         self._texts_sent = 0
         self._watch: asyncio.Task[None] | None = None
         self._callback: Callable[[VehicleEvent], None] | None = None
@@ -137,20 +138,26 @@ class Px4Vehicle(Vehicle):
 
     async def recognise(self, plan: FlightPlan) -> None:
         """See `Vehicle.recognise`."""
-        await compare_plan(self._raw, self._telemetry, plan)
-        self._telemetry.guard_plan()
+        async with self._plan_lock:
+            await compare_plan(self._raw, self._telemetry, plan)
+            self._telemetry.guard_plan()
 
     async def upload(self, plan: FlightPlan) -> None:
         """See `Vehicle.upload`: fence first, so that the mission is judged against it."""
-        if not plan.fence:
-            await clear_fence(self._geofence, self._telemetry)
-        if not plan.rally:
-            await clear_rally_points(self._raw, self._telemetry, self._clear_rally_points)
-        await upload_plan(self._raw, self._telemetry, plan)
-        self._telemetry.guard_plan()
+        async with self._plan_lock:
+            if not plan.fence:
+                await clear_fence(self._geofence, self._telemetry)
+            if not plan.rally:
+                await clear_rally_points(self._raw, self._telemetry, self._clear_rally_points)
+            await upload_plan(self._raw, self._telemetry, plan)
+            self._telemetry.guard_plan()
 
     async def renew(self, plan: FlightPlan) -> None:
         """See `Vehicle.renew`."""
+        async with self._plan_lock:
+            await self._renew(plan)
+
+    async def _renew(self, plan: FlightPlan) -> None:
         self._telemetry.leave_plan_alone()
         try:
             if not plan.rally:
@@ -190,7 +197,8 @@ class Px4Vehicle(Vehicle):
 
     async def start(self) -> None:
         """See `Vehicle.start`."""
-        await self._motions.start()
+        async with self._plan_lock:  # PX4 begins what is on board when the mode changes
+            await self._motions.start()
 
     async def jump(self, item: int, objection: Callable[[], str | None] | None = None) -> None:
         """See `Vehicle.jump`."""

@@ -116,6 +116,8 @@ class Reading:
 class Rereader:
     """Carries out what the controller wants done when zones change.
 
+    Before the plan itself is on board nothing else is put there: what changes meanwhile waits.
+
     Attributes:
         latest: What became of the latest reading; None before the first.
 
@@ -140,13 +142,34 @@ class Rereader:
         self.latest: Reading | None = None
         self._reading = self._once_more = False
         self._on_board = FlightPlan.of(controller.mission)
+        self._uploaded, self._idle = asyncio.Event(), asyncio.Event()
+        self._idle.set()
+        self._at_work = 0
+
+    def plan_on_board(self) -> None:
+        """The plan itself is on board: what has changed since may follow."""
+        self._uploaded.set()
+
+    async def settled(self) -> None:
+        """Wait until nothing is being read or put on board."""
+        await self._idle.wait()
 
     def work(self, action: ReadAgain | RenewPlan) -> Coroutine[Any, Any, None]:
         """What the controller wants done, to be awaited."""
+        self._at_work += 1
+        self._idle.clear()
         if isinstance(action, ReadAgain):
             self.latest = Reading()
-            return self.read()
-        return self.board()
+            return self._done_when(self.read())
+        return self._done_when(self.board())
+
+    async def _done_when(self, work: Coroutine[Any, Any, None]) -> None:
+        try:
+            await work
+        finally:
+            self._at_work -= 1
+            if self._at_work == 0:
+                self._idle.set()
 
     async def read(self) -> None:
         """Read the file, and make the router among the new zones, beside the flight."""
@@ -186,6 +209,7 @@ class Rereader:
 
     async def board(self) -> None:
         """Put the changed plan on board; if that fails, what was there before."""
+        await self._uploaded.wait()
         plan = FlightPlan.of(self._controller.mission)
         try:
             async with asyncio.timeout(BOARD_S):

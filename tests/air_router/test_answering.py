@@ -6,9 +6,17 @@ import math
 
 import pytest
 
-from air_router.actions import Answered, FlyToNode, FlyToPoint, HoldHere, LandHere, Refusal
+from air_router.actions import (
+    Answered,
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    LandHere,
+    Refusal,
+    RenewPlan,
+)
 from air_router.behaviour import State
-from air_router.events import CommandFailed, RobotPose, RobotSought
+from air_router.events import AirspaceChanged, CommandFailed, PlanRenewed, RobotPose, RobotSought
 from air_router.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
 from air_router.vehicle import FlightMode, LinkSilent
 from geo.frame import Point
@@ -328,6 +336,56 @@ def test_without_a_fix_or_a_word_from_it_the_vehicle_is_only_told_to_hold(in_sta
     flight.step()
     assert flight.controller.state is State.HOLD
     assert ask(flight, GoOn())[0].accepted
+
+
+def silent(flight):
+    flight.give(LinkSilent(flight.now_s, 4.0))
+    return "nothing heard from it for 4 s"
+
+
+def without_fix(flight):
+    flight.fix = False
+    flight.step()
+    return "GPS has no fix"
+
+
+@pytest.mark.parametrize("lose", [silent, without_fix])
+def test_home_without_a_position_is_promised_for_when_it_is_known_again(in_state, lose):
+    flight = in_state(State.INIT)
+    why = lose(flight)
+    answer, _ = ask(flight, ComeHome())
+    assert (answer.accepted, answer.why) == (
+        True,
+        f"it comes home as soon as it is known where it is: {why}",
+    )
+    flight.fix = True
+    flight.fly_to_state(State.DONE)
+    assert flight.finished.landed_by_us
+
+
+def test_a_flight_is_not_resumed_while_nothing_is_heard_of_it(in_state):
+    flight = in_state(State.INIT)
+    flight.pilot_chooses(FlightMode.HOLD)
+    assert flight.controller.state is State.PASSIVE
+    why = silent(flight)
+    assert ask(flight, GoOn())[0].why == why
+
+
+def test_what_waits_for_changed_zones_is_answered_so(in_state):
+    flight = in_state(State.INIT)
+    mission = flight.controller.mission
+    flight.give(AirspaceChanged(mission.fences, mission.zones[1:]))
+    flight.fly_until(lambda: any(isinstance(a, RenewPlan) for a in flight.actions), 30.0)
+    answer, commanded = ask(flight, ComeHome())
+    assert answer.why == "it comes home; it sets out once the changed zones are on board"
+    assert not any(isinstance(motion, MOVES) for motion in commanded)
+    flight.give(PlanRenewed())
+    flight.fly_to_state(State.DONE)
+
+
+def test_home_before_the_vehicle_was_heard_promises_nothing_about_it(pretend):
+    answer, _ = ask(pretend(), ComeHome())
+    assert answer.why == "the mission ends before it begins; the vehicle is left as it is"
 
 
 def test_points_that_can_wait_are_flown_to_once_the_mission_is_in_the_air(pretend):

@@ -247,3 +247,30 @@ def test_a_fence_that_is_not_taken_brings_the_vehicle_home(field, file, back, sa
     assert result.report["came_home_because"] == "the changed fence is not on board"
     assert f"TIMEOUT{said}" in field.out.getvalue()
     assert field.vehicle.verbs.count("renew") == 2
+
+
+@pytest.mark.parametrize("verb", ["connect", "upload"])
+def test_what_is_reloaded_before_the_vehicle_is_ready_goes_on_board_after_the_plan(
+    field, file, verb
+):
+    vehicle, answers, do = field.vehicle, [], getattr(field.vehicle, verb)
+
+    async def do_meanwhile(*arguments):
+        add_zone(file)
+        answers.append(field.flight.desk.ask(Reload()))
+        while "zones changed" not in field.out.getvalue():  # noqa: ASYNC110
+            await asyncio.sleep(0)
+        for _ in range(9):
+            await asyncio.sleep(0)
+        return await do(*arguments)
+
+    setattr(vehicle, verb, do_meanwhile)
+    with field.recorder:
+        assert asyncio.run(field.flight.run()).outcome == "done", field.out.getvalue()
+    assert [v for v in vehicle.verbs if v in {"connect", "upload", "renew", "arm"}] == [
+        *("connect", "upload", "renew", "arm")
+    ]
+    assert vehicle.plan == FlightPlan.of(load_mission(file))
+    (answer,) = answers
+    assert answer.accepted
+    assert verb == "upload" or answer.why.endswith("what has changed goes on board after the plan")
