@@ -4,11 +4,12 @@ MISSION ?= missions/pennovation/mission.yaml
 SPEED ?= 10
 VENV := .venv
 BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test rehearse experiments lint bench bench-link bench-route clean
+.PHONY: setup sim test rehearse experiments lint bench bench-link bench-route dist constraints clean
 
 setup: $(VENV)/.ready
 
@@ -16,7 +17,8 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("air-router needs Python 3.11 or newer, this is " + sys.version.split()[0] + "; try make PYTHON=python3.12") if sys.version_info < (3, 11) else 0'
 	@echo "setting up $(VENV): a minute, once" >&2
 	@$(PYTHON) -m venv $(VENV) || { echo "no virtual environment: on Debian/Ubuntu run 'sudo apt-get install python3-venv' and try again" >&2; exit 1; }
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[plot,dev]'
+	@$(PIP) --no-deps --require-hashes --requirement constraints.txt
+	@$(PIP) --no-deps --editable .
 	@touch $@
 
 # Options: make sim SIM="--web --seed 3"
@@ -49,18 +51,32 @@ lint: setup
 bench: setup
 	$(BIN)/python -m benchmarks
 
-# The other ways (zenoh, DDS) are only needed here. Options: make bench-link BENCH="--quick --json FILE"
-bench-link: $(VENV)/.bench
+# Options: make bench-link BENCH="--quick --json FILE"
+bench-link: $(VENV)/.tools
 	$(BIN)/python -m benchmarks.link $(BENCH)
 
 # Options: make bench-route BENCH="--quick --json FILE"
-bench-route: $(VENV)/.bench
+bench-route: $(VENV)/.tools
 	$(BIN)/python -m benchmarks.route $(BENCH)
 
-$(VENV)/.bench: $(VENV)/.ready
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench]'
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'extremitypathfinder==2.7.2'  # asks for numpy<2, runs with 2
+# What only benchmarks and `make dist` need
+$(VENV)/.tools: $(VENV)/.ready constraints-tools.txt
+	@$(PIP) --no-deps --require-hashes --requirement constraints-tools.txt
+	@$(PIP) --no-deps 'extremitypathfinder==2.7.2'  # asks for numpy<2, runs with 2
 	@touch $@
+
+# Wheel and source archive, a list of what is in them and what they need (CycloneDX), and checksums
+dist: $(VENV)/.tools
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible --output-file dist/sbom.cdx.json constraints.txt
+	cd dist && sha256sum -- * > SHA256SUMS
+
+# Newer versions of everything, with the checksums of their files for every platform
+LOCK := $(BIN)/uv pip compile --upgrade --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url pyproject.toml
+constraints: $(VENV)/.tools
+	$(LOCK) --extra plot --extra dev --output-file constraints.txt
+	sed -n 's/^\([^ ]*==[^ ;]*\).*/\1/p' constraints.txt | $(LOCK) --extra bench --extra dist --constraint - --output-file constraints-tools.txt
 
 clean:
 	rm -rf $(VENV)
