@@ -154,11 +154,15 @@ class Answering:
         if state in {State.READY, State.PASSIVE}:
             if self._cockpit.in_air and (silent := self._permission.not_heard()) is not None:
                 return silent
-            why = self._handing.resume()
+            upload = request.upload
+            if upload and self._handing.why_not_back(flies_plan=False) is None:
+                self._renewal.board_again()
+            why = self._handing.resume(upload=upload)
             if why is not None:
                 return Refused(Refusal.NOT_OURS, why)
             self._homecoming.call_off()
-            return Accepted("the mission goes on from here")
+            first = "the plan is put on board again, then " if upload else ""
+            return Accepted(f"{first}the mission goes on from here")
         if state is not State.HOLD:
             return self._permission.in_the_air() or Refused(
                 Refusal.NOTHING_TO_DO, f"nothing is held: it is in {state.name}"
@@ -226,7 +230,13 @@ class Answering:
             return objection
         if state in {State.HOME, State.LAND}:
             return Accepted("it comes home already")
-        if state is not State.READY and (gone := self._permission.in_the_air()) is not None:
+        if self._cockpit.in_air and not self._handing.in_charge and state is not State.DONE:
+            if (silent := self._permission.not_heard()) is not None:
+                return silent
+            why = self._handing.take_home()
+            if why is not None:
+                return Refused(Refusal.NOT_OURS, why)
+        elif state is not State.READY and (gone := self._permission.in_the_air()) is not None:
             return gone
         answer = Accepted(self._how_it_comes_home())
         self._homecoming.come_home_by_word(request.by)

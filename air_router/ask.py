@@ -38,7 +38,10 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     parser.add_argument("verb", choices=[*MODELS], metavar="VERB", help="one of: %(choices)s")
     parser.add_argument(
-        "words", nargs="*", metavar="WHAT", help="of seek: NAME; of goto: LAT,LON[,LAT,LON...]"
+        "words",
+        nargs="*",
+        metavar="WHAT",
+        help="of seek: NAME; of goto: LAT,LON[,LAT,LON...]; of resume: upload",
     )
     parser.add_argument(
         "--hold-s", type=float, metavar="S", help="goto: hover at the last point for so long"

@@ -84,6 +84,7 @@ TRANSITIONS: Final = MappingProxyType(
         (State.LAND, Signal.GROUNDED): State.DONE,
         (State.PASSIVE, Signal.GROUNDED): State.DONE,
         (State.PASSIVE, Signal.RESUMED): State.EXPL,
+        (State.PASSIVE, Signal.COME_HOME): State.HOME,
         # From anywhere in the air: home on the word of duration, battery or operator; hands off
         # when somebody else flies; done when the ground has the vehicle.
         **{

@@ -97,9 +97,12 @@ class ControlClient(Asker):
         """Stop and hover."""
         return self._answer("hold")
 
-    def resume(self) -> Answer:
-        """Go on with what was held, or take the flight back from the pilot."""
-        return self._answer("resume")
+    def resume(self, *, upload: bool = False) -> Answer:
+        """Go on with what was held, or take the flight back from the pilot.
+
+        `upload`: another plan may be on board; the mission's is put there first.
+        """
+        return self._answer("resume", upload=upload)
 
     def seek(self, robot: str) -> Answer:
         """Seek this robot next, at once."""

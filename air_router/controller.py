@@ -28,7 +28,7 @@ from air_router.events import (
 )
 from air_router.journey import NO_JOURNEY
 from air_router.requests import AnyRequest
-from air_router.vehicle import ItemReached, LinkSilent, PlanReplaced, Telemetry
+from air_router.vehicle import ItemReached, LinkSilent, PlanCompared, PlanReplaced, Telemetry
 from mocha_link.metrics import ContactBegan, ContactEnded, SyncEnded, SyncStarted
 
 if TYPE_CHECKING:
@@ -107,6 +107,7 @@ class Controller:
             crew.watchkeeper.wait_for_fix,  # nobody knows where it is
             crew.handing.only_hold,  # hands are off in a moment
             crew.renewal.only_hold,  # zones are being changed
+            crew.levelling.first,  # it is lower than legs are checked for
         )
 
     def _table_of_journeys(self) -> Mapping[State, Journey]:
@@ -161,6 +162,7 @@ class Controller:
             AirspaceChanged: crew.renewal.airspace_changed,
             PlanRenewed: crew.renewal.plan_renewed,
             PlanReplaced: crew.handing.plan_replaced,
+            PlanCompared: crew.handing.plan_compared,
             **dict.fromkeys(get_args(AnyRequest), crew.answering.asked),
         }
 

@@ -18,6 +18,7 @@ from air_router.helm import Helm
 from air_router.homecoming import Homecoming, Landing
 from air_router.hovering import Hovering
 from air_router.launch import Launch
+from air_router.levelling import Levelling
 from air_router.meeting import Meeting
 from air_router.navigator import Navigator
 from air_router.permission import Permission
@@ -49,6 +50,7 @@ class Crew:
         launch: What has been seen of take-off and landing.
         enclosure: Whether zones leave a way home.
         exploring, pursuit, meeting, errands, hovering, homecoming, landing: What is flown.
+        levelling: Climbs first, where a vehicle that was taken over is low.
         handing: Whose the vehicle is.
         renewal: Zones that change.
         answering: What somebody asks for.
@@ -88,7 +90,8 @@ class Crew:
         self.homecoming = Homecoming(cockpit, helm, self.launch, self.enclosure)
         self.landing = Landing(cockpit, helm)
         # What else is decided.
-        self.handing = Handing(cockpit, helm, self.launch)
+        self.levelling = Levelling(cockpit, helm)
+        self.handing = Handing(cockpit, helm, self.launch, self.levelling)
         self.renewal = Renewal(
             cockpit, helm, self.exploration, self.handing, self.homecoming, heed=self._heed
         )
@@ -115,6 +118,7 @@ class Crew:
             handing=self.handing,
             homecoming=self.homecoming,
             renewal=self.renewal,
+            levelling=self.levelling,
             answering=self.answering,
             patient=patient,
         )

@@ -82,7 +82,7 @@ class Permission:
             case State.PASSIVE:
                 taker = self._handing.taken_by
                 who = taker.value if taker else "somebody else"
-                return Refused(Refusal.NOT_OURS, f"{who} has the vehicle; 'resume' asks for it")
+                return Refused(Refusal.NOT_OURS, f"{who} has the vehicle; {self._handing.way_back}")
             case _:
                 return None
 

@@ -32,9 +32,19 @@ from air_router.px4_plan import (
     compare_plan,
     renew_plan,
     upload_plan,
+    verify_plan,
 )
+from air_router.px4_plan_guard import PlanGuard
 from air_router.px4_telemetry import Px4Telemetry
-from air_router.vehicle import FlightMode, LinkSilent, Vehicle, VehicleEvent, VehicleInfo
+from air_router.vehicle import (
+    FlightMode,
+    LinkSilent,
+    PlanCompared,
+    PlanReplaced,
+    Vehicle,
+    VehicleEvent,
+    VehicleInfo,
+)
 
 if TYPE_CHECKING:
     from air_router.clock import VehicleClock
@@ -94,6 +104,8 @@ class Px4Vehicle(Vehicle):
         self._geofence: Geofence
         self._direct: MavlinkDirect
         self._plan_lock = asyncio.Lock()  # one transfer of the plan at a time, and none at take-off
+        self._plan_guard = PlanGuard(self._compare, self._on_compared)
+        self._telemetry.subscribe(self._on_event)
         self._texts_sent = 0
         self._watch: asyncio.Task[None] | None = None
         self._callback: Callable[[VehicleEvent], None] | None = None
@@ -140,7 +152,7 @@ class Px4Vehicle(Vehicle):
         """See `Vehicle.recognise`."""
         async with self._plan_lock:
             await compare_plan(self._raw, self._telemetry, plan)
-            self._telemetry.guard_plan()
+            self._guard(plan)
 
     async def upload(self, plan: FlightPlan) -> None:
         """See `Vehicle.upload`: fence first, so that the mission is judged against it."""
@@ -150,7 +162,7 @@ class Px4Vehicle(Vehicle):
             if not plan.rally:
                 await clear_rally_points(self._raw, self._telemetry, self._clear_rally_points)
             await upload_plan(self._raw, self._telemetry, plan)
-            self._telemetry.guard_plan()
+            self._guard(plan)
 
     async def renew(self, plan: FlightPlan) -> None:
         """See `Vehicle.renew`."""
@@ -170,6 +182,7 @@ class Px4Vehicle(Vehicle):
                 lambda: clear_fence(self._geofence, self._telemetry),
                 same_items=bool(flying),
             )
+            self._plan_guard.plan = plan
         finally:
             self._telemetry.guard_plan()
 
@@ -238,7 +251,27 @@ class Px4Vehicle(Vehicle):
         if self._watch is not None:
             self._watch.cancel()
         self._motions.close()
+        self._plan_guard.close()
         await self._connection.close()
+
+    def _guard(self, plan: FlightPlan) -> None:
+        """This plan is on board; another, or the same anew, is noticed from now on."""
+        self._plan_guard.plan = plan
+        self._telemetry.guard_plan()
+
+    async def _compare(self, plan: FlightPlan) -> None:
+        async with self._plan_lock:
+            await verify_plan(self._raw, self._telemetry, plan)
+
+    def _on_event(self, event: VehicleEvent) -> None:
+        if isinstance(event, PlanReplaced):
+            self._plan_guard.replaced()
+
+    def _on_compared(self, difference: str | None) -> None:
+        if self._callback is not None:
+            # Not from here: an error in what it leads to would end the comparing, unseen.
+            event = PlanCompared(self._telemetry.time_s, difference)
+            asyncio.get_running_loop().call_soon(self._callback, event)
 
     def _clear_rally_points(self) -> None:
         target = {"target_system": self._connection.system_id, "target_component": AUTOPILOT}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 from typing import TYPE_CHECKING, Any, Final
 
 from mavsdk.plugins.geofence.geofence import Geofence, GeofenceResult
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
     from air_router.flight_plan import FlightPlan
     from air_router.px4_telemetry import Px4Telemetry
+
+_log = logging.getLogger(__name__)
 
 TRANSFER_S: Final = 30.0
 """Wall-clock limit for one transfer; a slow telemetry radio takes its time."""
@@ -109,6 +112,16 @@ async def renew_plan(
         await _upload("the fence", raw.upload_geofence_async, plan.fence, FENCE, telemetry)
     else:
         await clear()
+    await compare_plan(raw, telemetry, plan)
+    await _feasible(telemetry, len(plan.items))
+
+
+async def verify_plan(raw: MissionRaw, telemetry: Px4Telemetry, plan: FlightPlan) -> None:
+    """Make sure that what is on board flies as the plan does, without changing it.
+
+    Raises:
+        PlanRefusedError: it is another plan, cannot be read, or PX4 finds that it cannot be flown.
+    """
     await compare_plan(raw, telemetry, plan)
     await _feasible(telemetry, len(plan.items))
 
@@ -240,7 +253,8 @@ def _compare(what: str, sent: list[PlanItem], on_board: list[PlanItem]) -> None:
         raise PlanRefusedError(f"{what}: {len(sent)} items sent, {len(on_board)} are on board")
     for seq, (mine, theirs) in enumerate(zip(sent, on_board, strict=True)):
         if not mine.same_as(theirs):
-            raise PlanRefusedError(f"{what}: item {seq} was sent as {mine}, on board is {theirs}")
+            _log.info("%s: item %d was sent as %s, on board is %s", what, seq, mine, theirs)
+            raise PlanRefusedError(f"{what}: item {seq} on board is another than was sent")
 
 
 def _place(item: PlanItem) -> PlanItem:

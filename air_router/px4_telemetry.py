@@ -299,8 +299,8 @@ class Px4Telemetry:
         if self._plan_ids is None:
             self._plan_ids = ids
         elif ids != self._plan_ids:
-            self._guarding = False
-            self._emit(PlanReplaced(self.time_s, only_fence=ids[0] == self._plan_ids[0]))
+            before, self._plan_ids = self._plan_ids, ids
+            self._emit(PlanReplaced(self.time_s, only_fence=ids[0] == before[0]))
 
     def _on_item_reached(self, fields: dict[str, Any]) -> None:
         # PX4 repeats the report once or twice a second while it holds; once is enough.

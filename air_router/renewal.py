@@ -84,6 +84,7 @@ class Renewal:
         self._new: frozenset[str] = frozenset()  # areas that the fence on board does not have yet
         self._way_out: Goal | None = None
         self._has_to_stop = False
+        self._what = ""
         self._stuck_until_s = -math.inf
 
     def only_hold(self, motion: Motion) -> Motion | None:
@@ -122,6 +123,7 @@ class Renewal:
         mission = router.graph.mission  # with what was worked out of its airspace elsewhere
         self._heed(mission, router)
         self.phase = Phase.CLEARING
+        self._what = "the changed fence"
         self._way_out = None
         when = "; they go on board when the mission is resumed" if self._put_off else ""
         cockpit.say(f"zones changed: {_difference(before, mission)}{when}")
@@ -217,6 +219,14 @@ class Renewal:
             self._board()
         return True
 
+    def board_again(self) -> None:
+        """Put the plan on board as it is, once the vehicle is ours: another is there."""
+        if self.phase is not Phase.BOARDING:
+            self.phase = Phase.CLEARING
+            self._what = "this mission's plan"
+            self._way_out = None
+            self._has_to_stop = True
+
     def _board(self) -> None:
         self.phase = Phase.BOARDING
         self._cockpit.do(RenewPlan())
@@ -260,14 +270,15 @@ class Renewal:
         # Who knows what plan is on board if it was not renewed.
         self._helm.navigator.by_points = event.why_not is not None
         if event.why_not is None:
-            self._cockpit.say("the changed fence is on board")
+            self._handing.boarded()
+            self._cockpit.say(f"{self._what} is on board")
         else:
-            self._cockpit.say(f"the changed fence is not on board: {event.why_not}")
+            self._cockpit.say(f"{self._what} is not on board: {event.why_not}")
             if self._put_off:
                 self.phase = Phase.CLEARING  # once more when the mission is resumed
                 return
             if knows(self._cockpit.state, Signal.COME_HOME):
-                self._homecoming.come_home("the changed fence is not on board")
+                self._homecoming.come_home(f"{self._what} is not on board")
                 return
         if self._cockpit.in_air:
             self._cockpit.journey.fly_on()

@@ -36,7 +36,13 @@ class HoldNow(Asked):
 
 @dataclass(frozen=True, slots=True)
 class GoOn(Asked):
-    """Go on with what was held, or with a flight that was given away."""
+    """Go on with what was held, or with a flight that was given away.
+
+    Attributes:
+        upload: Another plan may be on board: put ours there first.
+    """
+
+    upload: bool = False
 
 
 @dataclass(frozen=True, slots=True)

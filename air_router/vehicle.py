@@ -79,7 +79,7 @@ class ItemReached:
 
 @dataclass(frozen=True, slots=True)
 class PlanReplaced:
-    """The plan on board is no longer the one that was uploaded: somebody else sent another.
+    """A ground station has uploaded a plan or a fence; `PlanCompared` tells whether it is ours.
 
     Attributes:
         time_s: Seconds on the vehicle's clock.
@@ -88,6 +88,19 @@ class PlanReplaced:
 
     time_s: float
     only_fence: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PlanCompared:
+    """A plan that was replaced was read back and compared with the one that we put on board.
+
+    Attributes:
+        time_s: Seconds on the vehicle's clock.
+        difference: What is on board instead, or why it is not known; None: it flies the same.
+    """
+
+    time_s: float
+    difference: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +116,7 @@ class LinkSilent:
     silent_s: float
 
 
-VehicleEvent = Telemetry | ItemReached | PlanReplaced | LinkSilent
+VehicleEvent = Telemetry | ItemReached | PlanReplaced | PlanCompared | LinkSilent
 
 
 @dataclass(frozen=True, slots=True)

@@ -193,8 +193,6 @@ def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None
         not in {FlightMode.HOLD, FlightMode.MISSION},
         "GPS has no fix: wait for it": not telemetry.fix,
         f"it is in {', '.join(holders)}: fly it out by hand first": bool(holders),
-        f"it is {telemetry.altitude_m:.0f} m above home, where no leg was checked: climb to "
-        f"{mission.altitude_above_home_m:.0f} m first": low(mission, telemetry),
         f"it is {telemetry.altitude_m:.0f} m above home, in the layer of another UAV: descend to "
         f"{mission.altitude_above_home_m:.0f} m first": telemetry.altitude_m > mission.layer_top_m,
     }

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from air_router.helm import Helm
     from air_router.homecoming import Homecoming
     from air_router.launch import Launch
+    from air_router.levelling import Levelling
     from air_router.renewal import Renewal
     from air_router.vehicle import ItemReached, LinkSilent, Telemetry
     from air_router.watch import Watch
@@ -45,6 +46,7 @@ class Watchkeeper:
         handing: Whose the vehicle is.
         homecoming: Whether the mission ends.
         renewal: Whether zones are being changed.
+        levelling: Whether it climbs before its first leg.
         answering: Whether a request waits for its time.
         patient: Somebody else arms: if it is disarmed again on the ground, wait on.
     """
@@ -62,6 +64,7 @@ class Watchkeeper:
         handing: Handing,
         homecoming: Homecoming,
         renewal: Renewal,
+        levelling: Levelling,
         answering: Answering,
         patient: bool,
     ) -> None:
@@ -75,6 +78,7 @@ class Watchkeeper:
         self._handing = handing
         self._homecoming = homecoming
         self._renewal = renewal
+        self._levelling = levelling
         self._answering = answering
         self._patient = patient
         self._silence = Silence()
@@ -100,7 +104,7 @@ class Watchkeeper:
         elif handing.in_charge and custody.taken(telemetry):
             who = Taker.FAILSAFE if telemetry.failsafe else Taker.PILOT
             handing.take_over(who, f"{who.value} chose {telemetry.mode.value} mode")
-        elif handing.giving_up is not None:
+        elif handing.waits:
             handing.check()
         elif cockpit.state is State.READY:
             self._take_off(telemetry)
@@ -155,8 +159,9 @@ class Watchkeeper:
     def _flies_mission(self) -> bool:
         """Whether it flies by our commands, above the ground, among zones that do not change."""
         grounding = self._cockpit.state in {State.READY, State.LAND}
-        changing = self._renewal.phase is not None or self._handing.giving_up is not None
-        return self._handing.in_charge and not grounding and not changing
+        changing = self._renewal.phase is not None or self._levelling.climbs
+        given = self._handing.waits or not self._handing.in_charge
+        return not (grounding or changing or given)
 
     def _keep(self, telemetry: Telemetry, moved: Deviation | None) -> None:
         """Have it keep to what was planned; see `deviations`."""
@@ -190,6 +195,10 @@ class Watchkeeper:
         self._exploration.passing(telemetry.position, cockpit.now_s)
         self._homecoming.check(telemetry)
         if self._renewal.go_on(telemetry):
+            return
+        if self._levelling.go_on(telemetry):
+            if self._levelling.stuck:
+                self._handing.give_up("the climb to the mission's altitude does not go on")
             return
         if self._deviations.waits:
             return

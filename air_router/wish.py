@@ -81,9 +81,11 @@ class _Hold(Wish):
 
 
 class _Resume(Wish):
+    upload: bool = False
+
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> GoOn:
         del frame
-        return GoOn(by=self.who(by))
+        return GoOn(self.upload, by=self.who(by))
 
 
 class _Seek(Wish):
@@ -181,7 +183,7 @@ def parse(frames: Sequence[bytes]) -> Any:
 
 
 def spoken(text: str) -> Wish:
-    """A request in words: `hold`, `seek NAME`, `goto LAT,LON LAT,LON`.
+    """A request in words: `hold`, `resume upload`, `seek NAME`, `goto LAT,LON LAT,LON`.
 
     Raises:
         WishError: what is wrong with it.
@@ -194,6 +196,8 @@ def spoken(text: str) -> Wish:
             raise WishError("seek whom? type 'seek NAME'")
     elif values["request"] == "goto":
         values["points"] = _places(rest)
+    elif values["request"] == "resume" and rest.strip().lower() == "upload":
+        values["upload"] = True
     elif rest.strip() and values["request"] in MODELS:
         raise WishError(f"'{name}' stands alone")
     return wish_of(values)

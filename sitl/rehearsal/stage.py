@@ -14,7 +14,7 @@ from air_router.px4_mode import flight_mode
 from air_router.requests import GoOn
 from air_router.router import Router
 from air_router.settings import Timers
-from air_router.vehicle import PlanReplaced, Telemetry
+from air_router.vehicle import PlanCompared, PlanReplaced, Telemetry
 from geo.frame import Point
 from geo.zone import Outline
 from mocha_link.metrics import Direction, SyncEnded, SyncStarted
@@ -404,6 +404,7 @@ class Stage:
         ring = tuple(Point(centre.east_m + e / 1.5, centre.north_m + n / 1.5) for e, n in corners)
         self.judge.added.append(Outline(ring))
         self.companion.hear(PlanReplaced(self.now_s, only_fence=True))
+        self.companion.hear(PlanCompared(self.now_s, "the fence: one more zone is on board"))
 
     def _reload(self, ahead_m: float) -> None:
         """The operator draws a zone near the vehicle, or over it, and has the file read again."""

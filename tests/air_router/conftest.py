@@ -37,6 +37,7 @@ from mocha_link.metrics import Direction, SyncEnded, SyncStarted
 MISSIONS = Path(__file__).parents[2] / "missions"
 STEP_S = 0.1
 ACCELERATION_M_S2 = 3.0
+CLIMB_M_S = 1.5
 SYNC_EVERY_S = 2.0
 SYNC_TAKES_S = 0.3
 CORNERS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
@@ -58,6 +59,7 @@ class Airframe:
         self.fix = True
         self.home_moved = None
         self.target = None
+        self.target_altitude_m = None
         self.track = []
         self.noise_m = 0.0
         self._chance = random.Random(1)
@@ -81,6 +83,9 @@ class Airframe:
         )
         if self.in_air:
             self.track.append(self.position)
+        if self.mode is FlightMode.HOLD and self.target_altitude_m is not None:
+            missing_m = self.target_altitude_m - self.altitude_m
+            self.altitude_m += max(-CLIMB_M_S * STEP_S, min(CLIMB_M_S * STEP_S, missing_m))
         if self.mode is FlightMode.LAND and self.in_air:
             self.altitude_m -= 0.7 * STEP_S
             if self.altitude_m <= 0:
@@ -163,7 +168,7 @@ class PretendFlight(Airframe):
 
     def pilot_chooses(self, mode):
         self.mode = mode
-        self.target = None
+        self.target = self.target_altitude_m = None
         self.step()
 
     def operator_asks(self, request):
@@ -205,10 +210,12 @@ class PretendFlight(Airframe):
             case FlyToNode(node=node, position=position):
                 assert self.plan.item_of(node) >= self.plan.first_node_item
                 self.mode, self.target = FlightMode.MISSION, position
-            case FlyToPoint(position=position):
+            case FlyToPoint(position=position, altitude_m=altitude_m):
                 self.mode, self.target = FlightMode.HOLD, position
+                self.target_altitude_m = altitude_m
             case HoldHere():
                 self.mode, self.target = FlightMode.HOLD, None
+                self.target_altitude_m = None
             case LandHere():
                 self.mode, self.target = FlightMode.LAND, None
         self.give(CommandConfirmed(action))

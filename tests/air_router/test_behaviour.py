@@ -75,6 +75,7 @@ def test_hands_off_is_for_good_unless_somebody_asks():
     assert after == {
         Signal.GROUNDED: State.DONE,
         Signal.RESUMED: State.EXPL,
+        Signal.COME_HOME: State.HOME,
     }
 
 

@@ -2,11 +2,12 @@
 
 import pytest
 
-from air_router.actions import HoldHere, Taker
+from air_router.actions import FlyToNode, HoldHere, Taker
 from air_router.behaviour import State
 from air_router.events import RobotPose
-from air_router.requests import ComeHome, GoOn
-from air_router.vehicle import FlightMode, PlanReplaced
+from air_router.handing import COMPARED_S
+from air_router.requests import ComeHome, GoOn, HoldNow
+from air_router.vehicle import FlightMode, PlanCompared, PlanReplaced
 from geo.frame import Point
 from tests.air_router.conftest import CORNERS
 
@@ -96,7 +97,9 @@ def test_another_plan_before_take_off_ends_it(pretend):
     flight = pretend()
     flight.step()
     flight.give(PlanReplaced(flight.now_s))
-    assert flight.finished.why == "the plan on board was replaced, before take-off"
+    assert flight.finished is None  # it may be the same again
+    flight.give(PlanCompared(flight.now_s, "8 items"))
+    assert flight.finished.why == "another plan is on board (8 items), before take-off"
 
 
 def by_hand_to(flight, position, altitude_m):
@@ -130,22 +133,67 @@ def test_mission_chosen_far_away_and_low_is_held(pretend):
     assert flight.finished.taken_by is Taker.PILOT
 
 
-def test_another_plan_on_board_means_hands_off(pretend):
-    flight = pretend()
-    flight.take_off()
-    flight.fly_to_state(State.INIT)
-    flight.give(PlanReplaced(flight.now_s))
-    assert flight.controller.state is State.PASSIVE
-
-
-def test_another_fence_on_board_stops_our_leg_first_and_means_hands_off_then(pretend):
+@pytest.mark.parametrize("only_fence", [False, True])
+def test_another_plan_on_board_stops_our_leg_first_and_means_hands_off_then(pretend, only_fence):
     flight = pretend()
     flight.take_off()
     flight.fly_away()
-    flight.give(PlanReplaced(flight.now_s, only_fence=True))
+    flight.give(PlanReplaced(flight.now_s, only_fence))
     assert isinstance(flight.motions[-1], HoldHere)
+    commanded = len(flight.motions)
+    for _ in range(100):
+        flight.step()
+    assert (flight.controller.state, len(flight.motions)) == (State.INIT, commanded)
+    flight.give(PlanCompared(flight.now_s, "the mission: item 3 on board is another"))
+    flight.step()
     assert flight.controller.state is State.PASSIVE
-    assert any("fence on board was replaced" in text for text in flight.said)
+    assert any("hands off: another plan is on board" in text for text in flight.said)
+
+
+def test_a_plan_that_is_never_compared_counts_as_another(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    flight.give(PlanReplaced(flight.now_s))
+    flight.fly_to_state(State.PASSIVE, COMPARED_S + 5.0)
+
+
+def test_the_same_plan_uploaded_again_is_held_for_and_flown_on(pretend):
+    flight = pretend(duration_s=400.0)
+    flight.take_off()
+    flight.fly_away()
+    flight.give(PlanReplaced(flight.now_s))
+    flight.step()
+    flight.give(PlanCompared(flight.now_s))
+    assert State.PASSIVE not in flight.states
+    assert isinstance(flight.motions[-1], FlyToNode)
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    assert flight.closest_m() >= flight.mission.planner.clearance_m
+
+
+def test_the_operator_s_hold_while_a_plan_is_compared_stays(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    flight.give(PlanReplaced(flight.now_s))
+    flight.operator_asks(HoldNow())
+    flight.give(PlanCompared(flight.now_s))
+    for _ in range(50):
+        flight.step()
+    assert flight.controller.state is State.HOLD
+    assert isinstance(flight.motions[-1], HoldHere)
+
+
+def test_a_plan_uploaded_again_in_the_climb_is_climbed_on_with(pretend):
+    flight = pretend()
+    flight.take_off_halfway()
+    flight.give(PlanReplaced(flight.now_s))
+    flight.step()
+    flight.give(PlanCompared(flight.now_s))
+    flight.fly_until(lambda: isinstance(flight.motions[-1], FlyToNode), 60.0)
+    assert flight.altitude_m > flight.mission.altitude_above_home_m - 2.0
+    assert flight.controller.state is State.INIT
 
 
 @pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.MISSION])
@@ -174,7 +222,6 @@ def test_what_was_given_away_comes_back_only_when_somebody_asks(pretend, mode):
     [
         ({"failsafe": True}, "failsafe"),
         ({"fix": False}, "no fix"),
-        ({"altitude_m": 5.0}, "climb to"),
         ({"in_air": False}, "on the ground"),
     ],
 )
@@ -196,10 +243,10 @@ def test_a_flight_with_another_plan_on_board_is_not_resumed(pretend):
     flight.take_off()
     flight.fly_away()
     flight.give(PlanReplaced(flight.now_s))
-    flight.pilot_chooses(FlightMode.HOLD)
+    flight.give(PlanCompared(flight.now_s, "0 items"))
     flight.operator_asks(GoOn())
     assert flight.controller.state is State.PASSIVE
-    assert any("another plan is on board" in text for text in flight.said)
+    assert "'resume upload' puts this mission's there" in flight.said[-1]
 
 
 def test_a_companion_that_was_restarted_goes_on_when_asked(pretend):

@@ -1,14 +1,16 @@
 """What goes on board where PX4 judges it in its own way; MAVSDK's part is played."""
 
 import asyncio
+import dataclasses
 
 import pytest
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
 from air_router import px4_plan
 from air_router.errors import PlanRefusedError
-from air_router.flight_plan import FlightPlan
+from air_router.flight_plan import FlightPlan, Frame
 from air_router.px4_plan import upload_plan
+from air_router.px4_plan_guard import PlanGuard
 
 
 def identity(items):
@@ -87,3 +89,45 @@ def test_a_mission_that_is_wrong_is_refused_with_its_reason_at_once(pennovation)
     with pytest.raises(PlanRefusedError, match="plan item 3 lies in a no-fly zone"):
         asyncio.run(upload_plan(board, board, FlightPlan.of(pennovation)))
     assert board.uploads == 1
+
+
+def changed(item, **changes):
+    return dataclasses.replace(item, **changes)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"x_deg_e7": 8}, {"y_deg_e7": -9}, {"z_m": 0.09}],
+)
+def test_what_a_station_rounds_flies_the_same(pennovation, change):
+    item = FlightPlan.of(pennovation).items[-1]
+    ((name, by),) = change.items()
+    assert item.same_as(changed(item, **{name: getattr(item, name) + by}))
+    assert not item.same_as(changed(item, **{name: getattr(item, name) + 10 * by}))
+
+
+def test_frames_that_px4_gives_back_for_others_are_the_same(pennovation):
+    item = FlightPlan.of(pennovation).items[-1]
+    assert item.same_as(changed(item, frame=Frame.RELATIVE_ALT))
+    assert not item.same_as(changed(item, frame=Frame.GLOBAL_INT))
+    assert not item.same_as(changed(item, autocontinue=True))
+
+
+def test_a_plan_that_changes_while_it_is_compared_is_compared_again(pennovation):
+    async def script():
+        plan, reported, reads = FlightPlan.of(pennovation), [], []
+
+        async def compare(what):
+            reads.append(what)
+            if len(reads) == 1:
+                guard.replaced()  # the fence follows the items
+                raise PlanRefusedError("half of it")
+
+        guard = PlanGuard(compare, reported.append)
+        guard.plan = plan
+        guard.replaced()
+        while not reported:
+            await asyncio.sleep(0)
+        return reads == [plan, plan], reported
+
+    assert asyncio.run(script()) == (True, [None])

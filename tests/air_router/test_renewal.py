@@ -14,7 +14,7 @@ from air_router.graph import WaypointGraph
 from air_router.renewal import Phase
 from air_router.requests import GoOn, HoldNow, Reload, SeekNow
 from air_router.router import Router
-from air_router.vehicle import FlightMode, PlanReplaced
+from air_router.vehicle import FlightMode, PlanCompared, PlanReplaced
 from geo.airspace import Airspace
 from geo.frame import Point
 from geo.zone import Outline, Zone
@@ -435,6 +435,7 @@ def test_a_change_that_comes_just_before_hands_off_is_kept_and_said(pretend):
     flight.deaf = True
     flight.give(Reload())
     flight.give(PlanReplaced(flight.now_s, only_fence=True))
+    flight.give(PlanCompared(flight.now_s, "the fence: 9 items sent, 0 are on board"))
     assert flight.controller.state is State.INIT  # it is told to hold first
     commanded = len(flight.motions)
     change(flight, box(ahead(flight, 60.0)))

@@ -13,7 +13,7 @@ from air_router.flight_plan import Command, FlightPlan, Frame
 from air_router.mission import load_mission
 from air_router.px4 import Px4Vehicle
 from air_router.px4_plan import _download, upload_plan
-from air_router.vehicle import FlightMode, ItemReached, PlanReplaced, Telemetry
+from air_router.vehicle import FlightMode, ItemReached, PlanCompared, PlanReplaced, Telemetry
 from geo.airspace import Airspace
 from geo.frame import Point
 from geo.zone import Circle, Outline, Zone
@@ -199,7 +199,34 @@ def test_a_plan_that_somebody_else_uploads_is_noticed(mission, udp_port):
         await vehicle.upload(plan)
         await log.until(lambda: vehicle.telemetry.plan_guarded)
         await upload_plan(vehicle._raw, vehicle.telemetry, other)  # past the flight's own upload
-        await log.until(lambda: any(isinstance(e, PlanReplaced) for e in log.events))
+        await log.until(lambda: any(isinstance(e, PlanCompared) for e in log.events))
+        (compared,) = [e for e in log.events if isinstance(e, PlanCompared)]
+        assert (
+            compared.difference
+            == f"the mission: {len(plan.items)} items sent, {len(plan.items) - 1} are on board"
+        )
+
+    run(mission, udp_port, script)
+
+
+@pytest.mark.usefixtures("vehicle")
+def test_the_same_plan_that_a_station_rounded_and_uploads_again_is_ours(mission, udp_port):
+    plan = FlightPlan.of(mission)
+    rounded = dataclasses.replace(
+        plan,
+        items=tuple(dataclasses.replace(i, x_deg_e7=i.x_deg_e7 + 1) for i in plan.items),
+    )
+
+    async def script(vehicle):
+        await vehicle.connect()
+        log = Log(vehicle)
+        await vehicle.upload(plan)
+        await log.until(lambda: vehicle.telemetry.plan_guarded)
+        await upload_plan(vehicle._raw, vehicle.telemetry, rounded)
+        await log.until(lambda: any(isinstance(e, PlanCompared) for e in log.events))
+        told = [e for e in log.events if isinstance(e, PlanReplaced | PlanCompared)]
+        assert [type(e) for e in told] == [PlanReplaced, PlanCompared]
+        assert told[-1].difference is None
 
     run(mission, udp_port, script)
 

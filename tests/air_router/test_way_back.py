@@ -1,0 +1,218 @@
+"""From every state in the air, however it came about, one sentence says what to do; and it works.
+
+Each test does what the answers to `resume` or `home` say, to the letter, until the vehicle is ours
+again: never more than a few steps, never the same sentence twice.
+"""
+
+import re
+
+import pytest
+
+from air_router.actions import Answered, FlyToNode, RenewPlan
+from air_router.behaviour import State
+from air_router.events import AirspaceChanged, PlanRenewed
+from air_router.requests import ComeHome, GoOn, GoTo, HoldNow
+from air_router.vehicle import FlightMode, PlanCompared, PlanReplaced
+from geo.frame import Point
+from geo.zone import Band, Circle, Zone
+from tests.air_router.conftest import CORNERS
+
+STATES = (
+    *(State.READY, State.INIT, State.SEARCH, State.COMM, State.EXPL),
+    *(State.GOTO, State.HOLD, State.HOME, State.LAND),
+)
+
+
+def sticks(flight):
+    flight.pilot_chooses(FlightMode.OTHER)
+
+
+def pilot_returns(flight):
+    flight.pilot_chooses(FlightMode.RETURN)
+
+
+def hovers_low_after_a_failsafe(flight):
+    """GPS was lost, PX4 sank in its blind landing, got GPS back and holds."""
+    flight.failsafe, flight.fix = True, False
+    flight.altitude_m = min(flight.altitude_m, 33.0)
+    flight.pilot_chooses(FlightMode.LAND)
+    flight.fix = True
+    flight.failsafe = False
+    flight.pilot_chooses(FlightMode.HOLD)
+
+
+def failsafe_acts_without_gps(flight):
+    flight.failsafe, flight.fix = True, False
+    flight.pilot_chooses(FlightMode.HOLD)
+
+
+def another_plan(flight):
+    replaced(flight, "0 items", only_fence=False)
+
+
+def fence_deleted(flight):
+    replaced(flight, "the fence: 59 items sent, 0 are on board", only_fence=True)
+
+
+def plan_deleted_while_the_pilot_flies(flight):
+    sticks(flight)
+    another_plan(flight)
+
+
+def replaced(flight, difference, *, only_fence):
+    flight.give(PlanReplaced(flight.now_s, only_fence))
+    flight.give(PlanCompared(flight.now_s, difference))
+    for _ in range(50):
+        flight.step()
+    if flight.controller.in_charge:  # it lands, and needs no plan for that
+        flight.pilot_chooses(FlightMode.HOLD)
+
+
+def carried_into_a_zone(flight):
+    inside = flight.mission.zones[0].shape.polygon.representative_point()
+    flight.position = Point(inside.x, inside.y)
+    sticks(flight)
+
+
+CAUSES = (
+    sticks,
+    pilot_returns,
+    hovers_low_after_a_failsafe,
+    failsafe_acts_without_gps,
+    another_plan,
+    fence_deleted,
+    plan_deleted_while_the_pilot_flies,
+)
+
+
+def flight_in(pretend, state):
+    """A flight in a state, by the shortest way."""
+    flight = pretend(duration_s=4000.0)
+    flight.robots = dict(CORNERS)
+    if state is State.READY:
+        flight.take_off_halfway()
+        return flight
+    flight.take_off()
+    flight.fly_away()
+    asked = {
+        State.GOTO: GoTo((Point(-20.0, -60.0),)),
+        State.HOLD: HoldNow(),
+        State.HOME: ComeHome(),
+        State.LAND: ComeHome(),
+    }
+    if state in asked:
+        flight.operator_asks(asked[state])
+    flight.fly_to_state(state)
+    if state is State.LAND:
+        for _ in range(100):
+            flight.step()
+    return flight
+
+
+def obey(flight, request, most=4):
+    """Ask, and do what the answers say until it is accepted."""
+    heard = []
+    for _ in range(most):
+        flight.operator_asks(request)
+        answer = next(a for a in reversed(flight.actions) if isinstance(a, Answered))
+        if answer.accepted:
+            return heard
+        assert answer.why not in heard, heard
+        heard.append(answer.why)
+        if "wait for it" in answer.why:
+            flight.fix = True
+        if climb := re.search(r"climb to (\d+) m by hand", answer.why):
+            flight.altitude_m = float(climb[1])
+        if "fly it out by hand" in answer.why:
+            flight.position = flight.mission.home
+        if "choose Hold" in answer.why:
+            flight.failsafe = False
+            flight.pilot_chooses(FlightMode.HOLD)
+        if "resume upload" in answer.why and isinstance(request, GoOn):
+            request = GoOn(upload=True)
+        flight.step()
+    raise AssertionError(f"no way back: {heard}")
+
+
+def goes_on(flight, since):
+    """A leg of ours is flown, at the mission's altitude and with our plan on board."""
+    up_m = flight.mission.altitude_above_home_m - 2.0
+
+    def flies():
+        new = flight.actions[since:]
+        if isinstance(new[-1], RenewPlan):
+            assert flight.mode is FlightMode.HOLD
+            flight.give(PlanRenewed())
+        return any(isinstance(action, FlyToNode) for action in new)
+
+    flight.fly_until(flies, 120.0)
+    assert flight.controller.in_charge
+    assert flight.altitude_m > up_m
+
+
+@pytest.mark.parametrize("cause", [*CAUSES, carried_into_a_zone])
+@pytest.mark.parametrize("state", STATES)
+def test_what_resume_answers_leads_back_to_the_mission(pretend, state, cause):
+    flight = flight_in(pretend, state)
+    cause(flight)
+    assert flight.controller.state is State.PASSIVE
+    since = len(flight.actions)
+    heard = obey(flight, GoOn())
+    goes_on(flight, since)
+    uploads = sum(isinstance(action, RenewPlan) for action in flight.actions)
+    assert uploads == any("resume upload" in why for why in heard)
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+@pytest.mark.parametrize("state", STATES)
+def test_what_home_answers_leads_to_a_landing_at_home(pretend, state, cause):
+    flight = flight_in(pretend, state)
+    cause(flight)
+    obey(flight, ComeHome())
+    flight.fly_until(lambda: flight.finished is not None, 600.0)
+    assert flight.finished.landed_by_us
+    assert flight.closest_m() >= flight.mission.planner.clearance_m
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+def test_what_a_refused_request_says_is_what_resume_would_say(pretend, cause):
+    flight = flight_in(pretend, State.EXPL)
+    cause(flight)
+    whys = []
+    for request in (HoldNow(), GoTo((Point(-20.0, -60.0),))):
+        flight.operator_asks(request)
+        whys.append(next(a.why for a in reversed(flight.actions) if isinstance(a, Answered)))
+    assert len(set(whys)) == 1
+    way_back = whys[0].split("; ", 1)[1]
+    flight.operator_asks(GoOn())
+    answer = next(a for a in reversed(flight.actions) if isinstance(a, Answered))
+    assert answer.accepted == way_back.startswith("'resume' takes it back")
+    assert answer.accepted or answer.why == way_back
+
+
+def test_where_a_zone_may_be_above_the_pilot_climbs(pretend, pennovation):
+    flight = flight_in(pretend, State.EXPL)
+    sticks(flight)
+    flight.altitude_m = 20.0
+    beside = Point(flight.position[0] + 9.0, flight.position[1])
+    bridge = Zone("bridge", Circle(beside, 8.0), band=Band(25.0, 30.0))
+    flight.give(AirspaceChanged(pennovation.fences, (*pennovation.zones, bridge)))
+    flight.pilot_chooses(FlightMode.HOLD)
+    (why,) = obey(flight, GoOn())
+    assert why == (
+        "it is 20 m above home, too near to bridge to climb by itself: climb to 40 m by hand, "
+        "then choose Hold"
+    )
+
+
+def test_a_climb_that_does_not_go_on_is_given_back(pretend):
+    flight = flight_in(pretend, State.EXPL)
+    sticks(flight)
+    flight.altitude_m = 20.0
+    flight.pilot_chooses(FlightMode.HOLD)
+    flight.operator_asks(GoOn())
+    for _ in range(400):
+        flight.altitude_m = 20.0
+        flight.step()
+    assert flight.controller.state is State.PASSIVE
+    assert any("the climb to the mission's altitude does not go on" in s for s in flight.said)
