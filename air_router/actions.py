@@ -85,6 +85,7 @@ class Refusal(StrEnum):
     NOT_FLYING = "not-flying"
     FLIGHT_OVER = "flight-over"
     NOT_OURS = "not-ours"
+    OTHER_PLAN = "other-plan"
     HANDS_OFF = "hands-off"
     COMING_HOME = "coming-home"
     NO_FIX = "no-fix"

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from air_router.actions import Answered, ReadAgain, Refusal
 from air_router.behaviour import EXPLORING, Signal, State
 from air_router.errand import Errand, Judge, Refused
+from air_router.handing import OnBoard
 from air_router.permission import comes_home
 from air_router.renewal import Phase
 from air_router.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, Reload, SeekNow
@@ -159,7 +160,7 @@ class Answering:
                 self._renewal.board_again()
             why = self._handing.resume(upload=upload)
             if why is not None:
-                return Refused(Refusal.NOT_OURS, why)
+                return Refused(self._why_ours_not(), why)
             self._homecoming.call_off()
             first = "the plan is put on board again, then " if upload else ""
             return Accepted(f"{first}the mission goes on from here")
@@ -168,6 +169,12 @@ class Answering:
                 Refusal.NOTHING_TO_DO, f"nothing is held: it is in {state.name}"
             )
         return self._permission.to_move() or self._go_on(request.by)
+
+    def _why_ours_not(self) -> Refusal:
+        """Whether all that keeps a vehicle from being taken back is the plan on board."""
+        other = self._handing.on_board is OnBoard.ANOTHER
+        only = other and self._handing.why_not_back(flies_plan=False) is None
+        return Refusal.OTHER_PLAN if only else Refusal.NOT_OURS
 
     def _go_on(self, by: str) -> Accepted:
         held, self._held = self._held, None

@@ -37,6 +37,11 @@ class PlanGuard:
         if self._task is None or self._task.done():
             self._task = asyncio.get_running_loop().create_task(self._work())
 
+    async def done(self) -> None:
+        """Wait until nothing is left to compare."""
+        if self._task is not None:
+            await self._task
+
     def close(self) -> None:
         """Nothing is compared any more."""
         if self._task is not None:

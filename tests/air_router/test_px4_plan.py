@@ -126,8 +126,7 @@ def test_a_plan_that_changes_while_it_is_compared_is_compared_again(pennovation)
         guard = PlanGuard(compare, reported.append)
         guard.plan = plan
         guard.replaced()
-        while not reported:
-            await asyncio.sleep(0)
+        await guard.done()
         return reads == [plan, plan], reported
 
     assert asyncio.run(script()) == (True, [None])

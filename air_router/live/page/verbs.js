@@ -56,7 +56,7 @@ export class Verbs {
   async holdAll(flights) {
     this.stop();
     const answers = await Promise.all(flights.map((flight) => answerOf(flight, { request: "hold" })));
-    this.say(answers.join(" "));
+    this.say(answers.map(({ text }) => text).join(" "));
   }
 
   choose() {
@@ -101,8 +101,12 @@ export class Verbs {
 
   /** @param {import("./flight.js").Flight} flight @param {object} request */
   async ask(flight, request) {
-    const answer = await answerOf(flight, request);
-    setTimeout(() => this.say(answer)); // after what stops choosing
+    const { text, code } = await answerOf(flight, request);
+    const title = "Put this mission's plan on board?";
+    if (code === "other-plan" && (await sure(flight, title, text, "Upload"))) {
+      return this.ask(flight, { ...request, upload: true });
+    }
+    setTimeout(() => this.say(text)); // after what stops choosing
   }
 }
 
@@ -111,13 +115,14 @@ function who(flight) {
   return flight.colour ? `${flight.name}: ` : "";
 }
 
-/** @param {import("./flight.js").Flight} flight @param {object} request @returns {Promise<string>} */
+/** @param {import("./flight.js").Flight} flight @param {object} request
+ *  @returns {Promise<{text: string, code: string | null}>} */
 async function answerOf(flight, request) {
   try {
-    const answer = await flight.link.ask(request);
-    return `${who(flight)}${answer.accepted ? "Accepted" : "Refused"}: ${answer.why}.`;
+    const { accepted, why, code } = await flight.link.ask(request);
+    return { text: `${who(flight)}${accepted ? "Accepted" : "Refused"}: ${why}.`, code };
   } catch (error) {
-    return `${who(flight)}${/** @type {Error} */ (error).message}`;
+    return { text: `${who(flight)}${/** @type {Error} */ (error).message}`, code: null };
   }
 }
 
