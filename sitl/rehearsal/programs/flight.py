@@ -23,7 +23,6 @@ from sitl.rehearsal.programs.processes import (
     Companion,
     free_port,
     hurry,
-    is_taken,
     port_of,
     started,
 )
@@ -80,7 +79,6 @@ class RealFlight:
         self._companion: Companion
         self._station: Station
         self._arguments: list[str] = []
-        self._port = 0
 
     @property
     def _seen(self) -> Recording:
@@ -100,7 +98,6 @@ class RealFlight:
             self._relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports))
             self._relay.weather = Weather(loss=self.scene.loss)
             self._station = Station(self._relay)
-            self._port = port
             self._arguments = [
                 *(str(mission), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
                 f"--duration={DURATION_S}",
@@ -111,8 +108,7 @@ class RealFlight:
 
     def _flown(self, mission: Path) -> Evidence:
         self._start("--arm", "--yes")
-        if self._px4 is None:  # which would only burn time while the companion starts
-            wait_until(lambda: is_taken(self._port) or self._companion.ended, STARTS_S)
+        if self._px4 is None:
             self._start_vehicle(mission)
         try:
             wait_until(lambda: self._seen.armed or self._companion.ended, STARTS_S)

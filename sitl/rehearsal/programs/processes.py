@@ -136,16 +136,6 @@ def hurry(path: Path, folder: Path) -> Path:
     return hurried_path
 
 
-def is_taken(port: int) -> bool:
-    """Whether a program listens there."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(("0.0.0.0", port))  # noqa: S104 - to see whether it can be
-        except OSError:
-            return True
-    return False
-
-
 def free_port() -> int:
     """A UDP port that no program has."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
