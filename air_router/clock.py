@@ -11,6 +11,8 @@ import time
 from collections.abc import Callable
 from typing import Final
 
+from air_router.pace import ALLOWANCE_S
+
 _RATE_WINDOW_S: Final = 0.3
 """Wall time over which the clock's rate against ours is measured."""
 
@@ -24,15 +26,19 @@ class VehicleClock:
     Args:
         monotonic: The companion's own clock; tests pass another.
         unix: Unix time to start from until the vehicle tells its own (it does so with GPS).
+        ceiling: Of a simulation that waits for us (`air_router.pace`): its rate at most.
     """
 
     def __init__(
         self,
         monotonic: Callable[[], float] = time.monotonic,
         unix: Callable[[], float] = time.time,
+        *,
+        ceiling: float | None = None,
     ) -> None:
         self._monotonic = monotonic
         self._unix = unix
+        self._ceiling = ceiling
         self._lock = threading.Lock()
         self._boot_s: float | None = None
         self._heard_s = 0.0
@@ -75,14 +81,20 @@ class VehicleClock:
             if self._boot_s is None:
                 return 0.0
             since_s = min(self._monotonic() - self._heard_s, _SILENCE_S)
-            self._told_s = max(self._told_s, self._boot_s + since_s * self._rate)
+            ahead_s = since_s * self._rate
+            if self._ceiling is not None:
+                ahead_s = min(ahead_s, ALLOWANCE_S)  # farther it does not go without us
+            self._told_s = max(self._told_s, self._boot_s + ahead_s)
             return self._told_s
 
     @property
     def rate(self) -> float:
-        """Seconds of the vehicle in a second of ours: 1 outside, more in a fast simulation."""
+        """Seconds of the vehicle in a second of ours: 1 outside, more in a fast simulation.
+
+        Where the simulation waits for us it changes all the time: then what it is at most.
+        """
         with self._lock:
-            return self._rate
+            return self._rate if self._ceiling is None else self._ceiling
 
     def now_s(self) -> float:
         """Unix seconds: the vehicle's, or the companion's own until the vehicle told its time."""

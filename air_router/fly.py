@@ -22,6 +22,7 @@ from air_router.flight_result import FlightResult
 from air_router.gossip import Gossip
 from air_router.mapper import Mapper
 from air_router.mission import load_mission
+from air_router.pace import PaceClient, PaceSource
 from air_router.page import Web, add_web, page_of, web_of
 from air_router.preflight_survey import Survey
 from air_router.px4 import Px4Vehicle
@@ -65,6 +66,7 @@ class FlyOptions:
         resume: Go on with a flight that is under way.
         duration_s: Come home after so long in the air, None for the mission's own.
         recording: Where the flight is recorded.
+        pace: Of a simulation that waits for this flight; None: nothing waits.
     """
 
     url: str = DEFAULT_URL
@@ -79,6 +81,7 @@ class FlyOptions:
     arm: bool = False
     resume: bool = False
     recording: Recording = field(default_factory=Recording)
+    pace: PaceSource | None = None
 
 
 def fly(mission: Mission, options: FlyOptions) -> FlightResult:
@@ -94,7 +97,7 @@ def fly(mission: Mission, options: FlyOptions) -> FlightResult:
 
 
 def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightResult:
-    clock = VehicleClock()
+    clock = VehicleClock(ceiling=None if options.pace is None else options.pace.speed)
     mapper = Mapper(mission)
     gossip = Gossip(
         mission.frame,
@@ -107,14 +110,17 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
         goals_from=mission.goals_from,
     )
     recording, status = options.recording, StatusLine()
-    with Recorder(
-        recording.folder,
-        str(mission.path),
-        unix_s=clock.now_s,
-        stem=recording.stem,
-        name=uav,
-        must=recording.must and not options.resume,
-    ) as recorder:
+    with (
+        PaceClient(options.pace, uav) as pace,
+        Recorder(
+            recording.folder,
+            str(mission.path),
+            unix_s=clock.now_s,
+            stem=recording.stem,
+            name=uav,
+            must=recording.must and not options.resume,
+        ) as recorder,
+    ):
         for path in (mission.path, team.path):
             recorder.file(path)
         flight = Flight(
@@ -130,6 +136,7 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             control=options.control,
             arm=options.arm,
             resume=options.resume,
+            reached=pace.reached,
             survey=lambda router: Survey(
                 mission, router, team=team, uav=uav, log_dir=recording.folder
             ),
@@ -223,6 +230,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     # For `sim` with several UAVs: one of them, at a time that is pretended.
     parser.add_argument(PART, action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--at", type=moment, help=argparse.SUPPRESS)
+    parser.add_argument("--pace-from", type=PaceSource.of, help=argparse.SUPPRESS)
     parser.set_defaults(run=run)
 
 
@@ -313,6 +321,7 @@ def run(arguments: argparse.Namespace) -> int:
             keys=arguments.keys,
             arm=arguments.arm,
             resume=arguments.resume,
+            pace=arguments.pace_from,
         ),
     )
     return finish(mission, result, arguments)

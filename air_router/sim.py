@@ -37,7 +37,11 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     add_flight_arguments(parser)
     add_start(parser)
     parser.add_argument(
-        "--speed", type=_speed, default=1.0, metavar="X", help="times real time (default 1)"
+        "--speed",
+        type=_speed,
+        default=1.0,
+        metavar="X",
+        help="at most, times real time (default 1); the world waits for what falls behind",
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all that is random")
     parser.add_argument(
@@ -76,6 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
                 system_id=seat.system_id,
                 team=world.team,
                 camera=seat.camera,
+                pace=world.pace,
                 arm=True,
             ),
         )
@@ -102,7 +107,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Name
         World(arguments.mission, options, folder, mission.layers) as world,
     ):
         commands = {
-            seat.uav: _command(seat, index, world.team, arguments)
+            seat.uav: _command(seat, index, world, arguments)
             for index, seat in enumerate(world.seats)
         }
         flights = Flights(commands, overhear=overhear)
@@ -118,15 +123,16 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Name
     return code
 
 
-def _command(seat: Seat, index: int, team: Path, arguments: argparse.Namespace) -> Sequence[str]:
+def _command(seat: Seat, index: int, world: World, arguments: argparse.Namespace) -> Sequence[str]:
     """What flies one of several UAVs; each has ports of its own, behind those of the one before."""
     command = ["fly", str(arguments.mission), "--uav", seat.uav, "--arm", "--yes", "--json", PART]
     command += ["--connect", seat.url, "--sysid", str(seat.system_id)]
-    command += ["--team", str(team), "--camera", seat.camera]
+    command += ["--team", str(world.team), "--camera", seat.camera]
     picture = arguments.png
     if picture is not None:
         picture = picture.with_stem(f"{picture.stem}-{seat.uav}")
     for option, value in (
+        ("--pace-from", world.pace),
         ("--duration", arguments.duration),
         ("--seek", arguments.seek),
         ("--png", picture),

@@ -22,6 +22,7 @@ from typing import Any
 
 from air_router.errors import NoVehicleError
 from air_router.fleet import Layer
+from air_router.pace import PaceSource
 from mocha_link.lifetime import Closeable
 
 _log = logging.getLogger(__name__)
@@ -66,9 +67,14 @@ class Seat:
 
 
 class Child:
-    """A process of the simulated world: says on stdout when it is ready, ends on SIGTERM."""
+    """A process of the simulated world: says on stdout when it is ready, ends on SIGTERM.
+
+    Attributes:
+        ended: What it said at its end, if it says something then.
+    """
 
     def __init__(self, name: str, arguments: list[str], log: Path) -> None:
+        self.ended: dict[str, Any] = {}
         self._name = name
         self._log = log
         with log.open("wb") as stderr:
@@ -109,7 +115,7 @@ class Child:
         return ready
 
     def stop(self) -> None:
-        """End it and wait until it has ended."""
+        """End it and wait until it has ended, with what it says then in `ended`."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGTERM)
         try:
@@ -119,6 +125,8 @@ class Child:
             self._process.kill()
             self._process.wait()
         if self._process.stdout is not None:
+            with contextlib.suppress(ValueError):
+                self.ended = json.loads(self._process.stdout.read() or b"{}")
             self._process.stdout.close()
 
 
@@ -134,6 +142,8 @@ class World(Closeable):
     Attributes:
         seats: The vehicles, in the order of `layers`.
         team: The team file with the ports of this simulation.
+        pace: Where flights say how far they are, so that the world's clock waits for them; None
+            with a real PX4, which waits for no companion.
 
     Raises:
         NoVehicleError: a part of it did not start.
@@ -149,6 +159,8 @@ class World(Closeable):
         self._altitudes_m = {layer.uav: layer.altitude_m for layer in layers}
         self._report = folder / "world.json"
         self._children: list[Child] = []
+        self._clock: Child | None = None
+        self.pace: PaceSource | None = None
         try:
             seats, ready = self._with_ours() if options.px4 is None else self._with_px4(options.px4)
         except BaseException:
@@ -165,16 +177,24 @@ class World(Closeable):
         epoch = ["--epoch", str(int(time.time()))]
         ports = [_free_ports() for _ in self._uavs]
         truths = [f"udp://127.0.0.1:{truth}" for _, truth, _ in ports]
-        team = self._start_team(truths, epoch)
-        seats, vehicles = [], []
+        (*_, pace_port) = _free_ports()
+        self.pace = PaceSource("127.0.0.1", pace_port, self._options.speed)
+        follow = ["--pace-from", str(self.pace)]
+        # The first vehicle's clock is the world's: it waits for team, flights and other vehicles.
+        lead = ["--pace", f"127.0.0.1:{pace_port}", "--pace-for", str(2 * len(self._uavs))]
+        team = self._start_team(truths, [*epoch, *follow])
+        seats: list[Seat] = []
+        vehicles: list[Child] = []
         for number, (uav, (api, truth, _)) in enumerate(zip(self._uavs, ports, strict=True)):
             to = ["--api-to", f"127.0.0.1:{api}", "--truth-to", f"127.0.0.1:{truth}"]
             more = ["--no-gcs", "--seed", str(self._options.seed + number), *epoch]
+            more += follow if vehicles else lead
             vehicles.append(self._start_vehicle("vehicle", uav, number, [*to, *more]))
             seats.append(Seat(uav, f"udpin://127.0.0.1:{api}", number + 1))
         ready = team.ready()
         for vehicle in vehicles:
             vehicle.ready()
+        self._clock = vehicles[0]
         return seats, ready
 
     def _with_px4(self, place: str) -> tuple[list[Seat], dict[str, Any]]:
@@ -221,12 +241,15 @@ class World(Closeable):
         for child in self._children:
             child.stop()
         self._children = []
+        report: dict[str, Any] = {}
         try:
-            report: dict[str, Any] = json.loads(self._report.read_text())
+            report = json.loads(self._report.read_text())
         except (OSError, ValueError) as error:
             _log.debug("no report of the world: %s", error)
-            return {}
-        return report
+        team = report.pop("pace", {})
+        ended = {} if self._clock is None else self._clock.ended
+        pace = ended.get("pace", {"asked": self._options.speed, "kept": team.get("kept")})
+        return {**report, "pace": {**pace, "longest_step_s": team.get("longest_step_s")}}
 
     def close(self) -> None:
         """End the world, whatever it knows."""

@@ -125,6 +125,32 @@ def make_world(mission: Mission, team: Team, crew: Crew, plan: WorldPlan) -> Wor
     return World(settings, robots, topics)
 
 
+class TeamPace:
+    """How fast the world went, and in what steps."""
+
+    def __init__(self) -> None:
+        self._began: tuple[float, float] | None = None
+        self._now = (0.0, 0.0)
+        self._longest_step_s = 0.0
+
+    def stepped(self, time_s: float, wall_s: float) -> None:
+        """The world was moved on to this simulated time, at this time of a steady clock."""
+        if self._began is None:
+            self._began = self._now = (time_s, wall_s)
+        self._longest_step_s = max(self._longest_step_s, time_s - self._now[0])
+        self._now = (time_s, wall_s)
+
+    def told(self) -> dict[str, float | None]:
+        """Simulated seconds per wall-clock second, and the longest step in simulated seconds."""
+        simulated_s, wall_s = (
+            now - then for now, then in zip(self._now, self._began or self._now, strict=True)
+        )
+        return {
+            "kept": round(simulated_s / wall_s, 2) if wall_s > 0 else None,
+            "longest_step_s": round(self._longest_step_s, 2),
+        }
+
+
 class TeamSimulation:
     """Carries out what a `World` says, with real sockets. A context manager.
 
@@ -155,6 +181,7 @@ class TeamSimulation:
         self.clock = SimClock(epoch_s)
         self._mission = mission
         self._team = team
+        self._pace = TeamPace()
         self._ground_amsl_m = mission.home_altitude_amsl_m
         self._started = False
         self._others: dict[str, VehicleState] = {}
@@ -199,8 +226,15 @@ class TeamSimulation:
             },
         }
 
-    def run(self, stopped: Callable[[], bool]) -> None:
-        """Follow the vehicle until `stopped` says so."""
+    def run(
+        self,
+        stopped: Callable[[], bool],
+        reached: Callable[[float], None] = lambda _time_s: None,
+    ) -> None:
+        """Follow the vehicle until `stopped` says so.
+
+        `reached` is told up to which second of the vehicle's clock the world has been moved on.
+        """
         heard_s = time.monotonic()
         silent = False
         while not stopped():
@@ -211,6 +245,7 @@ class TeamSimulation:
                     if (other := receiver.receive(0.0)) is not None:
                         self._others[name] = other
                 self.follow(state)
+                reached(state.time_s)
             elif not silent and time.monotonic() - heard_s > _SILENCE_NOTE_S:
                 silent = True
                 _log.warning(
@@ -228,6 +263,7 @@ class TeamSimulation:
         truth = self._truth_of(state, self._ground_amsl_m)
         if truth is None:
             return  # the next packet will be better
+        self._pace.stepped(truth.time_s, time.monotonic())
         if not self._started:
             self._started = True
             self._greet(truth)
@@ -257,7 +293,8 @@ class TeamSimulation:
         self._nodes.take_maps()
         holdings = Holdings(self._nodes.messages(), self._nodes.links(), self._nodes.keepers)
         now_s = self.clock.now_s()
-        return report(self.world, holdings, now_s=now_s, elapsed_s=self.clock.elapsed_s)
+        told = report(self.world, holdings, now_s=now_s, elapsed_s=self.clock.elapsed_s)
+        return {**told, "pace": self._pace.told()}
 
     def close(self) -> None:
         """Stop nodes, relays and sockets."""

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from air_router.errors import ExitCode, UsageError
 from air_router.mission import Mission, load_mission
+from air_router.pace import PaceClient
 from mocha_link.team import Team
 from sitl.default_team import default_team
 from sitl.free_ports import derive_team
@@ -24,7 +25,7 @@ from sitl.team import (
     crew_of,
     write_report,
 )
-from sitl.vehicle_command import epoch
+from sitl.vehicle_command import epoch, pace_source
 from sitl.world_file import load_world
 
 _log = logging.getLogger(__name__)
@@ -83,6 +84,12 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         help="Unix time at the vehicle's time zero; give the vehicle the same one (default: so "
         "that the vehicle's first packet comes now)",
     )
+    parser.add_argument(
+        "--pace-from",
+        type=pace_source,
+        metavar="HOST:PORT",
+        help="let that vehicle's clock (`sitl vehicle --pace`) wait for the team",
+    )
     parser.set_defaults(run=run)
 
 
@@ -101,10 +108,13 @@ def _simulate(arguments: argparse.Namespace) -> None:
         team = derive_team(team, arguments.free_ports)
     with stop_signal() as stopped:
         places = _places(arguments, (crew.vehicle, *crew.others))
-        with TeamSimulation(mission, team, plan, places, epoch_s=arguments.epoch) as simulation:
+        with (
+            PaceClient(arguments.pace_from, "team") as pace,
+            TeamSimulation(mission, team, plan, places, epoch_s=arguments.epoch) as simulation,
+        ):
             sys.stdout.write(json.dumps(simulation.ready()) + "\n")
             sys.stdout.flush()
-            simulation.run(stopped)
+            simulation.run(stopped, pace.reached)
             content = simulation.report()
         if arguments.report is not None:
             write_report(arguments.report, content)

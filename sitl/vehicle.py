@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import logging
 import select
+import socket
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from mocha_link.lifetime import Closeable
 from sitl.mavlink_link import MavlinkLink
 from sitl.mavlink_vehicle import STEP_S, MavlinkVehicle, VehicleSettings
+from sitl.pace_link import WorldPace
 from sitl.udp_link import Address, UdpLink
 
 _log = logging.getLogger(__name__)
 
 _LEAST_WAIT_S: Final = 0.004  # at high speeds several steps are done at once
 _MOST_BEHIND_S: Final = 0.25
+_SOON_S: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,15 +60,19 @@ class VehicleProcess(Closeable):
     """Runs a vehicle; a context manager that frees its ports.
 
     Args:
-        settings: The vehicle.
+        settings: The vehicle; its `speed` is what the clock keeps to, where `pace` lets it.
         ports: Its places on the network.
+        pace: Which processes the clock waits for; None: none. Closed with the vehicle.
 
     Raises:
         PortInUseError: one of the ports is taken.
     """
 
-    def __init__(self, settings: VehicleSettings, ports: Ports) -> None:
+    def __init__(
+        self, settings: VehicleSettings, ports: Ports, pace: WorldPace | None = None
+    ) -> None:
         self._speed = settings.speed
+        self._pace = pace or WorldPace()
         self._vehicle = MavlinkVehicle(settings)
         self._links: list[tuple[MavlinkLink, UdpLink]] = []
         try:
@@ -86,25 +93,38 @@ class VehicleProcess(Closeable):
         """The port that a link receives on."""
         return next(end.port for opened, end in self._links if opened is link)
 
+    def pace(self) -> dict[str, Any]:
+        """What became of the speed that was asked for; see `Pace.told`."""
+        return self._pace.told(self._speed)
+
     def run(self, stopped: Callable[[], bool]) -> None:
         """Run until `stopped` says so; it is asked at least fifty times a second."""
-        step_s = STEP_S / self._speed
-        least_wait_s = _LEAST_WAIT_S if step_s < _LEAST_WAIT_S else 0.0
         level = logging.WARNING
         next_s = time.monotonic()
+        held = False
         while not stopped():
             now_s = time.monotonic()
+            limit = self._pace.limit(self._vehicle.autopilot.time_s, now_s)
+            speed = self._speed if limit.full_speed else min(self._speed, 1.0)
+            step_s = STEP_S / speed
             if now_s - next_s > _MOST_BEHIND_S:
-                _log.log(level, "too slow for this speed: %.2f s of real time lost", now_s - next_s)
-                level, next_s = logging.DEBUG, now_s  # once is enough
-            while next_s <= now_s:
+                if not held:
+                    late_s = now_s - next_s
+                    _log.log(level, "too slow for this speed: %.2f s of real time lost", late_s)
+                    level = logging.DEBUG  # once is enough
+                next_s = now_s
+            while next_s <= now_s and self._vehicle.autopilot.time_s < limit.until_s - _SOON_S:
                 self._vehicle.step()
                 next_s += step_s
+            held = next_s <= now_s
             self._flush()
-            self._receive(min(max(next_s - time.monotonic(), least_wait_s), STEP_S))
+            wait_s = next_s - time.monotonic()
+            least_wait_s = _LEAST_WAIT_S if step_s < _LEAST_WAIT_S else 0.0
+            self._receive(STEP_S if held else min(max(wait_s, least_wait_s), STEP_S), held=held)
 
     def close(self) -> None:
         """Free the ports."""
+        self._pace.close()
         for _, end in self._links:
             end.close()
         self._links.clear()
@@ -112,11 +132,14 @@ class VehicleProcess(Closeable):
     def _open(self, link: MavlinkLink, bind: Address, partner: Address, what: str) -> None:
         self._links.append((link, UdpLink(bind, partner, what)))
 
-    def _receive(self, timeout_s: float) -> None:
-        """Answer what comes in until it is time for the next step."""
+    def _receive(self, timeout_s: float, *, held: bool) -> None:
+        """Answer what comes in until it is time for the next step, or the clock is held no more."""
         end_s = time.monotonic() + timeout_s
         while (left_s := end_s - time.monotonic()) > 0:
-            ready = select.select([end for _, end in self._links], [], [], left_s)[0]
+            ends: list[UdpLink | socket.socket] = [end for _, end in self._links]
+            ready = select.select([*ends, *self._pace.sockets], [], [], left_s)[0]
+            if self._pace.attend(ready) and held:
+                return
             for link, end in self._links:
                 if end not in ready:
                     continue

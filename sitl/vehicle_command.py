@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
 import sys
@@ -14,7 +15,9 @@ from typing import Any, Final
 from air_router.arguments import add_uav
 from air_router.errors import ExitCode, UsageError
 from air_router.mission import load_mission
+from air_router.pace import PaceSource
 from sitl.mavlink_vehicle import VehicleSettings
+from sitl.pace_link import FollowedPace, PaceServer, WorldPace
 from sitl.parameters import DEFAULTS
 from sitl.px4_version import VERSIONS
 from sitl.situation import Place
@@ -31,7 +34,8 @@ _MOST_WIND_M_S: Final = 25.0
 _LAST_EPOCH_S: Final = 2.0**32
 _EPILOG = """\
 Prints one JSON line on stdout when it runs: {"ready": true, "mavlink": ..., "gcs": ...,
-"truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM.
+"truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM, and ends
+with another: {"simulated_s": ..., "pace": {"asked": ..., "kept": ..., "processes": ...}}.
 Ports are PX4's: instance N sends to 127.0.0.1 port 14540+N (API), 14550 (ground station) and
 19410+N (truth), and keeps, on each link, to the first partner that talks to it.
 
@@ -55,7 +59,23 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "--instance", type=instance, default=0, metavar="N", help="ports +N, system id N+1"
     )
     parser.add_argument(
-        "--speed", type=speed, default=1.0, metavar="X", help="times real time (default 1)"
+        "--speed", type=speed, default=1.0, metavar="X", help="at most, times real time (default 1)"
+    )
+    parser.add_argument(
+        "--pace",
+        type=_address,
+        metavar="HOST:PORT",
+        help="let the clock wait for the processes that tell there how far they are",
+    )
+    parser.add_argument(
+        "--pace-for",
+        type=int,
+        default=1,
+        metavar="N",
+        help="how many of them there will be (default 1); until all have told it is real time",
+    )
+    parser.add_argument(
+        "--pace-from", type=pace_source, metavar="HOST:PORT", help="follow that vehicle's clock"
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the position noise")
     parser.add_argument(
@@ -128,6 +148,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate until a signal comes; returns the exit code."""
     if arguments.no_gcs and arguments.gcs_to is not None:
         raise UsageError("--no-gcs and --gcs-to contradict each other; give one of them")
+    if arguments.pace is not None and arguments.pace_from is not None:
+        raise UsageError("--pace and --pace-from contradict each other; give one of them")
     _simulate(arguments)
     return ExitCode.DONE
 
@@ -145,10 +167,24 @@ def _simulate(arguments: argparse.Namespace) -> None:
         px4_version=arguments.px4_version,
     )
     ports = _ports(arguments)
-    with stop_signal() as stopped, VehicleProcess(settings, ports) as process:
+    with stop_signal() as stopped, VehicleProcess(settings, ports, _pace(arguments)) as process:
         sys.stdout.write(json.dumps(_ready(settings, ports)) + "\n")
         sys.stdout.flush()
         process.run(stopped)
+        simulated_s = round(process.vehicle.autopilot.time_s, 1)
+        ended = {"simulated_s": simulated_s, "pace": process.pace()}
+    with contextlib.suppress(BrokenPipeError):  # whoever started it has gone without a word
+        sys.stdout.write(json.dumps(ended) + "\n")
+        sys.stdout.flush()
+
+
+def _pace(arguments: argparse.Namespace) -> WorldPace:
+    """Which processes the clock waits for."""
+    if arguments.pace is not None:
+        return PaceServer(arguments.pace, arguments.pace_for)
+    if arguments.pace_from is not None:
+        return FollowedPace(arguments.pace_from, f"vehicle {arguments.instance + 1}")
+    return WorldPace()
 
 
 def _home_of(path: Path | None, uav: str | None) -> Place:
@@ -235,6 +271,16 @@ def _wind(text: str) -> WindSettings:
     if not (0 <= speed_m_s <= _MOST_WIND_M_S and 0 <= gusts <= _MOST_WIND_M_S):
         raise argparse.ArgumentTypeError(f"'{text}': winds go from 0 to {_MOST_WIND_M_S:g} m/s")
     return wind
+
+
+def pace_source(text: str) -> PaceSource:
+    """Where the pace of a simulation is set, of a command line."""
+    try:
+        return PaceSource.of(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is not HOST:PORT; write 127.0.0.1:24900"
+        ) from None
 
 
 def _address(text: str) -> Address:

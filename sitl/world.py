@@ -193,6 +193,9 @@ class _Crew:
 class World:
     """Ground robots, radios and the camera, moved on by `step`.
 
+    The robots set off, and fading begins, when a vehicle takes off for the first time: however
+    long it takes to get ready, the same flight meets the same world.
+
     Args:
         settings: The world.
         robots: The ground robots, by name.
@@ -218,6 +221,7 @@ class World:
         self._reading = Every(settings.reading_interval_s)
         self._picture = Every(settings.camera_interval_s)
         self._now_s: float | None = None
+        self._took_off_s: float | None = None
 
     @property
     def robots(self) -> Mapping[str, GroundRobot]:
@@ -242,8 +246,11 @@ class World:
         vehicles = {self.settings.vehicle: truth, **(others or {})}
         dt_s = 0.0 if self._now_s is None else max(0.0, truth.time_s - self._now_s)
         self._now_s = truth.time_s
-        for crew in self._crews.values():
-            crew.robot.step(dt_s)
+        if self._took_off_s is not None:
+            for crew in self._crews.values():
+                crew.robot.step(dt_s)
+        elif any(there.height_m >= LANDED_BELOW_M for there in vehicles.values()):
+            self._took_off_s = truth.time_s
         links, readings = self._hear(vehicles, truth, dt_s)
         self._measure(vehicles, truth.time_s)
         patches = self._look(vehicles) if self._picture.due(truth.time_s) else {}
@@ -291,11 +298,12 @@ class World:
             )
         changes: list[LinkChange] = []
         readings: list[Reading] = []
+        flown_s = 0.0 if self._took_off_s is None else truth.time_s - self._took_off_s
         tell = self._reading.due(truth.time_s)
         for (a, b), contact in self._pairs.items():
             if a not in antennas or b not in antennas:
                 continue
-            rssi_dbm = radio.rssi_dbm(a, antennas[a], b, antennas[b], truth.time_s)
+            rssi_dbm = radio.rssi_dbm(a, antennas[a], b, antennas[b], flown_s)
             heard = radio.hears(rssi_dbm)
             contact.closest_m = min(contact.closest_m, antennas[a].distance_m(antennas[b]))
             if contact.up:

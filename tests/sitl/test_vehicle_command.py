@@ -51,8 +51,10 @@ def test_it_says_when_it_is_ready_sends_and_ends_on_a_signal(number):
             state = truth.receive(LIMIT_S)
             process.send_signal(number)
             assert process.wait(LIMIT_S) == 0
-            assert process.stdout.read() == ""
+            ended = json.loads(process.stdout.read())
             assert process.stderr.read() == ""
+    assert ended["simulated_s"] > 0
+    assert ended["pace"]["asked"] == 10
     truth.close()
     assert ready["ready"] is True
     assert ready["mavlink"] == f"udpin://0.0.0.0:{port}"
