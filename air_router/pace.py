@@ -46,9 +46,13 @@ class PaceSource:
         """Read HOST:PORT or HOST:PORT,SPEED. Raises ValueError: it is neither."""
         place, _, speed = text.partition(",")
         host, _, port = place.rpartition(":")
-        source = cls(host, int(port), float(speed or 1.0))
+        wrong = ValueError(f"'{text}' is not HOST:PORT or HOST:PORT,SPEED")
+        try:
+            source = cls(host, int(port), float(speed or 1.0))
+        except ValueError:
+            raise wrong from None
         if not host or source.port not in _PORTS or not 0.0 < source.speed < math.inf:
-            raise ValueError(f"'{text}' is not HOST:PORT or HOST:PORT,SPEED")
+            raise wrong
         return source
 
     def __str__(self) -> str:

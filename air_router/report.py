@@ -21,6 +21,9 @@ COLUMNS: Final = (
     ("map at last meeting", "{}"),
 )
 
+KEPT_SHARE: Final = 0.95
+"""Of the speed that was asked for; with less it is told who was too slow."""
+
 
 def write_report(
     mission: Mission,
@@ -87,7 +90,23 @@ def table(report: dict[str, Any]) -> str:
             f"closest approach: {report['closest_approach_m']:.1f} m to "
             f"{report['closest_approach_to']} (clearance {report['clearance_m']:.1f} m)"
         )
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n" + pace_line(report)
+
+
+def pace_line(report: Mapping[str, Any]) -> str:
+    """How fast a simulation went, if it was one, and for whom it had to wait."""
+    pace = report.get("world", {}).get("pace", {})
+    asked, kept = pace.get("asked"), pace.get("kept")
+    if kept is None:
+        return ""
+    waited = {name: of["waited_s"] for name, of in pace.get("processes", {}).items()}
+    text = f"simulated at {kept:.1f} times real time"
+    if kept < KEPT_SHARE * asked:
+        text += f" of the {asked:g} asked for"
+        if any(seconds >= 1 for seconds in waited.values()):
+            who = ", ".join(f"{seconds:.0f} s for {name}" for name, seconds in waited.items())
+            text += f"; the world waited {who}"
+    return f"{text}\n"
 
 
 def several(report: dict[str, Any], codes: Mapping[str, int]) -> str:
@@ -105,7 +124,7 @@ def several(report: dict[str, Any], codes: Mapping[str, int]) -> str:
                 f"({pair['across_m']:.1f} m across, {pair['up_m']:.1f} m in height), "
                 f"{pair['contacts']} contacts, {pair['contact_s']:.0f} s\n"
             )
-    return "".join(parts) + ("\n" + "".join(lines) if lines else "")
+    return "".join(parts) + ("\n" + "".join(lines) if lines else "") + pace_line(report)
 
 
 def _bytes(count: int) -> str:

@@ -44,6 +44,20 @@ def drive(world: World, seconds: float, position: Point, start_s: float = 0.0):
     ]
 
 
+def test_robots_set_off_when_the_vehicle_takes_off_however_long_it_got_ready():
+    driven = []
+    for ready_s in (1.0, 60.0):
+        world = make_world()
+        for count in range(round(ready_s / STEP_S)):
+            world.step(truth(count * STEP_S, EAST, height_m=0.1))
+        assert world.robots["io"].driven_m == 0
+        drive(world, 20, EAST, start_s=ready_s)
+        drive(world, 1, EAST, start_s=ready_s + 20)
+        world.step(truth(ready_s + 22, EAST, height_m=0.1))  # landed: they drive on
+        driven.append(world.robots["io"].driven_m)
+    assert driven[0] == pytest.approx(driven[1]) == pytest.approx(22, abs=2 * STEP_S)
+
+
 def test_links_follow_the_vehicle_and_contacts_are_counted():
     world = make_world()
     changes = [

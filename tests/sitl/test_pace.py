@@ -1,0 +1,206 @@
+"""The world's clock waits for who falls behind; the processes are played by the tests."""
+
+import json
+import socket
+
+import pytest
+
+from air_router.pace import ALLOWANCE_S, PaceClient, PaceSource, line
+from sitl import pace as pace_rules
+from sitl.mavlink_vehicle import STEP_S, VehicleSettings
+from sitl.pace import PATIENCE_S, Limit, Pace
+from sitl.pace_link import FollowedPace, PaceServer
+from sitl.situation import Place
+from sitl.vehicle import Ports, VehicleProcess
+
+HOME = Place(39.94, -75.2, 6.7)
+FAST = 100.0
+
+
+def make_pace(**reached_s):
+    pace = Pace(len(reached_s))
+    for name, time_s in reached_s.items():
+        pace.joined(name)
+        pace.reached(name, name, time_s, 0.0)
+    return pace
+
+
+def test_the_world_goes_no_farther_than_a_little_beyond_the_slowest():
+    pace = make_pace(team=7.0, titan=5.0)
+    assert pace.limit(5.1, 0.0) == Limit(5.0 + ALLOWANCE_S)
+    pace.reached("titan", "titan", 9.0, 0.1)
+    assert pace.limit(5.2, 0.1) == Limit(7.0 + ALLOWANCE_S)
+
+
+def test_it_is_real_time_until_all_who_are_expected_have_told_how_far_they_are():
+    pace = Pace(2)
+    pace.joined("team")
+    pace.joined("titan")
+    assert not pace.limit(0.0, 0.0).full_speed
+    pace.reached("team", "team", 1.0, 0.0)
+    assert pace.limit(1.0, 0.0) == Limit(1.0 + ALLOWANCE_S, full_speed=False)
+    pace.reached("titan", "titan", 1.0, 0.0)
+    assert pace.limit(1.0, 0.0).full_speed
+
+
+def test_one_that_is_killed_is_waited_for_no_more_also_before_it_said_anything():
+    pace = make_pace(team=7.0, titan=5.0)
+    pace.left("titan")
+    assert pace.limit(5.2, 0.0) == Limit(7.0 + ALLOWANCE_S)
+    pace.left("team")
+    assert pace.limit(7.2, 0.0) == Limit()
+    early = Pace(1)
+    early.joined("team")
+    early.left("team")
+    assert early.limit(0.0, 0.0) == Limit()
+
+
+def test_one_that_is_stopped_holds_the_world_for_some_seconds_then_it_is_real_time():
+    pace = make_pace(team=5.0, titan=5.0)
+    held = 5.0 + ALLOWANCE_S
+    pace.reached("team", "team", held, 0.0)
+    assert pace.limit(held, 10.0) == Limit(held)
+    assert pace.limit(held, 10.0 + PATIENCE_S) == Limit(held)
+    assert pace.limit(held, 10.1 + PATIENCE_S) == Limit(held + ALLOWANCE_S, full_speed=False)
+    pace.reached("titan", "titan", 6.0, 20.0)
+    assert pace.limit(held, 20.0) == Limit(held + ALLOWANCE_S)
+
+
+def test_the_rate_that_was_kept_and_who_was_behind_are_told():
+    pace = make_pace(team=5.0, titan=5.0)
+    pace.limit(5.0, 100.0)
+    pace.reached("team", "team", 5.2, 100.02)
+    pace.limit(5.2, 100.02)
+    pace.reached("titan", "titan", 5.1, 101.02)
+    pace.limit(25.0, 105.0)
+    told = pace.told(10.0)
+    assert (told["asked"], told["kept"]) == (10.0, 4.0)
+    assert told["processes"] == {
+        "team": {"behind_s": 0.0, "waited_s": 0.0},
+        "titan": {"behind_s": pytest.approx(0.1), "waited_s": 1.0},
+    }
+    assert Pace().told(3.0) == {"asked": 3.0, "kept": None, "processes": {}}
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """However busy this machine is, nobody counts as stopped."""
+    monkeypatch.setattr(pace_rules, "PATIENCE_S", 1e9)
+
+
+@pytest.fixture
+def make_vehicle():
+    processes = []
+
+    def make(pace):
+        nowhere = ("127.0.0.1", 9)
+        ports = Ports(("", 0), nowhere, ("", 0), None, ("", 0), nowhere)
+        settings = VehicleSettings(HOME, speed=FAST, ground_link=False)
+        processes.append(VehicleProcess(settings, ports, pace))
+        return processes[-1]
+
+    yield make
+    for process in processes:
+        process.close()
+
+
+def run_until(process, condition, also=lambda: None):
+    def stopped():
+        also()
+        return condition()
+
+    process.run(stopped)
+
+
+def time_s(process):
+    return process.vehicle.autopilot.time_s
+
+
+def source_of(server):
+    return PaceSource("127.0.0.1", server.port, FAST)
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_vehicle_stands_still_for_a_process_that_works_and_flies_on_when_it_is_gone(make_vehicle):
+    server = PaceServer(("127.0.0.1", 0), 1)
+    process = make_vehicle(server)
+    client = PaceClient(source_of(server), "titan")
+    for reached_s in (1.0, 4.0):
+        client.reached(reached_s)
+        run_until(process, lambda at_s=reached_s: time_s(process) > at_s + ALLOWANCE_S - STEP_S)
+        looks = iter(range(5))
+        run_until(process, lambda looks=looks: next(looks, None) is None)
+        assert time_s(process) < reached_s + ALLOWANCE_S + STEP_S
+    client.close()
+    run_until(process, lambda: time_s(process) > 10.0)
+    told = process.pace()
+    assert told["asked"] == FAST
+    assert 0 < told["kept"] <= FAST
+    assert told["processes"]["titan"]["waited_s"] > 0
+
+
+@pytest.mark.usefixtures("patient")
+def test_two_vehicles_keep_together(make_vehicle):
+    """One sets the pace for the other, which is waited for as well."""
+    server = PaceServer(("127.0.0.1", 0), 2)
+    first = make_vehicle(server)
+    second = make_vehicle(FollowedPace(source_of(server), "vehicle 2"))
+    team = PaceClient(source_of(server), "team")
+    apart_s = []
+
+    def turn():
+        """One turn of the second's loop, and of the team, in each turn of the first's."""
+        looks = iter(range(1))
+        run_until(second, lambda: next(looks, None) is None)
+        team.reached(time_s(first))
+        apart_s.append(abs(time_s(first) - time_s(second)))
+
+    run_until(first, lambda: time_s(first) > 5.0, turn)
+    assert max(apart_s) <= ALLOWANCE_S + 2 * STEP_S
+    team.close()
+    server.close()  # left alone the second one flies on by itself
+    run_until(second, lambda: time_s(second) > 8.0)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [b"GET / HTTP/1.1\r\n\r\n", line({"reached_s": 1}), b'{"name": "x", "reached_s": NaN}\n'],
+)
+def test_a_stranger_is_hung_up_on_and_nobody_waits_for_it(said):
+    with PaceServer(("127.0.0.1", 0), 0) as server:
+        stranger = socket.create_connection(("127.0.0.1", server.port))
+        stranger.sendall(said)
+        while len(server.sockets) < 2:
+            server.attend(server.sockets)
+        while len(server.sockets) > 1:
+            server.attend(server.sockets)
+        assert stranger.recv(100) == b""
+        stranger.close()
+        assert server.limit(100.0, 0.0) == Limit()
+
+
+def test_without_a_world_to_tell_and_after_it_has_ended_nothing_happens():
+    PaceClient(None, "titan").reached(1.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        client = PaceClient(PaceSource("127.0.0.1", server.getsockname()[1]), "titan")
+        client.reached(1.0)
+        connection, _ = server.accept()
+        with connection:
+            assert json.loads(connection.recv(100)) == {"name": "titan", "reached_s": 1.0}
+    for step in range(100):
+        client.reached(2.0 + step)
+    client.close()
+
+
+@pytest.mark.parametrize(
+    "text", ["24900", "localhost", "h:0", "h:1,0", "h:1,fast", ":1", "h:99999"]
+)
+def test_what_is_no_place_of_a_pace_is_refused(text):
+    with pytest.raises(ValueError, match="is not HOST:PORT"):
+        PaceSource.of(text)
+
+
+def test_a_place_of_a_pace_is_written_as_it_is_read():
+    source = PaceSource("127.0.0.1", 24900, 12.5)
+    assert PaceSource.of(str(source)) == source
+    assert PaceSource.of("localhost:1") == PaceSource("localhost", 1)
