@@ -91,7 +91,6 @@ class Flight:
         arm: Arm and start; otherwise wait for the pilot to do it.
         survey: Looks at everything before the flight; None: nothing but the mission's router.
         resume: Go on with a flight that is under way, instead of beginning one.
-        reached: Is told which second of the vehicle's clock is begun with, once it is armed.
     """
 
     def __init__(  # noqa: PLR0913 - the parts that a flight is put together from
@@ -110,7 +109,6 @@ class Flight:
         arm: bool = False,
         survey: Callable[[Router], Survey] | None = None,
         resume: bool = False,
-        reached: Callable[[float], None] = lambda _time_s: None,
     ) -> None:
         self._mission = mission
         self._vehicle = vehicle
@@ -122,7 +120,6 @@ class Flight:
         self._camera = camera
         self._arm = arm
         self._resume = resume
-        self._reached = reached
         self._plan = FlightPlan.of(mission)
         self.router = Router(WaypointGraph(mission))
         self._survey = Survey(mission, self.router) if survey is None else survey(self.router)
@@ -284,10 +281,6 @@ class Flight:
     # Events in, actions out.
 
     def _on_vehicle(self, event: VehicleEvent) -> None:
-        if isinstance(event, Telemetry) and (
-            event.armed or self.controller.state is not State.READY
-        ):  # before that, programs get ready at the wall's pace
-            self._reached(event.time_s)
         if self._leaving:
             return  # what still comes while the link is closed
         if isinstance(event, Telemetry) and self._restarted(event):

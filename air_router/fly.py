@@ -123,9 +123,11 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
     ):
         for path in (mission.path, team.path):
             recorder.file(path)
+        vehicle = Px4Vehicle(mission, options.url, clock, system_id=options.system_id)
+        vehicle.telemetry.subscribe(pace.heard)
         flight = Flight(
             mission,
-            Px4Vehicle(mission, options.url, clock, system_id=options.system_id),
+            vehicle,
             clock=clock,
             gossip=gossip,
             mapper=mapper,
@@ -136,7 +138,6 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             control=options.control,
             arm=options.arm,
             resume=options.resume,
-            reached=pace.reached,
             survey=lambda router: Survey(
                 mission, router, team=team, uav=uav, log_dir=recording.folder
             ),

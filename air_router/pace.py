@@ -15,6 +15,7 @@ import socket
 from dataclasses import dataclass
 from typing import Final, Self
 
+from air_router.vehicle import Telemetry, VehicleEvent
 from mocha_link.lifetime import Closeable
 
 _log = logging.getLogger(__name__)
@@ -94,6 +95,11 @@ class PaceClient(Closeable):
         except OSError as error:
             _log.debug("the world's clock is gone: %s", error)
             self.close()
+
+    def heard(self, event: VehicleEvent) -> None:
+        """A flight begins with this event. It is told from arming on: before, it gets ready."""
+        if isinstance(event, Telemetry) and (event.armed or self._told_s > -math.inf):
+            self.reached(event.time_s)
 
     def close(self) -> None:
         """The world need not wait for us any more."""

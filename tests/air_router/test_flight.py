@@ -40,7 +40,6 @@ from tests.air_router.alone import Alone
 
 class Rig:
     def __init__(self, mission, vehicle_class, log_dir, *, arm=True, resume=False):
-        self.reached_s = []
         wall_s = iter(range(10**9))
         self.clock = VehicleClock(monotonic=lambda: next(wall_s) * 1e-6, unix=lambda: 1.7e9)
         self.vehicle = vehicle_class(mission, self.clock)
@@ -59,7 +58,6 @@ class Rig:
             status=StatusLine(self.out),
             arm=arm,
             resume=resume,
-            reached=self.reached_s.append,
         )
 
     def run(self):
@@ -88,10 +86,6 @@ def rig(pennovation, pretend_vehicle, tmp_path):
     return make
 
 
-def is_armed(value):
-    return isinstance(value, Telemetry) and value.armed
-
-
 def test_a_flight_from_connecting_to_landing(rig):
     flight = rig()
     result = flight.run()
@@ -99,10 +93,6 @@ def test_a_flight_from_connecting_to_landing(rig):
     assert flight.vehicle.verbs[:5] == ["connect", "inspect", "upload", "arm", "start"]
     assert flight.vehicle.verbs[-2:] == ["land", "close"]
     assert flight.gossip.closed
-    # A simulation may fly at full speed from arming on, and is told until the end.
-    armed_s = [entry.t for entry in read(flight.recorder.path) if is_armed(entry.value)]
-    assert flight.reached_s[0] <= armed_s[0] + 0.5
-    assert flight.reached_s[-1] >= armed_s[-1]
     report = result.report
     assert report["states_visited"] == ["INIT", "HOME", "LAND", "DONE"]
     assert report["duration_s"] > 60

@@ -6,6 +6,8 @@ import socket
 import pytest
 
 from air_router.pace import ALLOWANCE_S, PaceClient, PaceSource, line
+from air_router.vehicle import FlightMode, LinkSilent, Telemetry
+from geo.frame import Point
 from sitl import pace as pace_rules
 from sitl.mavlink_vehicle import STEP_S, VehicleSettings
 from sitl.pace import PATIENCE_S, Limit, Pace
@@ -198,6 +200,34 @@ def test_without_a_world_to_tell_and_after_it_has_ended_nothing_happens():
 def test_what_is_no_place_of_a_pace_is_refused(text):
     with pytest.raises(ValueError, match="is not HOST:PORT"):
         PaceSource.of(text)
+
+
+def test_a_companion_is_waited_for_from_arming_to_the_end():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        source = PaceSource("127.0.0.1", server.getsockname()[1])
+        with PaceClient(source, "titan") as client:
+            for time_s, armed in ((1.0, False), (2.0, True), (3.0, True), (4.0, False)):
+                client.heard(LinkSilent(time_s, 3.0))
+                client.heard(telemetry(time_s, armed=armed))
+        connection, _ = server.accept()
+        with connection, connection.makefile() as said:
+            assert [json.loads(text)["reached_s"] for text in said] == [2.0, 3.0, 4.0]
+
+
+def telemetry(time_s, *, armed):
+    return Telemetry(
+        time_s=time_s,
+        position=Point(0.0, 0.0),
+        altitude_m=0.0,
+        velocity_m_s=(0.0, 0.0),
+        heading_deg=None,
+        armed=armed,
+        in_air=armed,
+        mode=FlightMode.HOLD,
+        failsafe=False,
+        battery=None,
+        item=None,
+    )
 
 
 def test_a_place_of_a_pace_is_written_as_it_is_read():
