@@ -13,6 +13,7 @@ from air_router.errors import EXPECTED, ExitCode, exit_code, told
 from mocha_link.command_help import add_verbose, add_version, log_level
 from mocha_link.command_table import Command, add_commands
 from mocha_link.completion import add_completion
+from mocha_link.interrupt import leave_when_interrupted, raise_when_interrupted
 
 _SOUTHERN = re.compile(r"-[\d.]+,")
 """How a place, or bounds, with a negative latitude begin."""
@@ -56,10 +57,12 @@ class Program:
 
     def run(self, argv: Sequence[str] | None) -> int:
         """Run one command; returns its exit code. Results go to stdout, all else to stderr."""
+        leave_when_interrupted()  # a command is imported when it is asked for
         parser = self.parser(whole=False)
         try:
             arguments = parser.parse_args(_with_places(sys.argv[1:] if argv is None else argv))
         except SystemExit as end:  # argparse has said why
+            raise_when_interrupted()
             return end.code if isinstance(end.code, int) else ExitCode.USAGE
         logging.basicConfig(
             level=log_level(arguments, logging.WARNING),
@@ -67,6 +70,7 @@ class Program:
             stream=sys.stderr,
         )
         try:
+            raise_when_interrupted()
             return int(arguments.run(arguments))
         except EXPECTED as error:
             print(told(error), file=sys.stderr)  # noqa: T201 - printing is what a command does

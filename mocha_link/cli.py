@@ -11,6 +11,7 @@ from mocha_link.command_help import add_verbose, add_version, drop_output, log_l
 from mocha_link.command_table import Command, add_commands
 from mocha_link.completion import add_completion
 from mocha_link.errors import MochaLinkError, UsageError
+from mocha_link.interrupt import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
 from mocha_link.problem import DocumentError
 
 COMMANDS = (
@@ -32,19 +33,25 @@ COMMANDS = (
         "connect a running node to ROS 1, ROS 2 or other programs",
     ),
 )
-DONE, FAILED, USAGE, INVALID_FILE, INTERRUPTED = 0, 1, 2, 3, 130
+DONE, FAILED, USAGE, INVALID_FILE = 0, 1, 2, 3
 _ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
-    options = parser(whole=False).parse_args(arguments)
+    leave_when_interrupted()  # a command is imported when it is asked for
+    try:
+        options = parser(whole=False).parse_args(arguments)
+    except SystemExit:
+        raise_when_interrupted()
+        raise
     logging.basicConfig(
         stream=sys.stderr,
         level=log_level(options, logging.INFO),
         format="%(levelname)s %(message)s",
     )
     try:
+        raise_when_interrupted()
         code: int = options.run(options)
     except DocumentError as error:
         print(error, file=sys.stderr)
@@ -53,6 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"mocha-link: {error}", file=sys.stderr)
         code = USAGE if isinstance(error, UsageError) else FAILED
     except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
         code = INTERRUPTED
     except BrokenPipeError:  # e.g. `mocha-link metrics ... --follow | head`
         drop_output()

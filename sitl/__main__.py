@@ -1,7 +1,19 @@
-"""`python -m sitl`."""
+"""`sitl`, and `python -m sitl`: an interrupt is one line from the first import on."""
 
 import sys
 
-from sitl.cli import main
+from mocha_link.interrupt import leave_when_interrupted
 
-sys.exit(main())
+
+def main() -> int:
+    """Run the program; returns its exit code."""
+    leave_when_interrupted()
+    from sitl import cli  # noqa: PLC0415 - what takes its time
+
+    code = cli.main()
+    leave_when_interrupted()
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

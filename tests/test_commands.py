@@ -1,17 +1,23 @@
 """Commands are imported when they are asked for, and the tables of them say what they are."""
 
 import argparse
+import dataclasses
 import importlib
 import json
 import subprocess
 import sys
+import tomllib
+import types
+from pathlib import Path
 
 import pytest
 
 import air_router.cli
 import mocha_link.cli
 import sitl.cli
+from mocha_link.command_table import Command
 
+ROOT = Path(__file__).parents[1]
 PROGRAMS = {"air-router": air_router.cli, "mocha-link": mocha_link.cli, "sitl": sitl.cli}
 TABLE = [(program, row) for program, cli in PROGRAMS.items() for row in cli.COMMANDS]
 OURS = {"air_router", "geo", "mocha_link", "sitl"}
@@ -108,3 +114,65 @@ EXTRAS = {"aiohttp", "distributed", "matplotlib", "scipy", "pyulog", "pyarrow", 
 def test_a_command_imports_what_it_needs(words, unneeded):
     found = loaded(*words.split())
     assert not {name.split(".")[0] for name in found} & unneeded
+
+
+INTERRUPT = """
+import os, runpy, signal, sys
+
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == imported:
+            os.kill(os.getpid(), signal.SIGINT)
+
+module, imported, *words = sys.argv[1:]
+sys.meta_path.insert(0, Interrupt())
+signal.signal(signal.SIGINT, signal.default_int_handler)  # the shell may have us ignore it
+main = runpy.run_module(module, run_name="imported")["main"]
+sys.argv = [module, *words]
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize(
+    ("module", "imported", "words"),
+    [
+        ("air_router.__main__", "argparse", "check x.yaml"),
+        ("mocha_link.__main__", "argparse", "check x.yaml"),
+        ("sitl.__main__", "argparse", "vehicle"),
+        ("air_router.cli", "shapely", "fly x.yaml"),
+        ("mocha_link.cli", "pydantic", "check x.yaml"),
+        ("sitl.cli", "pymavlink", "vehicle"),
+    ],
+)
+def test_ctrl_c_while_a_command_is_imported_is_one_line(module, imported, words):
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPT, module, imported, *words.split()],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_ctrl_c_while_a_command_runs_is_one_line(program, capsys, monkeypatch):
+    def run(_arguments):
+        raise KeyboardInterrupt
+
+    def register(commands):
+        commands.add_parser("stand-in").set_defaults(run=run)
+
+    row = Command("stand-in", "stand_in", "stands in")
+    monkeypatch.setitem(sys.modules, "stand_in", types.SimpleNamespace(register=register))
+    cli = PROGRAMS[program]
+    monkeypatch.setattr(cli, "COMMANDS", (row,))
+    if program != "mocha-link":
+        monkeypatch.setattr(cli, "PROGRAM", dataclasses.replace(cli.PROGRAM, commands=(row,)))
+    assert asked(program, "stand-in") == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_the_installed_programs_are_those_that_take_an_interrupt_from_the_first_import_on():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    modules = {name: f"{cli.__package__}.__main__:main" for name, cli in PROGRAMS.items()}
+    assert project["project"]["scripts"] == modules

@@ -1,0 +1,19 @@
+"""`mocha-link`, and `python -m mocha_link`: an interrupt is one line from the first import on."""
+
+import sys
+
+from mocha_link.interrupt import leave_when_interrupted
+
+
+def main() -> int:
+    """Run the program; returns its exit code."""
+    leave_when_interrupted()
+    from mocha_link import cli  # noqa: PLC0415 - what takes its time
+
+    code = cli.main()
+    leave_when_interrupted()
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
