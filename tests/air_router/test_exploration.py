@@ -26,6 +26,16 @@ def test_one_that_cannot_be_reached_is_left_out_and_remembered(exploration):
     assert exploration.left_out == [2]
 
 
+def test_back_to_a_mark_what_was_left_out_since_is_to_be_visited_again(exploration):
+    exploration.leave_out()
+    exploration.visited()
+    mark = exploration.mark()
+    exploration.leave_out()
+    exploration.leave_out()
+    exploration.back_to(mark)
+    assert (exploration.left_out, exploration.goal.node, exploration.remaining) == ([1], 3, 3)
+
+
 def test_the_unknown_is_sought_where_it_is_largest(exploration):
     exploration.passing(Point(100.0, 0.0), 1.0)
     exploration.passing(Point(200.0, PASSING_M), 2.0)

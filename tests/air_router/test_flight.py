@@ -20,7 +20,7 @@ from air_router.errors import (
     RefusedError,
 )
 from air_router.events import CommandConfirmed
-from air_router.flight import LOST_S, Flight
+from air_router.flight import Flight
 from air_router.flight_setup import FlightSetup
 from air_router.inspection import Inspection
 from air_router.log import read
@@ -476,11 +476,20 @@ def test_a_vehicle_that_stays_silent_is_lost(rig):
     flight = rig(duration_s=None)
     flight.at(
         lambda: flight.vehicle.airframe.now_s > 150.0,
-        lambda: flight.vehicle.callback(LinkSilent(150.0, LOST_S + 1.0)),
+        lambda: flight.vehicle.callback(LinkSilent(150.0, 61.0)),
     )
     result = flight.run()
     assert result.exit_code == ExitCode.ENDED_OTHERWISE
     assert "silent" in result.outcome
+
+
+def test_a_vehicle_that_is_silent_for_less_than_a_minute_is_not_lost(rig):
+    flight = rig()
+    flight.at(
+        lambda: flight.vehicle.airframe.now_s > 50.0,
+        lambda: flight.vehicle.callback(LinkSilent(50.0, 59.0)),
+    )
+    assert flight.run().outcome == "done"
 
 
 def test_a_vehicle_that_restarts_on_the_ground_is_not_flown(rig):

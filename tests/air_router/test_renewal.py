@@ -17,7 +17,7 @@ from air_router.router import Router
 from air_router.vehicle import FlightMode, PlanCompared, PlanReplaced
 from geo.airspace import Airspace
 from geo.frame import Point
-from geo.zone import Outline, Zone
+from geo.zone import Circle, Outline, Zone
 
 SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
@@ -53,6 +53,19 @@ def cruising(pretend, **changes):
     flight.take_off()
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 40.0)
     return flight
+
+
+@pytest.mark.parametrize(("share", "reached"), [(0.9, True), (1.4, True), (1.7, False)])
+def test_what_it_may_reach_while_it_brakes_it_is_to_leave_and_not_in_breach_of(
+    pretend, share, reached
+):
+    flight = cruising(pretend)
+    before, speed = flight.mission, flight.mission.speed_m_s
+    stops_m = speed * (flight.controller.navigator.reaction_s + speed / 4.0)
+    zone = Zone("new", Circle(Point(*ahead(flight, share * stops_m + 20.0)), 20.0))
+    now = before.with_areas(before.fences, (*before.zones, zone))
+    found = flight.controller._crew.renewal._reached(before, now, flight.controller.telemetry)
+    assert (zone.name in found) is reached
 
 
 def clear_of(flight, zone, since=0):

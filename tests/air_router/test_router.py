@@ -314,6 +314,16 @@ def test_a_vehicle_inside_the_margin_leaves_it_without_coming_closer(tmp_path, o
     assert not router.check_leg(start, Point(10, 50))
 
 
+@pytest.mark.parametrize(("closer_m", "leaves"), [(0.2, True), (1.0, False)])
+def test_too_near_and_coming_nearer_it_brakes_before_it_leaves(closer_m, leaves):
+    """A hovering vehicle seems to drift by some centimetres; one that comes nearer has to stop."""
+    zone = Zone("wall", (Point(0, -50), Point(10, -50), Point(10, 50), Point(0, 50)))
+    airspace = Airspace(None, [zone], 5.0).with_margin(1.5)
+    here = Point(-4.0, 0.0)
+    rule = Departure(airspace, ShortestPaths(airspace), here, Point(-4.0 + closer_m, 0.0))
+    assert rule.allows(Point(-60.0, 0.0)) is leaves
+
+
 def test_a_drifting_vehicle_beside_the_margin_is_not_stranded(tmp_path):
     mission, _, router, _ = wall_world(tmp_path)
     for distance_m in (6.45, 6.55):

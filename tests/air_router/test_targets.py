@@ -37,6 +37,23 @@ def test_after_a_while_the_end_of_the_path_says_where_to_look():
     assert "path" in place.reason
 
 
+def test_a_path_that_is_a_minute_older_than_the_pose_says_nothing_any_more():
+    for older_s, where in ((59.0, Point(9, 9)), (61.0, Point(1, 2))):
+        robots = roster()
+        robots.pose_heard("io", Point(1, 2), stamp_s=200.0, now_s=200.0)
+        robots.path_heard("io", (Point(9, 9),), stamp_s=200.0 - older_s, now_s=200.0)
+        assert robots.place("io", now_s=500.0).position == where
+
+
+def test_what_another_uav_says_again_counts_as_news_when_it_had_lapsed():
+    robots = roster()
+    assert robots.sought_by_other("second", "io", 0.0)
+    assert not robots.sought_by_other("second", "io", 179.0)
+    assert "io" not in robots.free(179.0 + 180.0)
+    assert "io" in robots.free(179.0 + 181.0)
+    assert robots.sought_by_other("second", "io", 179.0 + 181.0)
+
+
 def test_without_a_path_the_last_pose_however_old():
     robots = roster()
     robots.pose_heard("io", Point(1, 2), stamp_s=100.0, now_s=5.0)
