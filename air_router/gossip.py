@@ -58,6 +58,7 @@ class Gossip:
         metrics: Endpoint at which other programs may watch the links, None for none.
         keys: The folder with the UAV's secret, if the team has a key for it.
         goals_from: Whose goals are requests to the mission.
+        node: Used instead of a new one; a rehearsal's has no sockets.
 
     Raises:
         UnknownRobotError: the team has no robot of the UAV's name.
@@ -75,6 +76,7 @@ class Gossip:
         metrics: str | None = None,
         keys: Path | None = None,
         goals_from: tuple[str, ...] = (),
+        node: Node | None = None,
     ) -> None:
         self._frame = frame
         self._reader = Reader(frame, name=name, goals_from=goals_from)
@@ -83,7 +85,7 @@ class Gossip:
         self._clock = clock
         self._name = name
         self._topics = {topic.name for topic in team.topics_of(self._name)}
-        self.node = Node(team, self._name, clock=clock, keys=keys)
+        self.node = node or Node(team, self._name, clock=clock, keys=keys)
         self._metrics = None if metrics is None else MetricsServer(self.node, metrics)
         self._pose_at_s = float("-inf")
         self._map_at_s = float("-inf")

@@ -150,6 +150,8 @@ class Failsafe:
 
     def _worst(self) -> _Active:
         fallback = _Active(self._fallback, Cause.GENERIC)
+        if not self._active:
+            return fallback
         return max((fallback, *self._active), key=lambda active: active.action)
 
     def _announce(self, intended: FlightMode, situation: Situation) -> None:

@@ -15,6 +15,7 @@ from sitl.notice import Notice, Severity
 from sitl.px4_modes import FlightMode
 
 _EVERY_S: Final = 2.05
+_LOOK_S: Final = 0.1  # PX4 runs its checks ten times a second
 _ATTITUDE_AFTER_S: Final = 2.5
 _POSITION_AFTER_S: Final = 4.2
 _FOR_PROGRAMS: Final = 8  # log level "protocol"
@@ -70,6 +71,7 @@ class HealthReport:
         checks = self._checks(now_s)
         modes = self._modes(checks)
         if (checks, modes) == self._told and not asked:
+            self._next_s = now_s + _LOOK_S
             return []
         self._told, self._next_s = (checks, modes), now_s + _EVERY_S
         errors = _SYSTEM  # PX4's simulator has it so, without a check that says why

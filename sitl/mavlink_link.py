@@ -75,7 +75,7 @@ class MavlinkLink:
         self._protocol = MissionProtocol(autopilot.plan, self.system_id)
         self._reporter = MissionReporter(autopilot) if reports_mission else None
         self._streams = StreamSchedule(rates_hz)
-        self._frames: list[bytes] = []
+        self._queue: list[Outgoing | bytes] = []
         self._delayed: deque[tuple[float, Outgoing]] = deque()
         self._texts = TextChannel(time_scale)
         self._listing: int | None = None
@@ -119,7 +119,7 @@ class MavlinkLink:
 
     def pass_on(self, frame: bytes) -> None:
         """Send a frame that came in on another link."""
-        self._frames.append(frame)
+        self._queue.append(frame)
 
     def _only_for_us(self, message: Any) -> bool:
         target = getattr(message, "target_system", 0)
@@ -296,8 +296,15 @@ class MavlinkLink:
 
     def take_frames(self) -> list[bytes]:
         """The frames to be sent since the last call."""
-        frames, self._frames = self._frames, []
-        return frames
+        return [
+            message if isinstance(message, bytes) else self._sender.pack(message)
+            for message in self.take_queue()
+        ]
+
+    def take_queue(self) -> list[Outgoing | bytes]:
+        """The same before it is bytes, for a partner in the same process; passed on frames are."""
+        queue, self._queue = self._queue, []
+        return queue
 
     @property
     def _wall_s(self) -> float:
@@ -343,7 +350,7 @@ class MavlinkLink:
             self._send(message)
 
     def _send(self, message: Outgoing) -> None:
-        self._frames.append(self._sender.pack(message))
+        self._queue.append(message)
 
 
 def _whole(value: float) -> int:

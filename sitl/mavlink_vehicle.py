@@ -37,6 +37,10 @@ class VehicleSettings:
         parameters: Values that differ from PX4's defaults.
         wind: That blows.
         ground_link: Whether there is a link to a ground station; without one it costs nothing.
+        truth_link: Whether there is one that says where it really is.
+        onboard_rates_hz: What is streamed on the onboard link.
+        ground_rates_hz: And on the ground station's.
+        step_s: Simulated seconds of one step.
         px4_version: One of `px4_version.VERSIONS`: what it behaves as where they differ.
     """
 
@@ -48,6 +52,10 @@ class VehicleSettings:
     parameters: Mapping[str, int | float] = field(default_factory=dict)
     wind: WindSettings = field(default_factory=WindSettings)
     ground_link: bool = True
+    truth_link: bool = True
+    onboard_rates_hz: Mapping[str, float] = field(default_factory=lambda: ONBOARD_RATES_HZ)
+    ground_rates_hz: Mapping[str, float] = field(default_factory=lambda: GROUND_RATES_HZ)
+    step_s: float = STEP_S
     px4_version: str = VERSIONS[0]
 
 
@@ -73,7 +81,7 @@ class MavlinkVehicle:
             | _scaled_timeouts(settings.speed)
             | dict(settings.parameters)
         )
-        scale = settings.speed
+        scale, self._step_s = settings.speed, settings.step_s
         version = px4_version(settings.px4_version)
         self.autopilot = Autopilot(
             place,
@@ -86,12 +94,13 @@ class MavlinkVehicle:
         self._health = HealthReport(self.autopilot)
         self._telemetry = Telemetry(self.autopilot, settings.start_unix_s, version)
         self.onboard = MavlinkLink(
-            self.autopilot, self._telemetry, ONBOARD_RATES_HZ, time_scale=scale
+            self.autopilot, self._telemetry, settings.onboard_rates_hz, time_scale=scale
         )
         self.ground = MavlinkLink(
-            self.autopilot, self._telemetry, GROUND_RATES_HZ, time_scale=scale
+            self.autopilot, self._telemetry, settings.ground_rates_hz, time_scale=scale
         )
         self._links = (self.onboard, self.ground) if settings.ground_link else (self.onboard,)
+        self._tells_truth = settings.truth_link
         self.truth = MavlinkLink(
             self.autopilot, self._telemetry, TRUTH_RATES_HZ, reports_mission=False
         )
@@ -106,13 +115,14 @@ class MavlinkVehicle:
 
     def step(self) -> None:
         """Let one step of simulated time pass and queue what is to be sent."""
-        self.autopilot.step(STEP_S)
+        self.autopilot.step(self._step_s)
         notices = self.autopilot.take_notices() + self._health.step()
         events = [self._event(notice) for notice in notices if notice.event]
         events += self._own_commands.step()
         for link in self._links:
             link.step(notices, events)
-        self.truth.step([], [])
+        if self._tells_truth:
+            self.truth.step([], [])
 
     def _event(self, notice: Notice) -> Outgoing:
         status = self._telemetry.status

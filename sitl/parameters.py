@@ -89,6 +89,7 @@ class Parameters:
             if name not in DEFAULTS:
                 raise UnknownParameterError(f"{name}: not a parameter of this simulation")
             self._values[name] = type(DEFAULTS[name])(value)
+        self._limited: dict[tuple[str, float, float], float] = {}  # asked for in every step
         self._names = tuple(DEFAULTS)
         self._numbers = {name: number for number, name in enumerate(self._names)}
 
@@ -99,7 +100,11 @@ class Parameters:
 
     def limited(self, name: str, least: float, most: float) -> float:
         """The value, kept within limits that the simulation can fly with."""
-        return max(least, min(most, self[name]))
+        asked = (name, least, most)
+        value = self._limited.get(asked)
+        if value is None:
+            value = self._limited[asked] = max(least, min(most, self[name]))
+        return value
 
     def read(self, name: str, index: int) -> list[ParamValue]:
         """Answer to PARAM_REQUEST_READ: by index if that is not negative. Unknown: silence."""
@@ -124,6 +129,7 @@ class Parameters:
         number: int | float = _bits(value) if kind is int else value
         changed = self._values[name] != number
         self._values[name] = number
+        self._limited.clear()
         return [self._value(name)] * (2 if changed else 1)
 
     def listed(self, first: int) -> list[ParamValue]:

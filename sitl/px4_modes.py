@@ -34,6 +34,8 @@ class FlightMode(Enum):
     STABILIZED = (7, 0, "Stabilized", 0x51)
     TERMINATION = (10, 0, "Termination", 0x01)
 
+    __hash__ = object.__hash__  # looked up some hundred times a simulated second
+
     def __init__(self, main: int, sub: int, label: str, base_mode: int) -> None:
         self.custom_mode = main << 16 | sub << 24
         self.label = label

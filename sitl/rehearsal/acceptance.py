@@ -73,6 +73,7 @@ ACCEPTED: Final = MappingProxyType(
         "JUMPS": _HOME,  # the scene says by how much the estimate is off, and that is excused
         "DRIFT": _HOME_OR_FAILSAFE,
         "ALTITUDE_JUMPS": _row(End.LANDED, End.FAILSAFE, End.PILOT, says="altitude|height|high"),
+        "BAROMETER": _row(End.LANDED, End.FAILSAFE, End.PILOT, says="altitude|height|high"),
         # The link: it comes home, or stays where its plan did not get on board.
         "LOSS_1": _HOME,
         "LOSS_5": _HOME,
@@ -84,7 +85,8 @@ ACCEPTED: Final = MappingProxyType(
         "NO_FIX": _HOME_OR_FAILSAFE,
         "UPLOAD": _row(End.LANDED, End.STAYED),
         "BUSY": _HOME,
-        # One message stream alone: said, held, or home.
+        # One message stream alone: said, held, or home; for a moment: nothing comes of it.
+        "BRIEF_STREAM": _HOME,
         "LOST_POSITION": _row(End.LANDED, End.HOVERS, End.FAILSAFE, says="position|GLOBAL"),
         "LOST_BATTERY": _row(End.LANDED, says="battery|SYS_STATUS"),
         "LOST_FIX": _row(End.LANDED, says="GPS|satellite|fix"),
@@ -96,6 +98,8 @@ ACCEPTED: Final = MappingProxyType(
         "HAND_BACK": _row(End.LANDED, End.PILOT),
         "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),
         "STICKS": _row(End.LANDED, End.PILOT, notice_s=2.0),
+        "STICKS_ONLY": _HOME,  # without COM_RC_OVERRIDE they are nothing to the autopilot
+        "PLAN_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
         "FENCE_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="fence|plan"),
         "PLAN_REPLACED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
         "SAME_PLAN": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),

@@ -1,28 +1,15 @@
-"""What an operator draws into the mission file while a rehearsed vehicle flies, and reloads."""
+"""The mission file of a rehearsal: hurried, and drawn into by an operator while it is flown."""
 
 from __future__ import annotations
 
+import copy
 import math
-from typing import TYPE_CHECKING, Final
+from pathlib import Path
+from typing import Any, Final
 
-from air_router.events import AirspaceChanged
-from air_router.requests import Reload
-from geo.frame import Point
-from geo.zone import Circle, Outline, Zone
-from sitl.rehearsal.judge import depth_m
+import yaml
 
-if TYPE_CHECKING:
-    import random
-
-    from geo.zone import Shape
-    from sitl.rehearsal.companion import Companion
-    from sitl.rehearsal.judge import Judge
-
-BRAKING_S: Final = 6.0
-"""What a vehicle has to stop in front of, or in, a zone that appears where it cannot stop."""
-
-STOP_M: Final = 12.0
-"""Nearer than this no vehicle stops: a zone that appears there is not ours to keep out of."""
+from geo.frame import LocalFrame, Point
 
 HOME_CLEAR_M: Final = 8.0
 """Nearer to home than this the file would be refused."""
@@ -31,75 +18,102 @@ _WALL_M, _THICK_M = 22.0, 6.0
 """How far from where the vehicle was first walls are drawn, and how thick."""
 
 _SIDES: Final = ((0, 1), (0, -1), (1, 0), (-1, 0))
+_TIMERS: Final = {"init_s": 40, "explore_s": 25, "search_s": 10, "communicate_s": 10}
+_FILES: Final = ("team", "world")
 
 
-class Drawing:
-    """Draws zones, and has the judge know them.
+class RehearsalFileError(Exception):
+    """A mission that cannot be rehearsed."""
+
+
+def hurried(path: Path) -> dict[str, Any]:
+    """A mission in a hurry: the paper's times divided, a few minutes in all.
+
+    Raises:
+        RehearsalFileError: it is no mission in YAML.
+    """
+    document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    if not isinstance(document, dict) or "home" not in document:
+        raise RehearsalFileError(f"{path}: only missions in YAML are rehearsed")
+    folder = path.absolute().parent
+    for key in _FILES:
+        if key in document:
+            document[key] = str(folder / document[key])
+    if "no_fly_files" in document:
+        document["no_fly_files"] = [str(folder / name) for name in document["no_fly_files"]]
+    return {**document, "timers": _TIMERS, "speed_m_s": 5, "duration_s": 170}
+
+
+class MissionFile:
+    """A mission file that an operator draws zones into.
 
     Args:
-        judge: Counts what the vehicle comes near to.
-        chance: Dice.
-        late_s: How much later than usual the vehicle hears of anything, at most.
+        path: Where it is written.
+        document: What is in it.
+
+    Attributes:
+        text: What is in it now.
+        frame: The mission's local frame, once it is known.
     """
 
-    def __init__(self, judge: Judge, chance: random.Random, late_s: float) -> None:
-        self._judge = judge
-        self._chance = chance
-        self._late_s = late_s
+    def __init__(self, path: Path, document: dict[str, Any]) -> None:
+        self.path = path
+        self._document = document
+        self._before = document
         self._middle: Point | None = None
-        self._walls: list[tuple[str, Shape]] = []
+        self._walls: list[str] = []
+        self.frame: LocalFrame
+        self.text = ""
+        self._write(document)
 
-    def circle(self, companion: Companion, place: Point, course_rad: float, ahead_m: float) -> None:
-        """A circle so far ahead of the vehicle, or beside or over it."""
-        course_rad += self._chance.uniform(-0.5, 0.5)
-        centre = Point(
-            place.east_m + ahead_m * math.sin(course_rad),
-            place.north_m + ahead_m * math.cos(course_rad),
-        )
-        name = f"added {len(companion.controller.mission.zones)}"
-        self._draw(companion, place, name, Circle(centre, self._chance.uniform(4.0, 12.0)))
+    def circle(self, place: Point, radius_m: float, home: Point) -> str | None:
+        """Draw a circle; its name, None where it would be refused."""
+        if math.dist(place, home) - radius_m < HOME_CLEAR_M:
+            return None
+        shape = {"circle": {"centre": self._degrees(place), "radius_m": radius_m}}
+        return self._draw(f"added {len(self._document['no_fly_zones'])}", shape)
 
-    def wall(self, companion: Companion, place: Point, side: int) -> None:
-        """One of four walls around where the vehicle was when the first of them was drawn."""
-        self._middle = place if self._middle is None else self._middle
+    def wall(self, vehicle: Point, side: int, home: Point) -> str | None:
+        """Draw one of four walls around where the vehicle was at the first of them."""
+        self._middle = vehicle if self._middle is None else self._middle
         east, north = _SIDES[side]
         out_m, along_m = _WALL_M + _THICK_M / 2, _WALL_M + _THICK_M
         middle = self._middle[0] + east * out_m, self._middle[1] + north * out_m
         half = (_THICK_M / 2, along_m) if east else (along_m, _THICK_M / 2)
-        ring = tuple(
-            Point(middle[0] + e * half[0], middle[1] + n * half[1])
+        away = [max(abs(home[axis] - middle[axis]) - half[axis], 0.0) for axis in (0, 1)]
+        if math.hypot(*away) < HOME_CLEAR_M:
+            return None
+        ring = [
+            self._degrees(Point(middle[0] + e * half[0], middle[1] + n * half[1]))
             for e, n in ((-1, -1), (1, -1), (1, 1), (-1, 1))
-        )
-        if self._draw(companion, place, f"wall {side}", Outline(ring)):
-            self._walls.append((f"wall {side}", Outline(ring)))
+        ]
+        self._walls.append(f"wall {side}")
+        return self._draw(self._walls[-1], {"polygon": ring})
 
-    def open(self, companion: Companion) -> None:
-        """The wall that was drawn last is taken away."""
+    def open(self) -> bool:
+        """Take away the wall that was drawn last."""
         if not self._walls:
-            return
-        name, shape = self._walls.pop()
-        mission = companion.controller.mission
-        left = tuple(zone for zone in mission.zones if zone.name != name)
-        self._reload(companion, left)
-        if name not in {zone.name for zone in companion.controller.mission.zones}:
-            judge = self._judge
-            judge.added[:] = [added for added in judge.added if added != shape]
-            judge.drawn_over[:] = [drawn for drawn in judge.drawn_over if drawn[0] != shape]
-
-    def _draw(self, companion: Companion, place: Point, name: str, shape: Shape) -> bool:
-        """Whether the zone counts from now on: the file may be refused, or a change under way."""
-        mission = companion.controller.mission
-        if -depth_m(shape, *mission.home) < HOME_CLEAR_M:
             return False
-        self._reload(companion, (*mission.zones, Zone(name, shape)))
-        if name not in {zone.name for zone in companion.controller.mission.zones}:
-            return False
-        if -depth_m(shape, *place) > STOP_M + self._late_s * mission.speed_m_s:
-            self._judge.added.append(shape)
-        else:
-            self._judge.drawn_over.append((shape, BRAKING_S + self._late_s))
+        name = self._walls.pop()
+        changed = copy.deepcopy(self._document)
+        changed["no_fly_zones"] = [z for z in changed["no_fly_zones"] if z.get("name") != name]
+        self._write(changed)
         return True
 
-    def _reload(self, companion: Companion, zones: tuple[Zone, ...]) -> None:
-        companion.hear(Reload())
-        companion.hear(AirspaceChanged(companion.controller.mission.fences, zones))
+    def undo(self) -> None:
+        """The last change was not taken: the file is again as it is flown."""
+        self._write(self._before)
+
+    def _draw(self, name: str, shape: dict[str, Any]) -> str:
+        changed = copy.deepcopy(self._document)
+        changed["no_fly_zones"].append({"name": name, "crosses_fence": True, **shape})
+        self._write(changed)
+        return name
+
+    def _write(self, document: dict[str, Any]) -> None:
+        self._before, self._document = self._document, document
+        self.text = yaml.safe_dump(document, sort_keys=False)
+        self.path.write_text(self.text, encoding="utf-8")
+
+    def _degrees(self, place: Point) -> list[float]:
+        return [round(degrees, 8) for degrees in self.frame.to_geodetic(place)]

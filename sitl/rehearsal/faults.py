@@ -1,4 +1,4 @@
-"""What can go wrong in a rehearsed flight."""
+"""What can go wrong in a rehearsed flight, and when: every fault a row, every flight a seed."""
 
 from __future__ import annotations
 
@@ -8,148 +8,301 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-
-class Fault(Enum):
-    """One kind of misfortune; the value is its line in the table."""
-
-    NONE = "nothing"
-    GUSTS = "wind to 10 m/s with gusts"
-    JUMPS = "position estimate jumps by up to 4 m, and back"
-    LOSS_1 = "1 % of all packets and acknowledgements lost"
-    LOSS_5 = "5 % of all packets and acknowledgements lost"
-    LOSS_20 = "20 % of all packets and acknowledgements lost"
-    LATE = "commands arrive up to 4 s late"
-    OLD = "what the vehicle says comes up to 2 s late"
-    SILENCE = "vehicle silent for 0.5 to 60 s"
-    NO_FIX = "GPS without a fix for 2 to 20 s"
-    UPLOAD = "uploads rejected"
-    BUSY = "jumps dropped while somebody downloads the plan"
-    PILOT = "pilot takes over"
-    HAND_BACK = "pilot takes over and hands back"
-    PAUSE = "pilot pauses or diverts it in our own mode"
-    RESTART = "companion killed and restarted"
-    KILL = "companion killed for good"
-    BATTERY = "battery falls fast"
-    VANISH = "robots vanish"
-    ZONE = "a zone is added on board in flight"
-    RELOAD = "no-fly zones added by reload in flight"
-    WALL = "walled in by reload in flight"
-    REQUESTS = "requests at random moments"
-    TWO = "two of these at once"
-
-
-FLIGHTS: Final = MappingProxyType(
-    {
-        Fault.NONE: 6,
-        Fault.GUSTS: 20,
-        Fault.JUMPS: 20,
-        Fault.LOSS_1: 8,
-        Fault.LOSS_5: 10,
-        Fault.LOSS_20: 16,
-        Fault.LATE: 12,
-        Fault.OLD: 12,
-        Fault.SILENCE: 20,
-        Fault.NO_FIX: 10,
-        Fault.UPLOAD: 6,
-        Fault.BUSY: 8,
-        Fault.PILOT: 14,
-        Fault.HAND_BACK: 14,
-        Fault.PAUSE: 12,
-        Fault.RESTART: 16,
-        Fault.KILL: 8,
-        Fault.BATTERY: 16,
-        Fault.VANISH: 10,
-        Fault.ZONE: 14,
-        Fault.RELOAD: 16,
-        Fault.WALL: 12,
-        Fault.REQUESTS: 16,
-        Fault.TWO: 24,
-    }
-)
-"""How many flights each fault gets in a whole rehearsal."""
-
-_LOSS: Final = MappingProxyType({Fault.LOSS_1: 0.01, Fault.LOSS_5: 0.05, Fault.LOSS_20: 0.2})
-_SINGLE: Final = tuple(f for f in Fault if f not in {Fault.NONE, Fault.TWO, Fault.UPLOAD})
+from sitl.rehearsal.stand_ins.link import StreamFault
 
 
 class Misfortune(NamedTuple):
-    """Something that happens, `at_s` seconds after the vehicle is ready; `value` as it needs."""
+    """Something that happens.
+
+    Attributes:
+        at_s: Seconds after its phase of the flight began.
+        what: Which; a method of `Script`.
+        value: As it needs.
+        phase: A mission state, "climb" or "landing", counted from when it is entered first;
+            "armed": from when the vehicle was armed; "ready": from when the companion starts;
+            empty: the scene says.
+    """
 
     at_s: float
     what: str
-    value: float = 0.0
+    value: Any = None
+    phase: str = ""
 
 
-_Course = Callable[[random.Random, float], list[Misfortune]]
+PHASES: Final = ("climb", "INIT", "SEARCH", "COMM", "EXPL", "HOME", "LAND", "landing")
+"""Where in a flight something can begin; a third of all begins at any time instead."""
+
+FLIGHT_S: Final = 260.0
+BRIEF_S, SECONDS = 3.0, (30.0, math.inf)
+"""How long a stream's fault lasts."""
+
+_POSITION: Final = ("GLOBAL_POSITION_INT",)
+_BATTERY: Final = ("SYS_STATUS",)
+_SATELLITES: Final = ("GPS_RAW_INT",)
+_LANDED: Final = ("EXTENDED_SYS_STATE",)
+_ITEM: Final = ("MISSION_CURRENT",)
+_MODE: Final = ("HEARTBEAT", "CURRENT_MODE")
+_STREAMS: Final = (_POSITION, _BATTERY, _SATELLITES, _LANDED, _ITEM, _MODE)
+
+_ON_MODE: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "AUTO_LAND", "POSCTL", "ALTCTL")
+_HELD: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "POSCTL")
+
+Happen = list[Misfortune]
+Course = Callable[[random.Random], Happen]
 
 
-def _jumps(dice: random.Random, _at_s: float) -> list[Misfortune]:
+def _stream(*names: str) -> Course:
+    """One stream, in one of the ways."""
+
+    def course(dice: random.Random) -> Happen:
+        kind = dice.choice(tuple(StreamFault))
+        return [Misfortune(0.0, "stream", (names, kind, dice.choice(SECONDS)))]
+
+    return course
+
+
+def _brief(dice: random.Random) -> Happen:
+    names, kind = dice.choice(_STREAMS), dice.choice(tuple(StreamFault))
+    return [Misfortune(0.0, "stream", (names, kind, BRIEF_S))]
+
+
+def _one(what: str, draw: Callable[[random.Random], Any]) -> Course:
+    return lambda dice: [Misfortune(0.0, what, draw(dice))]
+
+
+def _span(what: str, on: object, off: object, seconds: Callable[[random.Random], float]) -> Course:
+    return lambda dice: [Misfortune(0.0, what, on), Misfortune(seconds(dice), what, off)]
+
+
+def _often(
+    what: str, times: int, every: tuple[float, float], value: Callable[[random.Random], Any]
+) -> Course:
+    """Again and again, each a while after the one before."""
+
+    def course(dice: random.Random) -> Happen:
+        at_s, happen = 0.0, []
+        for _ in range(times):
+            happen.append(Misfortune(at_s, what, value(dice)))
+            at_s += dice.uniform(*every)
+        return happen
+
+    return course
+
+
+def _jumps(dice: random.Random) -> Happen:
     happen = []
     for _ in range(4):
-        at_s = dice.uniform(25.0, 170.0)
+        at_s = dice.uniform(0.0, 150.0)
         happen.append(Misfortune(at_s, "jump", dice.uniform(0.0, 2 * math.pi)))
         happen.append(Misfortune(at_s + dice.uniform(3.0, 15.0), "jump back"))
     return happen
 
 
-def _busy(dice: random.Random, _at_s: float) -> list[Misfortune]:
+def _height(dice: random.Random) -> Happen:
+    off_m = dice.choice((-1.0, 1.0)) * dice.uniform(3.0, 8.0)
+    back_s = dice.choice((5.0, 20.0, math.inf))
+    return [Misfortune(0.0, "off", (0.0, off_m)), Misfortune(back_s, "off", (0.0, -off_m))]
+
+
+def _drift(sideways: float, up: float) -> Course:
+    def course(dice: random.Random) -> Happen:
+        angle_rad, sign = dice.uniform(0.0, 2 * math.pi), dice.choice((-1.0, 1.0))
+        off = (sideways, angle_rad, sign * up)
+        return [Misfortune(float(s), "drift", off) for s in range(dice.choice((15, 30)))]
+
+    return course
+
+
+def _busy(dice: random.Random) -> Happen:
     happen = []
-    for _ in range(5):
-        at_s = dice.uniform(25.0, 160.0)
-        happen.append(Misfortune(at_s, "busy", 1.0))
-        happen.append(Misfortune(at_s + dice.uniform(1.0, 8.0), "busy"))
+    for _ in range(6):
+        at_s = dice.uniform(0.0, 160.0)
+        happen.append(Misfortune(at_s, "busy", True))
+        happen.append(Misfortune(at_s + dice.uniform(1.0, 8.0), "busy", False))
     return happen
 
 
-def _walls(dice: random.Random, at_s: float) -> list[Misfortune]:
+def _hand_back(dice: random.Random) -> Happen:
+    return [
+        Misfortune(0.0, "pilot", dice.choice(_HELD)),
+        Misfortune(dice.uniform(3.0, 10.0), "hand back"),
+    ]
+
+
+def _lie(dice: random.Random) -> Happen:
+    """The battery says that it is fuller than it is, while it empties fast."""
+    share = dice.choice((0.2, 0.5, 1.0))
+    return [
+        Misfortune(0.0, "battery", dice.uniform(150.0, 400.0)),
+        Misfortune(0.0, "fuller", share),
+    ]
+
+
+def _walls(dice: random.Random) -> Happen:
     """Walls on all sides; in half of the flights one of them is taken away again."""
-    happen = [Misfortune(at_s, "battery", dice.uniform(250.0, 500.0))]
-    happen += [Misfortune(at_s + 6.0 * again, "wall", again) for again in range(4)]
+    happen = [Misfortune(0.0, "battery", dice.uniform(250.0, 500.0))]
+    happen += [Misfortune(6.0 * again, "wall", again) for again in range(4)]
     if dice.randrange(2):
-        happen.append(Misfortune(at_s + dice.uniform(40.0, 120.0), "open"))
+        happen.append(Misfortune(dice.uniform(40.0, 120.0), "open"))
     return happen
 
 
-_COURSES: Final[Mapping[Fault, _Course]] = MappingProxyType(
-    {
-        Fault.JUMPS: _jumps,
-        Fault.BUSY: _busy,
-        Fault.SILENCE: lambda dice, at_s: [
-            Misfortune(at_s, "silent", 1.0),
-            Misfortune(at_s + dice.choice((0.5, 2.0, 5.0, 20.0, 60.0)), "silent"),
+def _two_stations(dice: random.Random) -> Happen:
+    first, second = dice.sample(("AUTO_RTL", "AUTO_LOITER", "AUTO_MISSION", "POSCTL"), 2)
+    later_s = dice.choice((0.0, 0.1, 0.5, 2.0))
+    return [Misfortune(0.0, "pilot", first), Misfortune(later_s, "second station", second)]
+
+
+class Kind(NamedTuple):
+    """A row of the table of faults.
+
+    Attributes:
+        words: Its line in the report.
+        flights: How many of it a whole rehearsal has.
+        course: What happens.
+        phase: Where it begins, if that is not to be drawn.
+    """
+
+    words: str
+    flights: int
+    course: Course = lambda _: []
+    phase: str = ""
+
+
+class Fault(Enum):
+    """One kind of misfortune."""
+
+    NONE = Kind("nothing", 6)
+    GUSTS = Kind("wind to 10 m/s with gusts", 20)
+    STORM = Kind("wind of 12 to 18 m/s", 12)
+    JUMPS = Kind("position estimate jumps by up to 4 m, and back", 20, _jumps, "INIT")
+    DRIFT = Kind("position estimate drifts by 0.3 m/s", 12, _drift(0.3, 0.0))
+    ALTITUDE_JUMPS = Kind("altitude estimate jumps by 3 to 8 m", 16, _height)
+    BAROMETER = Kind("altitude estimate drifts by 0.3 m/s", 12, _drift(0.0, 0.3))
+    LOSS_1 = Kind("1 % of all packets lost", 8)
+    LOSS_5 = Kind("5 % of all packets lost", 10)
+    LOSS_20 = Kind("20 % of all packets lost", 16)
+    BURSTS = Kind("bursts of loss: all packets for 0.5 to 5 s, again and again", 16)
+    LATE = Kind("commands arrive up to 4 s late", 12)
+    OLD = Kind("what the vehicle says comes up to 2 s late", 12)
+    SILENCE = Kind(
+        "vehicle silent for 0.5 to 60 s",
+        20,
+        _span("silent", on=True, off=False, seconds=lambda d: d.choice((0.5, 2, 5, 20, 60))),
+    )
+    BRIEF_STREAM = Kind("one stream lost, frozen, late or wrong for 3 s", 30, _brief)
+    LOST_POSITION = Kind("position lost, frozen, late or wrong", 24, _stream(*_POSITION))
+    LOST_BATTERY = Kind("battery lost, frozen, late or wrong", 24, _stream(*_BATTERY))
+    LOST_FIX = Kind("satellites lost, frozen, late or wrong", 24, _stream(*_SATELLITES))
+    LOST_LANDED = Kind("landed state lost, frozen, late or wrong", 24, _stream(*_LANDED))
+    LOST_ITEM = Kind("current item lost, frozen, late or wrong", 24, _stream(*_ITEM))
+    LOST_MODE = Kind("mode lost, frozen, late or wrong", 24, _stream(*_MODE))
+    NO_FIX = Kind(
+        "GPS without a fix for 2 to 20 s",
+        12,
+        _span("satellites", on=0, off=12, seconds=lambda d: d.uniform(2.0, 20.0)),
+    )
+    UPLOAD = Kind("uploads rejected", 6, _one("reject", lambda d: d.randrange(2)), "ready")
+    BUSY = Kind("jumps dropped while a station downloads the plan", 8, _busy, "INIT")
+    PILOT = Kind("pilot takes over", 48, _one("pilot", lambda d: d.choice(_ON_MODE)))
+    STICKS = Kind("pilot moves the sticks", 16, _one("sticks", lambda _: True))
+    STICKS_ONLY = Kind(
+        "pilot moves the sticks without COM_RC_OVERRIDE", 8, _one("sticks", lambda _: False)
+    )
+    HAND_BACK = Kind("pilot takes over and hands back", 20, _hand_back)
+    PAUSE = Kind(
+        "pilot pauses or diverts it in our own mode",
+        12,
+        _often("pause", 60, (1.0, 3.0), lambda d: d.randrange(8) == 0),
+    )
+    TWO_STATIONS = Kind("two stations command at once", 16, _two_stations)
+    DISARMED = Kind(
+        "disarmed by a station right after the arming",
+        8,
+        lambda d: [Misfortune(d.choice((0.0, 0.2, 1.0)), "disarm", False)],
+        "armed",
+    )
+    KILLED_IN_AIR = Kind("disarmed by force in the air", 12, _one("disarm", lambda _: True))
+    HOME_MOVED = Kind(
+        "home moved by a station: 25 m down, or 30 m sideways and 15 m up",
+        20,
+        _one("home", lambda d: d.choice(((0.0, -25.0), (30.0, 15.0)))),
+    )
+    SPEED = Kind(
+        "another speed by a station", 6, _one("speed", lambda d: d.choice((2.0, 8.0, 12.0)))
+    )
+    PLAN_REPLACED = Kind("another mission put on board", 14, _one("plan", lambda _: "other"))
+    SAME_PLAN = Kind("the same plan put on board again", 14, _one("plan", lambda _: "same"))
+    PLAN_DELETED = Kind("mission deleted by a station", 8, _one("plan", lambda _: "none"))
+    FENCE_DELETED = Kind("fence deleted by a station", 10, _one("fence", lambda _: None))
+    ZONE = Kind(
+        "a zone is added on board in flight", 14, _one("fence", lambda d: d.uniform(10, 40))
+    )
+    REBOOT = Kind(
+        "autopilot's link and clock start anew", 10, _one("reboot", lambda d: d.uniform(1, 6))
+    )
+    STOPPED = Kind(
+        "companion stalled for 0.5 to 60 s",
+        20,
+        _one("stall", lambda d: d.choice((0.5, 2.0, 5.0, 15.0, 60.0))),
+    )
+    RESTART = Kind(
+        "companion killed and restarted",
+        20,
+        lambda d: [Misfortune(0.0, "kill"), Misfortune(d.uniform(2.0, 40.0), "restart")],
+    )
+    KILL = Kind("companion killed for good", 12, _one("kill", lambda _: None))
+    BATTERY = Kind("battery falls fast", 16, _one("battery", lambda d: d.uniform(60.0, 400.0)))
+    BATTERY_LIES = Kind("battery falls fast and says otherwise", 12, _lie)
+    VANISH = Kind("robots vanish", 10, _one("vanish", lambda _: None))
+    ONE_DEAD = Kind(
+        "another UAV seeks the same robots, and dies",
+        8,
+        _one("other uav", lambda d: d.uniform(5, 60)),
+        "climb",
+    )
+    MAD_ROBOTS = Kind(
+        "robots tell nonsense: future, NaN, jumps, zones",
+        20,
+        _one("mad", lambda d: d.choice(("future", "nan", "jump", "zone", "far", "stamp"))),
+        "climb",
+    )
+    RELOAD = Kind(
+        "no-fly zones added by reload in flight",
+        16,
+        lambda d: [
+            Misfortune(40.0 * again, "reload", d.uniform(-5.0, 40.0))
+            for again in range(d.randrange(1, 4))
         ],
-        Fault.NO_FIX: lambda dice, at_s: [
-            Misfortune(at_s, "fix"),
-            Misfortune(at_s + dice.uniform(2.0, 20.0), "fix", 1.0),
-        ],
-        Fault.PILOT: lambda dice, at_s: [Misfortune(at_s, "pilot", dice.randrange(4))],
-        Fault.HAND_BACK: lambda dice, at_s: [
-            Misfortune(at_s, "pilot", dice.randrange(3)),
-            Misfortune(at_s + dice.uniform(3.0, 10.0), "hand back"),
-        ],
-        Fault.PAUSE: lambda dice, at_s: [  # until it flies in Hold by our command
-            Misfortune(at_s + again, "pause", dice.randrange(8) == 0) for again in range(100)
-        ],
-        Fault.RESTART: lambda dice, at_s: [
-            Misfortune(at_s, "kill"),
-            Misfortune(at_s + dice.uniform(2.0, 40.0), "restart"),
-        ],
-        Fault.KILL: lambda _dice, at_s: [Misfortune(at_s, "kill")],
-        Fault.BATTERY: lambda dice, at_s: [Misfortune(at_s, "battery", dice.uniform(60.0, 400.0))],
-        Fault.VANISH: lambda _dice, at_s: [Misfortune(at_s / 2, "vanish")],
-        Fault.RELOAD: lambda dice, at_s: [
-            Misfortune(at_s + 40.0 * again, "reload", dice.uniform(-5.0, 40.0))
-            for again in range(dice.randrange(1, 4))
-        ],
-        Fault.WALL: _walls,
-        Fault.REQUESTS: lambda dice, _at_s: [
-            Misfortune(dice.uniform(5.0, 170.0), "request", dice.random()) for _ in range(25)
-        ],
-        Fault.ZONE: lambda dice, at_s: [Misfortune(at_s, "zone", dice.uniform(10.0, 40.0))],
-    }
+    )
+    WALL = Kind("walled in by reload in flight", 12, _walls)
+    REQUESTS = Kind(
+        "requests at random moments",
+        16,
+        _often("request", 25, (1.0, 12.0), lambda d: d.random()),
+        "climb",
+    )
+    TWO = Kind("two of these at once", 40)
+
+    def __reduce_ex__(self, _: object) -> tuple[object, ...]:
+        """By its name: courses do not go from process to process."""
+        return getattr, (Fault, self.name)
+
+    @property
+    def words(self) -> str:
+        """Its line in the report."""
+        return self.value.words
+
+
+FLIGHTS: Final = MappingProxyType({fault: fault.value.flights for fault in Fault})
+"""How many flights each fault gets in a whole rehearsal."""
+
+LOSS: Final[Mapping[Fault, float]] = MappingProxyType(
+    {Fault.LOSS_1: 0.01, Fault.LOSS_5: 0.05, Fault.LOSS_20: 0.2}
 )
+_SINGLE: Final = tuple(f for f in Fault if f not in {Fault.NONE, Fault.TWO, Fault.UPLOAD})
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,30 +320,30 @@ class Scene:
         return frozenset(self.chance("two").sample(_SINGLE, 2))
 
     @property
-    def late_s(self) -> float:
-        """How much longer than usual commands take, at most."""
-        return 4.0 if Fault.LATE in self.faults else 0.0
-
-    @property
-    def old_s(self) -> float:
-        """How old the news of the vehicle are, at most."""
-        return 2.0 if Fault.OLD in self.faults else 0.0
-
-    @property
     def loss(self) -> float:
         """Share of packets that are lost."""
-        return max((_LOSS.get(fault, 0.0) for fault in self.faults), default=0.0)
+        return max((LOSS.get(fault, 0.0) for fault in self.faults), default=0.0)
 
-    def misfortunes(self) -> list[Misfortune]:
-        """What happens when, in order."""
-        dice = self.chance("when")
-        happen = [
-            misfortune
-            for fault in sorted(self.faults, key=lambda fault: fault.name)
-            if fault in _COURSES
-            for misfortune in _COURSES[fault](dice, dice.uniform(30.0, 150.0))
-        ]
-        return sorted(happen, key=lambda misfortune: misfortune.at_s)
+    def misfortunes(self) -> Happen:
+        """What happens when."""
+        happen: Happen = []
+        for fault in sorted(self.faults, key=lambda fault: fault.name):
+            dice = self.chance(f"when {fault.name}")
+            phase, later_s = self._begin(fault, dice)
+            happen += [
+                m if m.phase else m._replace(at_s=m.at_s + later_s, phase=phase)
+                for m in fault.value.course(dice)
+            ]
+        return happen
+
+    def _begin(self, fault: Fault, dice: random.Random) -> tuple[str, float]:
+        """Its phase, by turns so that each gets its share, and how long after its beginning."""
+        if fault.value.phase:
+            return fault.value.phase, 0.0 if fault is Fault.UPLOAD else dice.uniform(0.0, 10.0)
+        turn = self.seed % (len(PHASES) * 3 // 2)
+        if turn >= len(PHASES):
+            return "armed", dice.uniform(0.0, FLIGHT_S)
+        return PHASES[turn], dice.choice((0.0, dice.uniform(0.0, 8.0)))
 
     def chance(self, what: str) -> random.Random:
         """Dice of their own for everything that is drawn."""
@@ -201,10 +354,15 @@ class Scene:
         return f"{self.fault.name}-{self.seed}{both if self.fault is Fault.TWO else ''}"
 
 
-def scenes(share: float = 1.0) -> list[Scene]:
-    """The flights of a rehearsal; `share` of each fault's, but at least one."""
+def scenes(share: float = 1.0, seed: int | None = None) -> list[Scene]:
+    """The flights of a rehearsal.
+
+    Args:
+        share: Of each fault's, but at least one.
+        seed: Only this one of each, whether a whole rehearsal has it or not.
+    """
     return [
-        Scene(fault, seed)
-        for fault, number in FLIGHTS.items()
-        for seed in range(max(1, round(number * share)))
+        Scene(fault, number)
+        for fault, flights in FLIGHTS.items()
+        for number in (range(max(1, round(flights * share))) if seed is None else (seed,))
     ]

@@ -2,434 +2,391 @@
 
 from __future__ import annotations
 
-import dataclasses
+import functools
 import math
-from collections import deque
-from typing import TYPE_CHECKING, Final
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
 
-from air_router.events import RobotPose
-from air_router.flight_plan import FlightPlan
-from air_router.graph import WaypointGraph
-from air_router.px4_mode import flight_mode
-from air_router.requests import GoOn
-from air_router.router import Router
-from air_router.settings import Timers
-from air_router.vehicle import PlanCompared, PlanReplaced, Telemetry
+from air_router.fly import ground_robots, team_of
+from air_router.mission import Mission, load_mission
 from geo.frame import Point
-from geo.zone import Outline
-from mocha_link.metrics import Direction, SyncEnded, SyncStarted
-from sitl.autopilot import Autopilot
-from sitl.mission_items import MissionItem, MissionType
-from sitl.parameters import Parameters
-from sitl.px4_modes import FlightMode
-from sitl.rehearsal.asking import request_of
-from sitl.rehearsal.companion import Companion, Link
-from sitl.rehearsal.drawing import STOP_M, Drawing
+from sitl.mavlink_vehicle import MavlinkVehicle, VehicleSettings
+from sitl.rehearsal.companion import EPOCH_S, Companion
+from sitl.rehearsal.drawing import MissionFile, hurried
+from sitl.rehearsal.evidence import COMPANION, Evidence, Happening, Line, Sample, What, WireMessage
 from sitl.rehearsal.faults import Fault, Scene
-from sitl.rehearsal.judge import End, Judge, Verdict
+from sitl.rehearsal.script import Script
+from sitl.rehearsal.stand_ins.frames import Encoder
+from sitl.rehearsal.stand_ins.link import Burst, Link, Way
+from sitl.rehearsal.stand_ins.team import Robots, anywhere
+from sitl.rehearsal.stations import Stations
 from sitl.situation import Place
+from sitl.telemetry import ONBOARD_RATES_HZ
 from sitl.wind import WindSettings
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+STEP_S: Final = 0.04
+"""Of the vehicle, and so often its true state is noted: 25 times a second."""
 
-    from air_router.flight_plan import PlanItem
-    from air_router.mission import Mission
-
-REAL32: Final = 9  # MAV_PARAM_TYPE
-STEP_S: Final = 0.02
 TICK_S: Final = 0.1
 MOST_S: Final = 900.0
 BOOT_S: Final = 5.0
-FENCE_S: Final = 1.0
-"""What PX4 takes to load a fence and judge the mission by it."""
-
-HEARD_M: Final = 60.0
-SYNC_EVERY_S: Final = 2.0
-HOME_M: Final = 3.0
-MOVING_M_S: Final = 1.0
 PILOT_S: Final = 25.0
-"""For so long a pilot (or nobody) is watched after the vehicle was given away."""
+"""For so long a pilot (or nothing) is watched after the vehicle was given away."""
 
-ZONE_M: Final = 15.0
-SEEK: Final = ("callisto", "europa", "io")
-_PILOT_MODES: Final = (
-    FlightMode.AUTO_LOITER,
-    FlightMode.AUTO_RTL,
-    FlightMode.ORBIT,
-    FlightMode.AUTO_LAND,
+LANDED_S: Final = 10.0
+"""What a companion gets to end its flight once the vehicle is disarmed."""
+
+SPARE_BYTES_S: Final = 1.0
+"""What a socket keeps of the messages to a program that stands still: those of so many seconds."""
+
+_HEARD: Final = (
+    *("HEARTBEAT", "SYS_STATUS", "SYSTEM_TIME", "GPS_RAW_INT", "GLOBAL_POSITION_INT"),
+    *("HOME_POSITION", "EXTENDED_SYS_STATE", "CURRENT_MODE", "POSITION_TARGET_GLOBAL_INT"),
 )
-_EASY: Final = Timers(init_s=40.0, explore_s=25.0, search_s=10.0, communicate_s=10.0)
+_FEWER_HZ: Final = {"GLOBAL_POSITION_INT": 10.0, "POSITION_TARGET_GLOBAL_INT": 2.0}
+RATES_HZ: Final = {name: ONBOARD_RATES_HZ[name] for name in _HEARD} | _FEWER_HZ
+"""PX4's, of what a companion listens to; positions as it asks for them."""
 
 
-def hurried(mission: Mission) -> Mission:
-    """A mission in a hurry: the paper's times divided, a few minutes in all."""
-    return dataclasses.replace(mission, timers=_EASY, speed_m_s=5.0, duration_s=170.0)
+class SceneOverError(BaseException):
+    """There is nothing more to be seen."""
+
+
+class PowerCutError(BaseException):
+    """The companion computer is off from one moment to the next."""
 
 
 class Stage:
-    """Flies one scene.
+    """Flies one scene; a `World` for the companion's loop.
 
     Args:
         scene: What goes wrong.
-        mission: What is flown.
-        router: Its router, which all flights of a mission can share.
+        path: The mission.
+
+    Attributes:
+        vehicle: The vehicle.
+        link: Between it and the companion.
+        stations: Pilot and ground stations.
+        robots: On the ground.
+        file: The mission file, which is drawn into.
+        mission: As it was at the start.
+        seek: Who is sought.
+        companion: That runs now; None: none.
+        now_s: Simulated seconds since the vehicle started.
     """
 
-    def __init__(self, scene: Scene, mission: Mission, router: Router | None = None) -> None:
+    def __init__(self, scene: Scene, path: Path) -> None:
         self.scene = scene
-        self.mission = mission
-        self.judge = Judge(mission)
-        self._router = router or Router(WaypointGraph(mission))
-        self._plan = FlightPlan.of(mission)
-        latitude_deg, longitude_deg = mission.frame.to_geodetic(mission.home)
-        place = Place(latitude_deg, longitude_deg, mission.home_altitude_amsl_m or 0.0)
-        self.autopilot = Autopilot(
-            place,
-            Parameters({"SIM_BAT_DRAIN": 1500.0, "SIM_BAT_MIN_PCT": 0.0}),
-            seed=scene.seed,
-            wind=self._wind(),
-        )
-        self.link = Link(scene.chance("link"), scene.loss, scene.late_s, scene.old_s)
-        self._chance = scene.chance("stage")
-        self._drawing = Drawing(self.judge, self._chance, scene.late_s)
-        self._robots = {name: self._anywhere() for name in SEEK}
-        self._synced_s = dict.fromkeys(SEEK, -math.inf)
-        self.companion: Companion | None = self._companion()
-        self._todo = deque(scene.misfortunes())
-        self._alive = True
-        self._pilot: FlightMode | None = None
+        self._path = path
+        self.now_s = 0.0
+        self.companion: Companion | None = None
+        self._dice = scene.chance("stage")
+        self._encoder = Encoder(1, COMPANION)
+        self._step_at_s = self._tick_at_s = STEP_S
+        self._stalled_until_s = self._deaf_from_s = math.inf
+        self._inbox: list[Callable[[], object]] = []
+        self._restarts = False
+        self._flew_s: float | None = None
+        self._disarmed_s: float | None = None
         self._given_away_s: float | None = None
-        self._failsafe_seen = False
-        self._fix = True
-        self._jump = (0.0, 0.0)
-        self._resumes_s = math.inf
-        self._plan_ids = 0
+        self._off_m = 0.0
+        self._samples: list[Sample] = []
+        self._messages: list[WireMessage] = []
+        self._happenings: list[Happening] = []
+        self._lines: list[Line] = []
+        self.file: MissionFile
+        self.mission: Mission
+        self.seek: tuple[str, ...]
+        self.vehicle: MavlinkVehicle
+        self.stations: Stations
+        self.robots: Robots
+        self.link = Link(scene.chance("link"))
+        self._script = Script(self, scene.misfortunes())
 
-    @property
-    def now_s(self) -> float:
-        """Simulated time."""
-        return self.autopilot.time_s
+    # The flight
 
-    # The flight.
-
-    def fly(self) -> Verdict:
+    def fly(self) -> Evidence:
         """From power-on to the end."""
-        if Fault.UPLOAD in self.scene.faults and self.scene.seed % 2:
-            return self._verdict(End.STAYED)  # refused for good: nothing is armed
-        while self.now_s < BOOT_S:
-            self.autopilot.step(STEP_S)
-        self._board()
-        while self.now_s < BOOT_S + FENCE_S:
-            self.autopilot.step(STEP_S)
-        self._tick()
-        self.autopilot.arm()
-        self.autopilot.request_mode(FlightMode.AUTO_MISSION)
-        began_s, flew, end = self.now_s, False, End.NOT
-        while end is End.NOT and self.now_s < began_s + MOST_S:
-            for _ in range(round(TICK_S / STEP_S)):
-                self.autopilot.step(STEP_S)
-            flew |= not self.autopilot.situation.landed
-            self._tick()
-            end = self._ended(flew=flew)
-        return self._verdict(end)
-
-    def _tick(self) -> None:
-        while self._todo and self._todo[0].at_s <= self.now_s - BOOT_S:
-            _, what, value = self._todo.popleft()
-            self._happen(what, value)
-        self.link.deliver(self.now_s)
-        self.autopilot.take_notices()
-        place = self._truth()
-        companion = self.companion
-        self._failsafe_seen |= self._failsafe
-        if not self.autopilot.situation.landed:
-            self.judge.see(place, TICK_S, ours=self._ours())
-        if companion is None:
-            return
-        companion.listen(self.link.said(self._telemetry()), self.now_s)
-        if self.now_s >= self._resumes_s:
-            self._ask_to_resume(companion)
-        self._gossip(companion, place)
-        companion.step(self.now_s)
-
-    def _ours(self) -> bool:
-        """Whether we answer for where the vehicle is: by our command, or its consequence."""
-        return self._pilot is None and not self._failsafe
-
-    @property
-    def _failsafe(self) -> bool:
-        return self.autopilot.failsafe.acting
-
-    def _ended(self, *, flew: bool) -> End:
-        if flew and not self.autopilot.armed:
-            return self._landed()
-        companion = self.companion
-        given_away = companion is not None and flew and not companion.controller.in_charge
-        if self._todo or not (given_away or companion is None):
-            self._given_away_s = None
-            return End.NOT
-        if self._given_away_s is None:
-            self._given_away_s = self.now_s
-        asked = companion is not None and self._resumes_s < math.inf
-        if asked or self.now_s - self._given_away_s < PILOT_S:
-            return End.NOT
-        others = End.HOVERS if companion is None else End.PILOT
-        return End.FAILSAFE if self._failsafe_seen else others
-
-    def _landed(self) -> End:
-        if self._failsafe_seen:
-            return End.FAILSAFE
-        if self._pilot is not None:
-            return End.PILOT
-        home_m = math.dist(self._truth(), self.mission.home)
-        return End.LANDED if home_m <= HOME_M + self._jumped_m() else End.NOT
-
-    def _jumped_m(self) -> float:
-        return math.hypot(self.autopilot.errors.north_m, self.autopilot.errors.east_m)
-
-    def _verdict(self, end: End) -> Verdict:
-        faults = self.scene.faults
-        allowed = {End.LANDED, End.PILOT, End.FAILSAFE}
-        if Fault.KILL in faults:
-            allowed.add(End.HOVERS)  # and returns by the autopilot's own rules when it has to
-        if Fault.UPLOAD in faults:
-            allowed.add(End.STAYED)
-        pilots = {Fault.PILOT, Fault.HAND_BACK, Fault.PAUSE, Fault.ZONE, Fault.JUMPS, Fault.GUSTS}
-        pilots |= {Fault.LATE, Fault.OLD}  # what is late may look like a pilot's
-        if not faults & pilots:
-            allowed.discard(End.PILOT)
-        said = [] if self.companion is None else self.companion.actions
-        texts = [getattr(action, "text", "") for action in said]
-        return Verdict(
+        with tempfile.TemporaryDirectory() as folder:
+            self._set_up(Path(folder))
+            text = self.file.text
+            exit_code, outcome = self._fly()
+        return Evidence(
             scene=str(self.scene),
-            fault=self.scene.fault.name,
-            end=end,
-            deepest_m=self.judge.deepest_m,
-            flown_s=self.judge.ours_s,
-            expected=end in allowed,
-            why="; ".join(text for text in texts if text)[-200:],
+            faults=frozenset(fault.name for fault in self.scene.faults),
+            mission_path=self._path.absolute(),
+            mission_text=text,
+            samples=tuple(self._samples),
+            messages=tuple(self._messages),
+            happenings=tuple(self._happenings),
+            lines=tuple(self._lines),
+            exit_code=exit_code,
+            outcome=outcome,
+            uav=self.mission.uav,
         )
 
-    # What the companion perceives.
-
-    def _truth(self) -> Point:
-        return self._place(self.autopilot.airframe.north_m, self.autopilot.airframe.east_m)
-
-    def _place(self, north_m: float, east_m: float) -> Point:
-        degrees = self.autopilot.situation.projection.to_global(north_m, east_m)
-        return self.mission.frame.to_local(*degrees)
-
-    def _north_east(self, point: Point) -> tuple[float, float]:
-        projection = self.autopilot.situation.projection
-        return projection.to_local(*self.mission.frame.to_geodetic(point))
-
-    def _telemetry(self) -> Telemetry:
-        autopilot, situation = self.autopilot, self.autopilot.situation
-        setpoint = autopilot.setpoint
-        mode = flight_mode(autopilot.mode.custom_mode)
-        hovers = autopilot.mode in {FlightMode.AUTO_LOITER, FlightMode.AUTO_MISSION}
-        return Telemetry(
-            time_s=self.now_s,
-            position=self._place(situation.north_m, situation.east_m),
-            altitude_m=situation.altitude_m - situation.home_altitude_m,
-            velocity_m_s=(situation.velocity_m_s[1], situation.velocity_m_s[0]),
-            armed=autopilot.armed,
-            in_air=not situation.landed,
-            mode=mode,
-            failsafe=self._failsafe,
-            battery=autopilot.battery.remaining,
-            item=autopilot.mission.index,
-            fix=self._fix,
-            target=self._place(setpoint.north_m, setpoint.east_m) if hovers else None,
+    def _set_up(self, folder: Path) -> None:
+        scene = self.scene
+        self.file = MissionFile(folder / "mission.yaml", dict(_hurried(self._path)))
+        mission = self.mission = load_mission(self.file.path)
+        self.file.frame = mission.frame
+        team, uav = team_of(mission, None)
+        self.seek = mission.seek or ground_robots(team, uav)
+        latitude_deg, longitude_deg = mission.frame.to_geodetic(mission.home)
+        self.vehicle = MavlinkVehicle(
+            VehicleSettings(
+                Place(latitude_deg, longitude_deg, mission.home_altitude_amsl_m or 0.0),
+                seed=scene.seed,
+                start_unix_s=EPOCH_S,
+                parameters={"SIM_BAT_DRAIN": 1500.0, "SIM_BAT_MIN_PCT": 0.0},
+                wind=self._wind(),
+                truth_link=False,
+                step_s=STEP_S,
+                onboard_rates_hz=RATES_HZ,
+                ground_rates_hz={"HEARTBEAT": 1.0},
+            )
         )
-
-    def _gossip(self, companion: Companion, place: Point) -> None:
-        for name, robot in self._robots.items():
-            if (
-                math.dist(robot, place) > HEARD_M
-                or self.now_s - self._synced_s[name] < SYNC_EVERY_S
-            ):
-                continue
-            self._synced_s[name] = self.now_s
-            for direction in Direction:
-                companion.hear(SyncStarted(name, self.now_s, direction))
-            companion.hear(RobotPose(name, robot, self.now_s, name))
-            for direction in Direction:
-                companion.hear(SyncEnded(name, self.now_s, direction, 1, 100, 0.1))
-
-    def _anywhere(self) -> Point:
-        waypoint = self._chance.choice(self.mission.waypoints).position
-        return Point(
-            waypoint.east_m + self._chance.uniform(-30.0, 30.0),
-            waypoint.north_m + self._chance.uniform(-30.0, 30.0),
-        )
-
-    def _companion(self) -> Companion:
-        return Companion(
-            self.mission,
-            self._plan,
-            self._router,
-            self.autopilot,
-            self.link,
-            seek=SEEK,
-            north_east=self._north_east,
-            board=self._store,
-        )
-
-    def _board(self) -> None:
-        """Mission and fence, as the upload has put them on board."""
-        self._store(MissionType.FENCE, self._plan.fence)
-        self._store(MissionType.MISSION, self._plan.items)
-
-    def _store(self, kind: MissionType, items: tuple[PlanItem, ...]) -> None:
-        self._plan_ids += 1
-        self.autopilot.plan.store(kind, tuple(map(_stored, items)), self._plan_ids, 0)
-
-    # What goes wrong.
+        self.stations = Stations(self.vehicle, self._record)
+        waypoints = [waypoint.position for waypoint in mission.waypoints]
+        places = {name: anywhere(self._dice, waypoints) for name in self.seek}
+        self.robots = Robots(mission.frame, places, lambda: EPOCH_S + self.now_s)
+        link = self.link
+        link.loss = scene.loss
+        if Fault.BURSTS in scene.faults:
+            link.burst = Burst(self._dice.uniform(5, 20), self._dice.choice((0.5, 2.0, 5.0)), 1.0)
 
     def _wind(self) -> WindSettings:
-        if Fault.GUSTS not in self.scene.faults:
+        dice, faults = self.scene.chance("wind"), self.scene.faults
+        if Fault.STORM in faults:
+            return WindSettings(dice.uniform(12.0, 16.0), dice.uniform(0.0, 360.0), 2.0)
+        if Fault.GUSTS not in faults:
             return WindSettings()
-        dice = self.scene.chance("wind")
         mean_m_s = dice.uniform(3.0, 7.0)
         return WindSettings(mean_m_s, dice.uniform(0.0, 360.0), (10.0 - mean_m_s) / 2.0)
 
-    def _happen(self, what: str, value: float) -> None:
-        happenings: dict[str, Callable[[float], object]] = {
-            "jump": self._jump_by,
-            "jump back": lambda _: self._shift(-self._jump[0], -self._jump[1]),
-            "silent": lambda on: setattr(self.link, "silent", bool(on)),
-            "fix": lambda on: setattr(self, "_fix", bool(on)),
-            "busy": lambda on: setattr(self.link, "busy", bool(on)),
-            "kill": lambda _: setattr(self, "companion", None),
-            "restart": lambda _: self._restart(),
-            "battery": self._drain,
-            "vanish": lambda _: self._robots.clear(),
-            "zone": self._add_zone,
-            "reload": self._reload,
-            "wall": self._wall,
-            "open": lambda _: self._open(),
-            "request": self._ask,
-            "pilot": lambda choice: self._choose(_PILOT_MODES[int(choice)]),
-            "hand back": lambda _: self._hand_back(),
-            "pause": lambda divert: self._pause(divert=bool(divert)),
-        }
-        happenings[what](value)
+    def _fly(self) -> tuple[int | None, str]:
+        exit_code: int | None = None
+        outcome = "killed"
+        try:
+            self._wait(lambda: self.now_s >= BOOT_S)
+            self._script.enter("ready", self.now_s)
+            self._restarts = True
+            resume = False
+            while True:
+                self._wait(lambda: self._restarts)
+                self._restarts = False
+                exit_code, outcome = self._live(resume=resume)
+                resume = True
+        except SceneOverError:
+            if self.companion is not None:
+                exit_code, outcome = self.companion.exit_code, self.companion.outcome
+        return exit_code, outcome
 
-    def _jump_by(self, angle_rad: float) -> None:
-        size_m = self._chance.uniform(1.0, 4.0)
-        north_m, east_m = self._jump
-        self._shift(size_m * math.cos(angle_rad) - north_m, size_m * math.sin(angle_rad) - east_m)
+    def _wait(self, condition: Callable[[], bool]) -> None:
+        while not condition():
+            self.advance(self.now_s + TICK_S)
 
-    def _shift(self, north_m: float, east_m: float) -> None:
-        self.autopilot.errors.jump(north_m, east_m)
-        self._jump = (self._jump[0] + north_m, self._jump[1] + east_m)
+    def _live(self, *, resume: bool) -> tuple[int | None, str]:
+        """One life of a companion, from start to end or power cut."""
+        self.happened(What.STARTED)
+        companion = Companion(self.file.path, self, self, self._say, resume=resume)
+        self.companion = companion
+        try:
+            companion.run()
+        except PowerCutError:
+            self.companion = None
+            return None, "killed"
+        self.companion = None
+        return companion.exit_code, companion.outcome
 
-    def _drain(self, drain_s: float) -> None:
-        self.autopilot.parameters.set("SIM_BAT_DRAIN", drain_s, REAL32)
+    # World
 
-    def _choose(self, mode: FlightMode) -> None:
-        """The pilot takes the vehicle, in a mode that is not the one it is in."""
-        autopilot = self.autopilot
-        if autopilot.situation.landed or self._failsafe:
-            return
-        if autopilot.mode is mode:
-            mode = FlightMode.AUTO_RTL
-        if autopilot.request_mode(mode, forced=mode is FlightMode.AUTO_LAND):
-            self._pilot = mode
+    def advance(self, until_s: float) -> list[Callable[[], object]]:
+        """Let time pass until then, or until there is something for the companion."""
+        while True:
+            stalled = self.now_s < self._stalled_until_s < math.inf
+            if self._inbox and not stalled:
+                break
+            next_s = min(self._step_at_s, self.link.next_s)
+            if next_s > until_s and not stalled:
+                self.now_s = until_s
+                break
+            self.now_s = max(self.now_s, next_s)
+            if self.link.next_s <= self._step_at_s:
+                self.link.deliver(self.now_s)
+            else:
+                self._step()
+            self._collect()
+        if self._stalled_until_s < math.inf:
+            self._stalled_until_s = math.inf
+            self.happened(What.CONTINUED)
+        inbox, self._inbox = self._inbox, []
+        return inbox
 
-    def _hand_back(self) -> None:
-        if self._pilot is not None and not self.autopilot.situation.landed:
-            self.autopilot.request_mode(FlightMode.AUTO_LOITER)
-            self._resumes_s = self.now_s + 2.0
+    def call(self, callback: Callable[[], object]) -> None:
+        """The companion is to call this when it runs."""
+        self._inbox.append(callback)
 
-    def _ask_to_resume(self, companion: Companion) -> None:
-        """The operator asks until it is ours again: it may still be too low, or in a zone."""
-        self._resumes_s = self.now_s + 2.0
-        companion.hear(GoOn())
-        if companion.controller.in_charge:
-            self._pilot = None
-            self._resumes_s = math.inf
-        elif self.now_s > BOOT_S + MOST_S / 3:
-            self._resumes_s = math.inf  # it cannot be: the pilot keeps it
+    def send(self, name: str, fields: Mapping[str, Any]) -> None:
+        """The companion sends a message to the vehicle."""
+        vehicle, encoder = self.vehicle, self._encoder
 
-    def _pause(self, *, divert: bool) -> None:
-        """The pilot pauses or diverts the vehicle without choosing a mode that is not ours."""
-        autopilot, companion = self.autopilot, self.companion
-        flying = not autopilot.situation.landed and not autopilot.mission.climbing
-        if self._pilot is not None or companion is None or not (flying and self._ours()):
-            return
-        if companion.controller.custody.pending is not None:
-            return
-        situation = autopilot.situation
-        if autopilot.mode is FlightMode.AUTO_MISSION and divert:
-            last = len(self._plan.items) - 1
-            autopilot.plan.set_current(last if autopilot.mission.index != last else last - 1)
-        elif autopilot.mode is FlightMode.AUTO_LOITER and divert:
-            autopilot.reposition((situation.north_m + 12.0, situation.east_m), None)
-        elif (
-            autopilot.mode is FlightMode.AUTO_LOITER
-            and math.hypot(*situation.velocity_m_s[:2]) > MOVING_M_S
-        ):
-            autopilot.reposition(None, None)
-        else:
-            return
-        self._pilot = autopilot.mode
+        def arrive(arrived: Mapping[str, Any]) -> None:
+            vehicle.receive(vehicle.onboard, encoder.frame(name, arrived))
 
-    def _restart(self) -> None:
-        """A new companion finds the flight, and is asked to go on with it."""
-        if not self.autopilot.armed:
-            return
-        self.companion = self._companion()
-        self._resumes_s = self.now_s + 3.0
+        arrives = self.link.send(Way.UP, name, fields, self.now_s, arrive)
+        self._record(encoder, name, fields, delivered=arrives)
 
-    def _ask(self, choice: float) -> None:
-        """Somebody asks for something, at whatever moment; but never for the pilot's vehicle."""
-        if self.companion is not None and self._pilot is None:
-            here = self._truth()
-            self.companion.hear(request_of(choice, self._chance, self.mission, here))
+    def _step(self) -> None:
+        self._step_at_s = round(self._step_at_s + STEP_S, 6)
+        self.vehicle.step()
+        self._sample()
+        if self.now_s >= self._tick_at_s:
+            self._tick_at_s = round(self._tick_at_s + TICK_S, 6)
+            self._tick()
 
-    def _add_zone(self, ahead_m: float) -> None:
-        """A ground station puts a fence with one more zone on board, ahead of the vehicle."""
-        airframe, place = self.autopilot.airframe, self._truth()
-        speed_m_s = math.hypot(airframe.velocity_east_m_s, airframe.velocity_north_m_s)
-        if self.companion is None or self.autopilot.situation.landed:
-            return
-        east = airframe.velocity_east_m_s / speed_m_s if speed_m_s > 1.0 else 1.0
-        north = airframe.velocity_north_m_s / speed_m_s if speed_m_s > 1.0 else 0.0
-        ahead_m += STOP_M + ZONE_M
-        centre = Point(place.east_m + east * ahead_m, place.north_m + north * ahead_m)
-        corners = ((-ZONE_M, -ZONE_M), (ZONE_M, -ZONE_M), (ZONE_M, ZONE_M), (-ZONE_M, ZONE_M))
-        ring = tuple(Point(centre.east_m + e / 1.5, centre.north_m + n / 1.5) for e, n in corners)
-        self.judge.added.append(Outline(ring))
-        self.companion.hear(PlanReplaced(self.now_s, only_fence=True))
-        self.companion.hear(PlanCompared(self.now_s, "the fence: one more zone is on board"))
+    def _collect(self) -> None:
+        """What the vehicle has said goes over the link."""
+        for message in self.vehicle.onboard.take_queue():
+            if isinstance(message, bytes):
+                continue  # passed on from a station: nothing that a companion looks at
+            name, fields = message.name, message.fields
+            arrive = functools.partial(self._arrived, name)
+            arrives = self.link.send(Way.DOWN, name, fields, self.now_s, arrive)
+            self._messages.append(
+                WireMessage(self.now_s, 1, 1, fields.get("target_system", 0), name, fields, arrives)
+            )
+        self.vehicle.ground.take_queue()
 
-    def _reload(self, ahead_m: float) -> None:
-        """The operator draws a zone near the vehicle, or over it, and has the file read again."""
-        if self.companion is not None and not self.autopilot.situation.landed:
-            ahead = self.autopilot.airframe
-            course_rad = math.atan2(ahead.velocity_east_m_s, ahead.velocity_north_m_s)
-            self._drawing.circle(self.companion, self._truth(), course_rad, ahead_m)
+    def _arrived(self, name: str, fields: Mapping[str, Any]) -> None:
+        companion = self.companion
+        if companion is not None and self.now_s < self._deaf_from_s:
+            self._inbox.append(functools.partial(companion.receive, name, fields))
 
-    def _wall(self, side: float) -> None:
-        """The operator walls the vehicle in, zone by zone."""
-        if self.companion is not None and not self.autopilot.situation.landed:
-            self._drawing.wall(self.companion, self._truth(), int(side))
-
-    def _open(self) -> None:
+    def _tick(self) -> None:
+        for phase in self._phases():
+            self._script.enter(phase, self.now_s)
+        self._script.step(self.now_s)
         if self.companion is not None:
-            self._drawing.open(self.companion)
+            node, place = self.companion.node, self.place
+            if not self.now_s < self._stalled_until_s < math.inf:
+                self.call(lambda: self.robots.step(node, place, self.now_s))
+        self._look_at_the_estimate()
+        self._end_if_over()
+
+    # What happens
+
+    def happened(self, what: What, value: Any = None) -> None:
+        """For the record."""
+        self._happenings.append(Happening(self.now_s, what, value))
+
+    def stall(self, seconds: float) -> None:
+        """The companion's program stands still for so long."""
+        if self.companion is not None:
+            self._stalled_until_s = self.now_s + seconds
+            self._deaf_from_s = self.now_s + SPARE_BYTES_S
+            self.happened(What.STOPPED)
+
+    def kill(self) -> None:
+        """The companion's power is gone."""
+        if self.companion is not None:
+            self.happened(What.KILLED)
+            self._inbox.clear()
+            raise PowerCutError
+
+    def restart(self) -> None:
+        """The companion's power is back, and the flight is to be resumed."""
+        if self.companion is None and self.vehicle.autopilot.armed:
+            self._restarts = True
+
+    # What is seen
+
+    @property
+    def place(self) -> Point:
+        """Where the vehicle really is, in the mission's frame."""
+        airframe = self.vehicle.autopilot.airframe
+        projection = self.vehicle.autopilot.situation.projection
+        degrees = projection.to_global(airframe.north_m, airframe.east_m)
+        return self.mission.frame.to_local(*degrees)
+
+    def _say(self, text: str) -> None:
+        self._lines.append(Line(self.now_s, text))
+
+    def _record(
+        self, sender: Encoder, name: str, fields: Mapping[str, Any], *, delivered: bool = True
+    ) -> None:
+        target = int(fields.get("target_system", fields.get("target", 0)))
+        self._messages.append(
+            WireMessage(
+                self.now_s, sender.system_id, sender.component_id, target, name, fields, delivered
+            )
+        )
+
+    def _sample(self) -> None:
+        autopilot = self.vehicle.autopilot
+        airframe = autopilot.airframe
+        latitude_deg, longitude_deg = autopilot.situation.projection.to_global(
+            airframe.north_m, airframe.east_m
+        )
+        self._samples.append(
+            Sample(
+                self.now_s,
+                latitude_deg,
+                longitude_deg,
+                autopilot.place.altitude_m + airframe.up_m,
+                autopilot.armed,
+                airframe.on_ground,
+                autopilot.mode.custom_mode,
+                autopilot.failsafe.acting,
+            )
+        )
+
+    def _phases(self) -> list[str]:
+        autopilot, companion = self.vehicle.autopilot, self.companion
+        phases = ["armed"] if autopilot.armed else []
+        if autopilot.taking_off:
+            phases.append("climb")
+        if autopilot.landing:
+            phases.append("landing")
+        if companion is not None:
+            phases.append(companion.flight.controller.state.name)
+        return phases
+
+    def _look_at_the_estimate(self) -> None:
+        errors = self.vehicle.autopilot.errors
+        off_m = math.hypot(errors.north_m, errors.east_m, errors.altitude_m)
+        if abs(off_m - self._off_m) > 1.0:
+            self._off_m = off_m
+            self.happened(What.ESTIMATE_OFF, off_m)
+
+    def _end_if_over(self) -> None:
+        autopilot, now_s = self.vehicle.autopilot, self.now_s
+        companion = self.companion
+        if autopilot.armed:
+            if self._flew_s is None:
+                self._flew_s = now_s
+                self.link.late_s = 4.0 if Fault.LATE in self.scene.faults else 0.0
+                self.link.old_s = 2.0 if Fault.OLD in self.scene.faults else 0.0
+            self._disarmed_s = None
+        elif self._flew_s is not None and self._disarmed_s is None:
+            self._disarmed_s = now_s
+        if now_s > MOST_S:
+            raise SceneOverError
+        if self._disarmed_s is not None and now_s > self._disarmed_s + LANDED_S:
+            raise SceneOverError
+        if companion is None and self._flew_s is None and now_s > BOOT_S + TICK_S:
+            raise SceneOverError  # it was refused on the ground
+        given_away = companion is None or (self._flew_s is not None and not companion.in_charge)
+        if not given_away or not self._script.done or not autopilot.armed:
+            self._given_away_s = None
+        elif self._given_away_s is None:
+            self._given_away_s = now_s
+        elif now_s > self._given_away_s + PILOT_S:
+            raise SceneOverError
 
 
-def _stored(item: PlanItem) -> MissionItem:
-    return MissionItem(
-        frame=int(item.frame),
-        command=int(item.command),
-        autocontinue=item.autocontinue,
-        params=item.params,
-        x=item.x_deg_e7,
-        y=item.y_deg_e7,
-        z=item.z_m,
-    )
+@functools.cache
+def _hurried(path: Path) -> dict[str, Any]:
+    return hurried(path)

@@ -1,0 +1,1 @@
+"""What stands in for clocks, radios and libraries while the real flight program is rehearsed."""

@@ -1,0 +1,196 @@
+"""The link between companion and vehicle in simulated time, and all that goes wrong with it."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+import random
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final
+
+LEAST_S: Final = 0.005
+"""What a message takes at least, either way; a command up to `MOST_S`."""
+
+MOST_S: Final = 0.03
+DELAYED_S: Final = 2.0
+"""How long what the vehicle says keeps coming so late, where it comes late."""
+
+CLOCKS: Final = ("time_boot_ms", "time_usec", "event_time_boot_ms")
+"""Fields that tell the vehicle's clock."""
+
+Fields = Mapping[str, Any]
+
+
+class Way(Enum):
+    """The direction of a message."""
+
+    DOWN = "from the vehicle"
+    UP = "to the vehicle"
+
+
+class StreamFault(Enum):
+    """What can be the matter with the messages of one name."""
+
+    LOST = "lost"
+    FROZEN = "frozen"  # the values of the last good one; the clock in it goes on
+    REPEATED = "repeated"  # the last good one, again and again
+    LATE = "late"  # each by some seconds
+    WRONG = "wrong"  # believable, and not true
+
+
+Wrong = Callable[[dict[str, Any], random.Random], dict[str, Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Trouble:
+    """A stream's fault and when it is over."""
+
+    kind: StreamFault
+    until_s: float
+    late_s: float
+    wrong: Wrong | None
+
+
+@dataclass(frozen=True, slots=True)
+class Burst:
+    """Losses that come in bursts (Gilbert and Elliott): mean lengths, and the share lost in one."""
+
+    good_s: float
+    bad_s: float
+    loss: float
+
+
+class Link:
+    """Carries messages both ways, in order, with a delay.
+
+    Args:
+        chance: Dice.
+
+    Attributes:
+        loss: Share of messages that are lost, either way.
+        late_s: Commands take up to so much longer, one behind the other.
+        old_s: What the vehicle says takes up to so long.
+        silent: Nothing passes.
+        burst: Losses in bursts; None: none.
+    """
+
+    def __init__(self, chance: random.Random) -> None:
+        self._chance = chance
+        self.loss = self.late_s = self.old_s = 0.0
+        self.silent = False
+        self.burst: Burst | None = None
+        self._in_burst, self._turns_s = False, 0.0
+        self._count = itertools.count()
+        self._under_way: list[tuple[float, int, Callable[[], object]]] = []
+        self._arrives_s = dict.fromkeys(Way, 0.0)
+        self._delay_s, self._other_delay_s = 0.0, 0.0
+        self._troubles: dict[tuple[Way, str], _Trouble] = {}
+        self._frozen: dict[tuple[Way, str], Fields] = {}
+        self._booted_s = 0.0
+
+    @property
+    def next_s(self) -> float:
+        """When the next message arrives."""
+        return self._under_way[0][0] if self._under_way else math.inf
+
+    def trouble(  # noqa: PLR0913 - what there is to be said of it
+        self,
+        way: Way,
+        name: str,
+        kind: StreamFault,
+        until_s: float,
+        *,
+        late_s: float = 3.0,
+        wrong: Wrong | None = None,
+    ) -> None:
+        """Something is the matter with one stream until then."""
+        self._frozen.pop((way, name), None)
+        self._troubles[(way, name)] = _Trouble(kind, until_s, late_s, wrong)
+
+    def reboot(self, now_s: float) -> None:
+        """The vehicle's clock begins anew."""
+        self._booted_s = now_s
+
+    def send(
+        self,
+        way: Way,
+        name: str,
+        fields: Fields,
+        now_s: float,
+        arrive: Callable[[Fields], object],
+    ) -> bool:
+        """Send a message; whether it will arrive."""
+        if not self._passes(now_s):
+            return False
+        arrives_s = max(now_s + self._takes_s(way, now_s), self._arrives_s[way])
+        self._arrives_s[way] = arrives_s
+        trouble = self._trouble_of(way, name, now_s)
+        if way is Way.DOWN and self._booted_s > 0.0:
+            fields = self._by_new_clock(fields)
+        if trouble is not None:
+            match trouble.kind:
+                case StreamFault.LOST:
+                    return False
+                case StreamFault.REPEATED:
+                    fields = self._frozen.setdefault((way, name), fields)
+                case StreamFault.FROZEN:
+                    clock = {field: fields[field] for field in CLOCKS if field in fields}
+                    fields = {**self._frozen.setdefault((way, name), fields), **clock}
+                case StreamFault.LATE:
+                    arrives_s += trouble.late_s
+                case StreamFault.WRONG:
+                    if trouble.wrong is not None:
+                        fields = trouble.wrong(dict(fields), self._chance)
+        entry = (arrives_s, next(self._count), lambda: arrive(fields))
+        heapq.heappush(self._under_way, entry)
+        return True
+
+    def deliver(self, now_s: float) -> None:
+        """What arrives until now."""
+        while self._under_way and self._under_way[0][0] <= now_s:
+            heapq.heappop(self._under_way)[2]()
+
+    def cut(self) -> None:
+        """What is under way is lost."""
+        self._under_way.clear()
+
+    def _trouble_of(self, way: Way, name: str, now_s: float) -> _Trouble | None:
+        trouble = self._troubles.get((way, name))
+        if trouble is not None and now_s >= trouble.until_s:
+            del self._troubles[(way, name)]
+            return None
+        return trouble
+
+    def _takes_s(self, way: Way, now_s: float) -> float:
+        if way is Way.UP:
+            takes_s = self._chance.uniform(LEAST_S, MOST_S)
+            return takes_s + (self._chance.uniform(0.0, self.late_s) if self.late_s else 0.0)
+        if self.old_s > 0.0 and now_s >= self._other_delay_s:
+            self._delay_s = self._chance.uniform(0.0, self.old_s)
+            self._other_delay_s = now_s + DELAYED_S
+        return LEAST_S + self._delay_s
+
+    def _passes(self, now_s: float) -> bool:
+        if self.silent:
+            return False
+        loss = self.loss
+        burst = self.burst
+        if burst is not None:
+            if now_s >= self._turns_s:
+                self._in_burst = not self._in_burst
+                mean_s = burst.bad_s if self._in_burst else burst.good_s
+                self._turns_s = now_s + self._chance.expovariate(1.0 / mean_s)
+            if self._in_burst:
+                loss = max(loss, burst.loss)
+        return loss <= 0.0 or self._chance.random() >= loss
+
+    def _by_new_clock(self, fields: Fields) -> Fields:
+        changed = dict(fields)
+        for name in CLOCKS:
+            if name in changed:
+                scale = 1e6 if name.endswith("usec") else 1e3
+                changed[name] = max(0, changed[name] - round(self._booted_s * scale))
+        return changed

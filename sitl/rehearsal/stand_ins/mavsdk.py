@@ -1,0 +1,389 @@
+"""What `air_router` uses of MAVSDK, in this process and in simulated time.
+
+Nothing but MAVSDK's C++ library is replaced: time-outs, repetitions, heartbeats and answers are
+those of MAVSDK 4.1, messages are those that it would send.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, Protocol, Self, cast
+
+from mavsdk.plugins.events.events import Events, EventsError, EventsResult
+from mavsdk.plugins.geofence.geofence import Geofence, GeofenceResult
+from mavsdk.plugins.mavlink_direct.mavlink_direct import (
+    MavlinkDirect,
+    MavlinkDirectResult,
+    MavlinkMessage,
+)
+from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRaw, MissionRawResult
+
+from air_router.errors import NoVehicleError
+from air_router.px4_connection import COMPANION_COMPONENT, FIND_S, Plugins, Px4Connection
+
+AUTOPILOT: Final = 1
+ONBOARD_CONTROLLER: Final = 18  # MAV_TYPE
+INVALID: Final = 8  # MAV_AUTOPILOT
+ACTIVE: Final = 4  # MAV_STATE
+REPEAT_S: Final = 0.5
+REPEATS: Final = 3
+TRANSFER_REPEATS: Final = 4
+IN_PROGRESS: Final = 5  # MAV_RESULT
+MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
+_TRANSFER: Final = frozenset(
+    {"MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"}
+)
+_ACKS: Final = {
+    0: MissionRawResult.SUCCESS,
+    1: MissionRawResult.ERROR,
+    2: MissionRawResult.UNSUPPORTED,
+    3: MissionRawResult.UNSUPPORTED,
+    4: MissionRawResult.TOO_MANY_MISSION_ITEMS,
+    13: MissionRawResult.INVALID_SEQUENCE,
+    14: MissionRawResult.DENIED,
+    15: MissionRawResult.TRANSFER_CANCELLED,
+}
+_ITEM: Final = (
+    *("seq", "frame", "command", "current", "autocontinue", "param1", "param2", "param3"),
+    *("param4", "x", "y", "z", "mission_type"),
+)
+
+_TEXTS: Final = frozenset({"param_id", "text"})
+
+Fields = Mapping[str, Any]
+
+
+class Wire(Protocol):
+    """The companion's end of the link."""
+
+    def send(self, name: str, fields: Fields) -> None:
+        """Send a message to the vehicle."""
+
+
+class StandIn(Px4Connection):
+    """A connection to the vehicle in this process; one life of MAVSDK.
+
+    Args:
+        wire: The link.
+        url: As for the real one.
+        system_id: The vehicle's.
+    """
+
+    def __init__(self, wire: Wire, url: str, system_id: int) -> None:
+        super().__init__(url, system_id)
+        self.wire = wire
+        self._listeners: defaultdict[str, list[Callable[[Fields], None]]] = defaultdict(list)
+        self._heard = asyncio.Event()
+        self._tasks: list[asyncio.Task[None]] = []
+        self._transfers = asyncio.Lock()
+        self.listen("HEARTBEAT", lambda _: self._heard.set())
+
+    async def open(self) -> Plugins:
+        """Wait for the vehicle's heartbeat, as MAVSDK does."""
+        self.start(self._beat())
+        try:
+            async with asyncio.timeout(FIND_S):
+                await self._heard.wait()
+        except TimeoutError:
+            raise NoVehicleError(f"nothing heard within {FIND_S:.0f} s") from None
+        return Plugins(
+            cast("MavlinkDirect", _Direct(self)),
+            cast("MissionRaw", _Raw(self)),
+            cast("Geofence", _Fence(self)),
+            lambda: cast("Events", _Events()),
+        )
+
+    async def close(self) -> None:
+        """End what goes on."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def receive(self, name: str, fields: Fields) -> None:
+        """The vehicle's message has come."""
+        for listener in tuple(self._listeners.get(name, ())):
+            listener(fields)
+
+    def listen(self, name: str, listener: Callable[[Fields], None]) -> Callable[[], None]:
+        """Hand messages of a name to this; returns what ends it."""
+        self._listeners[name].append(listener)
+        return lambda: self._listeners[name].remove(listener)
+
+    def start(self, work: Any) -> None:
+        """Do this beside everything else, until the end."""
+        self._tasks.append(asyncio.get_running_loop().create_task(work))
+
+    async def _beat(self) -> None:
+        while True:
+            self.wire.send(
+                "HEARTBEAT",
+                {
+                    "type": ONBOARD_CONTROLLER,
+                    "autopilot": INVALID,
+                    "base_mode": 0,
+                    "custom_mode": 0,
+                    "system_status": ACTIVE,
+                    "mavlink_version": 3,
+                },
+            )
+            await asyncio.sleep(1.0)
+
+    async def command(self, name: str, fields: dict[str, Any]) -> Fields | None:
+        """Send a command until it is acknowledged; None: it never was."""
+        acked = asyncio.Event()
+        answer: list[Fields] = []
+
+        def on_ack(ack: Fields) -> None:
+            to = (ack["target_system"], ack["target_component"])
+            if ack["command"] == fields["command"] and to == (self.system_id, COMPANION_COMPONENT):
+                answer.append(ack)
+                acked.set()
+
+        end = self.listen("COMMAND_ACK", on_ack)
+        try:
+            for attempt in range(REPEATS + 1):
+                if not answer:
+                    confirmation = {"confirmation": attempt} if name == "COMMAND_LONG" else {}
+                    self.wire.send(name, fields | confirmation)
+                if await _came(acked) and answer[-1]["result"] != IN_PROGRESS:
+                    return answer[-1]
+                acked.clear()
+        finally:
+            end()
+        return None
+
+    async def transfer(self, work: Callable[[_Transfer], Any], mission_type: int) -> Any:
+        """One after the other: MAVSDK has one queue of them."""
+        async with self._transfers:
+            with _Transfer(self, mission_type) as transfer:
+                return await work(transfer)
+
+
+class _Transfer:
+    """One upload, download or deletion of MAVLink's mission protocol."""
+
+    def __init__(self, link: StandIn, mission_type: int) -> None:
+        self._link = link
+        self._type = mission_type
+        self._inbox: asyncio.Queue[tuple[str, Fields]] = asyncio.Queue()
+        self._ends: list[Callable[[], None]] = []
+
+    def __enter__(self) -> Self:
+        for name in _TRANSFER:
+            self._ends.append(self._link.listen(name, self._taker(name)))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for end in self._ends:
+            end()
+
+    async def upload(self, items: Sequence[Fields]) -> MissionRawResult:
+        """Send items, as the vehicle asks for them."""
+        last = ("MISSION_COUNT", {"count": len(items), "opaque_id": 0})
+        while True:
+            answer = await self._ask(*last, {"MISSION_REQUEST_INT", "MISSION_REQUEST"})
+            if answer is None:
+                return MissionRawResult.TIMEOUT
+            name, fields = answer
+            if name == "MISSION_ACK":
+                return _ACKS.get(fields["type"], MissionRawResult.ERROR)
+            last = ("MISSION_ITEM_INT", dict(items[fields["seq"]]))
+
+    async def download(self) -> tuple[MissionRawResult, list[MissionItem]]:
+        """Ask for everything on board."""
+        answer = await self._ask("MISSION_REQUEST_LIST", {}, {"MISSION_COUNT"})
+        if answer is None:
+            return MissionRawResult.TIMEOUT, []
+        if answer[0] == "MISSION_ACK":
+            return _ACKS.get(answer[1]["type"], MissionRawResult.ERROR), []
+        count, items = answer[1]["count"], list[MissionItem]()
+        while len(items) < count:
+            answer = await self._ask(
+                "MISSION_REQUEST_INT",
+                {"seq": len(items)},
+                {"MISSION_ITEM_INT"},
+                wanted=lambda fields: fields["seq"] == len(items),
+            )
+            if answer is None:
+                return MissionRawResult.TIMEOUT, []
+            if answer[0] == "MISSION_ACK":
+                return MissionRawResult.ERROR, []
+            items.append(MissionItem(**{name: answer[1][name] for name in _ITEM}))
+        self._send("MISSION_ACK", {"type": 0, "opaque_id": 0})
+        none = MissionRawResult.NO_MISSION_AVAILABLE
+        return (MissionRawResult.SUCCESS if count else none), items
+
+    async def clear(self) -> MissionRawResult:
+        """Delete everything on board."""
+        answer = await self._ask("MISSION_CLEAR_ALL", {}, set())
+        if answer is None:
+            return MissionRawResult.TIMEOUT
+        return _ACKS.get(answer[1]["type"], MissionRawResult.ERROR)
+
+    async def _ask(
+        self,
+        name: str,
+        fields: dict[str, Any],
+        names: set[str],
+        *,
+        wanted: Callable[[Fields], bool] = lambda _: True,
+    ) -> tuple[str, Fields] | None:
+        """Send until one of these, or an acknowledgement, comes."""
+        for _ in range(TRANSFER_REPEATS + 1):
+            self._send(name, fields)
+            try:
+                async with asyncio.timeout(REPEAT_S):
+                    while True:
+                        answer = await self._inbox.get()
+                        if answer[0] == "MISSION_ACK" or (answer[0] in names and wanted(answer[1])):
+                            return answer
+            except TimeoutError:
+                continue
+        return None
+
+    def _send(self, name: str, fields: dict[str, Any]) -> None:
+        target = {"target_system": self._link.system_id, "target_component": AUTOPILOT}
+        self._link.wire.send(name, {**target, "mission_type": self._type, **fields})
+
+    def _taker(self, name: str) -> Callable[[Fields], None]:
+        def take(fields: Fields) -> None:
+            to = (fields["target_system"], fields["target_component"])
+            ours = to in {(self._link.system_id, COMPANION_COMPONENT), (0, 0)}
+            if ours and fields.get("mission_type", 0) == self._type:
+                self._inbox.put_nowait((name, fields))
+
+        return take
+
+
+class _Plugin:
+    """A plugin: methods that answer by a callback, which gets the user's data last."""
+
+    def __init__(self, link: StandIn) -> None:
+        self._link = link
+
+    def _answer(self, work: Any, callback: Callable[..., None]) -> None:
+        async def answered() -> None:
+            answer = await work
+            callback(*(answer if isinstance(answer, tuple) else (answer,)), None)
+
+        self._link.start(answered())
+
+
+class _Direct(_Plugin):
+    """`MavlinkDirect`."""
+
+    def send_message(self, message: MavlinkMessage) -> None:
+        self._link.wire.send(message.message_name, _from_json(message.fields_json))
+
+    def send_command_async(self, command: MavlinkMessage, callback: Callable[..., None]) -> None:
+        async def work() -> tuple[MavlinkDirectResult, MavlinkMessage]:
+            ack = await self._link.command(command.message_name, _from_json(command.fields_json))
+            if ack is None:
+                return MavlinkDirectResult.TIMEOUT, MavlinkMessage()
+            return MavlinkDirectResult.SUCCESS, _message("COMMAND_ACK", ack, self._link.system_id)
+
+        self._answer(work(), callback)
+
+    def subscribe_message(
+        self, name: str, callback: Callable[[MavlinkMessage, Any], None]
+    ) -> Callable[[], None]:
+        system_id = self._link.system_id
+        return self._link.listen(
+            name, lambda fields: callback(_message(name, fields, system_id), None)
+        )
+
+
+class _Raw(_Plugin):
+    """`MissionRaw`."""
+
+    def upload_mission_async(self, items: list[MissionItem], callback: Callable[..., None]) -> None:
+        self._upload(items, MISSION, callback)
+
+    def upload_geofence_async(
+        self, items: list[MissionItem], callback: Callable[..., None]
+    ) -> None:
+        self._upload(items, FENCE, callback)
+
+    def upload_rally_points_async(
+        self, items: list[MissionItem], callback: Callable[..., None]
+    ) -> None:
+        self._upload(items, RALLY, callback)
+
+    def download_mission_async(self, callback: Callable[..., None]) -> None:
+        self._answer(self._link.transfer(_Transfer.download, MISSION), callback)
+
+    def download_geofence_async(self, callback: Callable[..., None]) -> None:
+        self._answer(self._link.transfer(_Transfer.download, FENCE), callback)
+
+    def download_rallypoints_async(self, callback: Callable[..., None]) -> None:
+        self._answer(self._link.transfer(_Transfer.download, RALLY), callback)
+
+    def clear_mission_async(self, callback: Callable[..., None]) -> None:
+        self._answer(self._link.transfer(_Transfer.clear, MISSION), callback)
+
+    def _upload(
+        self, items: list[MissionItem], mission_type: int, callback: Callable[..., None]
+    ) -> None:
+        fields = [{name: getattr(item, name) for name in _ITEM} for item in items]
+        self._answer(
+            self._link.transfer(lambda transfer: transfer.upload(fields), mission_type), callback
+        )
+
+
+class _Fence(_Plugin):
+    """`Geofence`."""
+
+    def clear_geofence_async(self, callback: Callable[..., None]) -> None:
+        async def work() -> GeofenceResult:
+            result = await self._link.transfer(_Transfer.clear, FENCE)
+            good = result == MissionRawResult.SUCCESS
+            return GeofenceResult.SUCCESS if good else GeofenceResult.ERROR
+
+        self._answer(work(), callback)
+
+
+class _Events:
+    """`Events` of a vehicle that gives no words for its events."""
+
+    def get_health_and_arming_checks_report(self) -> None:
+        raise EventsError(EventsResult.NOT_AVAILABLE, "get_health_and_arming_checks_report()")
+
+    def destroy(self) -> None:
+        """Nothing to let go."""
+
+
+async def _came(event: asyncio.Event) -> bool:
+    try:
+        async with asyncio.timeout(REPEAT_S):
+            await event.wait()
+    except TimeoutError:
+        return False
+    return True
+
+
+def _message(name: str, fields: Fields, system_id: int) -> MavlinkMessage:
+    plain = {
+        key: value.rstrip(b"\0").decode() if key in _TEXTS else _plain(value)
+        for key, value in fields.items()
+    }
+    return MavlinkMessage(name, system_id, AUTOPILOT, 0, 0, json.dumps(plain))
+
+
+def _plain(value: Any) -> Any:
+    """As MAVSDK's JSON has it: what is not a number is nothing, bytes are numbers."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, bytes):
+        return list(value)
+    if isinstance(value, tuple):
+        return [_plain(part) for part in value]
+    return value
+
+
+def _from_json(text: str) -> dict[str, Any]:
+    """The way back; what is no number counts as not a number wherever a float can be."""
+    return {k: math.nan if v is None else v for k, v in json.loads(text).items()}

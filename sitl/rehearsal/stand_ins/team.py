@@ -1,0 +1,151 @@
+"""The robots of a rehearsal, and the UAV's node that meets them: no sockets, simulated time."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from air_router.messages import POSE_TOPIC, PoseMessage
+from geo.frame import LocalFrame, Point
+from mocha_link import Message
+from mocha_link.header import Header
+from mocha_link.metrics import (
+    Direction,
+    LinkEvent,
+    LinkMetrics,
+    MessageStored,
+    SyncEnded,
+    SyncStarted,
+)
+from mocha_link.team import Priority, Robot, Team
+
+HEARD_M: Final = 60.0
+SYNC_EVERY_S: Final = 2.0
+_SIZE: Final = 100
+
+
+class NodeStandIn:
+    """What `air_router.gossip.Gossip` uses of a `mocha_link.Node`.
+
+    Args:
+        team: Who there is.
+        name: Whose node it is.
+        unix_s: The time.
+    """
+
+    def __init__(self, team: Team, name: str, unix_s: Callable[[], float]) -> None:
+        self._team = team
+        self._name = name
+        self._unix_s = unix_s
+        self._listener: Callable[[LinkEvent], None] | None = None
+        self._messages: dict[tuple[str, str], Message] = {}
+
+    @property
+    def robot(self) -> Robot:
+        """The UAV."""
+        return self._team.robot(self._name)
+
+    def subscribe(self, callback: Callable[[LinkEvent], None]) -> None:
+        """Hand events to `callback`."""
+        self._listener = callback
+
+    def start(self) -> None:
+        """Nothing to open."""
+
+    def close(self) -> None:
+        """No listener hears of anything after it."""
+        self._listener = None
+
+    def publish(self, topic: str, data: bytes, *, now: bool = False) -> None:
+        """Nobody reads it here."""
+
+    def links(self) -> Mapping[str, LinkMetrics]:
+        """Nothing is measured here."""
+        return {}
+
+    def held(self, peer: str) -> dict[tuple[str, str], float]:
+        """Nor known of what peers hold."""
+        del peer
+        return {}
+
+    def latest(self, robot: str, topic: str) -> Message | None:
+        """The newest message of a topic of a robot."""
+        return self._messages.get((robot, topic))
+
+    def messages(self) -> list[Message]:
+        """All of them."""
+        return list(self._messages.values())
+
+    def meet(self, peer: str, messages: list[tuple[str, str, bytes]]) -> None:
+        """A peer hands over messages (robot, topic, data) in a sync both ways."""
+        if self._listener is None:
+            return
+        now_s = self._unix_s()
+        for direction in Direction:
+            self._listener(SyncStarted(peer, now_s, direction))
+        for robot, topic, data in messages:
+            header = Header.at(0, 0, round(now_s * 1e3))
+            stored = Message(robot, topic, header, Priority.HIGH, data, now_s, now_s)
+            self._messages[(robot, topic)] = stored
+            self._listener(MessageStored(peer, now_s, robot, topic, header, _SIZE))
+        for direction in Direction:
+            self._listener(SyncEnded(peer, now_s, direction, 1, _SIZE, 0.1))
+
+
+Prank = Callable[[str, Point], list[tuple[str, str, bytes]]]
+"""What a mad robot tells (robot, topic, data) of a name and a true place."""
+
+
+class Robots:
+    """Robots that stand about and are heard from near by.
+
+    Args:
+        frame: The mission's.
+        places: Where they are.
+        dice: For the mad.
+        unix_s: The time.
+
+    Attributes:
+        places: Where they are; one that is taken out has vanished.
+        prank: What they tell instead of the truth; None: the truth.
+        others: Messages of other robots that they carry.
+    """
+
+    def __init__(
+        self, frame: LocalFrame, places: dict[str, Point], unix_s: Callable[[], float]
+    ) -> None:
+        self._frame = frame
+        self._unix_s = unix_s
+        self._synced_s = dict.fromkeys(places, -math.inf)
+        self.places = places
+        self.prank: Prank | None = None
+        self.others: list[tuple[str, str, bytes]] = []
+
+    def step(self, node: NodeStandIn, vehicle: Point, now_s: float) -> None:
+        """Meet whom the vehicle is near to."""
+        for name, place in self.places.items():
+            near = math.dist(place, vehicle) <= HEARD_M
+            if near and now_s - self._synced_s[name] >= SYNC_EVERY_S:
+                self._synced_s[name] = now_s
+                told = self._told(name, place) if self.prank is None else self.prank(name, place)
+                node.meet(name, told + self.others)
+
+    def _told(self, name: str, place: Point) -> list[tuple[str, str, bytes]]:
+        return [(name, POSE_TOPIC, pose(self._frame, place, self._unix_s()))]
+
+
+def pose(frame: LocalFrame, place: Point, stamp_s: float) -> bytes:
+    """A robot's message of where it is."""
+    latitude_deg, longitude_deg = frame.to_geodetic(place)
+    message = PoseMessage(
+        stamp_s=stamp_s, latitude_deg=latitude_deg, longitude_deg=longitude_deg, heading_deg=0.0
+    )
+    return message.encode()
+
+
+def anywhere(dice: random.Random, waypoints: list[Point]) -> Point:
+    """A place near one of the mission's waypoints."""
+    east_m, north_m = dice.choice(waypoints)
+    return Point(east_m + dice.uniform(-30.0, 30.0), north_m + dice.uniform(-30.0, 30.0))
