@@ -38,12 +38,12 @@ class Commanded:
 
     Args:
         near_m: A place nearer than this has been reached.
-        speed_m_s: How fast it flies there.
+        speed_m_s: How fast it flies there; faster, if it was seen to.
     """
 
     def __init__(self, near_m: float, speed_m_s: float) -> None:
         self._near_m = near_m
-        self._beyond_m = _TURNING_S * speed_m_s + _TURNING_S2_M * speed_m_s**2
+        self._speed_m_s = speed_m_s
         self._sent: list[Motion] = []
         self._settled = False
 
@@ -96,20 +96,23 @@ class Commanded:
         places, target = self.open(telemetry), telemetry.target
         if target is not None and math.dist(target, telemetry.position) > _FAR_M:
             places = (*places, target)
+        speed_m_s = max(self._speed_m_s, math.hypot(*telemetry.velocity_m_s))
+        beyond_m = _TURNING_S * speed_m_s + _TURNING_S2_M * speed_m_s**2
         here, bound = telemetry.position, dict.fromkeys(places)
-        onward = [self._onward(here, place) for place in bound]
+        onward = [_onward(here, place, beyond_m) for place in bound]
         # It may turn from the end of one to another, and away there.
         onward += [
-            self._onward(one, other)
+            _onward(one, other, beyond_m)
             for one, other in permutations(bound, 2)
             if math.dist(one, other) > self._near_m
         ]
         return tuple(onward)
 
-    def _onward(self, here: Point, place: Point) -> Onward:
-        share = 1.0 + self._beyond_m / math.dist(here, place)
-        east_m, north_m = here
-        reach = Point(
-            east_m + share * (place.east_m - east_m), north_m + share * (place.north_m - north_m)
-        )
-        return Onward(place, reach)
+
+def _onward(here: Point, place: Point, beyond_m: float) -> Onward:
+    share = 1.0 + beyond_m / math.dist(here, place)
+    east_m, north_m = here
+    reach = Point(
+        east_m + share * (place.east_m - east_m), north_m + share * (place.north_m - north_m)
+    )
+    return Onward(place, reach)

@@ -23,6 +23,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from air_router.actions import HoldHere
+from air_router.compass import direction
 from air_router.departure import names_of
 
 if TYPE_CHECKING:
@@ -123,6 +124,8 @@ class Deviations:
         words = f"home was moved: {_move(moved, telemetry)}"
         if not moved.changes_heights:
             return Deviation(Response.TELL, f"{words}; the autopilot's own Return flies there")
+        if told is not None and abs(moved.up_m - told.up_m) < _HOME_AGAIN_M:
+            return Deviation(Response.TELL, words)  # its place is told in a message of its own
         return Deviation(Response.HOLD, f"{words}; heights count from the take-off as before")
 
     def look(self, telemetry: Telemetry, custody: Custody) -> list[Deviation]:
@@ -267,11 +270,5 @@ def _move(moved: HomeMove, telemetry: Telemetry) -> str:
             words[-1] += f" (from {before_m:.0f} to {before_m + moved.up_m:.0f} m above the sea)"
     aside_m = math.hypot(moved.east_m, moved.north_m)
     if aside_m >= 1.0:
-        words.append(f"{aside_m:.0f} m {_towards(moved)}")
+        words.append(f"{aside_m:.0f} m {direction(moved.east_m, moved.north_m)}")
     return " and ".join(words)
-
-
-def _towards(moved: HomeMove) -> str:
-    winds = ("north", "north-east", "east", "south-east", "south", "south-west", "west")
-    eighth = round(math.degrees(math.atan2(moved.east_m, moved.north_m)) / 45.0) % 8
-    return (*winds, "north-west")[eighth]

@@ -41,6 +41,7 @@ class Inspection:
         gps: The receiver; None when it says nothing.
         battery: Remaining charge from 0 to 1, None when unknown.
         voltage_v: Of the battery, None when unknown.
+        wind_m_s: How the air moves (east, north); None when unknown.
         unix_s: The vehicle's own clock, None until it knows the time.
         parameters: By name; None for one that the vehicle does not have (or does not tell).
     """
@@ -51,5 +52,6 @@ class Inspection:
     gps: GpsFix | None = None
     battery: float | None = None
     voltage_v: float | None = None
+    wind_m_s: tuple[float, float] | None = None
     unix_s: float | None = None
     parameters: Mapping[str, float | None] = field(default_factory=lambda: MappingProxyType({}))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Final
 
+from air_router.compass import wind_words
 from air_router.errors import RefusedError
 from air_router.fence_plan import FENCE_TOO_LONG
 from air_router.fleet import STANDING_SHARE
@@ -32,6 +33,8 @@ FLOWN: Final = ((1, 17), (1, 18))
 FEWEST_SATELLITES: Final = 6
 GOOD_SATELLITES: Final = 10
 WORST_ACCURACY_M: Final = 3.0
+STRONG_M_S: Final = 8.0
+"""Gusts of a wind like this have cost a simulated vehicle metres of its clearance."""
 CLOCK_S: Final = 2.0
 WRONG_CLOCK_S: Final = 600.0
 """Zones are heeded so much longer than a flight may take, anyway."""
@@ -261,6 +264,17 @@ def gps(fix: GpsFix | None) -> Check:
     ) > WORST_ACCURACY_M:
         return Check("GPS", Verdict.LOOK, found, "better to wait: routes reckon with 1.5 m")
     return Check("GPS", Verdict.GOOD, found)
+
+
+def wind(wind_m_s: tuple[float, float] | None) -> Check:
+    """The wind, if the vehicle tells it; on the ground most do not."""
+    if wind_m_s is None:
+        advice = "go by the forecast; in flight PX4 estimates it where EKF2_DRAG_CTRL is set up"
+        return Check("wind", Verdict.LOOK, "the vehicle does not tell it", advice)
+    if math.hypot(*wind_m_s) >= STRONG_M_S:
+        advice = "gusts may take it nearer to zones than their clearance: better to wait"
+        return Check("wind", Verdict.LOOK, wind_words(wind_m_s), advice)
+    return Check("wind", Verdict.GOOD, wind_words(wind_m_s))
 
 
 def clock(inspection: Inspection, unix_s: float, *, hours: bool = False) -> Check:

@@ -76,6 +76,7 @@ class Survey:
             *preflight.altitude(mission, info, telemetry),
             *preflight.health(inspection),
             preflight.gps(inspection.gps),
+            preflight.wind(inspection.wind_m_s),
             battery(mission, self._router, inspection.battery, inspection.voltage_v),
             *parameters(mission, inspection.parameters),
             straight_return(mission),

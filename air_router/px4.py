@@ -57,9 +57,10 @@ _log = logging.getLogger(__name__)
 
 SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512  # MAV_CMD
 GPS_RAW_INT, GLOBAL_POSITION_INT, POSITION_TARGET_GLOBAL_INT = 24, 33, 87  # message ids
+WIND_COV = 231
 AUTOPILOT_VERSION, HOME_POSITION = 148, 242
 RATES_HZ: Final = MappingProxyType(
-    {GLOBAL_POSITION_INT: 10.0, POSITION_TARGET_GLOBAL_INT: 2.0, GPS_RAW_INT: 2.0}
+    {GLOBAL_POSITION_INT: 10.0, POSITION_TARGET_GLOBAL_INT: 2.0, GPS_RAW_INT: 2.0, WIND_COV: 1.0}
 )
 """How often we want what PX4 sends so often that reading it takes our time."""
 

@@ -63,6 +63,7 @@ async def inspect(
         gps=telemetry.gps,
         battery=telemetry.battery,
         voltage_v=telemetry.voltage_v,
+        wind_m_s=telemetry.wind_m_s,
         unix_s=telemetry.unix_s(),
         parameters={name: telemetry.parameters.get(name) for name in parameters},
     )

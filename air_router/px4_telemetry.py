@@ -64,6 +64,7 @@ class Px4Telemetry:
         self.parameters: dict[str, float] = {}
         self.gps: GpsFix | None = None
         self.voltage_v: float | None = None
+        self.wind_m_s: tuple[float, float] | None = None
         self.time_s = 0.0
         self.altitude_m = 0.0
         self.altitude_amsl_m = 0.0
@@ -101,6 +102,7 @@ class Px4Telemetry:
             "EVENT": self._on_event,
             "PARAM_VALUE": self._on_parameter,
             "GPS_RAW_INT": self._on_gps,
+            "WIND_COV": self._on_wind,
             "POSITION_TARGET_GLOBAL_INT": self._on_target,
             "AUTOPILOT_VERSION": self._on_version,
         }
@@ -203,6 +205,7 @@ class Px4Telemetry:
             target=self.target,
             altitude_amsl_m=self.altitude_amsl_m,
             home_moved=self._heights.moved,
+            wind_m_s=self.wind_m_s,
         )
 
     def _only_autopilot(
@@ -341,6 +344,11 @@ class Px4Telemetry:
             satellites=None if satellites in {None, 255} else satellites,
             accuracy_m=accuracy_mm / 1e3 if accuracy_mm else None,
         )
+
+    def _on_wind(self, fields: dict[str, Any]) -> None:
+        north_m_s, east_m_s = fields["wind_x"], fields["wind_y"]
+        known = north_m_s is not None and east_m_s is not None  # what is no number is nothing
+        self.wind_m_s = (east_m_s, north_m_s) if known else None
 
     def _on_target(self, fields: dict[str, Any]) -> None:
         try:

@@ -186,7 +186,8 @@ class Renewal:
 
     def _reached(self, before: Mission, now: Mission, telemetry: Telemetry) -> frozenset[str]:
         """The new zones that the vehicle is in, or may come into before it stands."""
-        speed_m_s, reaction_s = now.speed_m_s, self._helm.navigator.reaction_s
+        speed_m_s = max(now.speed_m_s, math.hypot(*telemetry.velocity_m_s))
+        reaction_s = self._helm.navigator.reaction_s
         reach_m = _OVERSHOOT * speed_m_s * (reaction_s + speed_m_s / (2 * BRAKING_M_S2))
         known = set(before.zones)
         new = [z for z in now.airspace_at(telemetry.altitude_m).zones if z not in known]

@@ -11,11 +11,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, TextIO
 
 from air_router.behaviour import State
+from air_router.compass import wind_words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from air_router.controller import Controller
+    from air_router.vehicle import Telemetry
     from mocha_link.metrics import LinkMetrics
 
 REFRESH_S: Final = 0.25
@@ -94,13 +96,21 @@ def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str
     if leg is not None:
         node = {None: "point", 0: "home"}.get(leg.node, f"waypoint {leg.node}")
         parts.append(f"-> {node}")
-    telemetry = controller.telemetry
-    if telemetry is not None:
-        parts.append(f"{telemetry.altitude_m:.0f} m")
-        if telemetry.battery is not None:
-            need = controller.need_home
-            home = "" if need is None else f" (home takes {need:.0%})"
-            parts.append(f"battery {telemetry.battery:.0%}{home}")
+    if controller.telemetry is not None:
+        parts += _vehicle(controller, controller.telemetry)
     if signals:
         parts.append(", ".join(f"{peer} {signal}" for peer, signal in signals.items()) + " dBm")
     return " | ".join(parts)
+
+
+def _vehicle(controller: Controller, telemetry: Telemetry) -> list[str]:
+    parts = [f"{telemetry.altitude_m:.0f} m"]
+    if telemetry.battery is not None:
+        need = controller.need_home
+        home = "" if need is None else f" (home takes {need:.0%})"
+        parts.append(f"battery {telemetry.battery:.0%}{home}")
+    if telemetry.wind_m_s is not None:
+        parts.append(f"wind {wind_words(telemetry.wind_m_s)}")
+    if telemetry.home_moved is not None:
+        parts.append("HOME MOVED")
+    return parts

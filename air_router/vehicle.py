@@ -50,6 +50,8 @@ class Telemetry:
         altitude_amsl_m: Metres above mean sea level; None when unknown.
         home_moved: By how much the autopilot's home is off that of the take-off, from which the
             heights of its plan do not count any more; None while it is where it was.
+        wind_m_s: How the air moves (east, north), as the autopilot estimates it; None if it tells
+            none, as a multicopter does without EKF2_DRAG_CTRL.
     """
 
     time_s: float
@@ -67,6 +69,7 @@ class Telemetry:
     target: Point | None = None
     altitude_amsl_m: float | None = None
     home_moved: HomeMove | None = None
+    wind_m_s: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

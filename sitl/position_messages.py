@@ -34,6 +34,7 @@ class PositionMessages:
             "VFR_HUD": self._vfr_hud,
             "ALTITUDE": self._altitude,
             "HOME_POSITION": self._home,
+            "WIND_COV": self._wind,
             "HIL_STATE_QUATERNION": self._truth,
         }
 
@@ -153,6 +154,23 @@ class PositionMessages:
             "altitude_relative": situation.altitude_m - situation.home_altitude_m,
             "altitude_terrain": math.nan,
             "bottom_clearance": math.nan,
+        }
+
+    def _wind(self) -> Fields | None:
+        """Estimated in flight, where that is switched on."""
+        autopilot = self._autopilot
+        if autopilot.parameters["EKF2_DRAG_CTRL"] == 0 or self._situation.landed:
+            return None
+        return {
+            "time_usec": self._boot_us,
+            "wind_x": autopilot.wind.north_m_s,
+            "wind_y": autopilot.wind.east_m_s,
+            "wind_z": 0.0,
+            "var_horiz": 0.2,
+            "var_vert": 0.0,
+            "wind_alt": self._situation.altitude_m,
+            "horiz_accuracy": 0.0,
+            "vert_accuracy": 0.0,
         }
 
     def _home(self) -> Fields | None:

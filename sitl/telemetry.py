@@ -39,6 +39,7 @@ ONBOARD_RATES_HZ: Final[dict[str, float]] = {
     "SERVO_OUTPUT_RAW": 10.0,
     "ODOMETRY": 30.0,
     "HIGHRES_IMU": 50.0,
+    "WIND_COV": 10.0,
 }
 _ONBOARD_ONLY: Final = {"ODOMETRY", "HIGHRES_IMU", "TIMESYNC", "SYSTEM_TIME"}
 GROUND_RATES_HZ: Final[dict[str, float]] = {
@@ -52,6 +53,7 @@ GROUND_RATES_HZ: Final[dict[str, float]] = {
     "EXTENDED_SYS_STATE": 1.0,
     "POSITION_TARGET_LOCAL_NED": 50.0,
     "SERVO_OUTPUT_RAW": 50.0,
+    "WIND_COV": 0.5,
 }
 TRUTH_RATES_HZ: Final[dict[str, float]] = {"HEARTBEAT": 1.0, "HIL_STATE_QUATERNION": 25.0}
 

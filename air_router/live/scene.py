@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from air_router.actions import Announce, Answered, Finish, StateChanged
+from air_router.compass import wind_words
 from air_router.events import RobotPath, RobotPose
 from air_router.vehicle import Telemetry
 from air_router.web.outlines import degrees
@@ -147,6 +148,8 @@ class Scene:
             "armed": telemetry.armed,
             "in_air": telemetry.in_air,
             "fix": telemetry.fix,
+            "wind": None if telemetry.wind_m_s is None else wind_words(telemetry.wind_m_s),
+            "home_moved": telemetry.home_moved is not None,
             "time_s": round(telemetry.time_s, 1),
             "route": [at, *route] if route else [],
         }

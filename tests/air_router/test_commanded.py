@@ -232,3 +232,12 @@ def test_a_leg_is_swept_for_as_long_as_the_position_is_old(bend):
     down = FlyToPoint(Point(22.0, -60.0), 40.0)
     assert navigator.objection(down, moving, moving.time_s) is None
     assert navigator.objection(down, moving, moving.time_s + 1.9) is not None
+
+
+def test_it_swings_as_far_beyond_a_leg_s_end_as_its_true_speed_takes_it():
+    commanded = Commanded(near_m=2.0, speed_m_s=3.5)
+    commanded.sent(NODE)
+    (slow,) = commanded.bound(at(0, 0, velocity_m_s=(3.5, 0.0)))
+    (fast,) = commanded.bound(at(0, 0, velocity_m_s=(12.0, 0.0)))
+    assert slow.reach.east_m < 103.0
+    assert fast.reach.east_m > 115.0

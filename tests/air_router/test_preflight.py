@@ -95,6 +95,19 @@ def test_a_home_that_is_not_as_high_as_the_vehicle_stands(pennovation):
     assert "home is 25 m below where it stands" in check.found
 
 
+@pytest.mark.parametrize(
+    ("wind_m_s", "verdict", "found"),
+    [
+        (None, LOOK, "does not tell"),
+        ((3.0, -4.0), GOOD, "5 m/s from north-west"),
+        ((-9.0, 0.0), LOOK, "9 m/s from east"),
+    ],
+)
+def test_the_wind(wind_m_s, verdict, found):
+    check = preflight.wind(wind_m_s)
+    assert (check.verdict, found in check.found) == (verdict, True)
+
+
 def test_health_says_why_not():
     (check,) = preflight.health(Inspection(healthy=False, problems=("no fix", "no compass")))
     assert check.verdict is BAD

@@ -210,3 +210,15 @@ def test_a_lost_fix_and_the_target_show_in_telemetry(vehicle, pennovation):
     assert vehicle.events[-1].target == pytest.approx(pennovation.home, abs=0.1)
     vehicle.beats(MISSION)
     assert vehicle.events[-1].target is None  # it was the other mode's
+
+
+def test_the_wind_that_px4_estimates_is_told(vehicle):
+    vehicle.beats(MISSION)
+    vehicle.is_at(399_400_000, -752_000_000)
+    assert vehicle.events[-1].wind_m_s is None
+    vehicle.says("_on_wind", wind_x=-3.0, wind_y=4.0)  # MAVLink: x north, y east
+    vehicle.is_at(399_400_000, -752_000_000)
+    assert vehicle.events[-1].wind_m_s == (4.0, -3.0)
+    vehicle.says("_on_wind", wind_x=None, wind_y=None)
+    vehicle.is_at(399_400_000, -752_000_000)
+    assert vehicle.events[-1].wind_m_s is None

@@ -1,6 +1,9 @@
+import dataclasses
 import io
 
 from air_router.behaviour import State
+from air_router.height_frame import HomeMove
+from air_router.live.scene import Scene
 from air_router.status import PLAIN_REFRESH_S, StatusLine, flight_line
 from mocha_link.metrics import LinkMetrics
 
@@ -65,3 +68,17 @@ def test_the_line_says_state_target_time_left_next_node_and_links(pretend):
     )
     assert "| callisto -80 dBm |" in line  # who is sought first, the others at the end
     assert line.endswith("| io -61 dBm")
+
+
+def test_the_line_and_the_page_tell_the_wind_and_a_home_that_was_moved(pretend):
+    flight = pretend()
+    flight.take_off()
+    moved = HomeMove(0.0, 0.0, -25.0)
+    shown = dataclasses.replace(flight.telemetry(), wind_m_s=(6.0, 0.0), home_moved=moved)
+    flight.give(shown)
+    line = flight_line(flight.controller, {})
+    assert "40 m |" in line
+    assert "wind 6 m/s from west" in line
+    assert "HOME MOVED" in line
+    vehicle = Scene(flight.mission, flight.controller, "titan").vehicle()
+    assert (vehicle["wind"], vehicle["home_moved"]) == ("6 m/s from west", True)

@@ -74,6 +74,8 @@ class TestCodec:
         rig.run(5)
         names = rig.vehicle._telemetry._builders
         assert all(name in DEFINITIONS for name in names)
+        (one,) = struct.unpack("<f", struct.pack("<i", 1))  # of a whole number the bits are sent
+        rig.vehicle.autopilot.parameters.set("EKF2_DRAG_CTRL", one, 6)  # it estimates the wind
         rig.fly()  # on the ground there is nothing to fly to
         assert all(rig.vehicle._telemetry.message(name) is not None for name in names)
 

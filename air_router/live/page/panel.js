@@ -120,6 +120,8 @@ function facts(vehicle) {
       parts.push(`battery ${percent(vehicle.battery)}${need}`);
     }
     if (!vehicle.fix) parts.push("no GPS fix");
+    if (vehicle.wind) parts.push(`wind ${vehicle.wind}`);
+    if (vehicle.home_moved) parts.push("home moved");
   }
   parts.push(`${vehicle.waypoints_left} waypoints left`);
   return parts.join(" · ");

@@ -1,0 +1,22 @@
+"""Directions, and the wind, in the words of a weather report. Pure."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+_POINTS: Final = (
+    *("north", "north-east", "east", "south-east"),
+    *("south", "south-west", "west", "north-west"),
+)
+
+
+def direction(east: float, north: float) -> str:
+    """Where a vector points to, as one of eight points of the compass."""
+    return _POINTS[round(math.degrees(math.atan2(east, north)) / 45.0) % 8]
+
+
+def wind_words(wind_m_s: tuple[float, float]) -> str:
+    """A wind, given by how the air moves (east, north): how strong it is, and from where."""
+    east_m_s, north_m_s = wind_m_s
+    return f"{math.hypot(east_m_s, north_m_s):.0f} m/s from {direction(-east_m_s, -north_m_s)}"
