@@ -10,17 +10,18 @@ import sys
 
 from air_router.control import ControlClient
 from air_router.control_server import endpoint_of
-from air_router.errors import ExitCode
+from air_router.errors import ExitCode, UsageError
 from air_router.wish import MODELS, spoken
 
 _EPILOG = """\
 examples:
-  air-router ask 24700 hold
-  air-router ask 24700 seek io
-  air-router ask 24700 goto 39.9415,-75.1990,39.9420,-75.1995 --hold-s 30
-  air-router ask tcp://127.0.0.1:24700 status --json
+  air-router ask hold
+  air-router ask seek io
+  air-router ask goto 39.9415,-75.1990,39.9420,-75.1995 --hold-s 30
+  air-router ask 24700 status --json
+  air-router ask ipc:///tmp/uav resume
 
-exit codes: 0 accepted, 2 wrong usage, 4 nobody answers, 5 refused
+exit codes: 0 accepted, 2 wrong usage, 4 no flight answers, 5 refused
 """
 
 
@@ -30,18 +31,17 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "ask",
         help="have a flight hold, resume, seek a robot, explore, come home or fly to points",
         description="Have a flight that runs with --control on this machine do something.",
+        usage="%(prog)s [-h] [ENDPOINT] VERB [WHAT ...] [options]",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "endpoint", type=endpoint_of, metavar="ENDPOINT", help="its --control, or only the port"
-    )
-    parser.add_argument("verb", choices=[*MODELS], metavar="VERB", help="one of: %(choices)s")
-    parser.add_argument(
         "words",
-        nargs="*",
-        metavar="WHAT",
-        help="of seek: NAME; of goto: LAT,LON[,LAT,LON...]; of resume: upload",
+        nargs="+",
+        metavar="[ENDPOINT] VERB [WHAT]",
+        help="ENDPOINT: the flight's --control, if that has one; VERB: one of "
+        f"{', '.join(MODELS)}; WHAT: of seek NAME, of goto LAT,LON[,LAT,LON...], "
+        "of resume upload",
     )
     parser.add_argument(
         "--hold-s", type=float, metavar="S", help="goto: hover at the last point for so long"
@@ -56,12 +56,18 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Ask, and print the answer."""
-    wish = spoken(" ".join((arguments.verb, *arguments.words)))
+    endpoint, words = None, arguments.words
+    if len(words) > 1 and words[0] not in MODELS:
+        try:
+            endpoint, words = endpoint_of(words[0]), words[1:]
+        except argparse.ArgumentTypeError as error:
+            raise UsageError(str(error)) from None
+    wish = spoken(" ".join(words))
     values = wish.model_dump(exclude_none=True)
     if arguments.hold_s is not None:
         values["hold_s"] = arguments.hold_s
     values["by"] = arguments.by
-    with ControlClient(arguments.endpoint, by=arguments.by, timeout_s=arguments.timeout) as client:
+    with ControlClient(endpoint, by=arguments.by, timeout_s=arguments.timeout) as client:
         if wish.request == "reload":  # it is read after the answer: what came of it?
             answer = {"ok": True, "id": wish.id, **dataclasses.asdict(client.reload())}
         else:

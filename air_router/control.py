@@ -2,7 +2,7 @@
 
 from air_router.control import ControlClient
 
-with ControlClient("tcp://127.0.0.1:24700") as uav:
+with ControlClient() as uav:
     answer = uav.goto([(39.9415, -75.1990), (39.9420, -75.1995)], hold_s=30)
     print(answer.accepted, answer.why, answer.points)
     if not answer.accepted:
@@ -19,6 +19,10 @@ from typing import Any, Final
 
 from air_router.errors import AirRouterError, ExitCode
 from mocha_link.asking import Asker
+from mocha_link.endpoint_key import EndpointKeyError, named
+
+CONTROL_NAME: Final = "flight"
+"""The name of the endpoint of `--control` without an endpoint."""
 
 NOT_RELOADED: Final = "not-reloaded"
 
@@ -40,7 +44,7 @@ class ControlError(AirRouterError):
 
 
 class ControlUnreachableError(AirRouterError):
-    """Nobody answers at the endpoint, or somebody who is no flight."""
+    """No program answers at the endpoint, or one that is no flight."""
 
     exit_code = ExitCode.NO_VEHICLE
 
@@ -70,7 +74,7 @@ class ControlClient(Asker):
     A flight that does not answer may come back: every request tries anew.
 
     Args:
-        endpoint: What the flight got as `--control`.
+        endpoint: What the flight says that it takes requests at; None: that of `--control` alone.
         by: Who asks, for its record.
         timeout_s: How long to wait for an answer.
 
@@ -81,8 +85,14 @@ class ControlClient(Asker):
 
     whom, option = "flight", "--control"
 
-    def __init__(self, endpoint: str, *, by: str | None = None, timeout_s: float = 5.0) -> None:
+    def __init__(
+        self, endpoint: str | None = None, *, by: str | None = None, timeout_s: float = 5.0
+    ) -> None:
         self._by = by
+        try:
+            endpoint = endpoint or named(CONTROL_NAME)
+        except EndpointKeyError as error:
+            raise self.unreachable(str(error)) from None
         super().__init__(endpoint, timeout_s=timeout_s)
 
     def refused(self, message: str, *, again: bool) -> ControlError:

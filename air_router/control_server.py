@@ -1,4 +1,4 @@
-"""Serves the desk of a flight to other programs on this machine: JSON over ZeroMQ.
+"""Serves the desk of a flight to this user's programs on this machine: JSON over ZeroMQ.
 
 One ROUTER: REQ, DEALER and ROUTER sockets may ask, with or without the empty frame that REQ sends.
 What comes is believed in nothing: too large, broken or unknown, it costs an error reply. Requests
@@ -12,6 +12,7 @@ import argparse
 import asyncio
 import contextlib
 import json
+import re
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
@@ -21,15 +22,17 @@ import zmq
 import zmq.asyncio
 
 from air_router.budget import COSTLY_AT_ONCE, COSTLY_PER_S, TOO_MANY, Budget
-from air_router.loopback import is_loopback
 from air_router.wish import MAX_BYTES, Wish, WishError, parse, wish_of
 from mocha_link.endpoint import bind
+from mocha_link.endpoint_key import EndpointKeyError, named
+from mocha_link.loopback import is_loopback
 
 PER_S: Final = 50.0
 """So many requests are read in a second, and no more."""
 
 _MOST_UNREAD: Final = 16
 _WAYS: Final = ("tcp", "ipc")
+_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 Grant = Callable[[Wish, str], dict[str, Any]]
 
@@ -38,7 +41,7 @@ class ControlServer:
     """Answers requests of other programs.
 
     Args:
-        endpoint: Where: ``tcp://127.0.0.1:24700`` or ``ipc://path``; port ``*`` takes a free one.
+        endpoint: Where: ``ipc://path`` or ``tcp://127.0.0.1:24700``; port ``*`` takes a free one.
         grant: Does what is asked for, and says what became of it.
         monotonic: Real time.
     """
@@ -104,29 +107,34 @@ class ControlServer:
 
 
 def endpoint_of(text: str) -> str:
-    """An endpoint from the command line: a port of this machine, or one with its address.
+    """An endpoint from the command line: a name, a port of this machine, or either written out.
 
-    Whoever reaches it flies the vehicle: only this machine may.
+    A program that can talk to it flies the vehicle: only the same user's programs can.
 
     Raises:
         argparse.ArgumentTypeError: it is none, or others could reach it.
     """
     if text.isdecimal() or text == "*":
         text = f"tcp://127.0.0.1:{text}"
+    elif _NAME.fullmatch(text):
+        try:
+            return named(text)
+        except EndpointKeyError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
     try:
         parts = urlsplit(text)
     except ValueError:
         parts = urlsplit("")
     if parts.scheme not in _WAYS:
         raise argparse.ArgumentTypeError(
-            f"{text} is no endpoint; write a port, tcp://127.0.0.1:PORT or ipc://PATH"
+            f"{text} is no endpoint; write a name, ipc://PATH, a port or tcp://127.0.0.1:PORT"
         )
     if parts.scheme == "tcp":
         host, _, port = text.removeprefix("tcp://").rpartition(":")
         if not is_loopback(host.strip("[]")):
             raise argparse.ArgumentTypeError(
-                f"{text}: whoever reaches it flies the vehicle; write tcp://127.0.0.1:{port}, and "
-                "reach it from elsewhere through SSH (ssh -L)"
+                f"{text}: other machines could reach it and fly the vehicle; write "
+                f"tcp://127.0.0.1:{port}, and reach it from elsewhere through SSH (ssh -L)"
             )
         text = f"tcp://127.0.0.1:{port}" if host == "localhost" else text
     return text

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from air_router.arguments import add_uav, moment
 from air_router.clock import VehicleClock
+from air_router.control import CONTROL_NAME
 from air_router.control_server import endpoint_of
 from air_router.errors import RefusedError, UsageError
 from air_router.flight import Flight
@@ -265,15 +266,18 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--metrics",
         metavar="ENDPOINT",
-        help="let other programs watch the links there, e.g. tcp://127.0.0.1:24500 "
+        help="let your other programs watch the links there, e.g. tcp://127.0.0.1:24500 "
         "(`mocha-link metrics ENDPOINT --follow`)",
     )
     parser.add_argument(
         "--control",
         type=endpoint_of,
+        nargs="?",
+        const=CONTROL_NAME,
         metavar="ENDPOINT",
-        help="let other programs on this machine ask for something there: a port, "
-        "tcp://127.0.0.1:PORT or ipc://PATH (`air-router ask`, docs/control.md)",
+        help="let your other programs on this machine ask for something (`air-router ask`, "
+        "docs/control.md); at another place than the usual: a name, ipc://PATH, a port or "
+        "tcp://127.0.0.1:PORT",
     )
     add_web(parser)
     parser.add_argument("--json", action="store_true", help="end with one JSON object on stdout")

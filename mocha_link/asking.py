@@ -12,10 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import zmq
 
+from mocha_link.endpoint_key import EndpointKeyError, connect, folder
 from mocha_link.lifetime import Closeable
 
 if TYPE_CHECKING:
     from typing import ClassVar
+
+
+_LOOK_S = 0.05
+"""So often it is looked whether the program that is to answer has begun."""
 
 
 class Asker(Closeable):
@@ -71,6 +76,14 @@ class Asker(Closeable):
         frames = [json.dumps(asked).encode()] + ([] if data is None else [data])
         until_s = time.monotonic() + self._timeout_s + wait_s
         socket = self._connected()
+        while socket is None and time.monotonic() < until_s:
+            time.sleep(_LOOK_S)
+            socket = self._connected()
+        if socket is None:
+            raise self.unreachable(
+                f"no key of {self.endpoint} in {folder()}; is a {self.whom} running "
+                f"there with {self.option} {self.endpoint}, started by you?"
+            )
         try:
             socket.send_multipart(frames, zmq.NOBLOCK)
             while True:
@@ -99,17 +112,23 @@ class Asker(Closeable):
         self._hang_up()
         return self.unreachable(f"what answers at {self.endpoint} is no {self.whom}")
 
-    def _connected(self) -> zmq.Socket[bytes]:
+    def _connected(self) -> zmq.Socket[bytes] | None:
+        """The connection; None while the program that is to answer has left no key."""
         if self._socket is None:
             socket = self._context.socket(zmq.DEALER)
             socket.setsockopt(zmq.LINGER, 0)
             try:
-                socket.connect(self.endpoint)
+                if not connect(socket, self.endpoint):
+                    socket.close()
+                    return None
+            except EndpointKeyError as error:
+                socket.close()
+                raise self.unreachable(str(error)) from None
             except zmq.ZMQError as error:
                 socket.close()
                 raise self.unreachable(
                     f"'{self.endpoint}' is no endpoint ({zmq.strerror(error.errno or 0)}); write "
-                    "tcp://address:port or ipc://path"
+                    "tcp://127.0.0.1:port or ipc://path"
                 ) from None
             self._socket = socket
         return self._socket

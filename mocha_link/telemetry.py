@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import zmq
 
+from mocha_link import endpoint_key
+from mocha_link.endpoint_key import EndpointKeyError
 from mocha_link.endpoint_server import EndpointServer
 from mocha_link.errors import MochaLinkError
 from mocha_link.header import Header
@@ -33,6 +35,7 @@ LINKS, EVENT = b"links", b"event"
 SNAPSHOT_S = 1.0
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a snapshot of 255 links with all their topics is 8 MB
 MAX_SUBSCRIPTION_BYTES = 1024
+_LOOK_S = 0.05  # so often it is looked whether a node has begun to serve
 
 
 class MetricsError(MochaLinkError):
@@ -116,12 +119,15 @@ class Subscription(Closeable):
         self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
         self._socket.setsockopt(zmq.SUBSCRIBE, b"")
         try:
-            self._socket.connect(endpoint)
+            self._connected = endpoint_key.connect(self._socket, endpoint)
+        except EndpointKeyError as error:
+            self._context.destroy(0)
+            raise MetricsError(str(error)) from None
         except zmq.ZMQError as error:
             self._context.destroy(0)
             why = zmq.strerror(error.errno or 0)
             raise MetricsError(
-                f"'{endpoint}' is no endpoint ({why}); write tcp://address:port"
+                f"'{endpoint}' is no endpoint ({why}); write tcp://127.0.0.1:port or ipc://path"
             ) from None
 
     def next(self, timeout_s: float) -> tuple[str, dict[str, Any]] | None:
@@ -129,7 +135,13 @@ class Subscription(Closeable):
 
         Raises MetricsError if what comes is not a node's metrics.
         """
-        if not self._socket.poll(int(timeout_s * 1000)):
+        until_s = time.monotonic() + timeout_s
+        while not self._connected:
+            if time.monotonic() > until_s:
+                return None
+            time.sleep(min(_LOOK_S, timeout_s))
+            self._connected = endpoint_key.connect(self._socket, self._endpoint)
+        if not self._socket.poll(max(0, int((until_s - time.monotonic()) * 1000))):
             return None
         frames = self._socket.recv_multipart()
         try:

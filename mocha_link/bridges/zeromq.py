@@ -18,6 +18,7 @@ import zmq
 
 from mocha_link.bridges.values import MAX_REQUEST_BYTES, ValueRequestError, Values, as_object
 from mocha_link.endpoint import bind
+from mocha_link.endpoint_key import connect
 from mocha_link.lifetime import Closeable
 from mocha_link.payload import MAX_BYTES
 from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError
@@ -113,7 +114,7 @@ class ZeroMqBridge(Closeable):
         socket = self._context.socket(zmq.DEALER)
         socket.setsockopt(zmq.LINGER, 0)
         socket.setsockopt(zmq.SNDHWM, MAX_PENDING)
-        socket.connect(self._node)
+        connect(socket, self._node)  # the node has answered, so it has left its key
         return socket
 
     def _serve(self) -> None:

@@ -2,10 +2,13 @@
 
 import argparse
 import asyncio
+import contextlib
 import dataclasses
 import json
 import random
 import re
+import socket
+import stat
 import threading
 from pathlib import Path
 
@@ -17,7 +20,7 @@ from hypothesis import strategies as st
 from air_router import sim
 from air_router.budget import COSTLY_PER_S, Budget
 from air_router.cli import main
-from air_router.control import ControlClient, ControlError, ControlUnreachableError
+from air_router.control import CONTROL_NAME, ControlClient, ControlError, ControlUnreachableError
 from air_router.control_server import ControlServer, endpoint_of
 from air_router.desk import Desk
 from air_router.errors import ExitCode
@@ -27,17 +30,20 @@ from air_router.sim_world import Seat
 from air_router.wish import MAX_BYTES, MODELS, WishError, spoken, wish_of
 from geo.frame import Point
 from mocha_link import ListenError, PortInUseError
+from mocha_link.endpoint import bind
+from mocha_link.endpoint_key import connect
+from tests.stray_post import post
 
 
 class Served:
     """The desk of a pretended flight in the air, at an endpoint of its own thread."""
 
-    def __init__(self, flight):
+    def __init__(self, flight, endpoint):
         self.flight = flight
         self.deeds = []
         self.failures = []
         self.readings = []
-        self.endpoint = None
+        self.endpoint = endpoint
         self._ready = threading.Event()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._run()))
 
@@ -49,7 +55,7 @@ class Served:
             lambda: self.readings.pop(0) if self.readings else None,
         )
         self._desk = desk
-        self.server = server = ControlServer("tcp://127.0.0.1:*", desk.grant)
+        self.server = server = ControlServer(self.endpoint, desk.grant)
         server.open()
         self.endpoint = server.endpoint
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
@@ -81,11 +87,11 @@ class Served:
         assert self.failures == []
 
 
-@pytest.fixture
-def served(pretend):
+@pytest.fixture(params=["tcp://127.0.0.1:*"])
+def served(pretend, request):
     flight = pretend()
     flight.take_off()
-    with Served(flight) as serving:
+    with Served(flight, endpoint_of(request.param)) as serving:
         yield serving
 
 
@@ -214,7 +220,7 @@ def test_whatever_frames_come_cost_an_error_reply_and_nothing_else(served, monke
     fuzzer = Fuzzer(7)
     with zmq.Context() as context, context.socket(zmq.DEALER) as hostile:
         hostile.setsockopt(zmq.LINGER, 0)
-        hostile.connect(served.endpoint)
+        connect(hostile, served.endpoint)
         for number in range(400):
             frames = fuzzer.frames([number])
             if not frames:
@@ -232,7 +238,7 @@ def test_what_is_too_large_to_be_read_costs_its_sender_the_connection(served):
     with zmq.Context() as context, context.socket(zmq.DEALER) as hostile:
         hostile.setsockopt(zmq.LINGER, 0)
         with hostile.get_monitor_socket(zmq.EVENT_DISCONNECTED) as parted:
-            hostile.connect(served.endpoint)
+            connect(hostile, served.endpoint)
             hostile.send(b"x" * 10_000_000)
             assert parted.poll(20_000)
             hostile.disable_monitor()
@@ -240,11 +246,40 @@ def test_what_is_too_large_to_be_read_costs_its_sender_the_connection(served):
         assert honest.status()["ok"]
 
 
+def test_a_web_page_cannot_ask(served):
+    port = int(served.endpoint.rpartition(":")[2])
+    heard = b""
+    with socket.create_connection(("127.0.0.1", port)) as page:
+        page.sendall(post(port, b'{"request":"hold"}'))
+        with contextlib.suppress(ConnectionError):
+            while b"accepted" not in heard and (piece := page.recv(4096)):
+                heard += piece
+    assert b"accepted" not in heard
+    assert served.deeds == []
+
+
+@pytest.mark.parametrize("served", [CONTROL_NAME], indirect=True)
+def test_the_usual_endpoint_is_for_its_user_only(served):
+    path = Path(served.endpoint.removeprefix("ipc://"))
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+    with ControlClient(timeout_s=30) as asking:
+        assert asking.hold().accepted
+
+
 def test_an_endpoint_that_others_reach_is_refused():
     assert endpoint_of("24700") == "tcp://127.0.0.1:24700"
     assert endpoint_of("tcp://localhost:1") == "tcp://127.0.0.1:1"
     assert endpoint_of("ipc:///tmp/x") == "ipc:///tmp/x"
-    for text in ("tcp://*:1", "tcp://0.0.0.0:1", "tcp://10.0.0.1:1", "tcp://1", "udp://x", "", "x"):
+    for text in (
+        "tcp://*:1",
+        "tcp://0.0.0.0:1",
+        "tcp://10.0.0.1:1",
+        "tcp://1",
+        "udp://x",
+        "",
+        "./x",
+    ):
         with pytest.raises(argparse.ArgumentTypeError):
             endpoint_of(text)
 
@@ -300,6 +335,8 @@ def test_ask_as_a_command(served, capsys):
     assert main(["ask", port, "seek"]) == ExitCode.USAGE
     assert main(["ask", port, "goto", "1"]) == ExitCode.USAGE
     assert main(["ask", port, "dance"]) == ExitCode.USAGE
+    assert main(["ask", "dance"]) == ExitCode.USAGE
+    assert main(["ask", "tcp://0.0.0.0:1", "hold"]) == ExitCode.USAGE
     assert main(["ask", "1", "hold", "--timeout", "0.05"]) == ExitCode.NO_VEHICLE
     assert "is a flight running there" in capsys.readouterr().err
 
@@ -321,7 +358,7 @@ def test_who_asks_for_a_reload_is_told_what_came_of_it(served, client, capsys):
 
 def test_who_answers_but_is_no_flight_is_told_as_such():
     with zmq.Context() as context, context.socket(zmq.ROUTER) as stranger:
-        port = stranger.bind_to_random_port("tcp://127.0.0.1")
+        endpoint = bind(stranger, "tcp://127.0.0.1:*")
 
         def answer():
             for reply in (b"[]", b'{"ok":true}', b"\xff"):
@@ -330,7 +367,7 @@ def test_who_answers_but_is_no_flight_is_told_as_such():
 
         thread = threading.Thread(target=answer)
         thread.start()
-        with ControlClient(f"tcp://127.0.0.1:{port}") as client:
+        with ControlClient(endpoint) as client:
             for _ in range(3):
                 with pytest.raises(ControlUnreachableError, match="is no flight"):
                     client.hold()
@@ -339,22 +376,22 @@ def test_who_answers_but_is_no_flight_is_told_as_such():
         ControlClient("nonsense")
 
 
+@pytest.mark.parametrize("served", [CONTROL_NAME], indirect=True)
 def test_what_the_docs_show_is_done(served, capsys):
     page = (Path(__file__).parents[2] / "docs" / "control.md").read_text(encoding="utf-8")
-    port = served.endpoint.rpartition(":")[2]
     (snippet,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    exec(compile(snippet.replace("24700", port), "docs/control.md", "exec"), {})  # noqa: S102
+    exec(compile(snippet, "docs/control.md", "exec"), {})  # noqa: S102
     assert capsys.readouterr().out.splitlines()[-1] == "GOTO"
     commands = re.findall(r"^    air-router (ask .*)$", page, re.MULTILINE)
     assert len(commands) == 3
     for command in commands:
-        assert main(command.replace("24700", port).split()) == ExitCode.DONE
+        assert main(command.split()) == ExitCode.DONE
     asked, answered = re.findall(
         r"^    (\{\"(?:request|ok)\".*?\})$", page, re.MULTILINE | re.DOTALL
     )
     with zmq.Context() as context, context.socket(zmq.REQ) as plain:
         plain.setsockopt(zmq.LINGER, 0)
-        plain.connect(served.endpoint)
+        connect(plain, served.endpoint)
         plain.send_string(asked)
         assert plain.poll(5000)
         assert json.loads(plain.recv()) == json.loads(answered)

@@ -45,12 +45,12 @@ class Walk:
 
     def __init__(self, folder):
         self.folder = folder
-        self.control, self.web = str(free_port()), str(free_port())
+        self.web = str(free_port())
         self.flight = None
         self.told = folder / "flight.log"
 
     def begin(self, text, out):
-        text = text.replace("24700", self.control).replace("--web", f"--web {self.web}")
+        text = text.replace("--web", f"--web {self.web}")
         script = f"set -e\n[ -f .venv/bin/activate ] && . .venv/bin/activate\n{text}"
         return subprocess.Popen(
             ["bash", "-c", script],
@@ -79,9 +79,7 @@ class Walk:
     def fly(self, text):
         with self.told.open("w") as out:
             self.flight = self.begin(f"exec {text}", out)
-        self.until(
-            "air-router ask 24700 status --json", lambda out: json.loads(out)["state"] == "INIT"
-        )
+        self.until("air-router ask status --json", lambda out: json.loads(out)["state"] == "INIT")
         with urllib.request.urlopen(f"http://127.0.0.1:{self.web}", timeout=10) as page:
             assert b"<html" in page.read()
 

@@ -64,11 +64,11 @@ def test_the_planner_meets_everybody(field, tmp_path):
     assert re.fullmatch(r"io: data of 1 topics, newest \d[\d.e-]* s", io)
 
 
-def test_the_reader_needs_nothing_of_ours(field):
+def test_the_reader_needs_nothing_of_ours(field, tmp_path):
     assert "mocha_link" not in READER
     node, radio, _ = field.node("titan")
     with (
-        MetricsServer(node, f"tcp://{field.host}:*") as server,
+        MetricsServer(node, f"ipc://{tmp_path}/metrics") as server,
         subprocess.Popen(
             [sys.executable, "-c", READER, server.endpoint], stdout=subprocess.PIPE, text=True
         ) as reader,

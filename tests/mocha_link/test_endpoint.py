@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
+import stat
 
 import pytest
 import zmq
 
 from mocha_link.endpoint import bind
+from mocha_link.endpoint_key import connect, kept_key, key_file
 from mocha_link.port import ListenError, PortInUseError
+from tests.stray_post import post
 
 
 @pytest.fixture
@@ -27,15 +31,14 @@ def test_a_free_port_is_told(server):
     assert bind(server, "tcp://127.0.0.1:*").rpartition(":")[2].isdecimal()
 
 
-@pytest.mark.parametrize("kind", ["ipc", "abstract", "tcp"])
+@pytest.mark.parametrize("kind", ["ipc", "tcp"])
 def test_what_another_program_has_stays_its_own(server, other, tmp_path, kind):
-    endpoints = {"ipc": f"ipc://{tmp_path}/s", "abstract": f"ipc://@{tmp_path}"}
-    endpoint = bind(other, endpoints.get(kind, "tcp://127.0.0.1:*"))
+    endpoint = bind(other, f"ipc://{tmp_path}/s" if kind == "ipc" else "tcp://127.0.0.1:*")
     with pytest.raises(PortInUseError, match="in use; choose another one"):
         bind(server, endpoint)
     with zmq.Context() as context, context.socket(zmq.DEALER) as client:
         client.linger = 0
-        client.connect(endpoint)
+        assert connect(client, endpoint)
         client.send(b"still there?")
         assert other.poll(10_000)
         assert other.recv_multipart()[1] == b"still there?"
@@ -54,6 +57,64 @@ def test_a_file_is_not_deleted(server, tmp_path):
     with pytest.raises(ListenError, match="there is a file of that name"):
         bind(server, f"ipc://{path}")
     assert path.read_text() == "robots: {}"
+
+
+def test_a_web_page_is_not_heard(server):
+    port = int(bind(server, "tcp://127.0.0.1:*").rpartition(":")[2])
+    with socket.create_connection(("127.0.0.1", port)) as page:
+        page.sendall(post(port, b'{"request":"team"}'))
+        poller = zmq.Poller()
+        poller.register(server, zmq.POLLIN)
+        poller.register(page, zmq.POLLIN)
+        with contextlib.suppress(ConnectionError):  # it hangs up, perhaps before all was read
+            while server not in dict(poller.poll()) and page.recv(4096):
+                pass
+    assert not server.poll(0)
+
+
+def test_only_who_knows_the_key_is_heard(server, other):
+    endpoint = bind(server, "tcp://127.0.0.1:*")
+    path = key_file(endpoint)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    with zmq.Context() as context, context.socket(zmq.DEALER) as stranger:
+        stranger.linger = 0
+        public, stranger.curve_secretkey = zmq.curve_keypair()
+        stranger.curve_publickey = stranger.curve_serverkey = public
+        with stranger.get_monitor_socket(zmq.EVENT_DISCONNECTED) as parted:
+            stranger.connect(endpoint)
+            stranger.send(b"open")
+            assert parted.poll(20_000)
+            stranger.disable_monitor()
+    assert not server.poll(0)
+    assert kept_key(endpoint.replace("127.0.0.1", "localhost")) == kept_key(endpoint)
+    server.close()
+    known = kept_key(endpoint)
+    assert kept_key(bind(other, endpoint)) == known  # its clients find back
+
+
+def test_a_socket_file_is_for_its_user_only(server, tmp_path):
+    bind(server, f"ipc://{tmp_path}/s")
+    assert stat.S_IMODE((tmp_path / "s").stat().st_mode) == 0o600
+
+
+def test_a_folder_that_others_may_use_holds_no_keys(server, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    (tmp_path / "mocha-link").mkdir(mode=0o755)
+    with pytest.raises(ListenError, match="is not a folder that only you may use; chmod 700"):
+        bind(server, "tcp://127.0.0.1:*")
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "why"),
+    [
+        ("tcp://0.0.0.0:5", "other machines could reach it; write ipc://path"),
+        ("tcp://*:*", "other machines could reach it; write ipc://path"),
+        ("ipc://@name", "every user could reach it; write ipc://path"),
+    ],
+)
+def test_what_others_could_reach(server, endpoint, why):
+    with pytest.raises(ListenError, match=why):
+        bind(server, endpoint)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import threading
 import pytest
 import zmq
 
+from mocha_link.endpoint import bind
 from mocha_link.port import ListenError, PortInUseError
 from mocha_link.telemetry import MetricsError, MetricsServer, watch
 
@@ -63,8 +64,7 @@ def test_nobody_there(field):
 def test_something_else_there(field, frames):
     with zmq.Context() as context, context.socket(zmq.XPUB) as other:
         other.setsockopt(zmq.LINGER, 0)
-        port = other.bind_to_random_port(f"tcp://{field.host}")
-        stream = watch(f"tcp://{field.host}:{port}", timeout_s=20)
+        stream = watch(bind(other, f"tcp://{field.host}:*"), timeout_s=20)
 
         def answer() -> None:
             other.recv()

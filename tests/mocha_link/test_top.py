@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 
 from mocha_link import top_command
 from mocha_link.cli import main
+from mocha_link.endpoint import bind
 from mocha_link.metrics import LinkMetrics, LinkState
 from mocha_link.reading import Reading, Unit
 from mocha_link.telemetry import MetricsServer, as_fields
@@ -209,7 +210,7 @@ class FakeNode:
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.XPUB)
         self._socket.setsockopt(zmq.LINGER, 0)
-        self.endpoint = f"tcp://{host}:{self._socket.bind_to_random_port(f'tcp://{host}')}"
+        self.endpoint = bind(self._socket, f"tcp://{host}:*")
 
     def say(self, kind, fields):
         self._socket.send_multipart([kind.encode(), json.dumps(fields).encode()])

@@ -17,11 +17,11 @@ from air_router.editor.mission_text import MissionText
 from air_router.editor.server import EditorServer
 from air_router.editor.session import Session
 from air_router.errors import ExitCode, UsageError
-from air_router.loopback import is_loopback
 from air_router.web.backdrop import Backdrop
 from air_router.web.guard import cookie_of
 from air_router.web.site import MAX_MESSAGE_BYTES, ServeError
 from air_router.web.tile_file import TileFile
+from mocha_link.loopback import is_loopback
 from tests.air_router.tile_maker import around, write_tiles
 
 ROOT = Path(__file__).parents[3]

@@ -22,9 +22,9 @@ def example(name):
     return re.search(r"```python\n(.*?)```", (DOCS / name).read_text(), re.DOTALL)[1]
 
 
-def test_the_program(server):
-    with ZeroMqBridge(server.endpoint, "tcp://127.0.0.1:*") as bridge:
-        program = example("bridges.md").replace("tcp://127.0.0.1:24600", bridge.endpoint)
+def test_the_program(server, tmp_path):
+    with ZeroMqBridge(server.endpoint, f"ipc://{tmp_path}/io") as bridge:
+        program = example("bridges.md").replace("ipc:///tmp/io", bridge.endpoint)
         command = [sys.executable, "-u", "-c", program]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert "'ok': True" in next(process.stdout)

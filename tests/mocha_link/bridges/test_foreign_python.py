@@ -24,6 +24,7 @@ FOREIGN = {
     "mocha_link.bridges.rcl",
     "mocha_link.bridges.ros1",
     "mocha_link.bridges.run",
+    "mocha_link.endpoint_key",
     "mocha_link.errors",
     "mocha_link.lifetime",
     "mocha_link.service_client",

@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
+from mocha_link.endpoint import bind
+from mocha_link.endpoint_key import connect
 from mocha_link.node import Node
 from mocha_link.port import ListenError, PortInUseError
 from mocha_link.ros import RosCodec
@@ -171,7 +173,7 @@ def test_noise_on_the_socket(client, server):
         noisy.setsockopt(zmq.LINGER, 0)
         noisy.setsockopt(zmq.SNDHWM, 0)
         noisy.setsockopt(zmq.RCVHWM, 0)
-        noisy.connect(server.endpoint)
+        connect(noisy, server.endpoint)
         for _ in range(1000):
             count = random.randint(1, 12)
             noisy.send_multipart([random.randbytes(random.randint(0, 40)) for _ in range(count)])
@@ -286,7 +288,7 @@ def test_any_socket_may_ask(server):
         for kind, empty in ((zmq.REQ, []), (zmq.DEALER, [b""]), (zmq.DEALER, [])):
             with context.socket(kind) as asking:
                 asking.setsockopt(zmq.LINGER, 0)
-                asking.connect(server.endpoint)
+                connect(asking, server.endpoint)
                 asking.send_multipart([*empty, b'{"request": "team", "id": "x"}'])
                 assert asking.poll(60_000)
                 answer = asking.recv_multipart()
@@ -330,7 +332,7 @@ def test_endpoints_that_are_none(one, server, tmp_path):
 def test_something_else_there(answer):
     with zmq.Context() as context, context.socket(zmq.ROUTER) as other:
         other.setsockopt(zmq.LINGER, 0)
-        port = other.bind_to_random_port("tcp://127.0.0.1")
+        endpoint = bind(other, "tcp://127.0.0.1:*")
 
         def reply():
             sender, *_ = other.recv_multipart()
@@ -339,7 +341,7 @@ def test_something_else_there(answer):
         thread = threading.Thread(target=reply)
         thread.start()
         with (
-            ServiceClient(f"tcp://127.0.0.1:{port}", timeout_s=60) as client,
+            ServiceClient(endpoint, timeout_s=60) as client,
             pytest.raises(ServiceUnreachableError, match="is no node"),
         ):
             client.since()

@@ -17,6 +17,7 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
 from mocha_link.bridges.values import ValueRequestError, Values, as_object
 from mocha_link.bridges.zeromq import ZeroMqBridge
+from mocha_link.endpoint_key import connect
 from mocha_link.port import ListenError, PortInUseError
 from mocha_link.ros import RosCodec
 from mocha_link.service_client import ServiceClient, ServiceUnreachableError
@@ -46,7 +47,7 @@ class Program:
     def __init__(self, context, endpoint, kind):
         self.socket = context.socket(kind)
         self.socket.setsockopt(zmq.LINGER, 0)
-        self.socket.connect(endpoint)
+        assert connect(self.socket, endpoint)
 
     def ask(self, *data, **fields):
         self.socket.send_multipart([json.dumps(fields).encode(), *data])
