@@ -8,8 +8,10 @@ flies, zones are being changed, or the vehicle lands.
 | home moved up or down | at once | hold, then on in the planned height, by points |
 | home moved to a side | at once | it is told: only the autopilot's own Return flies there |
 | too low or too high | 4 s off the altitudes of the mission | hold, then back to them and on |
-| the altitude jumps off them | at once | hold until it is back: which of both is right? |
+| the altitude jumps: within them, or off them | at once | hold, then on; hold until it is back |
 | one of the last two | 30 s | home |
+| the satellites' altitude leaves the autopilot's by 3.5 m | for some seconds | it is told |
+| by 6 m | for some seconds | home: which of both is right? |
 | nearer to a zone or the fence than the clearance | at once | hold, then away from there and on |
 | faster than commanded | for 2 s | hold, then on at the commanded speed |
 | one of these, a third time within 3 minutes | at once | home |
@@ -44,8 +46,8 @@ OFF_HOME_S: Final = 30.0
 _NEARER_M: Final = 0.5
 """A climb or descent that gains so much goes on."""
 
-JUMP_M: Final = 5.0
-CLIMB_M_S: Final = 8.0
+JUMP_M: Final = 2.5
+CLIMB_M_S: Final = 6.0
 """An altitude that changes by more than this, on top of what a climb at that speed makes in the
 time, has not been flown."""
 
@@ -57,6 +59,12 @@ NOISE_M: Final = 0.25
 
 _NEARER_STILL_M: Final = 1.0
 """A clearance that was lost is told again when so much more of it is."""
+
+DOUBT_M: Final = 3.5
+DOUBT_HOME_M: Final = 6.0
+"""The altitude of a receiver with a fix is good to about 2 m; what is planned, to 5 m."""
+
+_AVERAGE_S: Final = 4.0
 
 FASTER_M_S: Final = 1.0
 FASTER: Final = 1.25
@@ -97,6 +105,7 @@ class Deviations:
         self._mission = mission
         self._home_told: HomeMove | None = None
         self._before: Telemetry | None = None
+        self._satellites = _Satellites()
         self._out_m = 0.0  # the least that it was off its altitudes lately
         self._out_since_s: float | None = None
         self._off_since_s: float | None = None
@@ -114,6 +123,7 @@ class Deviations:
 
     def home(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the autopilot's home was moved since it was told last; whoever flies."""
+        self._satellites.note(telemetry)
         moved, told = telemetry.home_moved, self._home_told
         if moved is None:
             self._home_told = None
@@ -132,6 +142,7 @@ class Deviations:
         """What is off now, on a vehicle that flies its mission by our commands."""
         found = (
             self._height(telemetry),
+            self._satellites.look(telemetry),
             self._clearance(telemetry),
             self._speed(telemetry, custody),
         )
@@ -153,7 +164,8 @@ class Deviations:
         altitude_m = telemetry.altitude_m
         out_m = max(band.lower_m - altitude_m, altitude_m - band.upper_m, 0.0)
         if before is not None and _jumped(before, telemetry):
-            words = f"the altitude jumped from {before.altitude_m:.0f} to {altitude_m:.0f} m"
+            from_m = altitude_m + _amsl_m(before) - _amsl_m(telemetry)
+            words = f"the altitude jumped from {from_m:.0f} to {altitude_m:.0f} m"
             if out_m == 0.0:
                 return Deviation(Response.HOLD, words)
             self.waits = True
@@ -214,7 +226,8 @@ class Deviations:
             return None
         self._spare_told_m = spare_m
         kept_m = airspace.kept_m(name)
-        words = f"{max(spare_m + kept_m, 0.0):.1f} m from {names_of((name,))}, {kept_m:g} m is kept"
+        left_m = max(spare_m + kept_m, 0.0)
+        words = f"too near to {names_of((name,))}: {left_m:.1f} m, {kept_m:g} m are to be kept"
         if told_m is not None:
             return Deviation(Response.TELL, words)
         return self._again(telemetry.time_s, words)
@@ -248,10 +261,50 @@ class Deviations:
         return Deviation(Response.HOLD, words)
 
 
+class _Satellites:
+    """The altitude of the satellite receiver beside the autopilot's, since the take-off."""
+
+    def __init__(self) -> None:
+        self._began_m: float | None = None
+        self._off_m = 0.0
+        self._at_s = 0.0
+        self._told_m = 0.0
+
+    def note(self, telemetry: Telemetry) -> None:
+        """Take both in."""
+        if telemetry.gps_amsl_m is None or telemetry.altitude_amsl_m is None:
+            return
+        off_m = telemetry.gps_amsl_m - telemetry.altitude_amsl_m
+        if self._began_m is None:
+            self._began_m, self._at_s = off_m, telemetry.time_s
+        share = 1.0 - math.exp(-max(telemetry.time_s - self._at_s, 0.0) / _AVERAGE_S)
+        self._off_m += share * (off_m - self._began_m - self._off_m)
+        self._at_s = telemetry.time_s
+
+    def look(self, telemetry: Telemetry) -> Deviation | None:
+        """Whether one of both has left the other."""
+        for limit_m, response in ((DOUBT_HOME_M, Response.HOME), (DOUBT_M, Response.TELL)):
+            if abs(self._off_m) >= limit_m > self._told_m:
+                self._told_m = limit_m
+                gps_m = telemetry.altitude_m + self._off_m
+                words = (
+                    f"the altitude is in doubt: {telemetry.altitude_m:.0f} m by the autopilot, "
+                    f"{gps_m:.0f} m by the satellites"
+                )
+                return Deviation(response, words)
+        return None
+
+
 def _jumped(before: Telemetry, telemetry: Telemetry) -> bool:
     seconds = max(telemetry.time_s - before.time_s, 0.0)
-    change_m = abs(telemetry.altitude_m - before.altitude_m)
+    change_m = abs(_amsl_m(telemetry) - _amsl_m(before))
     return change_m > JUMP_M + CLIMB_M_S * seconds
+
+
+def _amsl_m(telemetry: Telemetry) -> float:
+    """Its altitude with nothing in it of home, which the autopilot corrects by a metre or two."""
+    amsl_m = telemetry.altitude_amsl_m
+    return telemetry.altitude_m if amsl_m is None else amsl_m
 
 
 def _as_high(one: Telemetry, other: Telemetry, mission: Mission) -> bool:

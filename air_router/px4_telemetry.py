@@ -37,6 +37,9 @@ UNKNOWN: Final = 65535  # of a field of 16 bits
 AUTOPILOT: Final = 1
 INT32, REAL32 = 6, 9  # MAV_PARAM_TYPE; PX4 has no others
 TARGETED: Final = frozenset({FlightMode.MISSION, FlightMode.HOLD})
+GPS_OLD_S: Final = 1.5
+"""A receiver's altitude from longer ago says nothing of a vehicle that climbs."""
+
 _REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_invalid_")
 
 
@@ -59,6 +62,7 @@ class Px4Telemetry:
         self._target: Point | None = None
         self._unix: tuple[float, float] | None = None
         self._heights = HeightFrame()
+        self._gps_height: tuple[float, float] | None = None
         self.reports = ArmingReports()
         self.refusals: list[str] = []
         self.parameters: dict[str, float] = {}
@@ -204,6 +208,7 @@ class Px4Telemetry:
             fix=self.gps is None or self.gps.good,
             target=self.target,
             altitude_amsl_m=self.altitude_amsl_m,
+            gps_amsl_m=self._gps_amsl_m(),
             home_moved=self._heights.moved,
             wind_m_s=self.wind_m_s,
         )
@@ -344,6 +349,15 @@ class Px4Telemetry:
             satellites=None if satellites in {None, 255} else satellites,
             accuracy_m=accuracy_mm / 1e3 if accuracy_mm else None,
         )
+
+        self._gps_height = (fields["alt"] / 1e3, fields["time_usec"] / 1e6)
+
+    def _gps_amsl_m(self) -> float | None:
+        """The receiver's own altitude, if it has a fix and the message is not old."""
+        if self._gps_height is None or self.gps is None or not self.gps.good:
+            return None
+        amsl_m, at_s = self._gps_height
+        return amsl_m if abs(self.time_s - at_s) <= GPS_OLD_S else None
 
     def _on_wind(self, fields: dict[str, Any]) -> None:
         north_m_s, east_m_s = fields["wind_x"], fields["wind_y"]

@@ -48,6 +48,7 @@ class Telemetry:
         fix: The satellite receiver has a position; True also while it says nothing of itself.
         target: Where it flies to or hovers, by its own word; None when unknown.
         altitude_amsl_m: Metres above mean sea level; None when unknown.
+        gps_amsl_m: The same by the satellite receiver alone; None when unknown, or old.
         home_moved: By how much the autopilot's home is off that of the take-off, from which the
             heights of its plan do not count any more; None while it is where it was.
         wind_m_s: How the air moves (east, north), as the autopilot estimates it; None if it tells
@@ -68,6 +69,7 @@ class Telemetry:
     fix: bool = True
     target: Point | None = None
     altitude_amsl_m: float | None = None
+    gps_amsl_m: float | None = None
     home_moved: HomeMove | None = None
     wind_m_s: tuple[float, float] | None = None
 

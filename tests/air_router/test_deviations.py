@@ -144,9 +144,10 @@ def test_a_lost_clearance_is_told_while_it_happens_and_held_for(cruising):
     before = len(cruising.motions)
     cruising.step()
     assert isinstance(cruising.motions[before], HoldHere)
-    (words,) = told(cruising, "m is kept")
+    (words,) = told(cruising, "are to be kept")
     assert names_of((name,)) in words
-    assert distance_m == pytest.approx(float(words.split()[0]), abs=1.0)
+    left_m = float(words.split(": ")[1].split()[0])
+    assert left_m == pytest.approx(distance_m, abs=1.0)
     cruising.fly_until(lambda: cruising.finished is not None)
     assert cruising.finished.landed_by_us
 
@@ -164,3 +165,35 @@ def test_faster_than_commanded_is_told_and_held_for(cruising):
     cruising.telemetry = rushes
     cruising.fly_until(lambda: told(cruising, "it flies 12.0 m/s"), FAST_S + 0.5)
     assert isinstance(cruising.motions[before], HoldHere)
+
+
+def test_an_altitude_that_the_satellites_do_not_follow_is_told_and_brings_it_home(pretend):
+    flight, sunk_m = pretend(duration_s=600.0), [0.0]
+
+    def reads():
+        telemetry = Airframe.telemetry(flight)
+        amsl_m = 489.0 + telemetry.altitude_m
+        gps_m = amsl_m - sunk_m[0] + 2.0  # never the same
+        return dataclasses.replace(telemetry, altitude_amsl_m=amsl_m, gps_amsl_m=gps_m)
+
+    flight.telemetry = reads
+    flight.take_off()
+    flight.fly_away()
+    for _ in range(300):  # 0.3 m/s, as a barometer drifts
+        sunk_m[0] += 0.03
+        flight.step()
+    words, last = told(flight, "the altitude is in doubt")
+    assert words.endswith("40 m by the autopilot, 36 m by the satellites")
+    assert last.startswith("coming home")
+    assert flight.controller.state in {State.HOME, State.LAND}
+
+
+def test_a_home_that_px4_corrects_is_no_jump_of_the_altitude(cruising):
+    cruising.telemetry = lambda: dataclasses.replace(
+        Airframe.telemetry(cruising), altitude_amsl_m=529.0
+    )
+    cruising.step()
+    before = len(cruising.motions)
+    cruising.altitude_m += 2.9
+    fly(cruising, 2.0)
+    assert not any(isinstance(motion, HoldHere) for motion in cruising.motions[before:])

@@ -76,7 +76,9 @@ def inspect(pennovation, names, *, health=PREARM_GOOD, **autopilot):
         telemetry._system_id = 1
         status = {"battery_remaining": 80, "onboard_control_sensors_health": health}
         telemetry._on_sys_status(status | {"voltage_battery": 15800})
-        telemetry._on_gps({"fix_type": 3, "satellites_visible": 12, "h_acc": 900})
+        telemetry._on_gps(
+            {"fix_type": 3, "satellites_visible": 12, "h_acc": 900, "alt": 0, "time_usec": 0}
+        )
         direct = Autopilot(telemetry, **autopilot)
         found = await px4_inspection.inspect(None, direct, telemetry, 1, names)
         return found, direct.asked

@@ -203,7 +203,7 @@ def test_a_lost_fix_and_the_target_show_in_telemetry(vehicle, pennovation):
     vehicle.beats(HOLD)
     vehicle.is_at(*home)
     assert (vehicle.events[-1].fix, vehicle.events[-1].target) == (True, None)
-    vehicle.says("_on_gps", fix_type=1, satellites_visible=3, h_acc=0)
+    vehicle.says("_on_gps", fix_type=1, satellites_visible=3, h_acc=0, alt=0, time_usec=0)
     vehicle.says("_on_target", lat_int=home[0], lon_int=home[1])
     vehicle.is_at(*home)
     assert not vehicle.events[-1].fix
@@ -222,3 +222,17 @@ def test_the_wind_that_px4_estimates_is_told(vehicle):
     vehicle.says("_on_wind", wind_x=None, wind_y=None)
     vehicle.is_at(399_400_000, -752_000_000)
     assert vehicle.events[-1].wind_m_s is None
+
+
+def test_the_receiver_s_altitude_counts_while_it_is_new(vehicle):
+    vehicle.beats(MISSION)
+    receiver = {"fix_type": 3, "satellites_visible": 12, "alt": 530_500, "time_usec": 1_000_000}
+    vehicle.says("_on_gps", **receiver)
+    heard = []
+    for time_ms in (1000, 2400, 2600):
+        vehicle.is_at(399_400_000, -752_000_000, time_ms=time_ms)
+        heard.append(vehicle.events[-1].gps_amsl_m)
+    assert heard == [530.5, 530.5, None]
+    vehicle.says("_on_gps", **receiver | {"fix_type": 1, "time_usec": 2_600_000})
+    vehicle.is_at(399_400_000, -752_000_000, time_ms=2600)
+    assert vehicle.events[-1].gps_amsl_m is None
