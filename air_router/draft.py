@@ -13,6 +13,7 @@ from air_router.altitudes import Altitudes
 from air_router.settings import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
+    Accepted,
     PlannerSettings,
     SeekPolicy,
     Timers,
@@ -156,6 +157,7 @@ class Draft:
     team: Path | None = None
     world: Path | None = None
     battery_reserve: float = DEFAULT_BATTERY_RESERVE
+    accepts: tuple[Accepted, ...] = ()
     endurance_s: float | None = None
     duration_s: float | None = None
     start: datetime | None = None

@@ -140,7 +140,12 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             arm=options.arm,
             resume=options.resume,
             survey=lambda router: Survey(
-                mission, router, team=team, uav=uav, log_dir=recording.folder
+                mission,
+                router,
+                team=team,
+                uav=uav,
+                log_dir=recording.folder,
+                rate=lambda: clock.rate,
             ),
         )
         flight.page = page_of(options.web, mission, flight, gossip, mapper)

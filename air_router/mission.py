@@ -15,7 +15,7 @@ from air_router.fleet import Layer, ceiling_m, check_fleet, layers_of, merge, to
 from air_router.legality import check_geometry, check_team
 from air_router.mission_file import read_mission
 from air_router.qgc import read_plan
-from air_router.settings import PlannerSettings, SeekPolicy, Timers
+from air_router.settings import Accepted, PlannerSettings, SeekPolicy, Timers
 from geo.airspace import Airspace
 from geo.frame import LocalFrame, Point
 from geo.zone import Band, Shape, Zone
@@ -71,6 +71,7 @@ class Mission:
         world: The file of the simulated world; None without one.
         duration_s: When to come home, counted from take-off; None to stay out.
         battery_reserve: The charge (0..1) at which the vehicle comes home.
+        accepts: What the pre-flight card would stop the flight for and its operator accepts.
         endurance_s: How long a full battery lasts in cruise flight, if that is known.
         window: When it flies.
         cruise: The altitudes above home that it flies at, and `planner.vertical_margin_m`.
@@ -119,6 +120,7 @@ class Mission:
     columns: tuple[Zone, ...]
     idle_zones: tuple[IdleZone, ...]
     notes: tuple[Problem, ...]
+    accepts: tuple[Accepted, ...] = ()
 
     def airspace_at(self, altitude_m: float) -> Airspace:
         """The airspace that counts at an altitude above home, with its clearance."""
@@ -306,6 +308,7 @@ def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Miss
         world=draft.world,
         duration_s=draft.duration_s,
         battery_reserve=draft.battery_reserve,
+        accepts=draft.accepts,
         endurance_s=draft.endurance_s,
         window=window,
         cruise=airspaces.altitudes,

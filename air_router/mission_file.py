@@ -143,6 +143,7 @@ def _fill(draft: Draft, model: MissionForm, places: dict[str, list[int]]) -> Non
     draft.world = None if model.world is None else folder / model.world
     draft.duration_s, draft.endurance_s = model.duration_s, model.endurance_s
     draft.battery_reserve = model.battery_reserve
+    draft.accepts = tuple(model.accepts)
     draft.home_altitude_amsl_m = model.home.altitude_amsl_m
     draft.in_metres = model.coordinates == "local"
     _fill_frame(draft, model)

@@ -14,6 +14,7 @@ from air_router.settings import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
     DEFAULT_SPEED_M_S,
+    Accepted,
     PlannerKind,
     PlannerSettings,
     SeekPolicy,
@@ -234,3 +235,4 @@ class MissionForm(BaseModel):
     duration_s: _Seconds | None = None
     endurance_s: _Seconds | None = None
     battery_reserve: Annotated[float, Field(ge=0, lt=1)] = DEFAULT_BATTERY_RESERVE
+    accepts: list[Accepted] = []

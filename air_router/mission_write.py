@@ -89,6 +89,7 @@ def _settings(draft: Draft) -> dict[str, Any]:
         ("duration_s", draft.duration_s, None),
         ("endurance_s", draft.endurance_s, None),
         ("battery_reserve", draft.battery_reserve, DEFAULT_BATTERY_RESERVE),
+        ("accepts", list(draft.accepts), []),
     ):
         data |= {key: value} if value != default else {}
     return data

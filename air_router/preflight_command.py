@@ -92,10 +92,16 @@ async def preflight(mission: Mission, options: PreflightOptions) -> Card:
         NoVehicleError: with a diagnosis.
     """
     team, uav = (None, "") if _alone(mission, options) else team_of(mission, options.team)
+    clock = VehicleClock()
     survey = Survey(
-        mission, Router(WaypointGraph(mission)), team=team, uav=uav, log_dir=options.log_dir
+        mission,
+        Router(WaypointGraph(mission)),
+        team=team,
+        uav=uav,
+        log_dir=options.log_dir,
+        rate=lambda: clock.rate,
     )
-    vehicle = Px4Vehicle(mission, options.url, VehicleClock(), system_id=options.system_id)
+    vehicle = Px4Vehicle(mission, options.url, clock, system_id=options.system_id)
     try:
         info = await vehicle.connect()
         telemetry = await _first_telemetry(vehicle, options.url)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from air_router.navigator import BRAKING_M_S2
 from air_router.preflight import Check, Verdict
 from air_router.straight_return import straight_returns
+from geo.frame import Point
 
 if TYPE_CHECKING:
     from air_router.mission import Mission
+    from air_router.settings import Accepted
 
 HARMLESS_JERK_M_S3: Final = 3.0
 """Below this the brakes bite later than the check of a leg reckons with."""
@@ -30,6 +33,9 @@ class Wish:
         why: What happens otherwise.
         good: Whether a value is as wanted.
         stops: Whether a value is such that nothing takes off.
+        accept: By which name a mission file accepts any other value; without that, nothing takes
+            off. None: it is only told.
+        scaled: PX4's start script multiplies it by the speed of a simulation.
     """
 
     name: str
@@ -37,6 +43,17 @@ class Wish:
     why: str
     good: _Wanted
     stops: _Wanted = lambda _mission, _value: False
+    accept: Accepted | None = None
+    scaled: bool = False
+
+    def check(self, mission: Mission, value: float) -> Check:
+        """The line of a value that is not as wanted."""
+        found, advice = f"is {value:g}", f"set it to {self.wanted}: {self.why}"
+        if self.stops(mission, value):
+            return Check(self.name, Verdict.BAD, found, advice)
+        if self.accept is None:
+            return Check(self.name, Verdict.LOOK, found, advice)
+        return acceptable(mission, self.accept, self.name, found, advice)
 
 
 def _is(*values: int) -> _Wanted:
@@ -59,6 +76,21 @@ WISHES: Final = (
         "Terminate falls",
         _is(2),
         _is(0, 1, 4),
+        accept="fence_action",
+    ),
+    Wish(
+        "GF_MAX_HOR_DIST",
+        "0 (no limit), or more than the farthest waypoint's distance from home",
+        "PX4 flies no plan with an item that is farther, and stops the vehicle there",
+        lambda mission, value: value <= 0.0 or value > _farthest_m(mission, _corners(mission)),
+        lambda mission, value: 0.0 < value <= _farthest_m(mission) + _slack_m(mission),
+    ),
+    Wish(
+        "GF_MAX_VER_DIST",
+        "0 (no limit), or more than the mission's highest altitude",
+        "PX4 flies no plan with an item that is higher, and stops the vehicle there",
+        lambda mission, value: value <= 0.0 or value > mission.cruise.upper_m,
+        lambda mission, value: 0.0 < value <= mission.cruise.upper_m,
     ),
     Wish(
         "GF_SOURCE",
@@ -97,6 +129,14 @@ WISHES: Final = (
         "with bit 0",
         "moving the sticks does not take the vehicle over from the mission",
         lambda _mission, value: bool(round(value) & 1),
+        accept="sticks_do_not_override",
+    ),
+    Wish(
+        "COM_RC_IN_MODE",
+        "any but 4 (no manual control)",
+        "the pilot has no sticks to take the vehicle over with",
+        lambda _mission, value: round(value) != 4,
+        accept="sticks_do_not_override",
     ),
     Wish(
         "NAV_DLL_ACT",
@@ -118,6 +158,7 @@ WISHES: Final = (
         "at most 10 s",
         "the ground station hears late that this computer is gone",
         lambda _mission, value: value <= 10.0,
+        scaled=True,
     ),
     Wish(
         "COM_LOW_BAT_ACT",
@@ -143,6 +184,21 @@ WISHES: Final = (
         "at least the mission's altitude",
         "a return by the autopilot is lower than what was planned",
         lambda mission, value: value >= mission.altitude_above_home_m,
+        accept="rtl_altitude",
+    ),
+    Wish(
+        "RTL_DESCEND_ALT",
+        "at most the mission's altitude",
+        "at the end of its return the autopilot hovers higher than what was planned",
+        lambda mission, value: value <= mission.altitude_above_home_m,
+        accept="rtl_altitude",
+    ),
+    Wish(
+        "RTL_TYPE",
+        "0 or 3 (straight to the nearest of home and the rally points)",
+        "the autopilot returns another way: past home to a rally point, or along the plan's items",
+        _is(0, 3),
+        accept="rtl_type",
     ),
 )
 NAMES: Final = tuple(wish.name for wish in WISHES)
@@ -156,19 +212,25 @@ _LAYER: Final = Wish(
 )
 
 
-def parameters(mission: Mission, values: Mapping[str, float | None]) -> list[Check]:
-    """A line for each parameter that is not as wanted, and one for the others."""
+def parameters(
+    mission: Mission, values: Mapping[str, float | None], *, rate: float = 1.0
+) -> list[Check]:
+    """A line for each parameter that is not as wanted, and one for the others.
+
+    Args:
+        mission: What is to be flown.
+        values: Of the parameters, by name; None for one that the vehicle did not tell.
+        rate: Seconds of the vehicle in a second of ours: more than 1 in a fast simulation.
+    """
     checks = []
     unknown = [name for name in NAMES if values.get(name) is None]
     several = len(mission.layers) > 1
     wishes = (*WISHES, _LAYER) if several else WISHES
     for wish in wishes:
         value = values.get(wish.name)
-        if value is None or wish.good(mission, value):
+        if value is None or wish.good(mission, value / max(rate, 1.0) if wish.scaled else value):
             continue
-        verdict = Verdict.BAD if wish.stops(mission, value) else Verdict.LOOK
-        advice = f"set it to {wish.wanted}: {wish.why}"
-        checks.append(Check(wish.name, verdict, f"is {value:g}", advice))
+        checks.append(wish.check(mission, value))
     if unknown:
         found = f"not told: {', '.join(unknown)}"
         checks.append(Check("parameters", Verdict.LOOK, found, "look at them yourself"))
@@ -185,10 +247,37 @@ def straight_return(mission: Mission) -> Check:
         return Check("return", Verdict.GOOD, "PX4's straight return is clear from every waypoint")
     worst = [name for name, _ in crossing.most_common()]
     more = f" and {len(worst) - 3} more" if len(worst) > 3 else ""
-    return Check(
+    return acceptable(
+        mission,
+        "rtl_crosses_zones",
         "return",
-        Verdict.LOOK,
         f"PX4's own Return flies straight, from some waypoints through "
         f"{', '.join(worst[:3])}{more}",
         "the pilot should choose Hold rather than Return; type 'home' to come home along the graph",
     )
+
+
+def acceptable(mission: Mission, name: Accepted, line: str, found: str, advice: str) -> Check:
+    """A line that stops the flight unless the mission file accepts it by name."""
+    if name in mission.accepts:
+        return Check(line, Verdict.LOOK, f"{found} (accepted by the mission file)", advice)
+    where = "the mission file"
+    if mission.path.suffix == ".plan":
+        where = "a mission file ('air-router convert' makes one of a .plan)"
+    return Check(line, Verdict.BAD, found, f"{advice}; or accept it in {where}: accepts: [{name}]")
+
+
+def _farthest_m(mission: Mission, others: Iterable[Point] = ()) -> float:
+    """How far from home the mission's farthest waypoint is, or one of the other places."""
+    places = (*(waypoint.position for waypoint in mission.waypoints), *others)
+    return max((math.dist(mission.home, place) for place in places), default=0.0)
+
+
+def _corners(mission: Mission) -> list[Point]:
+    """The corners of what the fences hold: the vehicle may seek a robot as far away as that."""
+    return [Point(*corner) for fence in mission.fences for corner in fence.corners]
+
+
+def _slack_m(mission: Mission) -> float:
+    """What the vehicle may be beyond a waypoint without being stopped there."""
+    return mission.planner.clearance_m

@@ -36,6 +36,7 @@ class Survey:
         uav: Our name in the team.
         log_dir: Where the log goes.
         unix: This computer's clock.
+        rate: Tells how many seconds of the vehicle pass in one of ours.
     """
 
     def __init__(  # noqa: PLR0913 - what there is to look at
@@ -47,6 +48,7 @@ class Survey:
         uav: str = "",
         log_dir: Path | None = None,
         unix: Callable[[], float] = time.time,
+        rate: Callable[[], float] = lambda: 1.0,
     ) -> None:
         self._mission = mission
         self._router = router
@@ -54,6 +56,7 @@ class Survey:
         self._uav = uav
         self._log_dir = log_dir
         self._unix = unix
+        self._rate = rate
 
     async def card(self, vehicle: Vehicle, info: VehicleInfo, telemetry: Telemetry) -> Card:
         """Look at everything; nothing on board is changed.
@@ -78,7 +81,7 @@ class Survey:
             preflight.gps(inspection.gps),
             preflight.wind(inspection.wind_m_s),
             battery(mission, self._router, inspection.battery, inspection.voltage_v),
-            *parameters(mission, inspection.parameters),
+            *parameters(mission, inspection.parameters, rate=self._rate()),
             straight_return(mission),
             *preflight.notes(mission),
             preflight.clock(

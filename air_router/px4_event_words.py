@@ -178,7 +178,7 @@ _CHECKS: _Words = {
 
 _MISSION: _Words = {
     "navigator_mis_geofence_violation": (
-        "plan item {0} lies in a no-fly zone or outside the fence",
+        "plan item {0} lies in a no-fly zone, outside the fence, or beyond GF_MAX_HOR/VER_DIST",
         "h",
     ),
     "navigator_mis_geofence_no_home": ("the fence needs a home position; wait for GPS", ""),

@@ -120,6 +120,7 @@ def tell_settings(draft: Draft, losses: Losses, where: str) -> None:
         ("goals_from", bool(draft.goals_from)),
         ("uavs", bool(draft.uavs)),
         ("duration_s", draft.duration_s is not None),
+        ("accepts", bool(draft.accepts)),
     ):
         if given:
             losses.add(what, f"{where} has none; keep the mission file", "settings-lost")

@@ -11,6 +11,11 @@ PlannerKind = Literal["waypoints", "shortest"]
 SeekPolicy = Literal["round_robin", "freshest", "rendezvous"]
 """How the robot that is sought next is chosen, and its place; see docs/seeking.md."""
 
+Accepted = Literal[
+    "rtl_crosses_zones", "rtl_altitude", "rtl_type", "sticks_do_not_override", "fence_action"
+]
+"""What a mission file may accept of a vehicle by name; without it nothing takes off like that."""
+
 SEEK_POLICIES: Final[tuple[SeekPolicy, ...]] = get_args(SeekPolicy)
 DEFAULT_SEEK_POLICY: Final[SeekPolicy] = "round_robin"
 

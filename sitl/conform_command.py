@@ -37,6 +37,9 @@ examples:
   sitl conform
   sitl conform --px4 ~/PX4-Autopilot --speed 5 --json > px4.json
   sitl conform --beside px4.json > beside.md
+
+exit codes: 0 the vehicle held to all of them, 1 it departed, 2 wrong usage, 4 no vehicle, or a port
+of its is taken
 """
 
 

@@ -6,7 +6,7 @@ import logging
 import socket
 from typing import Final
 
-from air_router.errors import AirRouterError
+from air_router.errors import AirRouterError, ExitCode
 
 _log = logging.getLogger(__name__)
 
@@ -18,7 +18,9 @@ Address = tuple[str, int]
 
 
 class PortInUseError(AirRouterError):
-    """A port that the vehicle has to have is taken."""
+    """A port that the vehicle has to have, or that it sends to, is taken."""
+
+    exit_code = ExitCode.NO_VEHICLE
 
 
 class UdpLink:

@@ -11,6 +11,7 @@ from typing import Final
 
 from sitl.conformance.line import Link, SilentVehicleError
 from sitl.conformance.words import Frame, frames
+from sitl.udp_link import PortInUseError
 
 _LARGEST: Final = 65535
 _BUFFER: Final = 4 << 20  # 900 parameters come at once
@@ -29,7 +30,7 @@ class UdpLine:
         fresh: See `Line`.
 
     Raises:
-        OSError: a port is taken.
+        PortInUseError: a port is taken.
     """
 
     def __init__(self, ports: Mapping[Link, int], *, fresh: bool) -> None:
@@ -46,9 +47,12 @@ class UdpLine:
                 end.setblocking(False)
                 end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
                 end.bind(("127.0.0.1", port))
-        except OSError:
+        except OSError as error:
             self.close()
-            raise
+            raise PortInUseError(
+                f"cannot listen on UDP port {port}, where the vehicle sends its {link.value} link: "
+                f"{error.strerror}; end the ground station or the other `sitl conform` that has it"
+            ) from None
 
     def send(self, link: Link, frame: bytes) -> None:
         """See `Line`; lost while the vehicle has not said anything on that link."""

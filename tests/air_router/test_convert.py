@@ -330,6 +330,7 @@ def test_nothing_of_a_mission_file_is_lost_in_another(tmp_path):
         duration_s: 900
         endurance_s: 1200
         battery_reserve: 0.3
+        accepts: [rtl_type, fence_action]
         uav: titan
         seek: {robots: [io, callisto], policy: freshest}
         goals_from: [europa]

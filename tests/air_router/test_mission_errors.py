@@ -80,6 +80,8 @@ WRONG = [
     ("battery_reserve: 0.3", "battery_reserve: 30", "24: 30", "out-of-range"),
     ("battery_reserve: 0.3", "battery_reserve: 30 %", "24: 30 %", "wrong-type"),
     ("kind: waypoints", "kind: fastest", "23: fastest}", "unknown-word"),
+    ("battery_reserve: 0.3", "accepts: [rtl_crosses]", "24: rtl_crosses]", "unknown-word"),
+    ("battery_reserve: 0.3", "accepts: rtl_type", "24: rtl_type", "wrong-type"),
     ("tracking_margin_m: 1.5", "tracking_margin_m: 0", "23: 0, max_edge_m:", "out-of-range"),
     ("max_edge_m: 100", "vertical_margin_m: 1", "23: 1, kind: waypo", "out-of-range"),
     ("  - [50, 0]", "  - [50]", "8: [50]", "wrong-length"),

@@ -1,4 +1,5 @@
 import dataclasses
+from typing import get_args
 
 import pytest
 
@@ -9,6 +10,7 @@ from air_router.inspection import GpsFix, Inspection
 from air_router.preflight import Card, Check, PreflightRefusedError, Verdict
 from air_router.preflight_parameters import NAMES, parameters, straight_return
 from air_router.router import Router
+from air_router.settings import Accepted
 from air_router.vehicle import FlightMode, Telemetry, VehicleInfo
 from geo.frame import Point
 from geo.zone import Band, Circle, Zone
@@ -30,6 +32,11 @@ WANTED = {
     "BAT_CRIT_THR": 0.07,
     "COM_DISARM_PRFLT": 10.0,
     "RTL_RETURN_ALT": 60.0,
+    "RTL_DESCEND_ALT": 10.0,
+    "RTL_TYPE": 0,
+    "COM_RC_IN_MODE": 1,
+    "GF_MAX_HOR_DIST": 0.0,
+    "GF_MAX_VER_DIST": 0.0,
 }
 
 
@@ -181,46 +188,83 @@ def test_the_team():
 def test_parameters_as_wanted(pennovation):
     assert set(WANTED) == set(NAMES)
     (check,) = parameters(pennovation, WANTED)
-    assert (check.verdict, check.found) == (GOOD, "14 of 14 are as wanted")
+    assert (check.verdict, check.found) == (GOOD, f"{len(NAMES)} of {len(NAMES)} are as wanted")
 
 
 @pytest.mark.parametrize(
     ("name", "value", "verdict"),
     [
         ("GF_ACTION", 0, BAD),
-        ("GF_ACTION", 3, LOOK),
+        ("GF_ACTION", 3, BAD),
         ("GF_ACTION", 4, BAD),
-        ("GF_ACTION", 99, LOOK),
+        ("GF_ACTION", 99, BAD),
+        ("GF_MAX_HOR_DIST", 100.0, BAD),
+        ("GF_MAX_HOR_DIST", 190.0, LOOK),
+        ("GF_MAX_VER_DIST", 30.0, BAD),
+        ("COM_RC_IN_MODE", 4, BAD),
+        ("RTL_TYPE", 2, BAD),
+        ("RTL_DESCEND_ALT", 80.0, BAD),
         ("NAV_ACC_RAD", 30.0, LOOK),
         ("MPC_ACC_HOR", 1.0, BAD),
         ("MPC_JERK_AUTO", 2.0, LOOK),
         ("MPC_XY_VEL_MAX", 1.0, LOOK),
-        ("COM_RC_OVERRIDE", 2, LOOK),
+        ("COM_RC_OVERRIDE", 2, BAD),
         ("NAV_DLL_ACT", 2, LOOK),
         ("NAV_DLL_ACT", 5, BAD),
         ("BAT_CRIT_THR", 0.3, BAD),
         ("COM_DISARM_PRFLT", -1.0, LOOK),
-        ("RTL_RETURN_ALT", 5.0, LOOK),
+        ("RTL_RETURN_ALT", 5.0, BAD),
     ],
 )
 def test_a_parameter_that_is_not_as_wanted_says_what_it_should_be_and_why(
     pennovation, name, value, verdict
 ):
-    first, last = parameters(pennovation, WANTED | {name: value})
+    mission = dataclasses.replace(pennovation, accepts=())
+    first, last = parameters(mission, WANTED | {name: value})
     assert (first.name, first.verdict) == (name, verdict)
     assert first.advice.startswith("set it to ")
-    assert last.found == "13 of 14 are as wanted"
+    assert last.found == f"{len(NAMES) - 1} of {len(NAMES)} are as wanted"
 
 
 def test_parameters_that_are_not_told(pennovation):
     first, last = parameters(pennovation, WANTED | {"GF_ACTION": None})
     assert (first.verdict, first.found) == (LOOK, "not told: GF_ACTION")
-    assert last.found == "13 of 14 are as wanted"
+    assert last.found == f"{len(NAMES) - 1} of {len(NAMES)} are as wanted"
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("fence_action", {"GF_ACTION": 3}),
+        ("sticks_do_not_override", {"COM_RC_OVERRIDE": 0, "COM_RC_IN_MODE": 4}),
+        ("rtl_altitude", {"RTL_RETURN_ALT": 5.0, "RTL_DESCEND_ALT": 80.0}),
+        ("rtl_type", {"RTL_TYPE": 4}),
+    ],
+)
+def test_what_a_mission_file_accepts_by_name_does_not_stop_it(pennovation, name, values):
+    for accepts, verdict in (((), BAD), ((name,), LOOK)):
+        mission = dataclasses.replace(pennovation, accepts=accepts)
+        *lines, _ = parameters(mission, WANTED | values)
+        assert [(line.name, line.verdict) for line in lines] == [(v, verdict) for v in values]
+        told = [f"accepts: [{name}]" in line.advice for line in lines]
+        assert told == [not accepts] * len(values)
+
+
+def test_no_mission_file_accepts_a_fence_that_does_nothing(pennovation):
+    mission = dataclasses.replace(pennovation, accepts=get_args(Accepted))
+    assert parameters(mission, WANTED | {"GF_ACTION": 0})[0].verdict is BAD
+
+
+def test_a_time_that_the_simulation_s_speed_multiplied_is_as_wanted(pennovation):
+    told = WANTED | {"COM_OBC_LOSS_T": 25.0}
+    assert [c.name for c in parameters(pennovation, told)] == ["COM_OBC_LOSS_T", "parameters"]
+    assert [c.name for c in parameters(pennovation, told, rate=4.8)] == ["parameters"]
 
 
 def test_the_autopilot_s_own_return_knows_no_zones(pennovation):
     check = straight_return(pennovation)
     assert check.verdict is LOOK
+    assert straight_return(dataclasses.replace(pennovation, accepts=())).verdict is BAD
     assert any(zone.name in check.found for zone in pennovation.zones)
     alone = dataclasses.replace(pennovation, waypoints=())
     assert straight_return(alone).verdict is GOOD

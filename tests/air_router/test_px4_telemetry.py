@@ -190,7 +190,9 @@ def test_why_a_plan_is_refused_is_kept_until_something_else_is_asked(vehicle):
     event = {"log_levels": 0x33, "arguments": [3, 0, *[0] * 38]}
     vehicle.says("_on_event", id=event_id("navigator_mis_geofence_violation"), **event)
     vehicle.says("_on_event", id=event_id("check_battery_low"), **event)
-    assert telemetry.refusals == ["plan item 3 lies in a no-fly zone or outside the fence"]
+    assert telemetry.refusals == [
+        "plan item 3 lies in a no-fly zone, outside the fence, or beyond GF_MAX_HOR/VER_DIST"
+    ]
     assert "plan item 3" in telemetry.said()
     assert "battery" not in telemetry.said()
     telemetry.forget_words()

@@ -6,6 +6,7 @@ import threading
 
 import pytest
 
+from air_router.errors import ExitCode
 from sitl import cli
 from sitl.conformance.beside import beside
 from sitl.conformance.book import CONVERSATIONS
@@ -20,6 +21,7 @@ from sitl.conformance.steps import Command, SetMode
 from sitl.conformance.udp_line import UdpLine
 from sitl.mavlink_vehicle import VehicleSettings
 from sitl.situation import Place
+from sitl.udp_link import PortInUseError
 from sitl.vehicle import Ports, VehicleProcess
 
 HOME = Place(47.397742, 8.545594, 489.4)
@@ -208,3 +210,16 @@ class TestCommandLine:
         table = beside((conversation,), ours, theirs)
         assert "**departs**: it did not" in table
         assert "a\\|b" in table
+
+
+def test_a_port_that_is_taken_is_one_error_and_no_departure():
+    first = UdpLine({Link.API: 0, Link.GROUND: 0}, fresh=True)
+    try:
+        port = first._sockets[Link.GROUND].getsockname()[1]
+        with pytest.raises(
+            PortInUseError, match=f"UDP port {port}, .*; end the ground station"
+        ) as e:
+            UdpLine({Link.API: 0, Link.GROUND: port}, fresh=True)
+    finally:
+        first.close()
+    assert e.value.exit_code is ExitCode.NO_VEHICLE
