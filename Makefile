@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test rehearse experiments lint bench bench-link bench-route dist constraints clean
+.PHONY: setup sim test rehearse rehearse-slice experiments lint bench bench-link bench-route dist constraints clean
 
 setup: $(VENV)/.ready
 
@@ -37,6 +37,10 @@ docs-test: setup
 # 320 flights in which something goes wrong; options: make rehearse REHEARSE="--fault GUSTS"
 rehearse: setup
 	$(BIN)/python -m sitl rehearse $(MISSION) $(REHEARSE)
+
+# One flight of each fault class
+rehearse-slice: setup
+	$(BIN)/python -m sitl rehearse $(MISSION) --share 0.001
 
 # Half an hour on two cores: every experiment, and docs/experiments.md with their tables and figures
 EXPERIMENTS ?= table1 field passive policies protocols readings crowd links

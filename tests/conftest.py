@@ -32,7 +32,13 @@ def _flies(file):
 
 
 def pytest_collection_modifyitems(items):
-    """The long ones first (`--no-loadscope-reorder` keeps it so): no core waits at the end."""
+    """The long ones first (`--no-loadscope-reorder` keeps it so): no core waits at the end.
+
+    Who drives a browser is marked; flights are not, also where a browser looks on.
+    """
+    for item in items:
+        if "browser" in item.fixturenames and not _flies(item.path):
+            item.add_marker("browser")
 
     def rank(item):
         if _flies(item.path) or item.path.name in PATIENT:

@@ -21,6 +21,8 @@ from mocha_link.metrics import Direction, SyncEnded
 from mocha_link.radios import ManualRadio
 from tests.mocha_link.conftest import Witness, free_ports, own_host
 
+pytestmark = pytest.mark.foreign_process
+
 WORKSPACE = os.environ.get("MOCHA_WORKSPACE")
 PYTHON = os.environ.get("MOCHA_PYTHON", "/usr/bin/python3")  # the one that has rospy
 NODES = {

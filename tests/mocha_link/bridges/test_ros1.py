@@ -49,7 +49,10 @@ def has_ros():
     return False
 
 
-pytestmark = pytest.mark.skipif(not has_ros(), reason=f"{PYTHON} has no rospy and pyzmq")
+pytestmark = [
+    pytest.mark.foreign_process,
+    pytest.mark.skipif(not has_ros(), reason=f"{PYTHON} has no rospy and pyzmq"),
+]
 
 
 @pytest.fixture

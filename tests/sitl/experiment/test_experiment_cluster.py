@@ -22,6 +22,8 @@ from distributed.scheduler import KilledWorker
 
 from sitl.experiment.dask_crew import ClusterError, DaskCrew
 
+pytestmark = pytest.mark.foreign_process
+
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]
 PATHS = {"PYTHONPATH": f"{ROOT}{os.pathsep}{HERE}"}
