@@ -16,6 +16,12 @@ PATIENCE_S: Final = 2.0
 """Wall-clock seconds that the world stands still for one process; a vehicle that is silent for
 three is lost to its companion."""
 
+STARTING_SPEED: Final = 5.0
+"""Times real time until everyone takes part: programs start and talk at the wall's pace."""
+
+STALLED_SPEED: Final = 1.0
+"""The same while one that takes part has not reported for `PATIENCE_S`."""
+
 _SOON_S: Final = 1e-6
 
 
@@ -25,11 +31,11 @@ class Limit:
 
     Attributes:
         until_s: Simulated time that it must not step beyond.
-        full_speed: Whether all keep up; otherwise it goes no faster than real time.
+        most_speed: Times real time.
     """
 
     until_s: float = math.inf
-    full_speed: bool = True
+    most_speed: float = math.inf
 
 
 @dataclass(slots=True)
@@ -56,9 +62,9 @@ class Pace:
 
     Times are the vehicle's simulated seconds, and wall-clock seconds of any steady clock.
 
-    Until everyone who is expected has reported once, the world goes at real time: programs start
-    and talk to each other at the wall's pace. The same while one of them has not reported for
-    `PATIENCE_S` (it was stopped, or hangs); one that has left is not waited for.
+    Until everyone who is expected has reported once, the world goes slowly, and at real time while
+    one of them does not report for `PATIENCE_S` (it was stopped, or hangs). One that has left is
+    not waited for.
 
     Args:
         expected: How many processes take part beside the vehicle whose clock it is.
@@ -95,7 +101,7 @@ class Pace:
 
     def limit(self, time_s: float, wall_s: float) -> Limit:
         """How far the world may go, being at `time_s` now."""
-        late = self._missing > 0
+        most_speed = STARTING_SPEED if self._missing > 0 else math.inf
         until_s = math.inf
         for participant in self._present.values():
             if participant.reached_s is None:
@@ -105,13 +111,13 @@ class Pace:
                 if participant.holds_since_s is None:
                     participant.holds_since_s = wall_s
                 if wall_s - participant.holds_since_s > PATIENCE_S:
-                    late = True
+                    most_speed = STALLED_SPEED
                     continue
             until_s = min(until_s, its_limit_s)
         self._now = (time_s, wall_s)
         if self._began is None and self._missing <= 0:
             self._began = self._now
-        return Limit(until_s, not late)
+        return Limit(until_s, most_speed)
 
     def told(self, speed: float) -> dict[str, Any]:
         """What a result says of it: the rate asked for and kept since all took part, and the lags.

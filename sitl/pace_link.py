@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from air_router.pace import ALLOWANCE_S, PaceSource, line
 from mocha_link.lifetime import Closeable
-from sitl.pace import PATIENCE_S, Limit, Pace
+from sitl.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
 from sitl.udp_link import Address, PortInUseError
 
 _log = logging.getLogger(__name__)
@@ -52,7 +52,7 @@ class WorldPace(Closeable):
 class PaceServer(WorldPace):
     """Where the processes of a world connect; see `air_router.pace` for what they say.
 
-    A vehicle that follows says `follows` as well, and is told `until_s` and `full_speed`.
+    A vehicle that follows says `follows` as well, and is told the limit.
 
     Args:
         bind: Host and port to listen on; port 0 takes a free one.
@@ -99,7 +99,7 @@ class PaceServer(WorldPace):
         """See `WorldPace.limit`; tells it to those who follow."""
         limit = super().limit(time_s, wall_s)
         if self._followers:
-            self._tell(Limit(min(time_s + ALLOWANCE_S, limit.until_s), limit.full_speed))
+            self._tell(Limit(min(time_s + ALLOWANCE_S, limit.until_s), limit.most_speed))
         return limit
 
     def close(self) -> None:
@@ -155,7 +155,7 @@ class PaceServer(WorldPace):
         if limit == self._last:
             return
         self._last = limit
-        told = line({"until_s": round(limit.until_s, 3), "full_speed": limit.full_speed})
+        told = line({"until_s": round(limit.until_s, 3), "most_speed": limit.most_speed})
         for client in tuple(self._followers):
             try:
                 client.send(told)
@@ -180,7 +180,7 @@ class FollowedPace(WorldPace):
         self._socket: socket.socket | None = None
         self._again_s = 0.0
         self._unread = b""
-        self._limit = Limit(full_speed=False)
+        self._limit = Limit(most_speed=STARTING_SPEED)
         self._told_s = -math.inf
         self._news_s = 0.0
         self._ended = False
@@ -206,7 +206,7 @@ class FollowedPace(WorldPace):
         *whole, self._unread = (self._unread + chunk).split(b"\n")
         for text in whole[-1:]:
             fields = json.loads(text)
-            self._limit = Limit(float(fields["until_s"]), bool(fields["full_speed"]))
+            self._limit = Limit(float(fields["until_s"]), float(fields["most_speed"]))
             self._news_s = time.monotonic()
         return bool(whole)
 
@@ -217,7 +217,7 @@ class FollowedPace(WorldPace):
             return free
         self._tell(time_s, wall_s)
         if time_s >= self._limit.until_s and wall_s - self._news_s > PATIENCE_S:
-            return Limit(full_speed=False)
+            return Limit(most_speed=STALLED_SPEED)
         return self._limit
 
     def close(self) -> None:

@@ -105,8 +105,7 @@ class VehicleProcess(Closeable):
         while not stopped():
             now_s = time.monotonic()
             limit = self._pace.limit(self._vehicle.autopilot.time_s, now_s)
-            speed = self._speed if limit.full_speed else min(self._speed, 1.0)
-            step_s = STEP_S / speed
+            step_s = STEP_S / min(self._speed, limit.most_speed)
             if now_s - next_s > _MOST_BEHIND_S:
                 if not held:
                     late_s = now_s - next_s

@@ -72,7 +72,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         type=int,
         default=1,
         metavar="N",
-        help="how many of them there will be (default 1); until all have told it is real time",
+        help="how many of them (default 1); until all have told it the clock goes slowly",
     )
     parser.add_argument(
         "--pace-from", type=pace_source, metavar="HOST:PORT", help="follow that vehicle's clock"

@@ -10,7 +10,7 @@ from air_router.vehicle import FlightMode, LinkSilent, Telemetry
 from geo.frame import Point
 from sitl import pace as pace_rules
 from sitl.mavlink_vehicle import STEP_S, VehicleSettings
-from sitl.pace import PATIENCE_S, Limit, Pace
+from sitl.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
 from sitl.pace_link import FollowedPace, PaceServer
 from sitl.situation import Place
 from sitl.vehicle import Ports, VehicleProcess
@@ -34,15 +34,15 @@ def test_the_world_goes_no_farther_than_a_little_beyond_the_slowest():
     assert pace.limit(5.2, 0.1) == Limit(7.0 + ALLOWANCE_S)
 
 
-def test_it_is_real_time_until_all_who_are_expected_have_told_how_far_they_are():
+def test_it_goes_slowly_until_all_who_are_expected_have_told_how_far_they_are():
     pace = Pace(2)
     pace.joined("team")
     pace.joined("titan")
-    assert not pace.limit(0.0, 0.0).full_speed
+    assert pace.limit(0.0, 0.0) == Limit(most_speed=STARTING_SPEED)
     pace.reached("team", "team", 1.0, 0.0)
-    assert pace.limit(1.0, 0.0) == Limit(1.0 + ALLOWANCE_S, full_speed=False)
+    assert pace.limit(1.0, 0.0) == Limit(1.0 + ALLOWANCE_S, STARTING_SPEED)
     pace.reached("titan", "titan", 1.0, 0.0)
-    assert pace.limit(1.0, 0.0).full_speed
+    assert pace.limit(1.0, 0.0) == Limit(1.0 + ALLOWANCE_S)
 
 
 def test_one_that_is_killed_is_waited_for_no_more_also_before_it_said_anything():
@@ -63,7 +63,7 @@ def test_one_that_is_stopped_holds_the_world_for_some_seconds_then_it_is_real_ti
     pace.reached("team", "team", held, 0.0)
     assert pace.limit(held, 10.0) == Limit(held)
     assert pace.limit(held, 10.0 + PATIENCE_S) == Limit(held)
-    assert pace.limit(held, 10.1 + PATIENCE_S) == Limit(held + ALLOWANCE_S, full_speed=False)
+    assert pace.limit(held, 10.1 + PATIENCE_S) == Limit(held + ALLOWANCE_S, STALLED_SPEED)
     pace.reached("titan", "titan", 6.0, 20.0)
     assert pace.limit(held, 20.0) == Limit(held + ALLOWANCE_S)
 

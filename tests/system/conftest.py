@@ -21,6 +21,7 @@ from sitl.free_ports import derive_team
 from tests.system.looker import CHROMIUM, OPTIONS
 
 ROOT = Path(__file__).parents[2]
+LIMIT_S = 280.0  # of the wall's clock, against hangs only: a busy machine is slow
 PENNOVATION = ROOT / "missions" / "pennovation" / "mission.yaml"
 
 
@@ -45,14 +46,18 @@ class Command:
         )
         self.said = ""
 
-    def wait_for(self, text, limit_s=120.0):
+    def wait_for(self, text, limit_s=LIMIT_S):
         """Read stderr until a text was said."""
+        self.wait_until(lambda said: text in said, repr(text), limit_s)
+
+    def wait_until(self, condition, what, limit_s=LIMIT_S):
+        """Read stderr until `condition` holds for all that was said."""
         deadline_s = time.monotonic() + limit_s
-        while text not in self.said:
+        while not condition(self.said):
             left_s = deadline_s - time.monotonic()
             ready = left_s > 0 and select.select([self.process.stderr], [], [], left_s)[0]
             chunk = os.read(self.process.stderr.fileno(), 65536) if ready else b""
-            assert chunk, f"{text!r} was not said; but: {self.said}"
+            assert chunk, f"{what} was not said; but: {self.said}"
             self.said += chunk.decode()
 
     def ready(self):
@@ -62,7 +67,7 @@ class Command:
     def interrupt(self):
         self.process.send_signal(signal.SIGINT)
 
-    def finish(self, limit_s=240.0):
+    def finish(self, limit_s=LIMIT_S):
         """Wait for the end; returns exit code and stdout."""
         out, err = self.process.communicate(timeout=limit_s)
         self.said += err.decode()

@@ -45,19 +45,12 @@ class Looker:
         self.page.locator(selector, has_text=text).first.wait_for()
 
     def ask(self, press, answers=1):
-        """Ask, and read the answers.
-
-        On a busy machine the vehicle may be silent for what it counts as seconds: then once more.
-        """
+        """Ask, and read the answers."""
         lines = self.page.locator("#news li.answer")
-        for _ in range(20):
-            count = lines.count()
-            press()
-            self.page.wait_for_function(IS_ANSWERED, arg=count + answers)
-            answer = "\n".join(lines.all_inner_texts()[:answers])
-            if "nothing heard from it" not in answer:
-                break
-        return answer
+        count = lines.count()
+        press()
+        self.page.wait_for_function(IS_ANSWERED, arg=count + answers)
+        return "\n".join(lines.all_inner_texts()[:answers])
 
     def confirm(self):
         self.page.locator("dialog button.main").click()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from air_router.control import ControlClient
 from tests.system.looker import CHROMIUM, Looker
 
 PICTURED = "DOCS_IMAGES" in os.environ
@@ -88,12 +89,14 @@ def team():
 
 @pytest.fixture(scope="module")
 def flight(shared_command, shared_folder):
-    """It goes on until the page asks both to come home; if nobody looks on, for some seconds."""
+    """It goes on until both are asked to come home, on the page or by the test."""
     for name, text in (("mission", MISSION), ("team", team()), ("world", WORLD)):
         (shared_folder / f"{name}.yaml").write_text(text)
-    mission, seen = shared_folder / "mission.yaml", CHROMIUM is not None
-    options = [f"--speed={SPEED}", f"--duration={3000 if seen else 16}", "--json", "--web=0"]
-    return shared_command("air_router.cli", "sim", PAIR if PICTURED else mission, *options)
+    mission, control = shared_folder / "mission.yaml", f"ipc://{shared_folder}/control"
+    options = [f"--speed={SPEED}", "--json", "--web=0", "--control", control]
+    flight = shared_command("air_router.cli", "sim", PAIR if PICTURED else mission, *options)
+    flight.controls = (control, f"{control}-2")
+    return flight
 
 
 class Operator(Looker):
@@ -187,6 +190,11 @@ def take_pictures(looker):
 
 @pytest.mark.skipif(PICTURED, reason="another mission is flown for the picture")
 def test_one_explores_one_searches_and_they_keep_apart(flight):
+    if CHROMIUM is None:
+        flight.wait_for(": found")
+        for control in flight.controls:
+            with ControlClient(control, by="the test", timeout_s=60) as uav:
+                assert uav.home().accepted
     code, out = flight.finish()
     assert code == 0, flight.said
     report = json.loads(out)
