@@ -67,8 +67,8 @@ _log = logging.getLogger(__name__)
 COMMAND_S: Final = 0.12
 """Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
 
-RESTART_S: Final = 1.0
-"""A vehicle whose clock runs back by more than this has restarted."""
+RESTART_S: Final = 5.0
+"""A vehicle whose clock runs back by more than this has restarted; see also `continuity`."""
 
 LOST_S: Final = 60.0
 """Wall-clock silence of the vehicle after which the flight is reported as lost."""

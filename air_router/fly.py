@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from air_router.mission import Mission
 
-DEFAULT_URL = "udpin://0.0.0.0:14540"
+DEFAULT_URL = "udpin://127.0.0.1:14540"
 AERIAL = "aerial_robot"
 PART: Final = "--part"
 _UNUSABLE = (  # the gossip node cannot begin, so the flight does not
@@ -212,7 +212,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         description="Fly a mission with a PX4 that is already there. Waits for the pilot to arm "
         "and to choose Mission mode, unless --arm is confirmed.",
         epilog="example: air-router fly missions/pennovation/mission.yaml "
-        "--connect udpin://0.0.0.0:14540",
+        "--connect udpin://127.0.0.1:14540",
     )
     add_vehicle_arguments(parser)
     add_uav(parser)

@@ -52,7 +52,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "and fence on board, reads them back and has PX4 judge them, unless --look is given. "
         "Nothing is armed, and no parameter is changed.",
         epilog="example: air-router preflight missions/pennovation/mission.yaml "
-        "--connect udpin://0.0.0.0:14540",
+        "--connect udpin://127.0.0.1:14540",
     )
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     add_vehicle_arguments(parser)

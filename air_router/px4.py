@@ -81,7 +81,7 @@ class Px4Vehicle(Vehicle):
 
     Args:
         mission: Its local frame and speed; the vehicle is told WGS-84 degrees.
-        url: MAVSDK connection URL, such as `udpin://0.0.0.0:14540`.
+        url: MAVSDK connection URL, such as `udpin://127.0.0.1:14540`.
         clock: Told the vehicle's time.
         system_id: The vehicle's MAVLink system id; ours must be the same.
         connection: What opens the link; a rehearsal's leads to a vehicle in the same process.

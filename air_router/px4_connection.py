@@ -22,6 +22,7 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 from air_router.errors import NoVehicleError
 from air_router.mavlink_elsewhere import USUAL_PORTS, advice, listen
 from air_router.mavsdk_bridge import route_log
+from air_router.px4_link import Px4Link
 
 if TYPE_CHECKING:
     from mavsdk.system import System
@@ -40,6 +41,8 @@ ELSEWHERE_S: Final = 1.5
 
 DATA_S: Final = 4.0
 """Wall-clock limit for positions, which come tens of times a second."""
+
+_EVERYWHERE: Final = "0.0.0.0"  # noqa: S104 - only where the operator says so
 
 _URL = re.compile(r"(udpin|udpout|tcpin|tcpout|serial|serial_flowcontrol)://(\S+)")
 
@@ -71,12 +74,13 @@ class Px4Connection:
     def __init__(self, url: str, system_id: int) -> None:
         if _URL.fullmatch(url) is None:
             raise NoVehicleError(
-                f"{url}: not a connection; write udpin://0.0.0.0:14540 (PX4's usual), "
+                f"{url}: not a connection; write udpin://127.0.0.1:14540 (PX4's usual), "
                 "udpout://HOST:PORT, tcpout://HOST:PORT or serial:///dev/ttyACM0:57600"
             )
         self._url = url
         self.system_id = system_id
         self._mavsdk: Mavsdk | None = None
+        self._link: Px4Link | None = None
 
     async def open(self) -> Plugins:
         """Wait for a PX4.
@@ -85,15 +89,19 @@ class Px4Connection:
             NoVehicleError: nothing answers, something else does, or the port is taken.
         """
         route_log()
-        self._check_port()
+        bound = self._bound()
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
         configuration.system_id = self.system_id
         configuration.component_id = COMPANION_COMPONENT
         self._mavsdk = Mavsdk(configuration)
         try:
-            self._mavsdk.add_any_connection_with_handle(self._url)
+            self._mavsdk.add_any_connection_with_handle(self._url if bound is None else "raw://")
         except (MavsdkError, ConnectionError) as error:
             raise self._in_use(error) from None
+        if bound is not None:
+            receive = self._mavsdk.pass_received_raw_bytes
+            self._link = Px4Link(bound, self.system_id, receive)
+            self._mavsdk.subscribe_raw_bytes_to_be_sent(self._link.send)
         system = await self._wanted(self._mavsdk, await self._first_autopilot(self._mavsdk))
         if system.autopilot_type() != Autopilot.PX4:
             raise NoVehicleError(
@@ -139,18 +147,31 @@ class Px4Connection:
     async def close(self) -> None:
         """Let go of the connection and of MAVSDK's threads."""
         mavsdk, self._mavsdk = self._mavsdk, None
+        link, self._link = self._link, None
+        if link is not None:  # it must not hand MAVSDK anything any more
+            link.close()
         if mavsdk is not None:
             await asyncio.get_running_loop().run_in_executor(None, mavsdk.destroy)
 
-    def _check_port(self) -> None:
-        """MAVSDK would share the port with a program that has it, and take its messages away."""
-        if self._url.startswith("udpin://"):
-            host, _, port = self._url.removeprefix("udpin://").rpartition(":")
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-                try:
-                    probe.bind((host, int(port)))
-                except (OSError, ValueError, OverflowError) as error:
-                    raise self._in_use(error) from None
+    def _bound(self) -> socket.socket | None:
+        """The port of a `udpin` URL; None of any other, which MAVSDK opens."""
+        if not self._url.startswith("udpin://"):
+            return None
+        host, _, port = self._url.removeprefix("udpin://").rpartition(":")
+        bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            bound.bind((host, int(port)))
+        except (OSError, ValueError, OverflowError) as error:
+            bound.close()
+            raise self._in_use(error) from None
+        if host == _EVERYWHERE:
+            _log.warning(
+                "%s listens on every network: the first machine that sends as system %d is taken "
+                "for the vehicle; write the address that the vehicle sends to",
+                self._url,
+                self.system_id,
+            )
+        return bound
 
     def _in_use(self, error: Exception) -> NoVehicleError:
         return NoVehicleError(

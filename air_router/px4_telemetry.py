@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
+from air_router.continuity import Continuity, Heard
 from air_router.height_frame import HeightFrame
 from air_router.inspection import GpsFix
 from air_router.loop_clock import loop_s
@@ -58,6 +59,7 @@ class Px4Telemetry:
         self._plan_ids: tuple[int, int] | None = None
         self._guarding = False
         self._last_reached: tuple[int, int | None] | None = None
+        self._continuity = Continuity()
         self._position: Point | None = None
         self._target: Point | None = None
         self._unix: tuple[float, float] | None = None
@@ -252,13 +254,17 @@ class Px4Telemetry:
             self._emit_snapshot()  # at once: it may be the pilot's, and a command about to leave
 
     def _on_position(self, fields: dict[str, Any]) -> None:
-        self.time_s = fields["time_boot_ms"] / 1e3
-        self._clock.heard(self.time_s)
+        boot_s = fields["time_boot_ms"] / 1e3
         try:
-            self._position = self._frame.to_local(fields["lat"] / 1e7, fields["lon"] / 1e7)
+            position = self._frame.to_local(fields["lat"] / 1e7, fields["lon"] / 1e7)
         except FrameError as error:
             _log.warning("a position of the vehicle is left out: %s", error)
             return
+        if not self._continuity.believes(Heard(boot_s, position), loop_s(), self._clock.rate):
+            _log.info("a position that does not follow from the one before waits for others")
+            return
+        self.time_s, self._position = boot_s, position
+        self._clock.heard(boot_s)
         self.altitude_amsl_m = fields["alt"] / 1e3
         self.altitude_m = self._heights.altitude_m(
             self.altitude_amsl_m,

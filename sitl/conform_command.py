@@ -57,7 +57,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     whom = parser.add_mutually_exclusive_group()
     whom.add_argument(
-        "--connect", metavar="URL", help="a simulated vehicle that runs, udpin://0.0.0.0:14540"
+        "--connect", metavar="URL", help="a simulated vehicle that runs, udpin://127.0.0.1:14540"
     )
     whom.add_argument(
         "--px4",
@@ -183,7 +183,7 @@ def _port(url: str) -> int:
     except ValueError:
         port = None
     if parts.scheme not in ("udpin", "udp") or port is None:
-        raise UsageError(f"'{url}': conversations go over UDP; write udpin://0.0.0.0:14540")
+        raise UsageError(f"'{url}': conversations go over UDP; write udpin://127.0.0.1:14540")
     return port
 
 

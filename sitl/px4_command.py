@@ -102,7 +102,7 @@ def _ready(process: Px4Process, settings: Px4Settings, words: str) -> dict[str, 
     return {
         "ready": True,
         "mavlink": f"udpin://0.0.0.0:{14540 + number if number <= 9 else 14549}",
-        "gcs": "udpin://0.0.0.0:14550",
+        "gcs": "udpin://127.0.0.1:14550",
         "truth": f"udp://127.0.0.1:{19410 + number}",
         "system_id": number + 1,
         "speed": settings.speed,

@@ -214,8 +214,8 @@ def _ready(settings: VehicleSettings, ports: Ports) -> dict[str, Any]:
     ground = ports.ground_to
     return {
         "ready": True,
-        "mavlink": f"udpin://0.0.0.0:{ports.onboard_to[1]}",
-        "gcs": None if ground is None else f"udpin://0.0.0.0:{ground[1]}",
+        "mavlink": f"udpin://127.0.0.1:{ports.onboard_to[1]}",
+        "gcs": None if ground is None else f"udpin://127.0.0.1:{ground[1]}",
         "truth": f"udp://{ports.truth_to[0]}:{ports.truth_to[1]}",
         "system_id": settings.system_id,
         "speed": settings.speed,

@@ -201,7 +201,7 @@ class TestCommandLine:
     @pytest.mark.parametrize("url", ["tcp://1.2.3.4:5", "udpin://0.0.0.0", "udpin://0.0.0.0:x"])
     def test_a_wrong_address(self, capsys, url):
         assert cli.main(["conform", "--connect", url]) == 2
-        assert "udpin://0.0.0.0:14540" in capsys.readouterr().err
+        assert "udpin://127.0.0.1:14540" in capsys.readouterr().err
 
     def test_the_table_shows_departures(self):
         conversation = Conversation("one", "a fact", "here", (), start=Start.GROUND)

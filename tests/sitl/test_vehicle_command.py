@@ -57,7 +57,7 @@ def test_it_says_when_it_is_ready_sends_and_ends_on_a_signal(number):
     assert ended["pace"]["asked"] == 10
     truth.close()
     assert ready["ready"] is True
-    assert ready["mavlink"] == f"udpin://0.0.0.0:{port}"
+    assert ready["mavlink"] == f"udpin://127.0.0.1:{port}"
     assert ready["truth"] == truth.url
     assert ready["gcs"] is None
     assert ready["system_id"] == 4

@@ -117,7 +117,7 @@ def companion():
         try:
             ready = json.loads(process.stdout.readline())
             assert ready["ready"]
-            assert ready["mavlink"] == f"udpin://0.0.0.0:{port}"
+            assert ready["mavlink"] == f"udpin://127.0.0.1:{port}"
             client.connect()
             yield client
         finally:

@@ -1,0 +1,130 @@
+"""The UDP end of the vehicle's link: one peer, learned once and kept.
+
+MAVSDK takes datagrams from every address, whatever system they claim to be, and answers all of
+them. Here the first address that an autopilot's heartbeat of the wanted system comes from is the
+vehicle's: datagrams from elsewhere are counted and left out, and nothing is sent elsewhere.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Final
+
+_log = logging.getLogger(__name__)
+
+ANEW_S: Final = 5.0
+"""A peer that was silent for so long may come back on another port of the same host."""
+
+_LARGEST: Final = 65535
+_HEARTBEAT: Final = 0
+_AUTOPILOT: Final = 1
+_MAVLINK_1, _MAVLINK_2 = 0xFE, 0xFD
+_SIGNED: Final = 1
+
+Address = tuple[str, int]
+
+
+def frames(datagram: bytes) -> Iterator[tuple[int, int, int]]:
+    """System id, component id and message id of the MAVLink frames in a datagram, in order."""
+    at = 0
+    while at + 8 <= len(datagram):
+        magic, length = datagram[at], datagram[at + 1]
+        if magic == _MAVLINK_1:
+            system, component, number = datagram[at + 3 : at + 6]
+            at += length + 8
+        elif magic == _MAVLINK_2 and at + 12 <= len(datagram):
+            system, component = datagram[at + 5], datagram[at + 6]
+            number = int.from_bytes(datagram[at + 7 : at + 10], "little")
+            at += length + (25 if datagram[at + 2] & _SIGNED else 12)
+        else:
+            return
+        if at <= len(datagram):
+            yield system, component, number
+
+
+class PeerFilter:
+    """Which datagrams are the vehicle's. Has no socket and no clock.
+
+    Attributes:
+        peer: The vehicle's address, None before it was heard.
+        refused: How many datagrams from elsewhere were left out.
+    """
+
+    def __init__(self, system_id: int) -> None:
+        self.peer: Address | None = None
+        self.refused = 0
+        self._system_id = system_id
+        self._heard_s = 0.0
+
+    def takes(self, datagram: bytes, source: Address, now_s: float) -> bool:
+        """Whether a datagram is listened to; before the vehicle is known all are."""
+        if source == self.peer:
+            self._heard_s = now_s
+            return True
+        if self.peer is None or (source[0] == self.peer[0] and now_s - self._heard_s > ANEW_S):
+            if (self._system_id, _AUTOPILOT, _HEARTBEAT) in frames(datagram):
+                self.peer, self._heard_s = source, now_s
+                _log.info("the vehicle is at %s:%d", *source)
+                return True
+            return self.peer is None
+        self.refused += 1
+        if self.refused == 1:
+            _log.warning(
+                "MAVLink comes from %s:%d as well, which is not the vehicle's address %s:%d; it "
+                "is not listened to",
+                *source,
+                *self.peer,
+            )
+        return False
+
+
+class Px4Link:
+    """A UDP port, and a thread that hands on what the vehicle sends there.
+
+    Args:
+        bound: The port; closed with the link.
+        system_id: The vehicle's.
+        receive: Takes what it sends, on the link's thread.
+    """
+
+    def __init__(
+        self, bound: socket.socket, system_id: int, receive: Callable[[bytes], None]
+    ) -> None:
+        self._socket = bound
+        self._filter = PeerFilter(system_id)
+        self._receive = receive
+        self._waker, self._woken = socket.socketpair()
+        self._thread = threading.Thread(target=self._run, name="MAVLink", daemon=True)
+        self._thread.start()
+
+    def send(self, frame: bytes) -> None:
+        """Send to the vehicle; before it is known, and where the network is away, to no one."""
+        peer = self._filter.peer
+        if peer is not None:
+            with contextlib.suppress(OSError):
+                self._socket.sendto(frame, peer)
+
+    def close(self) -> None:
+        """End the thread, then close the port."""
+        self._waker.send(b"\0")
+        self._thread.join()
+        for each in (self._socket, self._waker, self._woken):
+            each.close()
+
+    def _run(self) -> None:
+        while True:
+            ready, _, _ = select.select([self._socket, self._woken], [], [])
+            if self._woken in ready:
+                return
+            try:
+                datagram, source = self._socket.recvfrom(_LARGEST)
+            except OSError:
+                continue  # an ICMP error of an earlier datagram
+            if self._filter.takes(datagram, source[:2], time.monotonic()):
+                self._receive(datagram)

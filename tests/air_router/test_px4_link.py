@@ -1,0 +1,77 @@
+"""The UDP end of the vehicle's link: who is listened to, and who is answered."""
+
+import queue
+import socket
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+
+from air_router.px4_link import ANEW_S, PeerFilter, Px4Link, frames
+
+VEHICLE, STRANGER = ("10.0.0.5", 14580), ("10.0.0.66", 14580)
+
+
+def heartbeat(system=1, component=1, version=2):
+    link = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
+    message = mavlink.MAVLink_heartbeat_message(2, 12, 128, 0, 4, 3)
+    return message.pack(link, force_mavlink1=version == 1)
+
+
+def position(boot_ms):
+    link = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    message = mavlink.MAVLink_global_position_int_message(boot_ms, 0, 0, 0, 0, 0, 0, 0, 0)
+    return message.pack(link)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_frames_of_a_datagram(version):
+    datagram = heartbeat(7, 3, version) + position(5) + heartbeat(1, 1, version)
+    assert list(frames(datagram)) == [(7, 3, 0), (1, 1, 33), (1, 1, 0)]
+    assert list(frames(datagram[:-1])) == [(7, 3, 0), (1, 1, 33)]
+    assert list(frames(b"POST / HTTP/1.1\r\n")) == []
+
+
+def test_the_vehicle_is_learned_by_its_heartbeat_and_others_are_not_heard(caplog):
+    found = PeerFilter(system_id=1)
+    assert found.takes(heartbeat(255, 190), STRANGER, 0.0)  # what is there, for the operator
+    assert found.takes(position(5), STRANGER, 0.0)
+    assert found.peer is None
+    assert found.takes(heartbeat(), VEHICLE, 1.0)
+    assert found.peer == VEHICLE
+    for datagram in (heartbeat(), position(5), b""):
+        assert not found.takes(datagram, STRANGER, 1.1)
+    assert found.takes(position(6), VEHICLE, 1.2)
+    assert (found.peer, found.refused) == (VEHICLE, 3)
+    assert caplog.text.count("is not listened to") == 1
+
+
+def test_a_vehicle_that_was_silent_may_come_back_on_another_port_of_its_host():
+    found = PeerFilter(system_id=1)
+    found.takes(heartbeat(), VEHICLE, 0.0)
+    again, later_s = (VEHICLE[0], 20000), ANEW_S + 1.0
+    assert not found.takes(heartbeat(), again, ANEW_S - 1.0)
+    assert not found.takes(position(5), again, later_s)
+    assert not found.takes(heartbeat(), STRANGER, later_s)
+    assert found.takes(heartbeat(), again, later_s)
+    assert found.peer == again
+
+
+def test_over_real_sockets():
+    bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    bound.bind(("127.0.0.1", 0))
+    here = bound.getsockname()
+    heard = queue.Queue()
+    vehicle, stranger = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    link = Px4Link(bound, 1, heard.put)
+    with vehicle, stranger:
+        link.send(b"to nobody yet")
+        vehicle.sendto(heartbeat(), here)
+        assert heard.get(timeout=20) == heartbeat()
+        stranger.sendto(position(5), here)
+        vehicle.sendto(position(6), here)
+        assert heard.get(timeout=20) == position(6)
+        link.send(b"an order")
+        vehicle.settimeout(20)
+        assert vehicle.recv(100) == b"an order"
+        link.close()
+    assert heard.empty()
