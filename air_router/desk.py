@@ -122,6 +122,8 @@ class Desk:
             "altitude_m": round(telemetry.altitude_m, 2),
             "speed_m_s": round(math.hypot(*telemetry.velocity_m_s), 2),
             "heading_deg": telemetry.heading_deg,
+            "wind_m_s": telemetry.wind_m_s,
+            "home_moved_m": telemetry.home_moved,
             "battery": telemetry.battery,
             "mode": telemetry.mode.value,
             "armed": telemetry.armed,

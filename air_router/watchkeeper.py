@@ -97,7 +97,7 @@ class Watchkeeper:
         if self._launch.note(telemetry):
             custody.assume(FlightMode.MISSION)
         moved = self._deviations.home(telemetry) if telemetry.in_air else None
-        if moved is not None and not self._flies_mission:
+        if moved is not None:
             cockpit.say(moved.words)
         if self._launch.over(telemetry) and knows(cockpit.state, Signal.GROUNDED):
             self._grounded()
@@ -168,17 +168,19 @@ class Watchkeeper:
         if not self._flies_mission:
             self._deviations.forget()
             return
-        found = self._deviations.look(telemetry, self._helm.custody)
-        for deviation in found if moved is None else [moved, *found]:
+        if moved is not None:
+            self._respond(*moved, said=True)
+        for deviation in self._deviations.look(telemetry, self._helm.custody):
             self._respond(*deviation)
 
-    def _respond(self, response: Response, words: str) -> None:
+    def _respond(self, response: Response, words: str, *, said: bool = False) -> None:
         cockpit = self._cockpit
         if response is Response.HOME and knows(cockpit.state, Signal.COME_HOME):
             self._homecoming.come_home(words)
             return
         holds = response in {Response.HOLD, Response.WAIT, Response.HOME}
-        cockpit.say(f"{words}: holding" if holds else words)
+        if not said:
+            cockpit.say(f"{words}: holding" if holds else words)
         if holds:
             self._helm.hold(words)
         if response is not Response.TELL:

@@ -197,3 +197,11 @@ def test_a_home_that_px4_corrects_is_no_jump_of_the_altitude(cruising):
     cruising.altitude_m += 2.9
     fly(cruising, 2.0)
     assert not any(isinstance(motion, HoldHere) for motion in cruising.motions[before:])
+
+
+def test_home_moved_is_told_without_a_fix_too(cruising):
+    cruising.fix = False
+    cruising.step()
+    cruising.home_moved = LOWER
+    cruising.step()
+    assert len(told(cruising, "home was moved")) == 1
