@@ -24,7 +24,7 @@ STREAMS: Final[Mapping[str, frozenset[int]]] = MappingProxyType(
 """MAVLink messages of each stream."""
 
 _LASTS_S: Final = (3.0, 30.0, 1e6)
-_STATES: Final = ("INIT", "SEARCH", "EXPL", "HOME", "LAND")
+_STATES: Final = ("HOLD", "COMM", "SEARCH", "HOME", "LAND", "INIT", "EXPL")
 
 
 class Act(NamedTuple):
@@ -64,15 +64,12 @@ def _stream(name: str) -> _Script:
     )
 
 
-def _takeover(dice: random.Random) -> list[Act]:
-    """In any state; in one of four flights after a `hold`, in one of four in COMM."""
-    mode = dice.choice(("HOLD", "RETURN", "LAND", "POSCTL", "ALTCTL"))
-    kind = dice.randrange(4)
-    if kind == 0:
-        return [Act(dice.uniform(2, 25), "ask", "hold", "INIT"), Act(2.0, "mode", mode, "HOLD")]
-    if kind == 1:
-        return [Act(dice.uniform(0.1, 4.0), "mode", mode, "COMM")]
-    return [Act(dice.uniform(0.1, 6.0), "mode", mode, dice.choice(_STATES))]
+def _takeover(state: str, dice: random.Random) -> list[Act]:
+    modes = [m for m in ("HOLD", "RETURN", "LAND", "POSCTL", "ALTCTL") if m != state]
+    act = Act(dice.uniform(0.1, 6.0), "mode", dice.choice(modes), state)
+    if state == "HOLD":
+        return [Act(dice.uniform(2.0, 25.0), "ask", "hold", "INIT"), act]
+    return [act]
 
 
 def _hand_back(dice: random.Random) -> list[Act]:
@@ -149,7 +146,7 @@ CLASSES: Final[Mapping[str, Class]] = MappingProxyType(
         ),
         "OLD": Class(8, lambda dice: _spell(dice, "delay", "", dice.choice(_LASTS_S))),
         **{name: Class(12, _stream(name)) for name in STREAMS},
-        "PILOT": Class(32, _takeover),
+        "PILOT": Class(35, lambda dice: _takeover(_STATES[0], dice)),
         "HAND_BACK": Class(16, _hand_back),
         "STICKS": Class(12, lambda dice: [Act(_any(dice), "sticks", dice.uniform(2.0, 8.0))]),
         "TWO_STATIONS": Class(12, _two_stations),
@@ -190,7 +187,10 @@ class WireScene:
 
     def acts(self) -> list[Act]:
         """What is done, one after the other."""
-        acts = CLASSES[self.fault].script(self.chance("when"))
+        dice = self.chance("when")
+        if self.fault == "PILOT":  # in every state
+            return _takeover(_STATES[self.seed % len(_STATES)], dice)
+        acts = CLASSES[self.fault].script(dice)
         in_order = any(act.when for act in acts)
         return acts if in_order else sorted(acts, key=lambda act: act.at_s)
 
