@@ -172,13 +172,12 @@ def rooms_m(track: Track, area: Area, first: int, last: int, *, fence: bool) -> 
         counts = _counting(track, area, begin, end)
         if not counts.any():
             continue
-        way = (
-            shapely.linestrings(places[begin : min(end + 1, len(places))]) if end - begin else None
-        )
-        roughly_m = room_m(area, way, fence=fence) if way is not None and len(places) > 1 else 0.0
-        if roughly_m > 4 * area.clearance_m:
-            rooms[begin - first : end - first][counts] = roughly_m
-            continue
+        part = places[begin : end + 1]
+        if len(part) > 1:
+            roughly_m = room_m(area, shapely.linestrings(part), fence=fence)
+            if roughly_m > 4 * area.clearance_m:
+                rooms[begin - first : end - first][counts] = roughly_m
+                continue
         for index in map(int, np.flatnonzero(counts) + begin):
             step = _clipped(track, area, places, index)
             if step is not None:
@@ -197,6 +196,9 @@ def _counting(track: Track, area: Area, begin: int, end: int) -> npt.NDArray[np.
 def _clipped(track: Track, area: Area, places: Floats, index: int) -> Any:
     """The part of the way to the next sample that is within the area's altitudes; None: none."""
     after = min(index + 1, len(places) - 1)
+    this, that = (track.evidence.samples[at] for at in (index, after))
+    if this.armed and not that.armed and that.landed:
+        after = index  # down at once: a simulated vehicle that was started anew stands at home
     heights = track.above_m[[index, after]] + track.ground_m
     span = heights[1] - heights[0]
     if span == 0.0:

@@ -32,7 +32,7 @@ from sitl.rehearsal.programs.station import MODES, Station, items_of
 from sitl.rehearsal.programs.strangers import intrusion
 
 SPEED: Final = 10.0
-DURATION_S: Final = 45
+DURATION_S, MEETING_S = 45, 200
 STARTS_S: Final = 60.0
 FLIGHT_S: Final = 420.0
 """Simulated seconds; a flight without a fault takes a quarter of it."""
@@ -48,6 +48,10 @@ _EPOCH: Final = 1_800_000_000
 _REACTS_S: Final = 0.15
 _SHOWS_S: Final = 3.0
 _LANDED_M: Final = 0.3
+_BEAT_S: Final = 0.05
+_STICK_MODES: Final = frozenset({"POSCTL", "ALTCTL"})
+_NEED: Final = frozenset({"PILOT", "TWO_STATIONS", "DISARMED", "KILLED_IN_AIR"})
+"""Scenes that are none where the vehicle refused what was tried."""
 _FROM_HOME_M: Final = 25.0
 _OLD_S: Final = 2.0
 
@@ -75,6 +79,7 @@ class RealFlight:
         self._second: subprocess.Popen[bytes] | None = None
         self._awaited: tuple[What, object, Callable[[], bool], float] | None = None
         self._sticks_until_s = -math.inf
+        self._sticks = 0
         self._relay: LossyRelay
         self._companion: Companion
         self._station: Station
@@ -98,11 +103,12 @@ class RealFlight:
             self._relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports))
             self._relay.weather = Weather(loss=self.scene.loss)
             self._station = Station(self._relay)
+            meets = any(act.when == "COMM" for act in self.scene.acts())
             self._arguments = [
                 *(str(mission), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
-                f"--duration={DURATION_S}",
+                f"--duration={MEETING_S if meets else DURATION_S}",
             ]
-            if any(act.when == "COMM" for act in self.scene.acts()):
+            if meets:
                 stack.enter_context(self._team(mission, folder))
             return self._flown(mission)
 
@@ -117,9 +123,11 @@ class RealFlight:
             code = self._companion.process.poll()
             self._companion.close()
         seen = self._seen
+        taken = any(h.what in {What.PILOT, What.DISARMED} for h in self._happenings)
+        refused = self.scene.fault in _NEED and not taken
         return Evidence(
             scene=f"{self.scene}{' on PX4' if self._px4 else ' over MAVLink'}",
-            faults=frozenset({self.scene.fault}),
+            faults=frozenset({"NONE" if refused else self.scene.fault}),
             mission_path=mission,
             mission_text=mission.read_text(encoding="utf-8"),
             samples=tuple(seen.samples),
@@ -168,7 +176,7 @@ class RealFlight:
     def _watch(self, now_s: float) -> None:
         """Note what was chosen when the vehicle shows it; it may have been refused."""
         if now_s < self._sticks_until_s:
-            self._station.sticks(400)
+            self._station.sticks(self._sticks)
         if self._awaited is not None:
             what, value, shows, until_s = self._awaited
             if shows():
@@ -186,7 +194,13 @@ class RealFlight:
     # What is done, by the names of `scenes`.
 
     def do_mode(self, value: str) -> None:
-        """The pilot chooses a mode."""
+        """The pilot chooses a mode; those of the sticks need sticks that are heard."""
+        if value in _STICK_MODES:
+            self._sticks = 0
+            self._sticks_until_s = self._seen.time_s + LET_GO_S
+            for _ in range(10):
+                self._station.sticks(0)
+                time.sleep(_BEAT_S)
         self._await(What.PILOT, value, lambda: self._seen.mode == MODES[value])
         self._station.choose(value)
 
@@ -197,6 +211,7 @@ class RealFlight:
 
     def do_sticks(self, value: float) -> None:
         """The pilot holds the sticks for some seconds."""
+        self._sticks = 400
         self._sticks_until_s = self._seen.time_s + value
         self._await(What.PILOT, "sticks", lambda: self._seen.mode == MODES["POSCTL"])
 

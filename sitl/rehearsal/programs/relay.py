@@ -24,8 +24,12 @@ _MISSION: Final = frozenset({*range(37, 48), 51, 73})
 _FROM_VEHICLE: Final = frozenset({_HEARTBEAT, 1, 77, 242, 245, 436, *_MISSION})
 _FROM_OTHERS: Final = frozenset({11, 69, 75, 76, 84, 86, 23, *_MISSION})
 _ARMED, _CRITICAL = 128, 5
+_BUFFER: Final = 2**22
 _LANDED_M: Final = 0.3
 """So low above where it started a vehicle stands on the ground: the simulated ground is flat."""
+
+
+_DECODER: Final = mavlink.MAVLink(None)
 
 
 class Frame(NamedTuple):
@@ -89,6 +93,7 @@ class Recording:
     def restart(self) -> None:
         """The vehicle is started anew: its time begins at zero again."""
         self._before_s = self.time_s
+        self.armed = self.failsafe = False
 
     def look(self, frame: Frame, *, delivered: bool) -> None:
         """Note a frame, from either side."""
@@ -97,7 +102,7 @@ class Recording:
         if frame.number not in wanted:
             return
         try:
-            message: Any = mavlink.MAVLink(None).decode(bytearray(frame.data))
+            message: Any = _DECODER.decode(bytearray(frame.data))
         except mavlink.MAVError:
             return
         fields = message.to_dict()
@@ -117,7 +122,7 @@ class Recording:
         """Note a frame of the truth's link."""
         if frame.number not in {_HIL_STATE, _HIL_ACTUATORS}:
             return
-        message: Any = mavlink.MAVLink(None).decode(bytearray(frame.data))
+        message: Any = _DECODER.decode(bytearray(frame.data))
         if message.time_usec:
             self.time_s = self._before_s + message.time_usec / 1e6
         if frame.number == _HIL_ACTUATORS:
@@ -157,6 +162,7 @@ class LossyRelay:
         self._chance = random.Random(f"relay {seed}")  # noqa: S311 - weather
         self._ends = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
         for end, port in zip(self._ends, (*ports, 0), strict=True):
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
             end.bind(("127.0.0.1", port))
         self._api, self._truth, self._outside = self._ends
         self.api_port = int(self._api.getsockname()[1])
@@ -244,12 +250,14 @@ class LossyRelay:
     def _spoilt(self, data: bytes, *, passes: bool) -> Iterator[bytes]:
         """What of a vehicle's datagram reaches the companion now."""
         weather = self.weather
+        fair = passes and not (weather.lost or weather.frozen or weather.late_s)
         for frame in frames(data):
             lost = frame.number in weather.lost or not passes
-            self.recording.look(frame, delivered=not lost)
-            if frame.number in _MISSION and self.recording.messages:
-                self.answers(self.recording.messages[-1])
-            if lost:
+            if frame.number in _FROM_VEHICLE:
+                self.recording.look(frame, delivered=not lost)
+                if frame.number in _MISSION and self.recording.messages:
+                    self.answers(self.recording.messages[-1])
+            if lost or fair:
                 continue
             if frame.number in weather.frozen:
                 yield self._first.setdefault(frame.number, frame.data)
@@ -257,6 +265,8 @@ class LossyRelay:
                 self._waiting.append((time.monotonic() + weather.late_s, frame.data))
             else:
                 yield frame.data
+        if fair:
+            yield data
 
     def _release(self) -> None:
         while self._waiting and self._waiting[0][0] <= time.monotonic():

@@ -68,7 +68,9 @@ def _takeover(state: str, dice: random.Random) -> list[Act]:
     modes = [m for m in ("HOLD", "RETURN", "LAND", "POSCTL", "ALTCTL") if m != state]
     act = Act(dice.uniform(0.1, 6.0), "mode", dice.choice(modes), state)
     if state == "HOLD":
-        return [Act(dice.uniform(2.0, 25.0), "ask", "hold", "INIT"), act]
+        return [Act(dice.uniform(2.0, 8.0), "ask", "hold", "INIT"), act]
+    if state == "COMM":
+        return [Act(1.0, "ask", "seek io", "INIT"), act]
     return [act]
 
 
