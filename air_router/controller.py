@@ -21,6 +21,7 @@ from air_router.events import (
     CommandConfirmed,
     CommandFailed,
     Event,
+    FlownBefore,
     PlanRenewed,
     RobotPath,
     RobotPose,
@@ -161,6 +162,7 @@ class Controller:
             SyncEnded: crew.meeting.sync_ended,
             AirspaceChanged: crew.renewal.airspace_changed,
             PlanRenewed: crew.renewal.plan_renewed,
+            FlownBefore: self._flown_before,
             PlanReplaced: crew.handing.plan_replaced,
             PlanCompared: crew.handing.plan_compared,
             **dict.fromkeys(get_args(AnyRequest), crew.answering.asked),
@@ -177,6 +179,10 @@ class Controller:
         if target in _NOBODY_SOUGHT:
             self._crew.pursuit.forget()
         self._entries[target]()
+
+    def _flown_before(self, event: FlownBefore) -> None:
+        self._crew.launch.airborne_s = event.airborne_s
+        self.exploration.go_on(event.visited, event.left_out)
 
     def _let_go(self) -> None:
         self._crew.handing.settled()
@@ -231,6 +237,15 @@ class Controller:
     def telemetry(self) -> Telemetry | None:
         """What the vehicle said last."""
         return self._cockpit.telemetry
+
+    @property
+    def flown(self) -> FlownBefore | None:
+        """What another companion has to know to go on with this flight; None if there is none."""
+        airborne_s = self._crew.launch.airborne_s
+        if airborne_s is None or self.state is State.DONE:
+            return None
+        visited, _ = self.exploration.mark()
+        return FlownBefore(airborne_s, visited, tuple(self.exploration.left_out))
 
     @property
     def state(self) -> State:

@@ -99,6 +99,21 @@ class PlanRenewed:
     why_not: str | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class FlownBefore:
+    """The flight was begun by another companion; this is what is known of it.
+
+    Attributes:
+        airborne_s: When the mission began in the air, on the vehicle's clock.
+        visited: So many waypoints, in the operator's order, were visited or left out.
+        left_out: Numbers of those that were left out.
+    """
+
+    airborne_s: float
+    visited: int = 0
+    left_out: tuple[int, ...] = ()
+
+
 Event = (
     VehicleEvent
     | LinkEvent
@@ -108,6 +123,7 @@ Event = (
     | AnyRequest
     | AirspaceChanged
     | PlanRenewed
+    | FlownBefore
     | CommandConfirmed
     | CommandFailed
 )

@@ -72,6 +72,11 @@ class Exploration:
         self._next = index + 1
         return number
 
+    def go_on(self, visited: int, left_out: Collection[int]) -> None:
+        """Another companion has visited so many, and left these of them out."""
+        self._next = visited
+        self.left_out = list(left_out)
+
     def mark(self) -> tuple[int, int]:
         """Where exploration stands, to come `back_to`."""
         return self._next, len(self.left_out)

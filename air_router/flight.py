@@ -43,14 +43,16 @@ from air_router.flight_setup import FlightSetup
 from air_router.graph import WaypointGraph
 from air_router.ledger import Ledger, RobotAccount
 from air_router.mapper import Mapper, receive_patches
+from air_router.milestones import why_not_started
 from air_router.motions import MotionSender
 from air_router.navigator import REACTION_S
 from air_router.page import NoPage, Page
-from air_router.preflight import PreflightRefusedError, Verdict
+from air_router.preflight import Card, PreflightRefusedError
 from air_router.preflight_survey import Survey
 from air_router.recorder import PREFLIGHT
 from air_router.requests import GoOn
 from air_router.rereading import Rereader
+from air_router.resumption import flown_before
 from air_router.router import Router
 from air_router.status import StatusLine, flight_line
 from air_router.vehicle import FlightMode, LinkSilent, Telemetry, VehicleEvent
@@ -141,6 +143,7 @@ class Flight:
         self.ledger = Ledger(mission, mapper, {name: RobotAccount() for name in seek})
         self._finish: asyncio.Future[tuple[str, ExitCode]]
         self._first: asyncio.Future[Telemetry]
+        self._newest: Telemetry  # before anything is decided
         self._motions = MotionSender(
             vehicle,
             self._plan,
@@ -211,11 +214,11 @@ class Flight:
         self._vehicle.subscribe(self._on_vehicle)
         telemetry = await self._first
         if telemetry.in_air:
-            await self._find_flight(telemetry)
+            await self._find_flight(info, telemetry)
             return
         if self._resume:
             raise RefusedError("nothing to resume: the vehicle is on the ground")
-        await self._preflight(info, telemetry)
+        self._take_card(await self._survey.card(self._vehicle, info, telemetry))
         self._admit()
         await self._vehicle.upload(self._plan)
         self._status.say(f"on board and read back: {self._plan.size}")
@@ -229,7 +232,7 @@ class Flight:
             self._start(self._control.run())
             self._status.say(f"requests are taken at {self._control.endpoint}")
 
-    async def _find_flight(self, telemetry: Telemetry) -> None:
+    async def _find_flight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
         """A vehicle in the air: a flight of this mission, perhaps, that lost its companion."""
         mode = telemetry.mode.value
         try:
@@ -243,9 +246,14 @@ class Flight:
         if not self._resume:
             raise RefusedError(f"{found}; land it, or say --resume to go on with the flight")
         self._status.say(found)
+        self._take_card(await self._survey.card_in_the_air(self._vehicle), in_air=True)
+        find = partial(flown_before, own=self._recorder.path, rate=self._clock.rate)
+        flown, words = await asyncio.to_thread(find, self._mission, info, self._newest)
+        self._status.say(words)
         self._rereader.plan_on_board()
         self._admit()
-        self._on_event(telemetry)
+        self._on_event(flown)
+        self._on_event(self._newest)
 
     def _go_on(self) -> None:
         if self.controller.state is not State.READY:
@@ -254,29 +262,21 @@ class Flight:
         if not answer.accepted:
             raise RefusedError(f"the flight is not resumed, and left as it is: {answer.why}")
 
-    async def _preflight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
-        """Refuse what cannot become a safe flight."""
-        card = await self._survey.card(self._vehicle, info, telemetry)
+    def _take_card(self, card: Card, *, in_air: bool = False) -> None:
+        """Say what was looked at; refuse what cannot become a safe flight, unless it is one."""
         self._recorder.note(PREFLIGHT, self._clock.boot_s(), card.as_json())
-        if not card.ready:
+        if not (card.ready or in_air):
             raise PreflightRefusedError(card)
-        good = sum(check.verdict is Verdict.GOOD for check in card.checks)
-        others = "; none of the others stops the flight" if good < len(card.checks) else ""
-        self._status.say(f"pre-flight: {good} of {len(card.checks)} lines are good{others}")
+        self._status.say(f"{'in flight' if in_air else 'pre-flight'}: {card.summary}")
         for line in card.lines(all_of_them=False):
             self._status.say(line)
 
     def _check_still(self, *, armed: bool = False) -> None:
         """Refuse to start what the pilot has started while we got ready."""
-        telemetry, before = self.controller.telemetry, self._first.result()
-        if telemetry is None:
-            return
-        if telemetry.in_air or (telemetry.armed and not armed):
-            raise RefusedError("the pilot has armed the vehicle; it is left to the pilot")
-        if telemetry.mode not in {before.mode, FlightMode.HOLD, FlightMode.MISSION}:
-            raise RefusedError(
-                f"the pilot chose {telemetry.mode.value} mode meanwhile; it is left to the pilot"
-            )
+        telemetry = self.controller.telemetry
+        why = telemetry and why_not_started(self._first.result(), telemetry, armed=armed)
+        if why is not None:
+            raise RefusedError(f"{why}; it is left to the pilot")
 
     # Events in, actions out.
 
@@ -287,8 +287,10 @@ class Flight:
             self._end("ended: the vehicle restarted", ExitCode.ENDED_OTHERWISE)
             return
         if not self._admitted:  # nothing is decided on a vehicle that may be refused
-            if isinstance(event, Telemetry) and not self._first.done():
-                self._first.set_result(event)
+            if isinstance(event, Telemetry):
+                self._newest = event
+                if not self._first.done():
+                    self._first.set_result(event)
             return
         if isinstance(event, LinkSilent) and event.silent_s > LOST_S:
             self._end("lost: the vehicle is silent", ExitCode.ENDED_OTHERWISE)

@@ -58,6 +58,21 @@ def take_off(mission: Mission, telemetry: Telemetry) -> TakeOff:
     return TakeOff.MISPLACED if away_m > HOME_TOLERANCE_M else TakeOff.TO_COME
 
 
+def why_not_started(before: Telemetry, now: Telemetry, *, armed: bool) -> str | None:
+    """What the pilot has done with a vehicle that was to be started by us; None if nothing.
+
+    Args:
+        before: as it was when it was found.
+        now: as it is.
+        armed: it was armed by us.
+    """
+    if now.in_air or (now.armed and not armed):
+        return "the pilot has armed the vehicle"
+    if now.mode not in {before.mode, FlightMode.HOLD, FlightMode.MISSION}:
+        return f"the pilot chose {now.mode.value} mode meanwhile"
+    return None
+
+
 def reason_to_return(
     mission: Mission, telemetry: Telemetry, airborne_s: float, need_home: float | None = None
 ) -> str | None:

@@ -84,6 +84,13 @@ class Card:
         """Whether no line is bad."""
         return not self.bad
 
+    @property
+    def summary(self) -> str:
+        """How many lines are good, in words."""
+        good = sum(check.verdict is Verdict.GOOD for check in self.checks)
+        others = "; none of the others stops the flight" if good < len(self.checks) else ""
+        return f"{good} of {len(self.checks)} lines are good{others}"
+
     def lines(self, *, coloured: bool = False, all_of_them: bool = True) -> list[str]:
         """The card as text, one line each; `all_of_them`: also the good ones."""
         shown = [c for c in self.checks if all_of_them or c.verdict is not Verdict.GOOD]

@@ -93,6 +93,20 @@ class Survey:
             checks.append(preflight.peers(reachable))
         return Card(tuple(checks))
 
+    async def card_in_the_air(self, vehicle: Vehicle) -> Card:
+        """Look at what still matters once it flies; nothing on board is changed."""
+        inspection = await vehicle.inspect(NAMES)
+        mission = self._mission
+        return Card(
+            (
+                preflight.gps(inspection.gps),
+                battery(mission, self._router, inspection.battery, inspection.voltage_v),
+                *parameters(mission, inspection.parameters),
+                straight_return(mission),
+                preflight.disk(_free_bytes(self._log_dir)),
+            )
+        )
+
     async def _reachable(self) -> dict[str, bool] | None:
         """Whose node takes a connection now; None without a team."""
         team = self._team

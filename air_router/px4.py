@@ -58,11 +58,14 @@ _log = logging.getLogger(__name__)
 SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512  # MAV_CMD
 GPS_RAW_INT, GLOBAL_POSITION_INT, POSITION_TARGET_GLOBAL_INT = 24, 33, 87  # message ids
 WIND_COV = 231
-AUTOPILOT_VERSION, HOME_POSITION = 148, 242
+AUTOPILOT_VERSION, HOME_POSITION, FLIGHT_INFORMATION = 148, 242, 264
 RATES_HZ: Final = MappingProxyType(
     {GLOBAL_POSITION_INT: 10.0, POSITION_TARGET_GLOBAL_INT: 2.0, GPS_RAW_INT: 2.0, WIND_COV: 1.0}
 )
 """How often we want what PX4 sends so often that reading it takes our time."""
+
+ONCE: Final = (HOME_POSITION, AUTOPILOT_VERSION, FLIGHT_INFORMATION)
+"""What is asked for on connecting."""
 
 ANSWER_S: Final = 5.0
 """Wall-clock limit for a command's answer; on the ground these take milliseconds."""
@@ -124,7 +127,7 @@ class Px4Vehicle(Vehicle):
         self._telemetry.listen(self._direct, self._connection.system_id)
         self._commands.listen(self._direct)
         wishes = [(SET_MESSAGE_INTERVAL, what, 1e6 / hz) for what, hz in RATES_HZ.items()]
-        wishes += [(REQUEST_MESSAGE, what, 0.0) for what in (HOME_POSITION, AUTOPILOT_VERSION)]
+        wishes += [(REQUEST_MESSAGE, what, 0.0) for what in ONCE]
         await asyncio.gather(*(self._wish(*wish) for wish in wishes))
         telemetry = self._telemetry
         await self._connection.heard(telemetry.complete, "positions")
@@ -136,6 +139,7 @@ class Px4Vehicle(Vehicle):
             version=self._telemetry.version or "of unknown version",
             home=self._telemetry.home,
             home_altitude_amsl_m=self._telemetry.home_altitude_amsl_m,
+            took_off_s=self._telemetry.took_off_s,
         )
 
     def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:

@@ -90,6 +90,7 @@ class Px4Telemetry:
         self.home: Point | None = None
         self.home_altitude_amsl_m: float | None = None
         self.version: str | None = None
+        self.took_off_s: float | None = None
 
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
         """Take the messages of the autopilot with this system id."""
@@ -111,6 +112,7 @@ class Px4Telemetry:
             "WIND_COV": self._on_wind,
             "POSITION_TARGET_GLOBAL_INT": self._on_target,
             "AUTOPILOT_VERSION": self._on_version,
+            "FLIGHT_INFORMATION": self._on_flight_information,
         }
         self.take(direct, handlers)
 
@@ -375,6 +377,12 @@ class Px4Telemetry:
             self._target = self._frame.to_local(fields["lat_int"] / 1e7, fields["lon_int"] / 1e7)
         except FrameError:
             self._target = None  # far away: at 0, 0 when it has none
+
+    def _on_flight_information(self, fields: dict[str, Any]) -> None:
+        # PX4 counts from its boot, whatever the field is called.
+        since_boot_s = fields["takeoff_time_utc"] / 1e6
+        flies = 0.0 < since_boot_s <= fields["time_boot_ms"] / 1e3
+        self.took_off_s = since_boot_s if flies else None
 
     def _on_version(self, fields: dict[str, Any]) -> None:
         number = fields["flight_sw_version"]

@@ -126,13 +126,17 @@ VehicleEvent = Telemetry | ItemReached | PlanReplaced | PlanCompared | LinkSilen
 
 @dataclass(frozen=True, slots=True)
 class VehicleInfo:
-    """Who answered: system id, autopilot and its version, and where its home is."""
+    """Who answered: system id, autopilot and its version, and where its home is.
+
+    `took_off_s` is when it took off, on its clock; None if it does not fly, or does not say so.
+    """
 
     system_id: int
     autopilot: str
     version: str
     home: Point | None
     home_altitude_amsl_m: float | None
+    took_off_s: float | None = None
 
 
 class Vehicle(Protocol):

@@ -125,7 +125,7 @@ class Watchkeeper:
         stage = take_off(cockpit.mission, telemetry)
         if stage is TakeOff.COMPLETE:
             custody.assume(FlightMode.MISSION)
-            self._launch.airborne_s = cockpit.now_s
+            self._launch.resumed(cockpit.now_s)
             cockpit.signal(Signal.AIRBORNE)
         elif stage in HELD and custody.pending is None:
             cockpit.say(f"holding: {HELD[stage]}")

@@ -348,7 +348,7 @@ def test_a_flight_that_lost_its_companion_goes_on_when_asked(rig, mode):
     in_flight(flight, mode)
     result = flight.run()
     assert result.outcome == "done"
-    assert not {"upload", "arm", "start", "inspect"} & set(flight.vehicle.verbs)
+    assert not {"upload", "arm", "start"} & set(flight.vehicle.verbs)
     assert "with this mission on board" in flight.out.getvalue()
 
 
@@ -358,7 +358,7 @@ def test_a_flight_that_the_pilot_flies_is_not_resumed(rig):
     with pytest.raises(RefusedError, match="left as it is"):
         flight.run()
     assert "choose Hold first" in flight.out.getvalue()
-    assert flight.vehicle.verbs == ["connect", "recognise", "close"]
+    assert flight.vehicle.verbs == ["connect", "recognise", "inspect", "close"]
 
 
 def test_on_the_ground_there_is_nothing_to_resume(rig):
