@@ -33,11 +33,11 @@ def mission(pennovation):
 
 @pytest.fixture
 def first(mission, pretend_vehicle, tmp_path):
-    """A flight whose companion was interrupted once it had visited two waypoints."""
+    """A flight whose companion was interrupted once it had visited a waypoint."""
     rig = Rig(mission, pretend_vehicle, tmp_path)
     controller = rig.flight.controller
     rig.at(
-        lambda: controller.exploration.mark()[0] == 2,
+        lambda: controller.exploration.mark()[0] == 1,
         lambda: os.kill(os.getpid(), signal.SIGINT),
     )
     rig.run()
@@ -53,9 +53,9 @@ def test_the_record_tells_since_when_it_flies_and_what_is_explored(first, missio
     known = partial(flown_before, mission, INFO, own=tmp_path / "own.mcap", unix=lambda: 0.0)
     flown, words = known(telemetry(first, later_s=10.0))
     assert flown == first.flight.controller.flown
-    assert (flown.visited, flown.left_out) == (2, ())
-    assert flown.airborne_s < first.vehicle.airframe.now_s - 20.0
-    assert f"2 of {len(mission.waypoints)} waypoints explored (by its record" in words
+    assert (flown.visited, flown.left_out) == (1, ())
+    assert flown.airborne_s < first.vehicle.airframe.now_s - 10.0
+    assert f"1 of {len(mission.waypoints)} waypoints explored (by its record" in words
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_a_resumed_flight_keeps_its_duration_and_does_not_begin_at_waypoint_1(
     *entries, _ = read(second.recorder.path)
     assert replay(entries).difference is None
     legs = [e.value for e in entries if e.kind == "action" and isinstance(e.value, FlyToNode)]
-    assert legs[0].node == mission.waypoints[2].number
+    assert legs[0].node == mission.waypoints[1].number
     home_s = next(e.t for e in entries if getattr(e.value, "text", "").startswith("coming home"))
     assert home_s == pytest.approx(flown.airborne_s + DURATION_S, abs=1.0)
     said = second.out.getvalue()
