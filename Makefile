@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test rehearse rehearse-slice experiments lint bench bench-link bench-route dist constraints clean
+.PHONY: setup sim test rehearse rehearse-slice sabotage experiments lint bench bench-link bench-route dist constraints clean
 
 setup: $(VENV)/.ready
 
@@ -41,6 +41,10 @@ rehearse: setup
 # One flight of each fault class
 rehearse-slice: setup
 	$(BIN)/python -m sitl rehearse $(MISSION) --share 0.001
+
+# The flight code broken on purpose, one place at a time: the judge has to notice. make sabotage SABOTAGE="--share 0.2"
+sabotage: setup
+	$(BIN)/python -m benchmarks.sabotage $(SABOTAGE)
 
 # Half an hour on two cores: every experiment, and docs/experiments.md with their tables and figures
 EXPERIMENTS ?= table1 field passive policies protocols readings crowd links

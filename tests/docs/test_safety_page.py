@@ -1,0 +1,36 @@
+"""The evidence that docs/safety.md names exists, in every cell of its tables."""
+
+import ast
+import re
+from pathlib import Path
+
+from sitl.rehearsal.faults import Fault
+
+ROOT = Path(__file__).parents[2]
+TEXT = (ROOT / "docs" / "safety.md").read_text(encoding="utf-8")
+
+
+def rows():
+    section = TEXT.partition("## Unsafe commands")[2].partition("\n## ")[0]
+    lines = [line for line in section.splitlines() if line.startswith("| ")]
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[1:]]
+
+
+def names_of_tests():
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                yield node.name
+
+
+def test_every_unsafe_command_has_a_test_and_a_scene():
+    known, table = set(names_of_tests()), rows()
+    assert len(table) == 7
+    for command, *cells in table:
+        assert len(cells) == 4, command
+        for cell in cells:
+            named = re.findall(r"`(\w+)`", cell)
+            assert [name for name in named if name.startswith("test_")], (command, cell)
+            assert [name for name in named if name in Fault.__members__], (command, cell)
+            for name in named:
+                assert name in known or name in Fault.__members__, (command, name)
