@@ -70,7 +70,9 @@ class Guard:
     def _knows_token(self, request: web.Request) -> bool:
         token = (self.token or "").encode()
         given = (request.query.get(TOKEN, ""), request.cookies.get(_cookie(request), ""))
-        return any(hmac.compare_digest(word.encode(), token) for word in given)
+        return any(
+            hmac.compare_digest(word.encode("utf-8", "surrogateescape"), token) for word in given
+        )
 
     @staticmethod
     def _welcome(request: web.Request, token: str) -> web.Response:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -13,13 +14,15 @@ from aiohttp import web
 from air_router.errors import AirRouterError
 from air_router.web.assets import Assets
 from air_router.web.backdrop import Backdrop
-from air_router.web.guard import TOKEN, Guard, add_headers
+from air_router.web.connections import ConnectionLimit
+from air_router.web.guard import TOKEN, Guard, Handler, add_headers
 from air_router.web.tile_service import TileService
 
 MAX_MESSAGE_BYTES = 64 * 1024
 MAX_PAGES = 32
 _HEARTBEAT_S = 20.0
 _SHUTDOWN_S = 1.0
+_KEEPALIVE_S = 15.0  # after an answer; browsers have a socket for what they follow
 _EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - only where the user says so
 _SOMEWHERE = "192.0.2.1"  # kept free for documentation
 
@@ -39,8 +42,9 @@ class Site:
         self._assets = assets
         self._start = start
         self._sockets: dict[web.WebSocketResponse, str] = {}
+        self._limit: ConnectionLimit | None = None
         self.app = web.Application(
-            middlewares=[guard.middleware], client_max_size=MAX_MESSAGE_BYTES
+            middlewares=[self._note_request, guard.middleware], client_max_size=MAX_MESSAGE_BYTES
         )
         self.app.on_response_prepare.append(add_headers)
         self.app.on_shutdown.append(self._hang_up)
@@ -83,22 +87,38 @@ class Site:
             ServeError: the address is taken, or none of this machine's.
         """
         runner = web.AppRunner(
-            self.app, access_log=None, shutdown_timeout=_SHUTDOWN_S, handle_signals=False
+            self.app,
+            access_log=None,
+            shutdown_timeout=_SHUTDOWN_S,
+            keepalive_timeout=_KEEPALIVE_S,
+            handle_signals=False,
         )
         await runner.setup()
+        server: asyncio.Server | None = None
         try:
-            site = web.TCPSite(runner, host, port)
             try:
-                await site.start()
+                assert runner.server is not None  # noqa: S101 - it was set up
+                self._limit = ConnectionLimit(runner.server)
+                loop = asyncio.get_running_loop()
+                server = await loop.create_server(self._limit, host, port)
             except (OSError, OverflowError) as error:
                 reason = getattr(error, "strerror", None) or str(error)
                 raise ServeError(
                     f"cannot serve the page on {host}:{port}: {reason}; choose another "
                     "port, or 0 for a free one"
                 ) from None
-            yield self._address(host, runner.addresses[0][1])
+            yield self._address(host, server.sockets[0].getsockname()[1])
         finally:
+            if server is not None:
+                server.close()
             await runner.cleanup()
+
+    @web.middleware
+    async def _note_request(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """A connection on which a request came is no longer one that was opened and left."""
+        if self._limit is not None:
+            self._limit.asked(request.transport)
+        return await handler(request)
 
     def _address(self, host: str, port: int) -> str:
         name = _outward_address() if host in _EVERYWHERE else host

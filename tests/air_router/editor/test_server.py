@@ -17,6 +17,7 @@ from air_router.editor.mission_text import MissionText
 from air_router.editor.server import EditorServer
 from air_router.editor.session import Session
 from air_router.errors import ExitCode, UsageError
+from air_router.web import connections
 from air_router.web.backdrop import Backdrop
 from air_router.web.guard import cookie_of
 from air_router.web.site import MAX_MESSAGE_BYTES, ServeError
@@ -175,6 +176,68 @@ def test_others_need_the_token(path):
                 assert await until(socket, ("state",))
 
     visit(path, talk, host="0.0.0.0")
+
+
+def test_a_cookie_that_is_no_text_is_no_token(path, caplog):
+    async def talk(page):
+        port = URL(page.address).port
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        name = cookie_of(port).encode()
+        writer.write(b"GET / HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nCookie: " % port)
+        writer.write(name + b"=\xff\r\nConnection: close\r\n\r\n")
+        assert (await reader.readline()).split()[1] == b"401"
+        writer.close()
+
+    visit(path, talk, token="secret")  # noqa: S106 - of this test
+    assert caplog.text == ""
+
+
+def test_connections_that_are_left_open_cost_the_others_nothing(path, monkeypatch, caplog):
+    monkeypatch.setattr(connections, "PER_ADDRESS", 5)
+    monkeypatch.setattr(connections, "IN_ALL", 8)
+
+    async def is_closed(reader):
+        with contextlib.suppress(ConnectionError):
+            assert await reader.read() == b""
+
+    async def talk(page):
+        port, writers = URL(page.address).port, []
+
+        async def left_open(host):
+            reader, writer = await asyncio.open_connection("127.0.0.1", port, local_addr=(host, 0))
+            writers.append(writer)
+            return reader
+
+        first = [await left_open("127.0.0.2") for _ in range(5)]
+        await is_closed(await left_open("127.0.0.2"))  # it has had its share
+        for host in ("127.0.0.3", "127.0.0.4"):
+            for _ in range(2):
+                await left_open(host)
+        await is_closed(first[0])  # the oldest goes when there is no room
+        answer, _ = await page.get("")
+        assert answer.status == HTTPStatus.OK
+        for writer in writers:
+            writer.close()
+
+    visit(path, talk)
+    assert caplog.text == ""
+
+
+def test_a_connection_that_asks_for_nothing_is_closed(path, monkeypatch):
+    monkeypatch.setattr(connections, "REQUEST_S", 0.05)
+
+    async def talk(page):
+        for begun in (b"", b"GET / HTTP/1.1\r\nHost: "):
+            reader, writer = await asyncio.open_connection("127.0.0.1", URL(page.address).port)
+            writer.write(begun)
+            with contextlib.suppress(ConnectionError):
+                assert await reader.read() == b""
+            writer.close()
+        async with page.socket() as socket:  # one that has asked stays
+            await asyncio.sleep(0.1)
+            assert (await ask(socket, 1, "undo"))["id"] == 1
+
+    visit(path, talk)
 
 
 def test_an_edit_is_told_to_every_page_and_saved(path):
