@@ -17,7 +17,7 @@ _RATE_WINDOW_S: Final = 0.3
 """Wall time over which the clock's rate against ours is measured."""
 
 _SILENCE_S: Final = 2.0
-"""Wall time for which the clock is carried on without news; then it stands still."""
+"""Wall time for which the clock is carried on after the last message; then it stands still."""
 
 
 class VehicleClock:
@@ -41,7 +41,8 @@ class VehicleClock:
         self._ceiling = ceiling
         self._lock = threading.Lock()
         self._boot_s: float | None = None
-        self._heard_s = 0.0
+        self._alive_s = 0.0
+        self._carried_s = 0.0
         self._rate = 1.0
         self._mark: tuple[float, float] | None = None
         self._epoch_s: float | None = None
@@ -56,13 +57,25 @@ class VehicleClock:
                 self._mark = None  # it rebooted: start anew
                 self._told_s = 0.0
                 self._synchronised = False
-            self._boot_s, self._heard_s = boot_s, wall_s
+            elif self._boot_s is not None and boot_s <= self._boot_s:
+                self._carry(wall_s)  # late, or a clock that stands while the vehicle talks
+                return
+            self._boot_s, self._alive_s, self._carried_s = boot_s, wall_s, 0.0
             if self._mark is None:
                 self._mark = (boot_s, wall_s)
             elif wall_s - self._mark[1] >= _RATE_WINDOW_S:
                 rate = (boot_s - self._mark[0]) / (wall_s - self._mark[1])
                 self._rate = min(max(rate, 0.0), 200.0)
                 self._mark = (boot_s, wall_s)
+
+    def alive(self) -> None:
+        """A message came that says nothing of the time: the clock is carried on."""
+        with self._lock:
+            self._carry(self._monotonic())
+
+    def _carry(self, wall_s: float) -> None:
+        self._carried_s += min(wall_s - self._alive_s, _SILENCE_S)
+        self._alive_s = wall_s
 
     def heard_unix(self, unix_s: float, boot_s: float) -> None:
         """A message said that it is `unix_s` on the vehicle's GPS clock.
@@ -80,10 +93,12 @@ class VehicleClock:
         with self._lock:
             if self._boot_s is None:
                 return 0.0
-            since_s = min(self._monotonic() - self._heard_s, _SILENCE_S)
-            ahead_s = since_s * self._rate
+            since_s = self._carried_s + min(self._monotonic() - self._alive_s, _SILENCE_S)
+            ahead_s = min(since_s, _SILENCE_S) * self._rate
             if self._ceiling is not None:
                 ahead_s = min(ahead_s, ALLOWANCE_S)  # farther it does not go without us
+            # For long it is carried on at our pace at most: ahead of the vehicle it would wait.
+            ahead_s += max(0.0, since_s - _SILENCE_S) * min(self._rate, 1.0)
             self._told_s = max(self._told_s, self._boot_s + ahead_s)
             return self._told_s
 

@@ -104,8 +104,8 @@ class Controller:
         """Who may veto a motion, or replace it, in this order; a hold passes all of them."""
         crew = self._crew
         return (
+            crew.watchkeeper.wait_for_inputs,  # where is it, or whose?
             crew.helm.stop_if_doubtful,  # which of several orders would it follow? Hold first
-            crew.watchkeeper.wait_for_fix,  # nobody knows where it is
             crew.handing.only_hold,  # hands are off in a moment
             crew.renewal.only_hold,  # zones are being changed
             crew.levelling.first,  # it is lower than legs are checked for

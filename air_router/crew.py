@@ -17,6 +17,7 @@ from air_router.handing import Handing
 from air_router.helm import Helm
 from air_router.homecoming import Homecoming, Landing
 from air_router.hovering import Hovering
+from air_router.input_limits import InputWatch
 from air_router.launch import Launch
 from air_router.levelling import Levelling
 from air_router.meeting import Meeting
@@ -80,6 +81,7 @@ class Crew:
         self._judge = Judge(mission, router, self.search)
         self._watch = Watch(mission, plan)
         self._deviations = Deviations(mission)
+        inputs = InputWatch()
         # What is flown.
         to_explore = self.exploration if explore else None
         self.exploring = Exploring(cockpit, helm, self.exploration, self.enclosure)
@@ -97,7 +99,7 @@ class Crew:
         )
         self.answering = Answering(
             cockpit,
-            Permission(cockpit, self._watch, self.homecoming, self.handing),
+            Permission(cockpit, inputs, self.homecoming, self.handing),
             self._judge,
             self.search,
             to_explore,
@@ -115,6 +117,7 @@ class Crew:
             launch=self.launch,
             watch=self._watch,
             deviations=self._deviations,
+            inputs=inputs,
             handing=self.handing,
             homecoming=self.homecoming,
             renewal=self.renewal,

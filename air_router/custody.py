@@ -64,7 +64,8 @@ class Custody:
         A failsafe may act in the very mode that we asked for: a fence holds a vehicle that hovers
         in Hold. On the ground the autopilot changes its mode by itself, when it disarms.
         """
-        return telemetry.in_air and (telemetry.failsafe or telemetry.mode not in self._modes)
+        flies = telemetry.in_air and telemetry.armed
+        return flies and (telemetry.failsafe or telemetry.mode not in self._modes)
 
 
 def mode_of(motion: Motion) -> FlightMode:

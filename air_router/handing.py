@@ -125,6 +125,13 @@ class Handing:
             self._cockpit.say(f"hands off: {why}")
             self._cockpit.signal(Signal.TAKEN_OVER)
 
+    def fallen(self, why: str) -> None:
+        """Its motors were stopped in the air: nothing can be done for it."""
+        self.taken_by = None
+        self._cockpit.say(f"hands off: {why}")
+        if knows(self._cockpit.state, Signal.TAKEN_OVER):
+            self._cockpit.signal(Signal.TAKEN_OVER)
+
     def settled(self) -> None:
         """Hands are off, or the flight is over: nothing is left to give up."""
         self.giving_up = self._compares = None

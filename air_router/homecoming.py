@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from air_router.vehicle import Telemetry
     from geo.frame import Point
 
+POSITION_S: Final = 1.0
+"""A vehicle whose positions have been missing for longer is not known to be above home."""
+
 LANDING_M: Final = 1.0
 """So much farther from home than the acceptance radius it may be when it is told to land."""
 
@@ -143,7 +146,8 @@ class Homecoming:
         near_m = self._cockpit.mission.planner.acceptance_radius_m + LANDING_M
         under_way = set(self._helm.navigator.commanded.open(telemetry)) - {home}
         places = (telemetry.position, stopping_point(telemetry))  # it may be passing by
-        near = all(math.dist(place, home) <= near_m for place in places)
+        known = telemetry.ages.position_s < POSITION_S
+        near = known and all(math.dist(place, home) <= near_m for place in places)
         if near and not under_way:
             self._cockpit.signal(Signal.ARRIVED)
         elif not (self._helm.custody.pending or self._cockpit.schedule.retrying):

@@ -20,7 +20,7 @@ HOME_TOLERANCE_M: Final = 20.0
 """The vehicle must start this close to the mission's home, or it is another place's mission."""
 
 _TOLD_S: Final = 10.0
-"""How often a silence that goes on is told, wall-clock seconds."""
+"""How often something that goes on is told."""
 
 
 class TakeOff(Enum):
@@ -95,6 +95,21 @@ def reason_to_return(
     if mission.duration_s is not None and airborne_s >= mission.duration_s:
         return f"{mission.duration_s:.0f} s of mission are over"
     return None
+
+
+class Reminder:
+    """What goes on is told at once, then now and then, and that it is over."""
+
+    def __init__(self) -> None:
+        self._what: str | None = None
+        self._told_s = 0.0
+
+    def news(self, what: str | None, now_s: float) -> str | None:
+        """What to tell at this time, where this goes on; None: no news."""
+        if what == self._what and (what is None or now_s < self._told_s + _TOLD_S):
+            return None
+        before, self._what, self._told_s = self._what, what, now_s
+        return f"over: {before}" if what is None else what
 
 
 class Silence:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from air_router.cockpit import Cockpit
     from air_router.handing import Handing
     from air_router.homecoming import Homecoming
-    from air_router.watch import Watch
+    from air_router.input_limits import InputWatch
 
 NOT_HEARD_S: Final = 3.0
 """A vehicle that was not heard for so long is not sent anywhere: nobody knows where it is."""
@@ -28,16 +28,16 @@ class Permission:
 
     Args:
         cockpit: What the mission is doing, and when the vehicle was heard.
-        watch: Whether it has a position.
+        inputs: Whether it has a position, and whose it is.
         homecoming: Whether a way home may be called off.
         handing: Whose it is, and for how long.
     """
 
     def __init__(
-        self, cockpit: Cockpit, watch: Watch, homecoming: Homecoming, handing: Handing
+        self, cockpit: Cockpit, inputs: InputWatch, homecoming: Homecoming, handing: Handing
     ) -> None:
         self._cockpit = cockpit
-        self._watch = watch
+        self._inputs = inputs
         self._homecoming = homecoming
         self._handing = handing
 
@@ -52,8 +52,9 @@ class Permission:
     def without_position(self) -> Refused | None:
         """It is known where it is: legs are checked from there."""
         telemetry = self._cockpit.heard
-        if self._watch.without_fix(telemetry):
-            return Refused(Refusal.NO_FIX, "GPS has no fix")
+        missing = self._inputs.why_no_leg(telemetry)
+        if missing is not None:
+            return Refused(Refusal.NOT_HEARD if telemetry.fix else Refusal.NO_FIX, missing)
         return self.not_heard()
 
     def not_heard(self) -> Refused | None:
@@ -61,9 +62,10 @@ class Permission:
         telemetry = self._cockpit.heard
         # Its clock stands still while nothing is heard of it: then the link says for how long.
         silent_s = max(self._cockpit.now_s - telemetry.time_s, self._cockpit.silent_s)
-        if silent_s > NOT_HEARD_S:
-            return Refused(Refusal.NOT_HEARD, f"nothing heard from it for {silent_s:.0f} s")
-        return None
+        if silent_s <= NOT_HEARD_S:
+            return None
+        what = "no position" if telemetry.told_s > telemetry.time_s else "nothing"
+        return Refused(Refusal.NOT_HEARD, f"{what} heard from it for {silent_s:.0f} s")
 
     def to_decide(self) -> Refused | None:
         """It is not about to be given away."""

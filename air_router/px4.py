@@ -67,6 +67,25 @@ RATES_HZ: Final = MappingProxyType(
 ONCE: Final = (HOME_POSITION, AUTOPILOT_VERSION, FLIGHT_INFORMATION)
 """What is asked for on connecting."""
 
+STREAMS: Final = MappingProxyType(
+    {
+        "HEARTBEAT": 0,
+        "SYS_STATUS": 1,
+        "GPS_RAW_INT": GPS_RAW_INT,
+        "GLOBAL_POSITION_INT": GLOBAL_POSITION_INT,
+        "MISSION_CURRENT": 42,
+        "POSITION_TARGET_GLOBAL_INT": POSITION_TARGET_GLOBAL_INT,
+        "EXTENDED_SYS_STATE": 245,
+    }
+)
+"""What a flight rests on, by message id."""
+
+ASK_AGAIN_S: Final = 2.0
+"""A stream that is missing for so long, while others come, is asked for, and again every
+`ASK_EVERY_S` of our clock: it was turned off, perhaps, by another program on this link."""
+
+ASK_EVERY_S: Final = 5.0
+
 ANSWER_S: Final = 5.0
 """Wall-clock limit for a command's answer; on the ground these take milliseconds."""
 
@@ -111,7 +130,7 @@ class Px4Vehicle(Vehicle):
         self._plan_guard = PlanGuard(self._compare, self._on_compared)
         self._telemetry.subscribe(self._on_event)
         self._texts_sent = 0
-        self._watch: asyncio.Task[None] | None = None
+        self._watches: list[asyncio.Task[None]] = []
         self._callback: Callable[[VehicleEvent], None] | None = None
 
     @property
@@ -132,7 +151,8 @@ class Px4Vehicle(Vehicle):
         telemetry = self._telemetry
         await self._connection.heard(telemetry.complete, "positions")
         await telemetry.shows(lambda: None not in (telemetry.version, telemetry.home), ONCE_S)
-        self._watch = asyncio.create_task(self._watch_silence())
+        work = (self._watch_silence(), self._ask_again())
+        self._watches = [asyncio.create_task(watch) for watch in work]
         return VehicleInfo(
             system_id=self._connection.system_id,
             autopilot="PX4",
@@ -253,8 +273,8 @@ class Px4Vehicle(Vehicle):
 
     async def close(self) -> None:
         """See `Vehicle.close`."""
-        if self._watch is not None:
-            self._watch.cancel()
+        for watch in self._watches:
+            watch.cancel()
         self._motions.close()
         self._plan_guard.close()
         await self._connection.close()
@@ -314,6 +334,15 @@ class Px4Vehicle(Vehicle):
         }
         text = message("COMMAND_LONG", fields, self._connection.system_id)
         await self._answer(self._direct.send_command_async, text)
+
+    async def _ask_again(self) -> None:
+        """Ask for streams that are missing, at our rate or the autopilot's own."""
+        while True:
+            await asyncio.sleep(ASK_EVERY_S)
+            for name in self._telemetry.missing(ASK_AGAIN_S):
+                what = STREAMS[name]
+                interval_us = 1e6 / RATES_HZ[what] if what in RATES_HZ else 0.0
+                await self._wish(SET_MESSAGE_INTERVAL, what, interval_us)
 
     async def _watch_silence(self) -> None:
         loop = asyncio.get_running_loop()

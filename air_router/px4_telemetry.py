@@ -16,7 +16,8 @@ from air_router.inspection import GpsFix
 from air_router.loop_clock import loop_s
 from air_router.mavsdk_bridge import Received, subscribe
 from air_router.px4_events import WARNING, ArmingReports, Px4Event
-from air_router.px4_mode import flight_mode
+from air_router.px4_mode import ModeState
+from air_router.px4_streams import LIFTED_M, Streams
 from air_router.vehicle import FlightMode, ItemReached, PlanReplaced, Telemetry, VehicleEvent
 from geo.frame import FrameError
 
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
-CRITICAL: Final = 5  # MAV_STATE_CRITICAL: a failsafe acts
+Handler = Callable[[dict[str, Any]], None]
+
 IN_AIR: Final = frozenset({2, 3, 4})  # MAV_LANDED_STATE: in air, taking off, landing
 PREARM_GOOD: Final = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
 MISSION_INVALID: Final = 1  # MISSION_STATE_NO_MISSION: none on board, or none that can be flown
@@ -40,6 +41,12 @@ INT32, REAL32 = 6, 9  # MAV_PARAM_TYPE; PX4 has no others
 TARGETED: Final = frozenset({FlightMode.MISSION, FlightMode.HOLD})
 GPS_OLD_S: Final = 1.5
 """A receiver's altitude from longer ago says nothing of a vehicle that climbs."""
+
+CLOCK_S: Final = 2.0
+"""Near the clock that positions tell, SYSTEM_TIME keeps it going where they are missing."""
+
+TELL_S: Final = 0.5
+"""So often, of the vehicle's time, it is told how it is while no position comes."""
 
 _REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_invalid_")
 
@@ -77,9 +84,11 @@ class Px4Telemetry:
         self.velocity_m_s = (0.0, 0.0)
         self.heading_deg: float | None = None
         self.mode = FlightMode.OTHER
-        self._mode_told = False
         self.armed = False
         self.failsafe = False
+        self._mode = ModeState()
+        self._streams = Streams()
+        self._told_s = 0.0
         self.in_air: bool | None = None
         self.battery: float | None = None
         self.health_good = False
@@ -95,7 +104,7 @@ class Px4Telemetry:
     def listen(self, direct: MavlinkDirect, system_id: int) -> None:
         """Take the messages of the autopilot with this system id."""
         self._system_id = system_id
-        handlers: dict[str, Callable[[dict[str, Any]], None]] = {
+        handlers: dict[str, Handler] = {
             "HEARTBEAT": self._on_heartbeat,
             "CURRENT_MODE": self._on_current_mode,
             "GLOBAL_POSITION_INT": self._on_position,
@@ -116,9 +125,7 @@ class Px4Telemetry:
         }
         self.take(direct, handlers)
 
-    def take(
-        self, direct: MavlinkDirect, handlers: Mapping[str, Callable[[dict[str, Any]], None]]
-    ) -> None:
+    def take(self, direct: MavlinkDirect, handlers: Mapping[str, Handler]) -> None:
         """Hand messages of the autopilot, by name, to others as well; then waiters look again."""
         for name, handler in handlers.items():
             subscribe(direct, name, self._only_autopilot(name, handler))
@@ -129,11 +136,15 @@ class Px4Telemetry:
 
     def complete(self) -> bool:
         """Whether everything that a flight rests on was heard once."""
-        return self._position is not None and self._mode_told and self.in_air is not None
+        return self._position is not None and self._mode.known and self.in_air is not None
 
     def silent_s(self) -> float:
         """Wall-clock seconds since anything was heard."""
         return loop_s() - self._heard_s
+
+    def missing(self, age_s: float) -> list[str]:
+        """Messages that have not come for so long while others do, seconds of the vehicle's."""
+        return self._streams.missing(age_s)
 
     def arrived_s(self, *names: str) -> float:
         """When the newest message of these names came, on the monotonic clock; long ago if none."""
@@ -195,7 +206,7 @@ class Px4Telemetry:
 
     def snapshot(self) -> Telemetry | None:
         """The telemetry of this moment, None before the first position."""
-        if self._position is None or not self._mode_told:
+        if self._position is None or not self._mode.known:
             return None
         return Telemetry(
             time_s=self.time_s,
@@ -204,8 +215,8 @@ class Px4Telemetry:
             velocity_m_s=self.velocity_m_s,
             heading_deg=self.heading_deg,
             armed=self.armed,
-            in_air=bool(self.in_air),
-            mode=self.mode,
+            in_air=self._streams.in_air(bool(self.in_air), armed=self.armed),
+            mode=self._mode.told,
             failsafe=self.failsafe,
             battery=self.battery,
             item=self.item,
@@ -215,17 +226,23 @@ class Px4Telemetry:
             gps_amsl_m=self._gps_amsl_m(),
             home_moved=self._heights.moved,
             wind_m_s=self.wind_m_s,
+            terminated=self._mode.terminated,
+            ages=self._streams.ages(),
         )
 
-    def _only_autopilot(
-        self, name: str, handler: Callable[[dict[str, Any]], None]
-    ) -> Callable[[Received], None]:
+    def _only_autopilot(self, name: str, handler: Handler) -> Callable[[Received], None]:
         def on_message(received: Received) -> None:
             if received.sender != (self._system_id, AUTOPILOT):
                 return
             self._heard_s = loop_s()
             self._arrived_s[name] = received.arrived_s
-            handler(received.fields)
+            self._clock.alive()
+            self._streams.message(received.arrived_s, self._clock.rate)
+            if self._streams.news(name, received.fields, armed=self.armed):
+                handler(received.fields)
+            self._mode.settle(received.arrived_s)
+            if self._streams.heard_s - self._told_s >= TELL_S:
+                self._emit_snapshot()
             self._wake_waiters()
 
         return on_message
@@ -240,19 +257,23 @@ class Px4Telemetry:
 
     def _emit_snapshot(self) -> None:
         snapshot = self.snapshot()
+        self._told_s = self._streams.heard_s
         if snapshot is not None:
             self._emit(snapshot)
 
     def _on_heartbeat(self, fields: dict[str, Any]) -> None:
-        self._mode_told = True
-        self.armed = bool(fields["base_mode"] & ARMED)
-        self.failsafe = fields["system_status"] >= CRITICAL
-        self._on_current_mode(fields)
+        self._note_mode(changed=self._mode.heartbeat(fields))
 
     def _on_current_mode(self, fields: dict[str, Any]) -> None:
-        before, self.mode = self.mode, flight_mode(fields["custom_mode"])
-        if self.mode is not before:
+        now_s = self.arrived_s("CURRENT_MODE")
+        self._note_mode(changed=self._mode.current_mode(fields, now_s))
+
+    def _note_mode(self, *, changed: bool) -> None:
+        state = self._mode
+        self.mode, self.armed, self.failsafe = state.mode, state.armed, state.failsafe
+        if changed:
             self._target = None  # it was the other mode's
+            self._streams.targets_from_s = self.time_s  # and what is still on its way
             self._emit_snapshot()  # at once: it may be the pilot's, and a command about to leave
 
     def _on_position(self, fields: dict[str, Any]) -> None:
@@ -261,19 +282,22 @@ class Px4Telemetry:
             position = self._frame.to_local(fields["lat"] / 1e7, fields["lon"] / 1e7)
         except FrameError as error:
             _log.warning("a position of the vehicle is left out: %s", error)
+            self._streams.void_position()
             return
         if not self._continuity.believes(Heard(boot_s, position), loop_s(), self._clock.rate):
             _log.info("a position that does not follow from the one before waits for others")
+            self._streams.void_position()
             return
         self.time_s, self._position = boot_s, position
         self._clock.heard(boot_s)
         self.altitude_amsl_m = fields["alt"] / 1e3
+        lifted = self.armed and self._streams.moves_above(LIFTED_M)
         self.altitude_m = self._heights.altitude_m(
             self.altitude_amsl_m,
             fields["relative_alt"] / 1e3,
             self.home,
             armed=self.armed,
-            in_air=self.in_air is not False,  # it may be met in the air
+            in_air=self.in_air is not False or lifted,  # it may be met in the air
         )
         self.velocity_m_s = (fields["vy"] / 100, fields["vx"] / 100)  # MAVLink: x north, y east
         self.heading_deg = None if fields["hdg"] == 65535 else fields["hdg"] / 100
@@ -291,6 +315,9 @@ class Px4Telemetry:
         self.health_good = bool(fields["onboard_control_sensors_health"] & PREARM_GOOD)
 
     def _on_system_time(self, fields: dict[str, Any]) -> None:
+        boot_s = fields["time_boot_ms"] / 1e3
+        if abs(boot_s - self._clock.boot_s()) <= CLOCK_S:  # another's is believed with positions
+            self._clock.heard(boot_s)
         if fields["time_unix_usec"] > 0:
             self._clock.heard_unix(fields["time_unix_usec"] / 1e6, fields["time_boot_ms"] / 1e3)
             self._unix = (fields["time_unix_usec"] / 1e6, loop_s())

@@ -30,11 +30,38 @@ class FlightMode(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class Ages:
+    """For how long each input was missing while others came, seconds on the vehicle's clock.
+
+    In a silence of all of them none ages: that is `LinkSilent`. One that never came has no age.
+
+    Attributes:
+        position_s: GLOBAL_POSITION_INT; one that repeats itself in motion is none.
+        mode_s: HEARTBEAT or CURRENT_MODE, the younger.
+        armed_s: HEARTBEAT.
+        battery_s: SYS_STATUS.
+        fix_s: GPS_RAW_INT.
+        landed_s: EXTENDED_SYS_STATE; one that contradicts the motion is none.
+        item_s: MISSION_CURRENT.
+        target_s: POSITION_TARGET_GLOBAL_INT.
+    """
+
+    position_s: float = 0.0
+    mode_s: float = 0.0
+    armed_s: float = 0.0
+    battery_s: float = 0.0
+    fix_s: float = 0.0
+    landed_s: float = 0.0
+    item_s: float = 0.0
+    target_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Telemetry:
     """What the vehicle said of itself last; one value for everything that changes steadily.
 
     Attributes:
-        time_s: Seconds on the vehicle's clock since it booted.
+        time_s: When it was at this position, seconds on its clock since it booted.
         position: Horizontal position, metres east/north of the mission's origin.
         altitude_m: Metres above home, as that was at take-off.
         velocity_m_s: Velocity (east, north) in metres per second.
@@ -42,7 +69,7 @@ class Telemetry:
         armed: Motors may turn.
         in_air: The autopilot's own word, not a guess from altitude.
         mode: The flight mode the autopilot reports, never the one that was asked for.
-        failsafe: The autopilot acts on a failsafe of its own.
+        failsafe: The autopilot acts on a failsafe of its own: it flies another mode than intended.
         battery: Remaining charge from 0 to 1, None when unknown.
         item: Sequence number of the plan item it flies to, None when unknown.
         fix: The satellite receiver has a position; True also while it says nothing of itself.
@@ -53,6 +80,8 @@ class Telemetry:
             heights of its plan do not count any more; None while it is where it was.
         wind_m_s: How the air moves (east, north), as the autopilot estimates it; None if it tells
             none, as a multicopter does without EKF2_DRAG_CTRL.
+        terminated: Motors stopped for good, by a kill switch or flight termination.
+        ages: How old each of these is.
     """
 
     time_s: float
@@ -72,6 +101,13 @@ class Telemetry:
     gps_amsl_m: float | None = None
     home_moved: HomeMove | None = None
     wind_m_s: tuple[float, float] | None = None
+    terminated: bool = False
+    ages: Ages = Ages()
+
+    @property
+    def told_s(self) -> float:
+        """When the newest of it was told, on the vehicle's clock: `time_s` if positions come."""
+        return self.time_s + self.ages.position_s
 
 
 @dataclass(frozen=True, slots=True)

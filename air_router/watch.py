@@ -1,4 +1,4 @@
-"""What telemetry shows that nobody here has decided: breaches, lost GPS, somebody else's orders.
+"""What telemetry shows that we have not decided: breaches, another's orders.
 
 Pure; each sentence that comes back is for the pilot and the operator.
 """
@@ -36,9 +36,6 @@ BRAKING_M: Final = 15.0
 
 _ELSEWHERE: Final = "somebody gave it another place to go to"
 
-FIX_BACK_S: Final = 3.0
-"""A satellite fix counts again after so long."""
-
 
 class Sign(Enum):
     """What was found."""
@@ -46,9 +43,6 @@ class Sign(Enum):
     GOOD = "the mission may go on"
     STRANGER = "the vehicle follows somebody else"
     BREACH = "in a no-fly zone or outside a fence"
-    LOST = "GPS has lost its fix just now"
-    BLIND = "GPS has no fix"
-    BACK = "GPS has had its fix again for some seconds"
 
 
 class Finding(NamedTuple):
@@ -59,7 +53,6 @@ class Finding(NamedTuple):
 
 
 _GOOD: Final = Finding(Sign.GOOD)
-_BLIND: Final = Finding(Sign.BLIND)
 
 
 class Watch:
@@ -71,12 +64,6 @@ class Watch:
         self._strange_since_s: float | None = None
         self._held: tuple[HoldHere, float, Point | None] | None = None
         self._inside = (mission.home, 0.0)
-        self._blind = False
-        self._seen_since_s: float | None = None
-
-    def without_fix(self, telemetry: Telemetry | None) -> bool:
-        """Whether GPS has no fix, or has not had it for long enough."""
-        return self._blind or (telemetry is not None and not telemetry.fix)
 
     def renew(self, mission: Mission) -> None:
         """The mission's zones are others now."""
@@ -93,27 +80,10 @@ class Watch:
         stranger = self._stranger(telemetry, custody)
         if stranger is not None:
             return Finding(Sign.STRANGER, stranger)
-        breach = self._breach(telemetry, leaving)
-        if breach is not None:
-            return Finding(Sign.BREACH, breach)
-        return self._sight(telemetry)
+        breach = self.breach(telemetry, leaving)
+        return _GOOD if breach is None else Finding(Sign.BREACH, breach)
 
-    def _sight(self, telemetry: Telemetry) -> Finding:
-        """Whether GPS is good; LOST and BACK come once each."""
-        if not telemetry.fix:
-            before, self._blind = self._blind, True
-            self._seen_since_s = None
-            return _BLIND if before else Finding(Sign.LOST, "GPS has lost its fix: holding")
-        if not self._blind:
-            return _GOOD
-        if self._seen_since_s is None:
-            self._seen_since_s = telemetry.time_s
-        if telemetry.time_s - self._seen_since_s < FIX_BACK_S:
-            return _BLIND
-        self._blind = False
-        return Finding(Sign.BACK, "GPS has its fix again: going on")
-
-    def _breach(self, telemetry: Telemetry, leaving: Collection[str]) -> str | None:
+    def breach(self, telemetry: Telemetry, leaving: Collection[str] = ()) -> str | None:
         """Whether the vehicle in the air is in a no-fly zone or outside a fence, whoever did it."""
         here, (place, spare_m) = telemetry.position, self._inside
         if not telemetry.in_air or math.dist(here, place) < spare_m:
@@ -132,36 +102,39 @@ class Watch:
         A pilot who pauses or sends the vehicle elsewhere while it hovers in Hold by our command
         changes no mode, and one who jumps to another plan item in Mission mode neither.
         """
-        order = self._strange_order(telemetry, custody)
-        if order is None:
+        strange = self._strange_order(telemetry, custody)
+        if strange is None:
             self._strange_since_s = None
             return None
+        order, told_s = strange
         if self._strange_since_s is None:
-            self._strange_since_s = telemetry.time_s
-        return order if telemetry.time_s - self._strange_since_s >= STRANGE_S else None
+            self._strange_since_s = telemetry.told_s
+        shown_s = telemetry.told_s - self._strange_since_s
+        again = told_s < shown_s  # one message, that may be of before our own order, is no proof
+        return order if again and shown_s >= STRANGE_S else None
 
-    def _strange_order(self, telemetry: Telemetry, custody: Custody) -> str | None:
+    def _strange_order(self, telemetry: Telemetry, custody: Custody) -> tuple[str, float] | None:
+        """An order that is not ours, and how old the message is that shows it."""
         if custody.pending is not None or not telemetry.in_air:
             return None
+        order, ages = None, telemetry.ages
         match custody.last:
             case FlyToNode(node=node) if telemetry.mode is FlightMode.MISSION:
-                item = telemetry.item
-                strange = item is not None and item != self._plan.item_of(node)
-                return "somebody chose another plan item" if strange else None
+                if telemetry.item not in {None, self._plan.item_of(node)}:
+                    return "somebody chose another plan item", ages.item_s
             case FlyToPoint(position=position) if telemetry.mode is FlightMode.HOLD:
-                return _elsewhere(telemetry, position)
+                order = _elsewhere(telemetry, position)
             case HoldHere() as hold if telemetry.mode is FlightMode.HOLD:
-                return self._moved_from_hold(hold, telemetry)
-            case _:
-                return None
+                order = self._moved_from_hold(hold, telemetry)
+        return None if order is None else (order, ages.target_s)
 
     def _moved_from_hold(self, hold: HoldHere, telemetry: Telemetry) -> str | None:
         if self._held is None or self._held[0] is not hold:
-            self._held = (hold, telemetry.time_s, None)
+            self._held = (hold, telemetry.told_s, None)
         _, since_s, place = self._held
         if place is not None:
             return _elsewhere(telemetry, place)
-        if telemetry.time_s - since_s >= BRAKED_S:
+        if telemetry.told_s - since_s >= BRAKED_S:
             target = telemetry.target
             if target is not None and math.dist(target, telemetry.position) > BRAKING_M:
                 return _ELSEWHERE

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 from air_router.actions import FlyToNode, HoldHere, Motion, Taker
 from air_router.behaviour import Signal, State, knows
 from air_router.deviations import Deviation, Response
-from air_router.milestones import HELD, Silence, TakeOff, take_off
+from air_router.input_limits import Stop
+from air_router.milestones import HELD, Reminder, Silence, TakeOff, take_off
 from air_router.vehicle import FlightMode
 from air_router.watch import Sign
 
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from air_router.handing import Handing
     from air_router.helm import Helm
     from air_router.homecoming import Homecoming
+    from air_router.input_limits import InputWatch
     from air_router.launch import Launch
     from air_router.levelling import Levelling
     from air_router.renewal import Renewal
@@ -30,6 +33,9 @@ if TYPE_CHECKING:
 
 HOLD_S: Final = 2.0
 """A vehicle that holds for a deviation stands after so long, and goes on."""
+
+LATE_S: Final = 2.5
+"""A failsafe may show so long after the mode that it chose: HEARTBEAT comes once a second."""
 
 
 class Watchkeeper:
@@ -43,6 +49,7 @@ class Watchkeeper:
         launch: What has been seen of take-off and landing.
         watch: What is found wrong in flight.
         deviations: What is off what was planned.
+        inputs: What of the vehicle's word is missing.
         handing: Whose the vehicle is.
         homecoming: Whether the mission ends.
         renewal: Whether zones are being changed.
@@ -61,6 +68,7 @@ class Watchkeeper:
         launch: Launch,
         watch: Watch,
         deviations: Deviations,
+        inputs: InputWatch,
         handing: Handing,
         homecoming: Homecoming,
         renewal: Renewal,
@@ -75,6 +83,7 @@ class Watchkeeper:
         self._launch = launch
         self._watch = watch
         self._deviations = deviations
+        self._inputs = inputs
         self._handing = handing
         self._homecoming = homecoming
         self._renewal = renewal
@@ -82,37 +91,52 @@ class Watchkeeper:
         self._answering = answering
         self._patient = patient
         self._silence = Silence()
+        self._breaches = Reminder()
+        self._chosen: tuple[FlightMode, float] | None = None
 
-    def wait_for_fix(self, motion: Motion) -> Motion | None:
-        """A guard: a vehicle that does not know where it is, or how high, is sent nowhere."""
-        if self._watch.without_fix(self._cockpit.telemetry) or self._deviations.waits:
-            return None
-        return motion
+    def wait_for_inputs(self, motion: Motion) -> Motion | None:
+        """A guard: where it is, how high, or whose, is not known: it is sent nowhere."""
+        missing = self._inputs.why_no_leg(self._cockpit.telemetry) is not None
+        return None if missing or self._deviations.waits else motion
 
     def vehicle_heard(self, telemetry: Telemetry) -> None:
         """The vehicle says how it is."""
-        cockpit, handing, custody = self._cockpit, self._handing, self._helm.custody
+        cockpit, handing = self._cockpit, self._handing
         cockpit.telemetry = telemetry
         cockpit.silent_s = 0.0
         if self._launch.note(telemetry):
-            custody.assume(FlightMode.MISSION)
+            self._helm.custody.assume(FlightMode.MISSION)
         moved = self._deviations.home(telemetry) if telemetry.in_air else None
         if moved is not None:
             cockpit.say(moved.words)
         if self._launch.over(telemetry) and knows(cockpit.state, Signal.GROUNDED):
             self._grounded()
-        elif handing.in_charge and custody.taken(telemetry):
-            who = Taker.FAILSAFE if telemetry.failsafe else Taker.PILOT
-            handing.take_over(who, f"{who.value} chose {telemetry.mode.value} mode")
+        elif self._taken(telemetry):
+            return
         elif handing.waits:
             handing.check()
         elif cockpit.state is State.READY:
             self._take_off(telemetry)
             if moved is not None and moved.response is Response.HOLD and handing.in_charge:
                 self._homecoming.come_home("home was moved in the climb")
+        elif cockpit.state is State.PASSIVE:
+            self._look_on(telemetry)
         elif handing.in_charge and self._fit(telemetry):
             self._keep(telemetry, moved)
             self._go_on(telemetry)
+
+    def _taken(self, telemetry: Telemetry) -> bool:
+        """Whether hands are off just now: it falls, or follows another's choice."""
+        handing, killed = self._handing, self._launch.killed_now()
+        if killed is not None:
+            handing.fallen(killed)
+            return True
+        if not (handing.in_charge and self._helm.custody.taken(telemetry)):
+            return False
+        who = Taker.FAILSAFE if telemetry.failsafe else Taker.PILOT
+        self._chosen = (telemetry.mode, self._cockpit.now_s)
+        handing.take_over(who, f"{who.value} chose {telemetry.mode.value} mode")
+        return True
 
     def _grounded(self) -> None:
         if self._patient and self._cockpit.state is State.READY and self._launch.again():
@@ -122,6 +146,10 @@ class Watchkeeper:
 
     def _take_off(self, telemetry: Telemetry) -> None:
         cockpit, custody = self._cockpit, self._helm.custody
+        if self._launch.handed_over and telemetry.in_air:
+            self._hear(telemetry)  # the climb ends above home by itself
+            if cockpit.state is not State.READY:
+                return
         stage = take_off(cockpit.mission, telemetry)
         if stage is TakeOff.COMPLETE:
             custody.assume(FlightMode.MISSION)
@@ -134,26 +162,51 @@ class Watchkeeper:
             self._homecoming.come_home("the climb does not go on")
 
     def _fit(self, telemetry: Telemetry) -> bool:
-        """Whether the mission may go on: no breach, nobody else's orders, and a position."""
-        cockpit, helm = self._cockpit, self._helm
-        landing = cockpit.state is State.LAND
+        """Whether the mission may go on: no breach, no other's orders, and all inputs."""
+        helm = self._helm
         finding = self._watch.look(telemetry, helm.custody, self._renewal.leaving)
         match finding.sign:
             case Sign.STRANGER:
                 self._handing.take_over(Taker.PILOT, finding.words)
             case Sign.BREACH:
                 self._handing.give_up(f"{finding.words} is not resumed by itself")
-            case Sign.LOST if landing:  # PX4 does so without a position too
-                cockpit.say("GPS has lost its fix: landing on")
-            case Sign.LOST:
-                helm.hold(finding.words)
-                cockpit.say(finding.words)
-            case Sign.BLIND if not landing and self._may_try_again():
-                helm.hold("GPS has no fix")  # unless that is what it does
-            case Sign.BACK:
-                cockpit.say(finding.words)
+        return finding.sign is Sign.GOOD and self._hear(telemetry)
+
+    def _hear(self, telemetry: Telemetry) -> bool:
+        """Whether enough of the vehicle is heard to fly on by; what is missing is told."""
+        cockpit, helm = self._cockpit, self._helm
+        outlook = self._inputs.look(telemetry)
+        landing = cockpit.state is State.LAND  # PX4 does so without a position too
+        for what, then in outlook.news:
+            cockpit.say(f"{what}: {'landing on' if landing else then}" if then else what)
+        if outlook.home_why is not None:
+            self._homecoming.come_home(outlook.home_why)
+        if cockpit.state is State.READY:
+            return True
+        if outlook.stop is Stop.NONE:
+            if outlook.back:
                 cockpit.schedule.retry_in(0.0)
-        return finding.sign in {Sign.GOOD, Sign.BACK}
+            return True
+        if outlook.stop is Stop.HOLD and not landing and self._may_try_again():
+            helm.hold(outlook.why)  # unless that is what it does
+        self._homecoming.check(telemetry)  # time and charge go on
+        if cockpit.schedule.left_s == 0.0 and self._renewal.phase is None:
+            cockpit.signal(Signal.TIMER)
+        return False
+
+    def _look_on(self, telemetry: Telemetry) -> None:
+        """Another flies: tell what a pilot may not see, and who took it if that shows late."""
+        cockpit, handing = self._cockpit, self._handing
+        mode, taken_s = self._chosen or (telemetry.mode, -math.inf)
+        late = telemetry.mode is mode and cockpit.now_s - taken_s <= LATE_S
+        if telemetry.failsafe and late and handing.taken_by is Taker.PILOT:
+            handing.taken_by = Taker.FAILSAFE
+            cockpit.say(f"it was {Taker.FAILSAFE.value} that chose {mode.value} mode")
+        for what, _ in self._inputs.look(telemetry).news:
+            cockpit.say(what)
+        news = self._breaches.news(self._watch.breach(telemetry), cockpit.now_s)
+        if news is not None:
+            cockpit.say(news)
 
     @property
     def _flies_mission(self) -> bool:

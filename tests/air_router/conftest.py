@@ -55,7 +55,7 @@ class Airframe:
         self.mode = FlightMode.HOLD
         self.armed = self.in_air = False
         self.battery = 1.0
-        self.failsafe = False
+        self.failsafe = self.terminated = False
         self.fix = True
         self.home_moved = None
         self.target = None
@@ -101,6 +101,7 @@ class Airframe:
             in_air=self.in_air,
             mode=self.mode,
             failsafe=self.failsafe,
+            terminated=self.terminated,
             battery=self.battery,
             fix=self.fix,
             home_moved=self.home_moved,

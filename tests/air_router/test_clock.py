@@ -36,6 +36,20 @@ def test_it_stands_still_when_the_vehicle_is_silent():
     assert clock.boot_s() == pytest.approx(12.0)
 
 
+def test_it_goes_on_while_the_vehicle_says_anything():
+    wall = Wall()
+    clock = VehicleClock(monotonic=wall)
+    clock.heard(10.0)
+    for _ in range(60):
+        wall.now_s += 1.0
+        clock.heard(10.0)  # a stream that is frozen
+        clock.alive()
+    assert clock.boot_s() == pytest.approx(70.0)
+    wall.now_s += 1000.0  # and then it is silent
+    clock.alive()
+    assert clock.boot_s() == pytest.approx(72.0)
+
+
 def test_it_never_runs_backwards_when_a_message_is_late():
     wall = Wall()
     clock = VehicleClock(monotonic=wall)

@@ -273,3 +273,81 @@ def test_a_failsafe_while_it_hovers_in_hold_by_our_command_takes_it_over(pretend
     flight.step()
     assert flight.controller.state is State.PASSIVE
     assert any("an autopilot failsafe" in text for text in flight.said)
+
+
+def killed(flight, altitude_m, mode):
+    """Disarmed by force: PX4 says within a second that it has landed, and it falls."""
+    flight.altitude_m = altitude_m
+    flight.step()
+    flight.armed, flight.mode = False, mode
+    flight.step()
+    flight.in_air = False
+    while flight.altitude_m > 0.0:
+        assert flight.finished is None
+        flight.altitude_m = max(0.0, flight.altitude_m - 1.0)
+        flight.step()
+    flight.fly_until(lambda: flight.finished is not None, 5.0)
+
+
+@pytest.mark.parametrize("state", [State.INIT, State.LAND])
+def test_motors_stopped_in_the_air_are_told_as_that_until_it_is_down(pretend, state):
+    flight = pretend(duration_s=60.0 if state is State.LAND else None)
+    flight.take_off()
+    flight.fly_to_state(state)
+    killed(flight, 28.0, FlightMode.MISSION)  # PX4 falls back to it, out of Land
+    assert "hands off: disarmed in the air at 28 m above home" in flight.said
+    assert not flight.finished.landed_by_us
+    assert flight.finished.why == "disarmed in the air at 28 m above home"
+    assert flight.finished.taken_by is None
+    assert not any("pilot chose" in text for text in flight.said)
+
+
+def test_a_flight_termination_is_told(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_to_state(State.INIT)
+    flight.terminated = True
+    flight.step()
+    assert "hands off: flight terminated in the air at 40 m above home" in flight.said
+    assert flight.controller.state is State.PASSIVE
+
+
+def test_a_landing_whose_landed_state_comes_late_is_no_takeover(pretend):
+    flight = pretend(duration_s=60.0)
+    flight.take_off()
+    flight.fly_to_state(State.LAND)
+    flight.fly_until(lambda: flight.altitude_m < 0.1)
+    flight.armed, flight.mode = False, FlightMode.MISSION  # in_air is of another stream
+    flight.altitude_m = 0.0
+    flight.step()
+    assert flight.finished.landed_by_us
+    assert flight.finished.taken_by is None
+
+
+def test_after_hands_off_breaches_are_told_again_and_again_until_they_end(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    flight.pilot_chooses(FlightMode.OTHER)
+    inside = flight.position
+    flight.position = Point(5000.0, 0.0)
+    for _ in range(250):
+        flight.step()
+    assert sum(text.startswith("breach of") for text in flight.said) == 3  # every ten seconds
+    flight.position = inside
+    flight.step()
+    assert flight.said[-1].startswith("over: breach of")
+    assert flight.motions[-1].__class__ is not HoldHere
+
+
+def test_a_failsafe_that_shows_after_its_mode_is_not_told_as_the_pilot_s_choice(pretend):
+    flight = pretend()
+    flight.take_off()
+    flight.fly_away()
+    flight.pilot_chooses(FlightMode.HOLD)
+    flight.failsafe = True
+    flight.step()
+    assert flight.said[-1] == "it was an autopilot failsafe that chose Hold mode"
+    flight.mode = FlightMode.LAND
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.taken_by is Taker.FAILSAFE

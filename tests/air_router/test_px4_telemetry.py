@@ -3,7 +3,8 @@ import pytest
 from air_router.clock import VehicleClock
 from air_router.height_frame import HomeMove
 from air_router.px4_events import event_id
-from air_router.px4_telemetry import ARMED, Px4Telemetry
+from air_router.px4_mode import ARMED
+from air_router.px4_telemetry import Px4Telemetry
 from air_router.vehicle import FlightMode, ItemReached, PlanReplaced
 from geo.frame import Point
 

@@ -1,0 +1,315 @@
+"""What PX4's streams say together: their ages, frozen ones, and no vehicle that never was."""
+
+import pytest
+
+from air_router.clock import VehicleClock
+from air_router.mavsdk_bridge import Received
+from air_router.px4_mode import ARMED
+from air_router.px4_telemetry import Px4Telemetry
+from air_router.vehicle import FlightMode, Telemetry
+
+HOLD, MISSION, LAND, RETURN = 0x03040000, 0x04040000, 0x06040000, 0x05040000
+ACTIVE, CRITICAL, TERMINATED = 4, 5, 8
+ON_GROUND, IN_AIR, LANDING = 1, 2, 4
+
+
+RATES_HZ = {
+    "GLOBAL_POSITION_INT": 10,
+    "HEARTBEAT": 1,
+    "CURRENT_MODE": 0.5,
+    "SYS_STATUS": 5,
+    "GPS_RAW_INT": 2,
+    "EXTENDED_SYS_STATE": 1,
+    "MISSION_CURRENT": 1,
+    "POSITION_TARGET_GLOBAL_INT": 2,
+    "SYSTEM_TIME": 1,
+}
+
+
+class Px4:
+    """The streams of a PX4, at its rates, of which some may be turned off."""
+
+    def __init__(self, mission, monkeypatch):
+        self.wall_s = 1000.0
+        self.boot_s = 50.0
+        self.clock = VehicleClock(monotonic=lambda: self.wall_s)
+        monkeypatch.setattr("air_router.px4_telemetry.loop_s", lambda: self.wall_s)
+        monkeypatch.setattr("air_router.px4_telemetry.subscribe", self._subscribe)
+        self.events = []
+        self.off = set()
+        self._handlers = {}
+        self._mission = mission
+        self.east_m, self.height_m, self.speed_m_s, self.climb_m_s = 0.0, 40.0, 0.0, 0.0
+        self.mode, self.intended, self.armed, self.status = MISSION, MISSION, True, ACTIVE
+        self.landed, self.item, self.battery, self.fix = IN_AIR, 3, 90, 3
+        self.telemetry = Px4Telemetry(mission.frame, self.clock)
+        self.telemetry.listen(self, 1)
+        self.telemetry.subscribe(self.events.append)
+        for name in RATES_HZ:
+            self.says(name)
+        self.run(1.0)
+
+    def _subscribe(self, _direct, name, callback):
+        self._handlers[name] = callback
+
+    def says(self, name, **changes):
+        self._handlers[name](Received({**self._fields(name), **changes}, (1, 1), self.wall_s))
+
+    def run(self, seconds, rate=1.0):
+        for _ in range(round(seconds * 10)):
+            self.wall_s += 0.1 / rate
+            self.boot_s += 0.1
+            self.east_m += self.speed_m_s * 0.1
+            self.height_m += self.climb_m_s * 0.1
+            tick = round(self.boot_s * 10)
+            for name, hz in RATES_HZ.items():
+                if name not in self.off and tick % round(10 / hz) == 0:
+                    self.says(name)
+
+    @property
+    def last(self):
+        return [event for event in self.events if isinstance(event, Telemetry)][-1]
+
+    def _fields(self, name):
+        home = self._mission.home
+        lat, lon = self._mission.frame.to_geodetic(home._replace(east_m=home.east_m + self.east_m))
+        place = {"lat": round(lat * 1e7), "lon": round(lon * 1e7)}
+        boot_ms = round(self.boot_s * 1e3)
+        height_mm = round(self.height_m * 1e3)
+        return {
+            "GLOBAL_POSITION_INT": {
+                "time_boot_ms": boot_ms,
+                **place,
+                "alt": 6_700 + height_mm,
+                "relative_alt": height_mm,
+                "vx": 0,
+                "vy": round(self.speed_m_s * 100),
+                "hdg": 65535,
+                "vz": -round(self.climb_m_s * 100),
+            },
+            "HEARTBEAT": {
+                "custom_mode": self.mode,
+                "base_mode": ARMED if self.armed else 0,
+                "system_status": self.status,
+            },
+            "CURRENT_MODE": {"custom_mode": self.mode, "intended_custom_mode": self.intended},
+            "SYS_STATUS": {
+                "battery_remaining": self.battery,
+                "voltage_battery": 15_000,
+                "onboard_control_sensors_health": 0,
+            },
+            "GPS_RAW_INT": {
+                "fix_type": self.fix,
+                "satellites_visible": 12,
+                "h_acc": 500,
+                "time_usec": boot_ms * 1000,
+                "alt": 6_700 + height_mm,
+            },
+            "EXTENDED_SYS_STATE": {"landed_state": self.landed},
+            "MISSION_CURRENT": {"seq": self.item, "total": 9},
+            "POSITION_TARGET_GLOBAL_INT": {
+                "time_boot_ms": boot_ms,
+                "lat_int": place["lat"],
+                "lon_int": place["lon"],
+            },
+            "SYSTEM_TIME": {"time_unix_usec": 0, "time_boot_ms": boot_ms},
+        }[name]
+
+
+@pytest.fixture
+def px4(pennovation, monkeypatch):
+    return Px4(pennovation, monkeypatch)
+
+
+STREAMS = {
+    "GLOBAL_POSITION_INT": "position_s",
+    "SYS_STATUS": "battery_s",
+    "GPS_RAW_INT": "fix_s",
+    "EXTENDED_SYS_STATE": "landed_s",
+    "MISSION_CURRENT": "item_s",
+    "HEARTBEAT": "armed_s",
+}
+
+
+@pytest.mark.parametrize(("name", "age"), STREAMS.items())
+def test_a_stream_that_ends_alone_ages_and_the_vehicle_is_told_of_all_the_same(px4, name, age):
+    px4.off.add(name)
+    told = len(px4.events)
+    px4.run(20.0)
+    assert getattr(px4.last.ages, age) == pytest.approx(20.0, abs=1.1)
+    others = set(STREAMS.values()) - {age}
+    assert all(getattr(px4.last.ages, other) <= 1.0 for other in others)
+    assert len(px4.events) - told >= 30
+    px4.off.clear()
+    px4.run(2.0)
+    assert getattr(px4.last.ages, age) <= 1.0
+
+
+def test_the_mode_is_known_while_either_message_tells_it(px4):
+    px4.off.add("HEARTBEAT")
+    px4.run(20.0)
+    assert px4.last.ages.mode_s <= 2.0
+    px4.off.add("CURRENT_MODE")
+    px4.run(20.0)
+    assert px4.last.ages.mode_s == pytest.approx(20.0, abs=2.1)
+
+
+def test_a_silence_of_all_ages_nothing(px4):
+    px4.wall_s += 40.0
+    px4.boot_s += 40.0
+    px4.run(0.1)
+    ages = px4.last.ages
+    assert max(ages.position_s, ages.battery_s, ages.mode_s, ages.landed_s) <= 2.0
+
+
+def test_ages_are_of_the_vehicle_s_time_also_when_that_runs_fast(px4):
+    px4.off.add("SYS_STATUS")
+    px4.run(20.0, rate=10.0)
+    assert px4.last.ages.battery_s == pytest.approx(20.0, rel=0.2)
+
+
+def test_a_position_whose_time_stands_is_no_position_and_time_goes_on(px4):
+    frozen = px4._fields("GLOBAL_POSITION_INT")
+    px4.off |= {"GLOBAL_POSITION_INT", "SYSTEM_TIME", "POSITION_TARGET_GLOBAL_INT"}
+    before_s = px4.clock.boot_s()
+    for _ in range(100):
+        px4.run(0.1)
+        px4.says("GLOBAL_POSITION_INT", **frozen)
+    assert px4.last.ages.position_s == pytest.approx(10.0, abs=0.6)
+    assert px4.clock.boot_s() - before_s == pytest.approx(10.0, abs=0.5)
+
+
+def test_a_position_that_stays_where_it_is_while_it_flies_by_its_own_word_is_no_position(px4):
+    px4.speed_m_s = 3.5
+    px4.run(1.0)
+    assert px4.last.ages.position_s <= 0.1
+    place = {name: px4._fields("GLOBAL_POSITION_INT")[name] for name in ("lat", "lon")}
+    px4.off.add("GLOBAL_POSITION_INT")
+    for _ in range(30):
+        px4.run(0.1)
+        px4.says("GLOBAL_POSITION_INT", **place)
+    assert px4.last.ages.position_s == pytest.approx(3.0, abs=0.6)
+    px4.speed_m_s = 0.0
+    px4.says("GLOBAL_POSITION_INT", **place)
+    px4.boot_s += 0.1
+    px4.says("GLOBAL_POSITION_INT", **place)  # it hovers: that may well be the same place
+    assert px4.last.ages.position_s == 0.0
+
+
+def test_a_late_position_is_not_taken_for_where_it_is_now(px4):
+    px4.speed_m_s = 3.5
+    late = px4._fields("GLOBAL_POSITION_INT")
+    px4.run(0.5)
+    now = px4.last
+    px4.says("GLOBAL_POSITION_INT", **late)
+    assert px4.telemetry.snapshot().position == now.position
+
+
+def test_gps_that_repeats_its_time_says_nothing(px4):
+    stamp = px4._fields("GPS_RAW_INT")["time_usec"]
+    px4.off.add("GPS_RAW_INT")
+    for _ in range(10):
+        px4.run(1.0)
+        px4.says("GPS_RAW_INT", time_usec=stamp)
+    assert px4.last.ages.fix_s == pytest.approx(10.0, abs=1.1)
+
+
+def test_one_that_lands_is_never_shown_flying_in_the_mode_from_before(px4):
+    px4.mode = px4.intended = LAND
+    px4.landed, px4.height_m = LANDING, 0.3
+    px4.run(2.0)
+    assert px4.last.mode is FlightMode.LAND
+    told = len(px4.events)
+    # It touches down and disarms; the messages that tell of it come one after the other.
+    px4.landed, px4.armed, px4.status = ON_GROUND, False, 3
+    px4.mode = px4.intended = MISSION
+    px4.off |= {"HEARTBEAT", "EXTENDED_SYS_STATE"}
+    px4.says("CURRENT_MODE")
+    px4.run(0.9)
+    px4.says("HEARTBEAT")
+    px4.run(0.5)
+    px4.says("EXTENDED_SYS_STATE")
+    px4.run(0.2)
+    for event in px4.events[told:]:
+        assert not (event.armed and event.in_air and event.mode is FlightMode.MISSION)
+    assert (px4.last.armed, px4.last.in_air, px4.last.mode) == (False, False, FlightMode.MISSION)
+
+
+def test_a_pilot_who_takes_over_a_landing_shows_with_the_next_heartbeat(px4):
+    px4.mode = px4.intended = LAND
+    px4.run(2.0)
+    px4.mode = px4.intended = HOLD
+    px4.says("CURRENT_MODE")
+    px4.run(1.1)
+    assert (px4.last.mode, px4.last.armed) == (FlightMode.HOLD, True)
+
+
+def test_a_pilot_who_takes_over_a_landing_shows_also_without_a_heartbeat(px4):
+    px4.mode = px4.intended = LAND
+    px4.run(2.0)
+    px4.off.add("HEARTBEAT")
+    px4.mode = px4.intended = HOLD
+    px4.says("CURRENT_MODE")
+    px4.run(2.0)
+    assert px4.last.mode is FlightMode.HOLD
+
+
+def test_disarmed_in_the_air_it_has_not_landed_before_the_heartbeat_tells(px4):
+    px4.mode = px4.intended = LAND
+    px4.height_m = 28.0
+    px4.run(2.0)
+    px4.off.add("HEARTBEAT")
+    px4.landed, px4.climb_m_s = ON_GROUND, -6.0  # as PX4 says 0.6 s after it was disarmed
+    px4.run(0.5)
+    px4.says("EXTENDED_SYS_STATE")
+    assert px4.last.in_air
+    px4.armed, px4.status = False, 3
+    px4.says("HEARTBEAT")
+    px4.run(0.1)
+    assert (px4.last.armed, px4.last.in_air) == (False, True)
+
+
+def test_a_landed_state_that_never_left_the_ground_does_not_keep_the_vehicle_there(px4):
+    px4.landed, px4.height_m = ON_GROUND, 0.0
+    px4.run(2.0)
+    assert not px4.last.in_air
+    px4.climb_m_s = 1.5
+    px4.run(10.0)
+    assert px4.last.in_air
+
+
+def test_the_target_of_the_mode_before_is_not_the_target_of_this_one(px4):
+    px4.run(0.5)
+    old = px4._fields("POSITION_TARGET_GLOBAL_INT")
+    px4.off.add("POSITION_TARGET_GLOBAL_INT")
+    px4.run(0.4)
+    px4.mode = px4.intended = HOLD
+    px4.says("HEARTBEAT")
+    px4.says("POSITION_TARGET_GLOBAL_INT", **old)
+    px4.run(0.1)
+    assert px4.last.target is None
+    px4.off.clear()
+    px4.run(1.0)
+    assert px4.last.target is not None
+
+
+def test_a_failsafe_is_told_as_one_whichever_message_comes_first(px4):
+    px4.mode, px4.status = HOLD, CRITICAL  # the mode that was intended is still Mission
+    px4.says("CURRENT_MODE")
+    assert (px4.last.mode, px4.last.failsafe) == (FlightMode.HOLD, True)
+
+
+def test_a_pilot_s_choice_is_none(px4):
+    px4.mode = px4.intended = HOLD
+    px4.says("CURRENT_MODE")
+    assert (px4.last.mode, px4.last.failsafe) == (FlightMode.HOLD, False)
+    px4.mode = px4.intended = RETURN
+    px4.says("HEARTBEAT")  # before CURRENT_MODE, whose intention is older
+    px4.run(3.0)
+    assert (px4.last.mode, px4.last.failsafe) == (FlightMode.RETURN, False)
+
+
+def test_a_flight_termination_shows(px4):
+    px4.status = TERMINATED
+    px4.run(2.0)
+    assert px4.last.terminated
