@@ -20,6 +20,7 @@ _AUTO_MODES: Final = MappingProxyType(
         6: FlightMode.LAND,
     }
 )
+_MANUAL_MODES: Final = MappingProxyType({2: FlightMode.ALTITUDE, 3: FlightMode.POSITION})
 _SUB_MODES: Final = MappingProxyType({mode: sub for sub, mode in _AUTO_MODES.items()})
 
 
@@ -27,7 +28,7 @@ def flight_mode(custom_mode: int) -> FlightMode:
     """The mode in HEARTBEAT.custom_mode or CURRENT_MODE.custom_mode: main and sub mode bytes."""
     main, sub = (custom_mode >> 16) & 0xFF, (custom_mode >> 24) & 0xFF
     if main != MAIN_AUTO:
-        return FlightMode.OTHER
+        return FlightMode.OTHER if sub else _MANUAL_MODES.get(main, FlightMode.OTHER)
     return _AUTO_MODES.get(sub, FlightMode.OTHER)
 
 

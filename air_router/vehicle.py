@@ -26,7 +26,9 @@ class FlightMode(Enum):
     TAKEOFF = "Takeoff"
     RETURN = "Return"
     LAND = "Land"
-    OTHER = "another"  # Position, Altitude, Manual, Offboard ...: somebody is flying by hand
+    POSITION = "Position"  # flown by hand; moving the sticks leads here
+    ALTITUDE = "Altitude"  # flown by hand
+    OTHER = "another"  # Manual, Offboard, Orbit ...
 
 
 @dataclass(frozen=True, slots=True)

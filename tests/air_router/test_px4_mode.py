@@ -10,7 +10,9 @@ CAPTURED = {
     0x02040000: FlightMode.TAKEOFF,
     0x05040000: FlightMode.RETURN,
     0x06040000: FlightMode.LAND,
-    0x00030000: FlightMode.OTHER,  # Position
+    0x00030000: FlightMode.POSITION,
+    0x01030000: FlightMode.OTHER,  # Orbit
+    0x00020000: FlightMode.ALTITUDE,
     0x00060000: FlightMode.OTHER,  # Offboard
     0x08040000: FlightMode.OTHER,  # Follow me
     0: FlightMode.OTHER,

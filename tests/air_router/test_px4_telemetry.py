@@ -82,7 +82,7 @@ def test_a_mode_is_told_the_moment_that_it_changes(vehicle):
         vehicle.beats(mode)
     vehicle.says("_on_current_mode", custom_mode=MISSION)
     modes = [event.mode for event in vehicle.events]
-    assert modes == [FlightMode.MISSION, FlightMode.HOLD, FlightMode.OTHER, FlightMode.MISSION]
+    assert modes == [FlightMode.MISSION, FlightMode.HOLD, FlightMode.POSITION, FlightMode.MISSION]
 
 
 def test_a_position_that_is_none_is_left_out(vehicle):

@@ -24,7 +24,8 @@ STATES = (
 
 
 def sticks(flight):
-    flight.pilot_chooses(FlightMode.OTHER)
+    flight.pilot_chooses(FlightMode.POSITION)
+    assert flight.said[-1] == "hands off: the pilot chose Position mode"
 
 
 def pilot_returns(flight):
@@ -55,7 +56,7 @@ def fence_deleted(flight):
 
 
 def plan_deleted_while_the_pilot_flies(flight):
-    sticks(flight)
+    flight.pilot_chooses(FlightMode.ALTITUDE)
     another_plan(flight)
 
 

@@ -624,3 +624,19 @@ def test_the_estimate_is_near_the_truth_and_the_seed_decides_how(make_rig):
     rig.run(200, lambda: sizes.append(rig.autopilot.errors.north_m))
     sigma = math.sqrt(sum(size * size for size in sizes) / len(sizes))
     assert 0.05 < sigma < 0.2
+
+
+@pytest.mark.parametrize("sub", [HOLD, MISSION, RTL, LAND])
+@pytest.mark.parametrize(("override", "position"), [(1, True), (0, False)])
+def test_moved_sticks_take_every_automatic_mode_over_if_they_may(make_rig, sub, override, position):
+    rig = make_rig(COM_RC_OVERRIDE=override)
+    rig.fly()
+    assert rig.upload([rig.item(0, 60, 0, 15)])[-1] == ("ACK", 0)
+    assert set_mode(rig, sub) == [0, 0]
+    rig.run(1)
+    mode = rig.mode
+    for pitch in (0, 0, 600, 600):
+        rig.send("manual_control", 1, pitch, 0, 500, 0, 0)
+        rig.run(0.2)
+    assert rig.mode == ("POSCTL" if position else mode)
+    assert ("Pilot took over using sticks" in rig.ground.texts()) is position

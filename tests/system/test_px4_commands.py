@@ -537,7 +537,7 @@ def test_an_arming_that_shows_needs_no_answer(run):
 
 @pytest.mark.parametrize(
     ("choice", "said"),
-    [({"mode": POSITION}, "the pilot chose another"), ({"armed": False}, "disarmed")],
+    [({"mode": POSITION}, "the pilot chose Position"), ({"armed": False}, "disarmed")],
 )
 def test_what_the_pilot_chose_since_the_arming_is_not_taken_back(run, choice, said):
     def arms(px4, _order):
@@ -548,7 +548,7 @@ def test_what_the_pilot_chose_since_the_arming_is_not_taken_back(run, choice, sa
         for name, value in choice.items():
             setattr(px4s[0], name, value)
         await vehicle.telemetry.wait_for(
-            lambda: vehicle.telemetry.mode is FlightMode.OTHER or not vehicle.telemetry.armed
+            lambda: vehicle.telemetry.mode is FlightMode.POSITION or not vehicle.telemetry.armed
         )
         with pytest.raises(ArmingRefusedError, match=said):
             await vehicle.start()
