@@ -39,7 +39,13 @@ BUSY_S: Final = 5.5
 """PX4 ignores uploads for five seconds after a transfer that nobody finished."""
 
 _PASSING: Final = frozenset(
-    {MissionRawResult.BUSY, MissionRawResult.ERROR, MissionRawResult.TIMEOUT}
+    {
+        MissionRawResult.BUSY,
+        MissionRawResult.ERROR,
+        MissionRawResult.TIMEOUT,
+        # Over a slow link an item of the list before comes once more, and PX4 answers that.
+        MissionRawResult.PROTOCOL_ERROR,
+    }
 )
 MISSION, FENCE, RALLY = 0, 1, 2  # MAV_MISSION_TYPE
 

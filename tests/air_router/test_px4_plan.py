@@ -91,6 +91,22 @@ def test_a_mission_that_is_wrong_is_refused_with_its_reason_at_once(pennovation)
     assert board.uploads == 1
 
 
+def test_a_list_that_an_item_of_the_one_before_broke_off_is_sent_again(pennovation, monkeypatch):
+    monkeypatch.setattr(px4_plan, "BUSY_S", 0.0)
+    plan, board = FlightPlan.of(pennovation), Board()
+    take, answers = board.upload_rally_points_async, [MissionRawResult.PROTOCOL_ERROR]
+
+    def take_late(items, answer):
+        if answers:
+            answer(answers.pop(), None)
+        else:
+            take(items, answer)
+
+    board.upload_rally_points_async = take_late
+    asyncio.run(upload_plan(board, board, plan))
+    assert len(board.rally) == len(plan.rally) > 0
+
+
 def changed(item, **changes):
     return dataclasses.replace(item, **changes)
 

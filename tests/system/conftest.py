@@ -25,8 +25,8 @@ LIMIT_S = 280.0  # of the wall's clock, against hangs only: a busy machine is sl
 PENNOVATION = ROOT / "missions" / "pennovation" / "mission.yaml"
 
 
-def find_udp_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+def find_port(kind=socket.SOCK_DGRAM):
+    with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
 
@@ -126,12 +126,12 @@ def browser():
 
 @pytest.fixture
 def udp_port():
-    return find_udp_port()
+    return find_port()
 
 
 @pytest.fixture
 def free_udp_port():
-    return find_udp_port
+    return find_port
 
 
 class Heartbeats:
@@ -171,12 +171,13 @@ def heartbeats():
 def vehicle(command, udp_port, free_udp_port, short_mission):
     """Starts a simulated PX4 that sends to `udp_port`, by default at the mission's home."""
 
-    def start(*more, speed=10):
+    def start(*more, speed=10, pace=()):
         process = command(
             "sitl",
             "vehicle",
             *(more or (short_mission,)),
             f"--speed={speed}",
+            *pace,
             f"--api-to=127.0.0.1:{udp_port}",
             "--no-gcs",
             f"--truth-to=127.0.0.1:{free_udp_port()}",

@@ -20,6 +20,7 @@ from air_router.mission import load_mission
 from air_router.replay import replay
 from geo.frame import Point
 from mocha_link import Team
+from tests.system.conftest import find_port
 
 HOLD, MISSION = 0x03040000, 0x04040000
 
@@ -65,9 +66,10 @@ def test_a_flight_that_meets_nobody_goes_where_it_is_told_and_comes_home(
     mission = load_mission(short_mission)
     inside = Point(*mission.zones[0].polygon.centroid.coords[0])
     outside = Point(0.0, 5000.0)
-    vehicle(speed=25)
+    pace = f"127.0.0.1:{find_port(socket.SOCK_STREAM)}"
+    vehicle(speed=25, pace=["--pace", pace])
     endpoint = f"ipc://{tmp_path}/control"
-    flight = fly("--arm", "--yes", "--control", endpoint)
+    flight = fly("--arm", "--yes", "--control", endpoint, f"--pace-from={pace},25")
     flight.wait_for("INIT -> SEARCH")
     with ControlClient(endpoint, by="the test", timeout_s=30) as uav:
         beside = uav.goto([mission.frame.to_geodetic(inside)], hold_s=1)
