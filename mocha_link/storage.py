@@ -5,8 +5,8 @@ slow disk makes longer transactions, not a longer queue. See `storage_file` for 
 
 When the file cannot be written (disk full, damaged, locked by another process, directory missing)
 it is said once, in the log and to `on_fault`; the database works on from memory. The writing is
-tried again every few seconds, and catches up with everything when it works. A damaged file stays
-as it is; move it away, and a new one is made.
+tried again every few seconds, and catches up with everything when it works. A damaged file is moved
+aside, and a new one begun with what is in memory; so it is for one that was deleted under the node.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import logging
 import sqlite3
 import threading
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mocha_link import storage_file
@@ -33,7 +34,6 @@ from mocha_link.storage_file import (
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from mocha_link.database import Knowledge, Record
     from mocha_link.shelf import Saved
@@ -56,6 +56,10 @@ RETRY_S = 5.0
 CLOSE_S = 1.0
 # These need somebody to replace the file, so it is not read again before that.
 _LASTING = (StorageDamagedError, StorageForeignError, StorageVersionError)
+
+
+class _LostError(StorageUnreachableError):
+    """It is not where it was when it was opened."""
 
 
 class Storage:
@@ -86,6 +90,7 @@ class Storage:
         self._retry_s = retry_s
         self._connect = connect
         self._file: StorageFile | None = None
+        self._inode = 0
         self._refused: tuple[int, ...] | None = None
         self._epoch = 0
         self._reconcile: Callable[[Contents, Storage], None] | None = None
@@ -227,6 +232,7 @@ class Storage:
         """Write everything that is pending, in one transaction."""
         changes = Changes()
         try:
+            self._check_place()
             file = self._file or self._reopen()
             with self._changed:
                 changes, self._pending = self._pending, changes
@@ -265,6 +271,7 @@ class Storage:
 
     def _open(self, found: Contents) -> StorageFile:
         self._file = StorageFile(self.path, self._connect)
+        self._inode = (self._state() or (0,))[0]
         self._file.read(found)
         gone = self._file.adopt(self._terms, found) if self._terms else 0
         if gone:
@@ -278,6 +285,27 @@ class Storage:
             with suppress(sqlite3.Error):
                 file.close()
 
+    def _check_place(self) -> None:
+        """Raises _LostError if what is open is not what is at the path any more."""
+        if self._file and (self._state() or (None,))[0] != self._inode:
+            raise _LostError(f"{self.path} was deleted or replaced while it was open")
+
+    def _set_aside(self) -> str | None:
+        """Move a damaged file away, for someone to look at; its name then, None if it stays."""
+        number = 1
+        while (to := self.path.with_name(f"{self.path.name}.damaged-{number}")).exists():
+            number += 1
+        try:
+            if not storage_file.is_database(self.path):
+                return None  # the wrong name was given, perhaps: it is not ours to move
+            self.path.rename(to)
+            for tail in ("-wal", "-shm"):
+                with suppress(FileNotFoundError):
+                    Path(f"{self.path}{tail}").rename(f"{to}{tail}")
+        except OSError:
+            return None
+        return str(to)
+
     def _state(self) -> tuple[int, ...] | None:
         """Tells a file from another one at its place."""
         try:
@@ -290,14 +318,20 @@ class Storage:
         fault = storage_file.fault(error, self.path)
         if not isinstance(fault, StorageFullError):  # nothing but room is missing then
             self._close_file()
+        aside = self._set_aside() if isinstance(fault, StorageDamagedError) else None
+        anew = aside is not None or isinstance(fault, _LostError)
         self._refused = self._state() if isinstance(fault, _LASTING) else None
         with self._changed:
             is_known = type(fault) is type(self._fault)
             self._fault = fault
-            self._hurried = False
+            self._hurried = anew
             self._changed.notify_all()
-        if not is_known:
+        if anew:
+            moved = f", and is now {aside}" if aside else ""
+            LOG.error("%s%s; a new one is begun with what is in memory", fault, moved)
+        elif not is_known:
             LOG.error("%s; working from memory, next try in %g s", fault, self._retry_s)
+        if not is_known:
             self._report(fault)
 
     def _succeed(self, given: int) -> None:

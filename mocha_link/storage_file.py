@@ -42,6 +42,7 @@ LOCKED_S = 0.2  # how long a lock of another process is waited for
 JOURNAL_BYTES = 4 * 1024 * 1024
 SPARE_PAGES = 256
 
+_MAGIC = b"SQLite format 3\0"
 _CHECKED = struct.Struct(">QBBQ?Bd")
 _PART = struct.Struct(">QII")
 _ALTERED = (struct.error, TypeError, ValueError, OverflowError, HeaderError)
@@ -285,7 +286,13 @@ def fault(error: Exception, path: Path) -> StorageError:
 
 
 def _damaged(path: Path, what: str) -> str:
-    return f"{path} is damaged ({what}); move it away, and a new one is made"
+    return f"{path} is damaged ({what})"
+
+
+def is_database(path: Path) -> bool:
+    """Whether a file was an SQLite database, as far as its beginning says. Raises OSError."""
+    with path.open("rb") as file:
+        return file.read(len(_MAGIC)) in (_MAGIC, bytes(len(_MAGIC)))
 
 
 def _u64(number: int) -> bytes:

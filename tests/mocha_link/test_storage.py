@@ -252,12 +252,12 @@ def told(caplog):
     return [entry.getMessage() for entry in caplog.records if entry.levelname == "ERROR"]
 
 
-def check_recovery(node, shelter, name="messages.db"):
+def check_recovery(node, shelter, name="messages.db", *, by_itself=False):
     """It was out of order, is put right now, and catches up with everything."""
-    assert not node.storage.wait()
+    assert by_itself or not node.storage.wait()
     kept = node.database.kept()
     node.database.learn("io", Knowledge(1, 2, 3))
-    assert node.retry()
+    assert by_itself or node.retry()
     assert node.fault() is None
     assert node.storage.fault is None
     assert node.faults.empty()
@@ -406,8 +406,8 @@ def spoil(path, how):
         path.write_bytes(content)
 
 
-@pytest.mark.parametrize("how", ["garbage", "truncated", "altered"])
-def test_a_damaged_file_stays_as_it_is(shelter, tmp_path, caplog, how):
+@pytest.mark.parametrize("how", ["truncated", "altered"])
+def test_a_damaged_file_is_moved_aside_and_a_new_one_begun(shelter, tmp_path, caplog, how):
     before = shelter()
     for number in range(100):
         body = f"message {number} ".encode() * 60
@@ -424,6 +424,19 @@ def test_a_damaged_file_stays_as_it_is(shelter, tmp_path, caplog, how):
     # What can still be read is good, and carried on.
     assert set(node.database.kept()) <= set(before.database.kept())
     assert len(node.database.kept()) == 99 or how != "altered"
+    aside = tmp_path / "messages.db.damaged-1"
+    assert f"and is now {aside}; a new one is begun" in caplog.text
+    node.write(150, 151)
+    check_recovery(node, shelter, by_itself=True)
+    assert aside.read_bytes() == spoilt
+
+
+def test_a_file_that_is_no_database_stays_as_it_is(shelter, tmp_path, caplog):
+    path = tmp_path / "messages.db"
+    spoil(path, "garbage")
+    spoilt = path.read_bytes()
+    node = shelter()
+    assert isinstance(node.fault(), StorageDamagedError)
     node.write(150, 151)
     assert not node.retry()
     assert not node.retry()
@@ -432,7 +445,18 @@ def test_a_damaged_file_stays_as_it_is(shelter, tmp_path, caplog, how):
     assert path.read_bytes() == spoilt
     path.rename(tmp_path / "damaged.db")
     check_recovery(node, shelter)
-    assert (tmp_path / "damaged.db").read_bytes() == spoilt
+
+
+def test_a_file_that_is_deleted_while_it_is_used(shelter, tmp_path, caplog):
+    node = shelter()
+    node.write(*range(20))
+    assert node.storage.wait(60)
+    for path in tmp_path.glob("messages.db*"):
+        path.unlink()
+    node.write(20)
+    assert "was deleted or replaced" in str(node.fault())
+    check_recovery(node, shelter, by_itself=True)
+    assert "is begun with what is in memory" in caplog.text
 
 
 def test_a_file_that_is_damaged_while_it_is_used(shelter, tmp_path):
@@ -445,10 +469,8 @@ def test_a_file_that_is_damaged_while_it_is_used(shelter, tmp_path):
     gates[0].error = error
     node.write(20)
     assert isinstance(node.fault(), StorageDamagedError)
-    assert not node.retry()  # the same file is not read over and over
-    assert len(gates) == 1
-    (tmp_path / "messages.db").rename(tmp_path / "damaged.db")
-    check_recovery(node, shelter)
+    check_recovery(node, shelter, by_itself=True)
+    assert (tmp_path / "messages.db.damaged-1").exists()
 
 
 @pytest.mark.parametrize(
