@@ -14,6 +14,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,6 +30,8 @@ _log = logging.getLogger(__name__)
 
 _PX4_INSTANCES = 10
 _PX4_PORT = 14_580  # of the first instance; the next ones follow
+
+_LOST = {"team": "no robot, radio or camera is simulated any more, and the vehicle flies on"}
 
 READY_S = 60.0
 STOP_S = 10.0
@@ -77,6 +80,7 @@ class Child:
         self.ended: dict[str, Any] = {}
         self._name = name
         self._log = log
+        self._stopping = False
         with log.open("wb") as stderr:
             self._process = subprocess.Popen(  # noqa: S603 - our own program and arguments
                 # The world ends with the flight, also if that is killed.
@@ -112,10 +116,25 @@ class Child:
                 raise NoVehicleError(f"sitl {self._name} ended with code {code}; it said: {said}")
             line += byte
         ready: dict[str, Any] = json.loads(line)
+        threading.Thread(target=self._watch, name=f"sitl {self._name}", daemon=True).start()
         return ready
+
+    def _watch(self) -> None:
+        """Say once that it has ended by itself, or was killed: the flight does not know why."""
+        code = self._process.wait()
+        if self._stopping:
+            return
+        how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
+        lost = _LOST.get(self._name.partition("-")[0], "the simulated vehicle is gone")
+        _log.warning(
+            "sitl %s %s: %s; type 'home' or press Ctrl-C, then start the simulation anew (its log: "
+            "%s)",
+            *(self._name, how, lost, self._log),
+        )
 
     def stop(self) -> None:
         """End it and wait until it has ended, with what it says then in `ended`."""
+        self._stopping = True
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGTERM)
         try:

@@ -198,6 +198,7 @@ def test_a_team_that_is_killed_leaves_the_vehicle_on_its_route(command, short_mi
     report = json.loads(out)
     assert (code, report["outcome"]) == (0, "done"), flight.said
     assert report["closest_approach_m"] >= 5.0
+    assert flight.said.count("sitl team was killed by signal 9: no robot, radio or camera") == 1
 
 
 def children(pid):
