@@ -77,7 +77,7 @@ class RealFlight:
         self._lines: list[Line] = []
         self._vehicle: subprocess.Popen[bytes] | None = None
         self._second: subprocess.Popen[bytes] | None = None
-        self._awaited: tuple[What, object, Callable[[], bool], float] | None = None
+        self._awaited: tuple[Happening, Callable[[], bool]] | None = None
         self._sticks_until_s = -math.inf
         self._sticks = 0
         self._relay: LossyRelay
@@ -178,10 +178,10 @@ class RealFlight:
         if now_s < self._sticks_until_s:
             self._station.sticks(self._sticks)
         if self._awaited is not None:
-            what, value, shows, until_s = self._awaited
+            happening, shows = self._awaited
             if shows():
-                self._note(what, value)
-            if shows() or now_s > until_s:
+                self._happenings.append(happening)
+            if shows() or now_s > happening.time_s + _SHOWS_S:
                 self._awaited = None
 
     def _note(self, what: What, value: object = None) -> None:
@@ -189,7 +189,7 @@ class RealFlight:
 
     def _await(self, what: What, value: object, shows: Callable[[], bool]) -> None:
         if not shows():  # what is there already nobody has chosen
-            self._awaited = what, value, shows, self._seen.time_s + _SHOWS_S
+            self._awaited = Happening(self._seen.time_s, what, value), shows
 
     # What is done, by the names of `scenes`.
 
