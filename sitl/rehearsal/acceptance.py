@@ -63,6 +63,11 @@ def _row(*ends: End, **more: object) -> Row:
 _HOME: Final = _row(End.LANDED)
 _HOME_OR_FAILSAFE: Final = _row(End.LANDED, End.FAILSAFE)
 _PILOTS: Final = _row(End.PILOT, says="pilot|ground station|taken|took")
+_HEIGHT_OFF: Final = _row(
+    *(End.LANDED, End.FAILSAFE, End.PILOT),
+    tolerance=Tolerance(height_m=4.0),  # until the satellites' altitude shows it
+    says="altitude|height|high",
+)
 
 ACCEPTED: Final = MappingProxyType(
     {
@@ -72,8 +77,8 @@ ACCEPTED: Final = MappingProxyType(
         "STORM": _row(*End, tolerance=Tolerance(30.0, 10.0, 60.0), says="wind|clos|near|clear"),
         "JUMPS": _HOME,  # the scene says by how much the estimate is off, and that is excused
         "DRIFT": _HOME_OR_FAILSAFE,
-        "ALTITUDE_JUMPS": _row(End.LANDED, End.FAILSAFE, End.PILOT, says="altitude|height|high"),
-        "BAROMETER": _row(End.LANDED, End.FAILSAFE, End.PILOT, says="altitude|height|high"),
+        "ALTITUDE_JUMPS": _HEIGHT_OFF,
+        "BAROMETER": _HEIGHT_OFF,
         # The link: it comes home, or stays where its plan did not get on board.
         "LOSS_1": _HOME,
         "LOSS_5": _HOME,

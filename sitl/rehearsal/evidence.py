@@ -85,7 +85,7 @@ class What(StrEnum):
     CONTINUED = "companion continued"  # None: SIGCONT
     FAULT = "fault begins"  # the fault's name, or a line of text
     FAULT_OVER = "fault ends"  # the same
-    ESTIMATE_OFF = "estimate off"  # metres that the estimate is wrong by from now on, 3D
+    ESTIMATE_OFF = "estimate off"  # metres that it is wrong by from now on, horizontally
     HOME_MOVED = "home moved"  # (latitude_deg, longitude_deg, altitude_amsl_m)
     FENCE_CHANGED = "fence changed"  # by another station; "deleted", "added" ...
     BATTERY = "battery"  # seconds that it takes from full to empty from now on

@@ -19,6 +19,9 @@ DONE, TAKEN_OVER = 0, 6
 """Exit codes of `air-router fly`: landed at home; the operator took over."""
 
 LEAST_HZ: Final = 20.0
+_LAG_S: Final = 0.5
+"""Lines are stamped by the program that reads them, happenings by the one that does them."""
+
 _BESIDE_M: Final = 1.0
 _LAND_M_S: Final = 0.7
 _DETOUR, _SLACK_S = 1.5, 10.0
@@ -170,7 +173,7 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
     if code == TAKEN_OVER and not taken:
         yield Violation(last_s, "told", "exit 6: a pilot took over, but none did")
     claims = [line.time_s for line in evidence.lines if _SAYS_PILOT.search(line.text)]
-    if claims and claims[0] < min(taken, default=math.inf):
+    if claims and claims[0] < min(taken, default=math.inf) - _LAG_S:
         yield Violation(claims[0], "told", "a pilot is said to have taken over, but none had")
     if end is End.PILOT and code not in {TAKEN_OVER, None}:
         yield Violation(last_s, "told", f"exit {code}, though the pilot has the vehicle")

@@ -356,7 +356,7 @@ class Stage:
 
     def _look_at_the_estimate(self) -> None:
         errors = self.vehicle.autopilot.errors
-        off_m = math.hypot(errors.north_m, errors.east_m, errors.altitude_m)
+        off_m = math.hypot(errors.north_m, errors.east_m)
         if abs(off_m - self._off_m) > 1.0:
             self._off_m = off_m
             self.happened(What.ESTIMATE_OFF, off_m)

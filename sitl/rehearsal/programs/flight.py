@@ -31,7 +31,7 @@ from sitl.rehearsal.programs.scenes import STREAMS, Act, WireScene
 from sitl.rehearsal.programs.station import MODES, Station, items_of
 from sitl.rehearsal.programs.strangers import intrusion
 
-SPEED: Final = 10.0
+SPEED: Final = 5.0
 DURATION_S, MEETING_S = 45, 200
 STARTS_S: Final = 60.0
 FLIGHT_S: Final = 420.0
