@@ -241,7 +241,7 @@ class Autopilot:
             )
             return False
         situation = self.situation
-        situation.armed = True
+        situation.armed, situation.took_off_s = True, None
         self._armed_s = self.time_s
         self._ground.armed(self.time_s)
         self.watchdog.armed()

@@ -54,6 +54,7 @@ class GroundContact:
             if airframe.up_m <= _LIFT_OFF_M:
                 return False
             situation.landed, self.landed_s = False, None
+            situation.took_off_s = situation.time_s
             situation.say("Takeoff detected", "commander_takeoff_detected")
             return True
         if not airframe.on_ground:

@@ -38,6 +38,7 @@ class Situation:
         heading_rad: Of the nose.
         position_valid: Whether the position is good enough to fly by.
         landed: Whether it stands on the ground.
+        took_off_s: When it took off since it was armed; None if it has not.
         armed: Whether the motors turn.
         home: North, east in metres, once set.
         home_altitude_m: AMSL; wanders in flight.
@@ -58,6 +59,7 @@ class Situation:
     heading_rad: float = 0.0
     position_valid: bool = True
     landed: bool = True
+    took_off_s: float | None = None
     armed: bool = False
     home: tuple[float, float] | None = None
     home_altitude_m: float = 0.0

@@ -63,6 +63,7 @@ class StatusMessages:
             "CURRENT_EVENT_SEQUENCE": self._event_sequence,
             "CURRENT_MODE": self._current_mode,
             "AUTOPILOT_VERSION": self._version,
+            "FLIGHT_INFORMATION": self._flight_information,
         }
 
     @property
@@ -180,6 +181,17 @@ class StatusMessages:
             "standard_mode": _STANDARD_MODES.get(mode, 0),
             "custom_mode": mode.custom_mode,
             "intended_custom_mode": intended.custom_mode,
+        }
+
+    def _flight_information(self) -> Fields:
+        situation = self._situation
+        flies = situation.armed and situation.took_off_s is not None
+        return {
+            "time_boot_ms": self.boot_ms,
+            "arming_time_utc": 0,  # only its take-off is looked at
+            "takeoff_time_utc": round((situation.took_off_s or 0.0) * 1e6) if flies else 0,
+            "flight_uuid": 0,
+            "landing_time": 0,
         }
 
     def _version(self) -> Fields:

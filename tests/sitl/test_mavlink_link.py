@@ -406,3 +406,9 @@ def flown(make_rig):
         return rig
 
     return make
+
+
+def test_since_when_it_flies_is_told_when_it_is_asked_for(rig):
+    rig.run(5)
+    assert rig.command(512, 264) == [ACCEPTED]
+    assert rig.onboard.last("FLIGHT_INFORMATION").takeoff_time_utc == 0

@@ -232,6 +232,25 @@ def test_the_same_plan_that_a_station_rounded_and_uploads_again_is_ours(mission,
 
 
 @pytest.mark.usefixtures("vehicle")
+def test_a_companion_that_comes_later_is_told_since_when_it_flies(mission, udp_port):
+    async def take_off(vehicle):
+        info = await vehicle.connect()
+        log = Log(vehicle)
+        await vehicle.upload(FlightPlan.of(mission))
+        await vehicle.arm()
+        await vehicle.start()
+        await log.until(lambda: log.telemetry.in_air)
+        return info.took_off_s, log.telemetry.time_s
+
+    async def come_later(vehicle):
+        return (await vehicle.connect()).took_off_s
+
+    before, seen_s = run(mission, udp_port, take_off)
+    assert before is None
+    assert run(mission, udp_port, come_later) == pytest.approx(seen_s, abs=2.0)
+
+
+@pytest.mark.usefixtures("vehicle")
 def test_a_changed_fence_is_ours_in_flight_and_another_s_is_not(mission, udp_port):
     plan = FlightPlan.of(mission)
     place = mission.waypoints[4].position
