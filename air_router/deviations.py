@@ -14,6 +14,7 @@ flies, zones are being changed, or the vehicle lands.
 | by 6 m | for some seconds | home: which of both is right? |
 | nearer to a zone or the fence than the clearance | at once | hold, then away from there and on |
 | faster than commanded | for 2 s | hold, then on at the commanded speed |
+| much slower | for 5 s of a leg | it is told |
 | one of these, a third time within 3 minutes | at once | home |
 """
 
@@ -24,8 +25,7 @@ from collections import deque
 from enum import Enum
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from air_router.actions import HoldHere
-from air_router.compass import direction
+from air_router.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.departure import names_of
 
 if TYPE_CHECKING:
@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from air_router.height_frame import HomeMove
     from air_router.mission import Mission
     from air_router.vehicle import Telemetry
+
+OFF_M: Final = 5.0
+"""How far off its altitudes a vehicle may be at least, whatever margin the mission keeps: PX4
+corrects the altitude of home by more than 2 m while it flies."""
 
 OFF_S: Final = 4.0
 """How long the vehicle is off its altitudes, and comes no nearer, before that is told."""
@@ -66,10 +70,15 @@ DOUBT_HOME_M: Final = 6.0
 
 _AVERAGE_S: Final = 4.0
 
-FASTER_M_S: Final = 1.0
-FASTER: Final = 1.25
+FASTER_M_S: Final = 0.5
+FASTER: Final = 1.1
 FAST_S: Final = 2.0
 """A gust makes a vehicle no faster than this for so long."""
+
+SLOW: Final = 0.6
+SLOW_S: Final = 5.0
+SLOW_M: Final = 10.0
+"""A leg of which more than this is left is flown faster than this share, after some seconds."""
 
 TIMES: Final = 3
 WITHIN_S: Final = 180.0
@@ -114,6 +123,8 @@ class Deviations:
         self._clear_until: tuple[float, Telemetry] | None = None
         self._fast_since_s: float | None = None
         self._fast_told = True
+        self._slow_since_s: float | None = None
+        self._slow_told = False
         self._times: deque[float] = deque(maxlen=TIMES)
 
     def renew(self, mission: Mission) -> None:
@@ -131,7 +142,9 @@ class Deviations:
         if told is not None and math.dist(moved, told) < _HOME_AGAIN_M:
             return None
         self._home_told = moved
-        words = f"home was moved: {_move(moved, telemetry)}"
+        amsl_m = telemetry.altitude_amsl_m
+        before_m = None if amsl_m is None else amsl_m - telemetry.altitude_m
+        words = f"home was moved: {moved.words(before_m)}"
         if not moved.changes_heights:
             return Deviation(Response.TELL, f"{words}; the autopilot's own Return flies there")
         if told is not None and abs(moved.up_m - told.up_m) < _HOME_AGAIN_M:
@@ -144,7 +157,8 @@ class Deviations:
             self._height(telemetry),
             self._satellites.look(telemetry),
             self._clearance(telemetry),
-            self._speed(telemetry, custody),
+            self._fast(telemetry, custody),
+            self._slow(telemetry, custody),
         )
         self._before = telemetry
         return [deviation for deviation in found if deviation is not None]
@@ -152,7 +166,7 @@ class Deviations:
     def forget(self) -> None:
         """It does not fly its mission by our commands just now."""
         self.waits = False
-        self._before = self._out_since_s = self._fast_since_s = None
+        self._before = self._out_since_s = self._fast_since_s = self._slow_since_s = None
         self._fast_told = True  # it may come out of another's flight, and brakes
         self._off_since_s = self._back_since_s = None
         self._spare_told_m, self._clear_until = 0.0, None
@@ -162,7 +176,8 @@ class Deviations:
     def _height(self, telemetry: Telemetry) -> Deviation | None:
         band, now_s, before = self._mission.cruise, telemetry.time_s, self._before
         altitude_m = telemetry.altitude_m
-        out_m = max(band.lower_m - altitude_m, altitude_m - band.upper_m, 0.0)
+        slack_m = max(OFF_M - self._mission.planner.vertical_margin_m, 0.0)
+        out_m = max(band.lower_m - altitude_m, altitude_m - band.upper_m, slack_m) - slack_m
         if before is not None and _jumped(before, telemetry):
             from_m = altitude_m + _amsl_m(before) - _amsl_m(telemetry)
             words = f"the altitude jumped from {from_m:.0f} to {altitude_m:.0f} m"
@@ -234,7 +249,7 @@ class Deviations:
 
     # Speed.
 
-    def _speed(self, telemetry: Telemetry, custody: Custody) -> Deviation | None:
+    def _fast(self, telemetry: Telemetry, custody: Custody) -> Deviation | None:
         commanded_m_s = self._mission.speed_m_s
         speed_m_s = math.hypot(*telemetry.velocity_m_s)
         if speed_m_s <= FASTER * commanded_m_s + FASTER_M_S:
@@ -252,6 +267,26 @@ class Deviations:
         if isinstance(custody.last, HoldHere):  # for another reason; it brakes
             return Deviation(Response.TELL, words)
         return self._again(telemetry.time_s, words)
+
+    def _slow(self, telemetry: Telemetry, custody: Custody) -> Deviation | None:
+        commanded_m_s, leg = self._mission.speed_m_s, custody.last
+        speed_m_s = math.hypot(*telemetry.velocity_m_s)
+        self._slow_told &= speed_m_s < commanded_m_s * (1.0 + SLOW) / 2.0
+        far = (
+            custody.pending is None
+            and isinstance(leg, FlyToNode | FlyToPoint)
+            and math.dist(telemetry.position, leg.position) > SLOW_M
+        )
+        if not far or speed_m_s > SLOW * commanded_m_s:
+            self._slow_since_s = None
+            return None
+        if self._slow_since_s is None:
+            self._slow_since_s = telemetry.time_s
+        if self._slow_told or telemetry.time_s - self._slow_since_s < SLOW_S:
+            return None
+        self._slow_told = True
+        words = f"it flies only {speed_m_s:.1f} m/s and was told {commanded_m_s:.1f} m/s"
+        return Deviation(Response.TELL, words)
 
     def _again(self, now_s: float, words: str) -> Deviation:
         self._times.append(now_s)
@@ -311,17 +346,3 @@ def _as_high(one: Telemetry, other: Telemetry, mission: Mission) -> bool:
     """Whether the same zones count at two altitudes."""
     at = mission.airspace_at
     return at(one.altitude_m) is at(other.altitude_m)
-
-
-def _move(moved: HomeMove, telemetry: Telemetry) -> str:
-    """A move of home, from and to where, in words."""
-    words = []
-    if moved.changes_heights:
-        words.append(f"{abs(moved.up_m):.0f} m {'up' if moved.up_m > 0 else 'down'}")
-        if telemetry.altitude_amsl_m is not None:
-            before_m = telemetry.altitude_amsl_m - telemetry.altitude_m
-            words[-1] += f" (from {before_m:.0f} to {before_m + moved.up_m:.0f} m above the sea)"
-    aside_m = math.hypot(moved.east_m, moved.north_m)
-    if aside_m >= 1.0:
-        words.append(f"{aside_m:.0f} m {direction(moved.east_m, moved.north_m)}")
-    return " and ".join(words)

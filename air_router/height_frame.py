@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from air_router.compass import direction
 from geo.frame import Point
 
 HOME_UP_M: Final = 4.0
@@ -32,6 +33,19 @@ class HomeMove(NamedTuple):
     def changes_heights(self) -> bool:
         """Whether the items of the plan lie at other heights by it."""
         return abs(self.up_m) > HOME_UP_M
+
+    def words(self, before_amsl_m: float | None) -> str:
+        """How far, and where to; `before_amsl_m` is how high home was above mean sea level."""
+        words = []
+        if self.changes_heights:
+            words.append(f"{abs(self.up_m):.0f} m {'up' if self.up_m > 0 else 'down'}")
+            if before_amsl_m is not None:
+                now_m = before_amsl_m + self.up_m
+                words[-1] += f" (from {before_amsl_m:.0f} to {now_m:.0f} m above the sea)"
+        aside_m = math.hypot(self.east_m, self.north_m)
+        if aside_m >= 1.0:
+            words.append(f"{aside_m:.0f} m {direction(self.east_m, self.north_m)}")
+        return " and ".join(words)
 
 
 @dataclass(slots=True)

@@ -13,6 +13,7 @@ from air_router.height_frame import HomeMove
 from air_router.requests import HoldNow
 from air_router.vehicle import FlightMode
 from geo.frame import Point
+from geo.zone import Band
 from tests.air_router.conftest import Airframe
 
 LOWER = HomeMove(0.0, 0.0, -25.0)
@@ -205,3 +206,22 @@ def test_home_moved_is_told_without_a_fix_too(cruising):
     cruising.home_moved = LOWER
     cruising.step()
     assert len(told(cruising, "home was moved")) == 1
+
+
+def test_a_mission_without_a_vertical_margin_is_flown_without_a_false_alarm(pretend, pennovation):
+    planner = dataclasses.replace(pennovation.planner, vertical_margin_m=0.0)
+    flight = pretend(duration_s=60.0, planner=planner, cruise=Band(40.0, 40.0))
+    flight.take_off()
+    for number in range(200):
+        flight.altitude_m = 40.0 + (2.3 if number > 20 else 0.0)
+        flight.step()
+    assert not told(flight, "too high")
+
+
+def test_much_slower_than_commanded_is_told_once_and_flown_on(cruising):
+    pace_m_s, before = 2.0 / 5.0, len(cruising.motions)
+    wanted = cruising._wanted
+    cruising._wanted = lambda: tuple(pace_m_s * component for component in wanted())
+    fly(cruising, 40.0)
+    assert len(told(cruising, "it flies only")) == 1
+    assert not any(isinstance(motion, HoldHere) for motion in cruising.motions[before:])
