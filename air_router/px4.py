@@ -151,7 +151,7 @@ class Px4Vehicle(Vehicle):
         telemetry = self._telemetry
         await self._connection.heard(telemetry.complete, "positions")
         await telemetry.shows(lambda: None not in (telemetry.version, telemetry.home), ONCE_S)
-        work = (self._watch_silence(), self._ask_again())
+        work = (self._watch_silence(), self._watch_streams())
         self._watches = [asyncio.create_task(watch) for watch in work]
         return VehicleInfo(
             system_id=self._connection.system_id,
@@ -335,14 +335,17 @@ class Px4Vehicle(Vehicle):
         text = message("COMMAND_LONG", fields, self._connection.system_id)
         await self._answer(self._direct.send_command_async, text)
 
-    async def _ask_again(self) -> None:
-        """Ask for streams that are missing, at our rate or the autopilot's own."""
+    async def _watch_streams(self) -> None:
         while True:
             await asyncio.sleep(ASK_EVERY_S)
-            for name in self._telemetry.missing(ASK_AGAIN_S):
-                what = STREAMS[name]
-                interval_us = 1e6 / RATES_HZ[what] if what in RATES_HZ else 0.0
-                await self._wish(SET_MESSAGE_INTERVAL, what, interval_us)
+            await self._ask_again()
+
+    async def _ask_again(self) -> None:
+        """Ask for streams that are missing, at our rate or the autopilot's own."""
+        for name in self._telemetry.missing(ASK_AGAIN_S):
+            what = STREAMS[name]
+            interval_us = 1e6 / RATES_HZ[what] if what in RATES_HZ else 0.0
+            await self._wish(SET_MESSAGE_INTERVAL, what, interval_us)
 
     async def _watch_silence(self) -> None:
         loop = asyncio.get_running_loop()

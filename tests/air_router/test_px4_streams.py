@@ -1,9 +1,12 @@
 """What PX4's streams say together: their ages, frozen ones, and no vehicle that never was."""
 
+import asyncio
+
 import pytest
 
 from air_router.clock import VehicleClock
 from air_router.mavsdk_bridge import Received
+from air_router.px4 import SET_MESSAGE_INTERVAL, Px4Vehicle
 from air_router.px4_mode import ARMED
 from air_router.px4_telemetry import Px4Telemetry
 from air_router.vehicle import FlightMode, Telemetry
@@ -313,3 +316,22 @@ def test_a_flight_termination_shows(px4):
     px4.status = TERMINATED
     px4.run(2.0)
     assert px4.last.terminated
+
+
+def test_a_stream_that_was_turned_off_is_asked_for_again(px4, pennovation, monkeypatch):
+    vehicle = Px4Vehicle(pennovation, "udpin://127.0.0.1:14540", px4.clock)
+    monkeypatch.setattr(vehicle, "_telemetry", px4.telemetry)
+    asked = []
+
+    async def note(*wish):
+        asked.append(wish)
+
+    monkeypatch.setattr(vehicle, "_wish", note)
+    px4.run(5.0)
+    asyncio.run(vehicle._ask_again())
+    assert asked == []
+    px4.off |= {"GLOBAL_POSITION_INT", "SYS_STATUS"}
+    px4.run(5.0)
+    asyncio.run(vehicle._ask_again())
+    # At our rate; and at the autopilot's own.
+    assert asked == [(SET_MESSAGE_INTERVAL, 33, 1e5), (SET_MESSAGE_INTERVAL, 1, 0.0)]
