@@ -18,7 +18,7 @@ from air_router.actions import (
 from air_router.behaviour import State
 from air_router.events import AirspaceChanged, CommandFailed, PlanRenewed, RobotPose, RobotSought
 from air_router.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
-from air_router.vehicle import FlightMode, LinkSilent
+from air_router.vehicle import Ages, FlightMode, LinkSilent
 from geo.frame import Point
 from mocha_link.metrics import Direction, SyncEnded, SyncStarted
 
@@ -349,7 +349,12 @@ def without_fix(flight):
     return "GPS has no fix"
 
 
-@pytest.mark.parametrize("lose", [silent, without_fix])
+def without_positions(flight):
+    flight.give(dataclasses.replace(flight.telemetry(), ages=Ages(position_s=2.5)))
+    return "position not heard"
+
+
+@pytest.mark.parametrize("lose", [silent, without_fix, without_positions])
 def test_home_without_a_position_is_promised_for_when_it_is_known_again(in_state, lose):
     flight = in_state(State.INIT)
     why = lose(flight)
