@@ -114,6 +114,7 @@ class Answering:
         return (
             self._renewal.phase is not None
             and isinstance(request, GoOn | SeekNow | ExploreNow | ComeHome | GoTo)
+            and not (isinstance(request, GoOn) and request.upload)  # that says so itself
             and self._cockpit.in_air
         )
 
