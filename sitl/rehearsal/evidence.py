@@ -78,6 +78,7 @@ class What(StrEnum):
     MISSION_FILE = "mission file"  # the text as it is to be flown from now on, after a reload
     PILOT = "pilot"  # what the pilot or a station chose: mode name, "sticks", "item", "plan" ...
     DISARMED = "disarmed"  # who: "pilot", "station"; also by force in the air
+    REBOOTED = "rebooted"  # None: the autopilot was started anew, on the ground at home
     REQUEST = "request"  # an operator's request as sent: its verb, "resume", "hold", "home" ...
     KILLED = "companion killed"  # None
     STARTED = "companion started"  # None; also the first time

@@ -26,7 +26,9 @@ _BESIDE_M: Final = 1.0
 _LAND_M_S: Final = 0.7
 _DETOUR, _SLACK_S = 1.5, 10.0
 _SAYS_PILOT: Final = re.compile(r"pilot (chose|took|has)", re.IGNORECASE)
-_TAKEN: Final = frozenset({What.PILOT, What.DISARMED, What.FENCE_CHANGED, What.HOME_MOVED})
+_TAKEN: Final = frozenset(
+    {What.PILOT, What.DISARMED, What.FENCE_CHANGED, What.HOME_MOVED, What.REBOOTED}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +127,10 @@ def _ending(track: Track, end: End, row: Row) -> Iterator[Violation]:
     if end not in row.ends:
         text = f"{end.value}, {last:.1f} m from home; this fault allows: "
         yield Violation(last_s, "end", text + ", ".join(e.value for e in row.ends))
-    steps = [b - a for a, b in zip(track.time_s, track.time_s[1:], strict=False)]
-    widest_s = max((s for s, up in zip(steps, track.flying, strict=False) if up), default=0.0)
+    anew = [h.time_s for h in track.evidence.told(What.REBOOTED)]
+    steps = zip(track.time_s, track.time_s[1:], track.flying, strict=False)
+    flown = [b - a for a, b, up in steps if up and not any(a <= at_s <= b for at_s in anew)]
+    widest_s = max(flown, default=0.0)
     if widest_s > 1.0:
         yield Violation(last_s, "evidence", f"{widest_s:.1f} s of the track are missing")
     yield from _battery(track)

@@ -147,6 +147,7 @@ class Track:
             for h in self.evidence.happenings
             if h.what in {What.PILOT, What.DISARMED}
         ]
+        takings += [(h.time_s, By.AUTOPILOT) for h in self.evidence.told(What.REBOOTED)]
         acting = False
         for sample in self.evidence.samples:
             if sample.failsafe and not acting:

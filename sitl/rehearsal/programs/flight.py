@@ -84,6 +84,7 @@ class RealFlight:
         self._companion: Companion
         self._station: Station
         self._arguments: list[str] = []
+        self._instance = 0
 
     @property
     def _seen(self) -> Recording:
@@ -113,6 +114,7 @@ class RealFlight:
             return self._flown(mission)
 
     def _flown(self, mission: Path) -> Evidence:
+        text = mission.read_text(encoding="utf-8")  # it may be changed in flight
         self._start("--arm", "--yes")
         if self._px4 is None:
             self._start_vehicle(mission)
@@ -129,7 +131,7 @@ class RealFlight:
             scene=f"{self.scene}{' on PX4' if self._px4 else ' over MAVLink'}",
             faults=frozenset({"NONE" if refused else self.scene.fault}),
             mission_path=mission,
-            mission_text=mission.read_text(encoding="utf-8"),
+            mission_text=text,
             samples=tuple(seen.samples),
             messages=tuple(seen.messages),
             happenings=tuple(self._happenings),
@@ -307,13 +309,16 @@ class RealFlight:
 
     def do_reboot(self, _value: object) -> None:
         """The autopilot's power fails, and it starts anew."""
-        self._note(What.DISARMED, "reboot")
+        self._note(What.REBOOTED)
         self._end_vehicle()
         self._seen.restart()
+        mission = Path(self._arguments[0])
         if self._px4 is None:
-            self._start_vehicle(Path(self._arguments[0]))
+            self._start_vehicle(mission)
         else:
-            self._start_px4(Path(self._arguments[0]))
+            self._relay.while_closed(
+                lambda: self._start_px4(mission, f"--instance={self._instance}")
+            )
 
     def do_move_link(self, _value: object) -> None:
         """The vehicle is heard from another port."""
@@ -327,7 +332,9 @@ class RealFlight:
         mission = read_mission(path, text)
         far = [w for w in mission.waypoints if math.hypot(*w) > _FROM_HOME_M]
         latitude, longitude = mission.frame.degrees(*self.scene.chance("zone").choice(far))
-        zone = f"  - {{circle: {{centre: [{latitude!r}, {longitude!r}], radius_m: 6}}}}\n"
+        zone = (
+            f"  - {{name: drawn, circle: {{centre: [{latitude!r}, {longitude!r}], radius_m: 6}}}}\n"
+        )
         before, found, after = text.partition("no_fly_zones:\n")
         text = before + found + zone + after
         path.write_text(text, encoding="utf-8")
@@ -374,11 +381,12 @@ class RealFlight:
             f"--truth-to=127.0.0.1:{self._relay.truth_port}",
         )
 
-    def _start_px4(self, mission: Path) -> tuple[int, int]:
+    def _start_px4(self, mission: Path, *more: str) -> tuple[int, int]:
         """Where it sends its API link and its truth."""
         self._vehicle, ready = started(
-            *("px4", str(mission), f"--px4={self._px4}", f"--speed={self._speed:g}")
+            *("px4", str(mission), f"--px4={self._px4}", f"--speed={self._speed:g}", *more)
         )
+        self._instance = int(ready["system_id"]) - 1
         return port_of(ready["mavlink"]), port_of(ready["truth"])
 
     def _end_vehicle(self) -> None:

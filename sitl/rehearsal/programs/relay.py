@@ -25,6 +25,7 @@ _FROM_VEHICLE: Final = frozenset({_HEARTBEAT, 1, 77, 242, 245, 436, *_MISSION})
 _FROM_OTHERS: Final = frozenset({11, 69, 75, 76, 84, 86, 23, *_MISSION})
 _ARMED, _CRITICAL = 128, 5
 _BUFFER: Final = 2**22
+_PAUSE_S: Final = 0.2
 _LANDED_M: Final = 0.3
 """So low above where it started a vehicle stands on the ground: the simulated ground is flat."""
 
@@ -176,6 +177,7 @@ class LossyRelay:
         self._first: dict[int, bytes] = {}
         self._waiting: deque[tuple[float, bytes]] = deque()
         self._stop = threading.Event()
+        self._paused = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def __enter__(self) -> Self:
@@ -208,6 +210,20 @@ class LossyRelay:
         self._ends[2] = self._outside
         old.close()
 
+    def while_closed(self, restart: Callable[[], object]) -> None:
+        """Give the vehicle's ports free while it is started anew: PX4 wants them to be."""
+        self._paused.set()
+        time.sleep(_PAUSE_S)
+        for end in (self._api, self._truth):
+            end.close()
+        restart()
+        for place, port in enumerate((self.api_port, self.truth_port)):
+            end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            end.bind(("127.0.0.1", port))
+            self._ends[place] = end
+        self._api, self._truth = self._ends[:2]
+        self._paused.clear()
+
     def listen(self, port: int) -> None:
         """Take what another vehicle sends there for the companion as well."""
         end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -216,6 +232,9 @@ class LossyRelay:
 
     def _run(self) -> None:
         while not self._stop.is_set():
+            if self._paused.is_set():
+                time.sleep(_PAUSE_S / 10)
+                continue
             with contextlib.suppress(OSError, ValueError):  # a socket that has just been replaced
                 for end in select.select(self._ends, [], [], 0.05)[0]:
                     data, sender = end.recvfrom(65536)
