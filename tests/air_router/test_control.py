@@ -11,6 +11,7 @@ import socket
 import stat
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import zmq
@@ -290,7 +291,8 @@ def test_of_several_simulated_uavs_each_has_its_own_endpoints():
         sim.register(parser.add_subparsers())
         arguments = parser.parse_args(["sim", "m.yaml", *more])
         seats = [Seat(name, "udp://x", 1, "tcp://y") for name in ("titan", "atlas")]
-        commands = [sim._command(seat, n, Path("t"), arguments) for n, seat in enumerate(seats)]
+        world = SimpleNamespace(team=Path("t"), pace=None)
+        commands = [sim._command(seat, n, world, arguments) for n, seat in enumerate(seats)]
         names = ("--metrics", "--control", "--web", "--web-host")
         return [
             [command[command.index(name) + 1] for name in names if name in command]

@@ -64,7 +64,7 @@ def test_over_real_sockets():
     vehicle, stranger = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
     link = Px4Link(bound, 1, heard.put)
     with vehicle, stranger:
-        link.send(b"to nobody yet")
+        link.send(b"too early")
         vehicle.sendto(heartbeat(), here)
         assert heard.get(timeout=20) == heartbeat()
         stranger.sendto(position(5), here)
