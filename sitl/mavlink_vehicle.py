@@ -39,7 +39,6 @@ class VehicleSettings:
         ground_link: Whether there is a link to a ground station; without one it costs nothing.
         truth_link: Whether there is one that says where it really is.
         onboard_rates_hz: What is streamed on the onboard link.
-        ground_rates_hz: And on the ground station's.
         step_s: Simulated seconds of one step.
         px4_version: One of `px4_version.VERSIONS`: what it behaves as where they differ.
     """
@@ -54,7 +53,6 @@ class VehicleSettings:
     ground_link: bool = True
     truth_link: bool = True
     onboard_rates_hz: Mapping[str, float] = field(default_factory=lambda: ONBOARD_RATES_HZ)
-    ground_rates_hz: Mapping[str, float] = field(default_factory=lambda: GROUND_RATES_HZ)
     step_s: float = STEP_S
     px4_version: str = VERSIONS[0]
 
@@ -97,7 +95,7 @@ class MavlinkVehicle:
             self.autopilot, self._telemetry, settings.onboard_rates_hz, time_scale=scale
         )
         self.ground = MavlinkLink(
-            self.autopilot, self._telemetry, settings.ground_rates_hz, time_scale=scale
+            self.autopilot, self._telemetry, GROUND_RATES_HZ, time_scale=scale
         )
         self._links = (self.onboard, self.ground) if settings.ground_link else (self.onboard,)
         self._tells_truth = settings.truth_link

@@ -20,6 +20,7 @@ _GUST_TAU_S: Final = 3.0
 _TRIM_S: Final = 8.0
 _FORGET_S: Final = 4.0
 _GUST_SHARE: Final = 0.3
+_MOST_TRIM_M_S2: Final = 4.5  # leaning by 25 degrees: what a small quadrotor does at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,4 +84,7 @@ class Wind:
             self._trim[0] + (push[0] - self._trim[0]) * share,
             self._trim[1] + (push[1] - self._trim[1]) * share,
         )
+        if (size := math.hypot(*self._trim)) > _MOST_TRIM_M_S2:
+            within = _MOST_TRIM_M_S2 / size
+            self._trim = (self._trim[0] * within, self._trim[1] * within)
         return push[0] - self._trim[0], push[1] - self._trim[1]

@@ -87,6 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
         verdicts.append((scene.fault.name, verdict))
         if arguments.json:
             sys.stdout.write(json.dumps(_as_json(scene, verdict)) + "\n")
+            sys.stdout.flush()
         for violation in verdict.violations[:MOST_VIOLATIONS]:
             sys.stderr.write(f"{verdict.scene}: {verdict.end.value}: {violation}\n")
     if not arguments.json:

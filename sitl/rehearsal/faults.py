@@ -176,7 +176,7 @@ class Fault(Enum):
 
     NONE = Kind("nothing", 6)
     GUSTS = Kind("wind to 10 m/s with gusts", 20)
-    STORM = Kind("wind of 12 to 18 m/s", 12)
+    STORM = Kind("wind of 12 to 25 m/s with gusts", 12)
     JUMPS = Kind("position estimate jumps by up to 4 m, and back", 20, _jumps, "INIT")
     DRIFT = Kind("position estimate drifts by 0.3 m/s", 12, _drift(0.3, 0.0))
     ALTITUDE_JUMPS = Kind("altitude estimate jumps by 3 to 8 m", 16, _height)

@@ -30,7 +30,7 @@ STEP_S: Final = 0.04
 """Of the vehicle, and so often its true state is noted: 25 times a second."""
 
 TICK_S: Final = 0.1
-MOST_S: Final = 900.0
+MOST_S: Final = 600.0
 BOOT_S: Final = 5.0
 PILOT_S: Final = 25.0
 """For so long a pilot (or nothing) is watched after the vehicle was given away."""
@@ -142,10 +142,10 @@ class Stage:
                 start_unix_s=EPOCH_S,
                 parameters={"SIM_BAT_DRAIN": 1500.0, "SIM_BAT_MIN_PCT": 0.0},
                 wind=self._wind(),
+                ground_link=False,  # it is listened to, and says nothing
                 truth_link=False,
                 step_s=STEP_S,
                 onboard_rates_hz=RATES_HZ,
-                ground_rates_hz={"HEARTBEAT": 1.0},
             )
         )
         self.stations = Stations(self.vehicle, self._record)
@@ -160,7 +160,7 @@ class Stage:
     def _wind(self) -> WindSettings:
         dice, faults = self.scene.chance("wind"), self.scene.faults
         if Fault.STORM in faults:
-            return WindSettings(dice.uniform(12.0, 16.0), dice.uniform(0.0, 360.0), 2.0)
+            return WindSettings(dice.uniform(12.0, 25.0), dice.uniform(0.0, 360.0), 3.0)
         if Fault.GUSTS not in faults:
             return WindSettings()
         mean_m_s = dice.uniform(3.0, 7.0)
