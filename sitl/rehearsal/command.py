@@ -9,15 +9,17 @@ import logging
 import os
 import sys
 import time
+import traceback
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
 
 from air_router.errors import ExitCode
+from sitl.rehearsal.acceptance import End
 from sitl.rehearsal.faults import Fault, Scene, scenes
 from sitl.rehearsal.judge_flight import Verdict, judge
-from sitl.rehearsal.judge_track import By
+from sitl.rehearsal.judge_track import By, Violation
 from sitl.rehearsal.programs.flight import SPEED, RealFlight
 from sitl.rehearsal.programs.scenes import WireScene, wire_scenes
 from sitl.rehearsal.report import table
@@ -111,10 +113,14 @@ def fly(path: Path, scene: Scene) -> Verdict:
     """Fly one scene of a mission, and judge it."""
     logging.disable(logging.ERROR)  # what goes wrong on purpose is not told a second time
     try:
-        evidence = Stage(scene, path).fly()
+        return judge(Stage(scene, path).fly())
+    except Exception as error:  # noqa: BLE001 - one flight must not lose the verdicts of the others
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        text = f"{error!r} at {Path(where.filename).name}:{where.lineno}"
+        names = frozenset(fault.name for fault in scene.faults)
+        return Verdict(str(scene), names, End.NOT, (Violation(0.0, "evidence", text),))
     finally:
         logging.disable(logging.NOTSET)
-    return judge(evidence)
 
 
 def _run_programs(arguments: argparse.Namespace) -> int:

@@ -61,6 +61,7 @@ class Companion:
         self._loop = SimulatedLoop(world)
         self._wire = wire
         self._world = world
+        self._say: Callable[[str], None] | None = say
         self.exit_code: int | None = None
         self.outcome = ""
         mission = load_mission(path, in_flight=resume)
@@ -85,7 +86,7 @@ class Companion:
             mapper=mapper,
             seek=mission.seek or ground_robots(team, uav),
             recorder=Recorder(None, str(path)),
-            status=_Status(say, self._loop.time),
+            status=_Status(self._told, self._loop.time),
             arm=not resume,
             resume=resume,
             survey=lambda router: Survey(mission, router, uav=uav, unix=self._unix_s),
@@ -122,6 +123,10 @@ class Companion:
         """The operator asks for something."""
         self.flight.desk.ask(request)
 
+    def _told(self, text: str) -> None:
+        if self._say is not None:
+            self._say(text)
+
     def _connect(self, url: str, system_id: int) -> StandIn:
         self._link = StandIn(self._wire, url, system_id)
         return self._link
@@ -131,6 +136,7 @@ class Companion:
 
     def _bury(self) -> None:
         """Let its coroutines end where they cannot move anything any more."""
+        self._say = None
         self._loop.world = _Nowhere(self._world.now_s)
         if self._link is not None:
             self._link.wire = _NoWire()

@@ -34,6 +34,7 @@ class Misfortune(NamedTuple):
 PHASES: Final = ("climb", "INIT", "SEARCH", "COMM", "EXPL", "HOME", "LAND", "landing")
 """Where in a flight something can begin; a third of all begins at any time instead."""
 
+_AT_ONCE: Final = frozenset({"ready", "armed"})
 FLIGHT_S: Final = 260.0
 BRIEF_S, SECONDS = 3.0, (30.0, math.inf)
 """How long a stream's fault lasts."""
@@ -149,6 +150,18 @@ def _walls(dice: random.Random) -> Happen:
     return happen
 
 
+def _on_board(what: str, value: Callable[[random.Random], Any], *, back: float = 0.5) -> Course:
+    """A station changes what is on board; perhaps the operator puts our plan there again."""
+
+    def course(dice: random.Random) -> Happen:
+        happen = [Misfortune(0.0, what, value(dice))]
+        if dice.random() < back:
+            happen.append(Misfortune(dice.uniform(4.0, 15.0), "take back"))
+        return happen
+
+    return course
+
+
 def _two_stations(dice: random.Random) -> Happen:
     first, second = dice.sample(("AUTO_RTL", "AUTO_LOITER", "AUTO_MISSION", "POSCTL"), 2)
     later_s = dice.choice((0.0, 0.1, 0.5, 2.0))
@@ -233,12 +246,16 @@ class Fault(Enum):
     SPEED = Kind(
         "another speed by a station", 6, _one("speed", lambda d: d.choice((2.0, 8.0, 12.0)))
     )
-    PLAN_REPLACED = Kind("another mission put on board", 14, _one("plan", lambda _: "other"))
-    SAME_PLAN = Kind("the same plan put on board again", 14, _one("plan", lambda _: "same"))
-    PLAN_DELETED = Kind("mission deleted by a station", 8, _one("plan", lambda _: "none"))
-    FENCE_DELETED = Kind("fence deleted by a station", 10, _one("fence", lambda _: None))
+    PLAN_REPLACED = Kind("another mission put on board", 14, _on_board("plan", lambda _: "other"))
+    SAME_PLAN = Kind("the same plan put on board again", 14, _on_board("plan", lambda _: "same"))
+    PLAN_DELETED = Kind("mission deleted by a station", 8, _on_board("plan", lambda _: "none"))
+    FENCE_DELETED = Kind(
+        "fence deleted by a station", 10, _on_board("fence", lambda _: None, back=1.0)
+    )
     ZONE = Kind(
-        "a zone is added on board in flight", 14, _one("fence", lambda d: d.uniform(10, 40))
+        "a zone is added on board in flight",
+        14,
+        _on_board("fence", lambda d: d.uniform(10, 40), back=1.0),
     )
     REBOOT = Kind(
         "autopilot's link and clock start anew", 10, _one("reboot", lambda d: d.uniform(1, 6))
@@ -339,7 +356,8 @@ class Scene:
     def _begin(self, fault: Fault, dice: random.Random) -> tuple[str, float]:
         """Its phase, by turns so that each gets its share, and how long after its beginning."""
         if fault.value.phase:
-            return fault.value.phase, 0.0 if fault is Fault.UPLOAD else dice.uniform(0.0, 10.0)
+            at_once = fault.value.phase in _AT_ONCE
+            return fault.value.phase, 0.0 if at_once else dice.uniform(0.0, 10.0)
         turn = self.seed % (len(PHASES) * 3 // 2)
         if turn >= len(PHASES):
             return "armed", dice.uniform(0.0, FLIGHT_S)

@@ -55,6 +55,7 @@ class Script:
         self._jump = (0.0, 0.0)
         self._sticks_from_s = self._moved_until_s = math.inf
         self._resumes_s = self._resumes_until_s = math.inf
+        self._upload = False
         self._reading: tuple[float, str | None, int] | None = None
         self._other_until_s = -math.inf
         self.pilot = False
@@ -72,6 +73,7 @@ class Script:
             "second station": lambda mode: self._choose(FlightMode[mode], station=1),
             "sticks": self._sticks,
             "hand back": lambda _: self._hand_back(),
+            "take back": lambda _: self._take_back(),
             "pause": self._pause,
             "disarm": self._disarm,
             "home": self._home,
@@ -226,6 +228,13 @@ class Script:
             self._resumes_s = self._stage.now_s + RESUME_S
             self._resumes_until_s = self._stage.now_s + PATIENCE_S
 
+    def _take_back(self) -> None:
+        """The operator has our plan put on board again, and the flight resumed."""
+        if self._flies:
+            self._upload = True
+            self._resumes_s = self._stage.now_s
+            self._resumes_until_s = self._stage.now_s + PATIENCE_S
+
     def _go_on_asking(self, now_s: float) -> None:
         """The operator asks until it is ours again: it may still be too low, or in a zone."""
         companion = self._stage.companion
@@ -237,7 +246,7 @@ class Script:
             self._resumes_s = math.inf  # it cannot be: the pilot keeps it
         else:
             self._resumes_s = now_s + RESUME_S
-            self._ask(GoOn())
+            self._ask(GoOn(upload=self._upload))
 
     def _pause(self, divert: bool) -> None:
         """The pilot pauses or diverts the vehicle without choosing a mode that is not ours."""
@@ -275,6 +284,8 @@ class Script:
 
     def _plan(self, which: str) -> None:
         stations = self._stage.stations
+        if not self._flies:
+            return
         match which:
             case "same":
                 stations.same_plan()
@@ -285,6 +296,8 @@ class Script:
         self._taken("plan")
 
     def _fence(self, ahead_m: float | None) -> None:
+        if not self._flies:
+            return
         if ahead_m is None:
             self._stage.stations.delete(MissionType.FENCE)
             self._stage.happened(What.FENCE_CHANGED, "deleted")

@@ -220,7 +220,7 @@ class Stage:
                 self._step()
             self._collect()
         if self._stalled_until_s < math.inf:
-            self._stalled_until_s = math.inf
+            self._stalled_until_s = self._deaf_from_s = math.inf
             self.happened(What.CONTINUED)
         inbox, self._inbox = self._inbox, []
         return inbox

@@ -10,13 +10,15 @@ import pytest
 from sitl.rehearsal.acceptance import ACCEPTED, End
 from sitl.rehearsal.command import fly
 from sitl.rehearsal.evidence import What
-from sitl.rehearsal.faults import FLIGHTS, PHASES, Fault, Scene, scenes
+from sitl.rehearsal.faults import FLIGHTS, PHASES, Fault, Misfortune, Scene, scenes
 from sitl.rehearsal.judge_flight import Verdict
 from sitl.rehearsal.judge_track import By, Violation
 from sitl.rehearsal.report import table
 from sitl.rehearsal.stage import Stage
 from sitl.rehearsal.stand_ins.loop import SimulatedLoop
 
+VALUE = {"pilot": "AUTO_LOITER", "kill": None, "reboot": 1.0, "disarm": True}
+LAST = tuple(VALUE)
 PENNOVATION = Path(__file__).parents[2] / "missions" / "pennovation" / "mission.yaml"
 
 
@@ -30,6 +32,9 @@ PENNOVATION = Path(__file__).parents[2] / "missions" / "pennovation" / "mission.
         (Fault.PILOT, 2, End.PILOT),
         (Fault.MAD_ROBOTS, 1, End.LANDED),
         (Fault.UPLOAD, 1, End.STAYED),
+        (Fault.STOPPED, 1, End.LANDED),
+        (Fault.FENCE_DELETED, 4, End.LANDED),
+        (Fault.DISARMED, 1, End.STAYED),
     ],
 )
 def test_the_real_program_brings_it_home_or_leaves_it_to_the_pilot(fault, seed, end):
@@ -59,6 +64,24 @@ def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later():
     assert max(said) > going
     samples = [s for s in evidence.samples if stopped < s.time_s < going]
     assert len(samples) == pytest.approx((going - stopped) * 25, abs=2)
+
+
+def test_whatever_can_happen_happens(monkeypatch):
+    """Every misfortune that any scene has, one after the other in a single flight."""
+    kinds = {m.what: m for s in scenes() for m in s.misfortunes() if m.what not in LAST}
+    happen = [m._replace(at_s=30.0 + 2.0 * n, phase="armed") for n, m in enumerate(kinds.values())]
+    end_s = happen[-1].at_s
+    happen += [
+        Misfortune(end_s + 5.0 * n, what, VALUE.get(what), "armed")
+        for n, what in enumerate(LAST, 1)
+    ]
+    monkeypatch.setattr(Scene, "misfortunes", lambda _: list(happen))
+    evidence = Stage(Scene(Fault.NONE, 0), PENNOVATION).fly()
+    told = {h.value for h in evidence.happenings if h.what is What.FAULT}
+    assert told >= {*kinds, *LAST} - {"reject"}
+    assert {What.PILOT, What.HOME_MOVED, What.KILLED, What.DISARMED} <= {
+        h.what for h in evidence.happenings
+    }
 
 
 def test_every_fault_has_flights_words_and_a_row_of_the_judge():
