@@ -44,6 +44,15 @@ def hurried(path: Path) -> dict[str, Any]:
     return {**document, "timers": _TIMERS, "speed_m_s": 5, "duration_s": 170}
 
 
+def with_room(document: dict[str, Any], points: int = 44) -> dict[str, Any]:
+    """A mission with so few zones that more can be drawn: PX4 stores 64 points of a fence."""
+    zones = list(document["no_fly_zones"])
+    corners = len(document["fence"] or ()) if isinstance(document["fence"], list) else 1
+    while zones and corners + sum(len(zone.get("polygon", "1")) for zone in zones) > points:
+        zones.pop()
+    return {**document, "no_fly_zones": zones}
+
+
 class MissionFile:
     """A mission file that an operator draws zones into.
 

@@ -14,7 +14,7 @@ from air_router.mission import Mission, load_mission
 from geo.frame import Point
 from sitl.mavlink_vehicle import MavlinkVehicle, VehicleSettings
 from sitl.rehearsal.companion import EPOCH_S, Companion
-from sitl.rehearsal.drawing import MissionFile, hurried
+from sitl.rehearsal.drawing import MissionFile, hurried, with_room
 from sitl.rehearsal.evidence import COMPANION, Evidence, Happening, Line, Sample, What, WireMessage
 from sitl.rehearsal.faults import Fault, Scene
 from sitl.rehearsal.script import Script
@@ -129,7 +129,10 @@ class Stage:
 
     def _set_up(self, folder: Path) -> None:
         scene = self.scene
-        self.file = MissionFile(folder / "mission.yaml", dict(_hurried(self._path)))
+        document = dict(_hurried(self._path))
+        if scene.faults & {Fault.RELOAD, Fault.WALL}:
+            document = with_room(document)
+        self.file = MissionFile(folder / "mission.yaml", document)
         mission = self.mission = load_mission(self.file.path)
         self.file.frame = mission.frame
         team, uav = team_of(mission, None)
