@@ -289,6 +289,7 @@ class Script:
         match which:
             case "same":
                 stations.same_plan()
+                return  # what is flown is ours still
             case "other":
                 stations.other_plan()
             case _:

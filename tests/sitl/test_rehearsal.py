@@ -26,7 +26,7 @@ PENNOVATION = Path(__file__).parents[2] / "missions" / "pennovation" / "mission.
     ("fault", "seed", "end"),
     [
         (Fault.GUSTS, 3, End.LANDED),
-        (Fault.LOSS_20, 1, End.LANDED),
+        (Fault.BURSTS, 2, End.LANDED),
         (Fault.RESTART, 3, End.LANDED),
         (Fault.RELOAD, 3, End.LANDED),
         (Fault.PILOT, 2, End.PILOT),
