@@ -23,7 +23,7 @@ FLYING_M: Final = 5.0
 """What is armed and moves at this altitude above home is not on the ground."""
 
 LIFTED_M: Final = 2.0
-"""What is armed and climbs so high has lifted off, before its landed state says so."""
+"""What climbs so high has lifted off, whatever its landed state says; what falls is not down."""
 
 _ON_GROUND: Final = 1  # MAV_LANDED_STATE
 _AGES: Final = MappingProxyType(

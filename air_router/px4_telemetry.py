@@ -291,7 +291,7 @@ class Px4Telemetry:
         self.time_s, self._position = boot_s, position
         self._clock.heard(boot_s)
         self.altitude_amsl_m = fields["alt"] / 1e3
-        lifted = self.armed and self._streams.moves_above(LIFTED_M)
+        lifted = self._streams.moves_above(LIFTED_M)  # or falls, disarmed, which counts as landed
         self.altitude_m = self._heights.altitude_m(
             self.altitude_amsl_m,
             fields["relative_alt"] / 1e3,

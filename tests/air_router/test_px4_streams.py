@@ -270,6 +270,11 @@ def test_disarmed_in_the_air_it_has_not_landed_before_the_heartbeat_tells(px4):
     px4.says("HEARTBEAT")
     px4.run(0.1)
     assert (px4.last.armed, px4.last.in_air) == (False, True)
+    px4.run(1.0)
+    px4.says("EXTENDED_SYS_STATE")
+    px4.run(1.0)
+    assert px4.last.altitude_m == pytest.approx(px4.height_m, abs=1.0)  # told all the way down
+    assert px4.height_m > 5.0
 
 
 def test_a_landed_state_that_never_left_the_ground_does_not_keep_the_vehicle_there(px4):
