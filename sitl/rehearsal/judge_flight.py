@@ -129,7 +129,7 @@ def _ending(track: Track, end: End, row: Row) -> Iterator[Violation]:
         yield Violation(last_s, "end", text + ", ".join(e.value for e in row.ends))
     anew = [h.time_s for h in track.evidence.told(What.REBOOTED)]
     steps = zip(track.time_s, track.time_s[1:], track.flying, strict=False)
-    flown = [b - a for a, b, up in steps if up and not any(a <= at_s <= b for at_s in anew)]
+    flown = [b - a for a, b, up in steps if up and not any(a - 1.0 <= at_s <= b for at_s in anew)]
     widest_s = max(flown, default=0.0)
     if widest_s > 1.0:
         yield Violation(last_s, "evidence", f"{widest_s:.1f} s of the track are missing")

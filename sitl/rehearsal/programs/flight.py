@@ -46,7 +46,7 @@ LET_GO_S: Final = 40.0
 
 _EPOCH: Final = 1_800_000_000
 _REACTS_S: Final = 0.15
-_SHOWS_S: Final = 3.0
+_SHOWS_S: Final = 8.0
 _LANDED_M: Final = 0.3
 _BEAT_S: Final = 0.05
 _STICK_MODES: Final = frozenset({"POSCTL", "ALTCTL"})

@@ -90,6 +90,13 @@ class Recording:
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     _before_s: float = 0.0
+    _told: bool = False
+    """Whether the truth's link has HEARTBEATs: those of a busy link come late."""
+
+    def _state(self, heartbeat: Any) -> None:
+        self.mode = heartbeat.custom_mode
+        self.armed = bool(heartbeat.base_mode & _ARMED)
+        self.failsafe = heartbeat.system_status >= _CRITICAL
 
     def restart(self) -> None:
         """The vehicle is started anew: its time begins at zero again."""
@@ -108,12 +115,8 @@ class Recording:
             return
         fields = message.to_dict()
         name = fields.pop("mavpackettype")
-        if vehicle and name == "HEARTBEAT":
-            self.mode = message.custom_mode
-            self.armed = bool(message.base_mode & _ARMED)
-            self.failsafe = message.system_status >= _CRITICAL
-        if vehicle and name == "CURRENT_MODE":
-            self.mode = message.custom_mode
+        if vehicle and name == "HEARTBEAT" and not self._told:
+            self._state(message)
         target = int(fields.get("target_system", 0))
         self.messages.append(
             WireMessage(self.time_s, frame.system, frame.component, target, name, fields, delivered)
@@ -121,9 +124,13 @@ class Recording:
 
     def see(self, frame: Frame) -> None:
         """Note a frame of the truth's link."""
-        if frame.number not in {_HIL_STATE, _HIL_ACTUATORS}:
+        if frame.number not in {_HEARTBEAT, _HIL_STATE, _HIL_ACTUATORS}:
             return
         message: Any = _DECODER.decode(bytearray(frame.data))
+        if frame.number == _HEARTBEAT:
+            self._told = True
+            self._state(message)
+            return
         if message.time_usec:
             self.time_s = self._before_s + message.time_usec / 1e6
         if frame.number == _HIL_ACTUATORS:
