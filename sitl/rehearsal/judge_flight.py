@@ -111,7 +111,12 @@ def _end(track: Track, row: Row) -> End:
     if track.flying[-1]:
         kinds = [h.what for h in track.evidence.happenings]
         alone = What.KILLED in kinds and What.STARTED not in kinds[kinds.index(What.KILLED) :]
-        return holder.get(track.by[-1], End.HOVERS if alone else End.NOT)
+        changed = [h.time_s for h in track.evidence.told(What.FENCE_CHANGED)]
+        let_go = [line.time_s for line in track.evidence.lines if "hands off" in line.text]
+        left = End.HOVERS if alone else End.NOT
+        if changed and let_go and let_go[-1] >= changed[0]:
+            left = End.PILOT  # a station changed the plan: what follows is its operator's
+        return holder.get(track.by[-1], left)
     last = int(track.flying.nonzero()[0][-1])
     if track.by[last] in holder:
         return holder[track.by[last]]

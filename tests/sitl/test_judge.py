@@ -282,6 +282,16 @@ def test_what_is_told_has_to_be_what_happened(change, wrong):
     assert wrong in kinds(evidence(**change))
 
 
+def test_a_plan_that_a_station_changed_may_be_left_to_it_if_that_is_said():
+    scene = (Happening(30.0, What.FENCE_CHANGED, "deleted"),)
+    hovers = track(land=False)
+    said = [(31.0, "hands off: another plan is on board (the fence)")]
+    left = evidence(hovers, faults=("FENCE_DELETED",), happenings=scene, said=said, code=None)
+    assert judge(left).end is End.PILOT
+    assert kinds(left) == set()
+    assert "end" in kinds(dataclasses.replace(left, lines=()))
+
+
 def test_an_estimate_that_jumps_excuses_as_much_and_no_more():
     scene = (Happening(15.0, What.ESTIMATE_OFF, 4.0),)
     near, nearer = (track(((0, 0), (x, 30), (0, 0))) for x in (17.5, 19.5))

@@ -169,7 +169,7 @@ class RealFlight:
     def _is_left_alone(self, todo: list[Act]) -> bool:
         """Whether the pilot has it for good and the companion waits for its landing."""
         taken = any(h.what is What.PILOT for h in self._happenings)
-        return taken and not todo
+        return not todo and (taken or "-> PASSIVE" in self._companion.last)
 
     def _entered_s(self, state: str) -> float:
         entered = (line.time_s for line in self._companion.lines if f"-> {state}" in line.text)
