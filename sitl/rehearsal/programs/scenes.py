@@ -65,7 +65,8 @@ def _stream(name: str) -> _Script:
 
 
 def _takeover(state: str, dice: random.Random) -> list[Act]:
-    modes = [m for m in ("HOLD", "RETURN", "LAND", "POSCTL", "ALTCTL") if m != state]
+    mine = "HOLD" if state in {"COMM", "SEARCH"} else state  # which a flight chooses there itself
+    modes = [m for m in ("HOLD", "RETURN", "LAND", "POSCTL", "ALTCTL") if m != mine]
     act = Act(dice.uniform(0.1, 6.0), "mode", dice.choice(modes), state)
     if state == "HOLD":
         return [Act(dice.uniform(2.0, 8.0), "ask", "hold", "INIT"), act]
