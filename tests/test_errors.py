@@ -21,11 +21,11 @@ SOURCES = [
     ROOT / "sitl" / "experiment" / "plan_file.py",
     ROOT / "sitl" / "experiment" / "town_file.py",
 ]
-OTHER_THINGS = {"camera.py", "guard.py", "tile_service.py"}
-"""Modules whose words with a hyphen are names of cameras, and of HTTP headers."""
+OTHER_THINGS = {"camera.py", "compass.py", "guard.py", "tile_service.py"}
+"""Modules whose words with a hyphen name cameras, directions and HTTP headers."""
 
 NO_CODES = {
-    *("air-router", "utf-8", "utf-8-sig", "fill-opacity"),
+    *("air-router", "utf-8", "utf-8-sig", "fill-opacity", "pre-flight"),
     *("base-port", "node-type", "using-radio"),  # keys of original nodes
 }
 

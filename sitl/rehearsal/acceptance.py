@@ -92,12 +92,18 @@ ACCEPTED: Final = MappingProxyType(
         "BUSY": _HOME,
         # One message stream alone: said, held, or home; for a moment: nothing comes of it.
         "BRIEF_STREAM": _HOME,
-        "LOST_POSITION": _row(End.LANDED, End.HOVERS, End.FAILSAFE, says="position|GLOBAL"),
+        # For ever: it holds, or commands nothing, until the pilot or a battery failsafe ends it.
+        "LOST_POSITION": _row(
+            *(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT), says="position|GLOBAL"
+        ),
         "LOST_BATTERY": _row(End.LANDED, says="battery|SYS_STATUS"),
         "LOST_FIX": _row(End.LANDED, says="GPS|satellite|fix"),
         "LOST_LANDED": _row(End.LANDED, says="landed state|EXTENDED|landed"),
         "LOST_ITEM": _row(End.LANDED, says="item|MISSION_CURRENT"),
-        "LOST_MODE": _row(End.LANDED, says="HEARTBEAT|mode|silent|heard"),
+        "LOST_MODE": _row(
+            *(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
+            says="flight mode|heartbeat|does not show",
+        ),
         # The pilot and other stations: the vehicle is theirs, and that is said.
         "PILOT": _PILOTS,
         "HAND_BACK": _row(End.LANDED, End.PILOT),

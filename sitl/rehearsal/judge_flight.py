@@ -184,7 +184,9 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
     claims = [line.time_s for line in evidence.lines if _SAYS_PILOT.search(line.text)]
     if claims and claims[0] < min(taken, default=math.inf) - _LAG_S:
         yield Violation(claims[0], "told", "a pilot is said to have taken over, but none had")
-    if end is End.PILOT and code not in {TAKEN_OVER, None}:
+    # Disarmed by a station there is nothing to take over: the flight ends, and says why.
+    disarmed = any(h.what is What.DISARMED for h in evidence.happenings) and "disarm" in text
+    if end is End.PILOT and code not in {TAKEN_OVER, None} and not disarmed:
         yield Violation(last_s, "told", f"exit {code}, though the pilot has the vehicle")
     if row.says and track.flying.any() and not re.search(row.says, text, re.IGNORECASE):
         yield Violation(last_s, "told", f"nothing was said of it: no line has '{row.says}'")

@@ -302,7 +302,8 @@ def test_layers_rest_on_the_heights_of_the_homes(tmp_path):
 
     def verdicts(mission, home_amsl_m):
         info = VehicleInfo(1, "PX4", "1.17.0", mission.home, home_amsl_m)
-        return [check.verdict for check in altitude(mission, info)]
+        telemetry = Telemetry(0.0, mission.home, 0.0)
+        return [check.verdict for check in altitude(mission, info, telemetry)]
 
     assert [verdicts(mission, m) for m in (552.0, 565.0, 620.0)] == [
         [Verdict.GOOD],
