@@ -84,7 +84,7 @@ class Storage:
         retry_s: float = RETRY_S,
         connect: Callable[[Path], sqlite3.Connection] = storage_file.connect,
     ) -> None:
-        self.path = path
+        self.path = Path(path)
         self._terms = terms
         self._on_fault = on_fault
         self._retry_s = retry_s

@@ -26,6 +26,9 @@ RESUMING: Final = frozenset({"resume", "home", "goto", "seek", "explore"})
 SETTLES_S: Final = 8.0
 """For so long an estimate that was wrong is still being corrected."""
 
+_BRAKING_M_S2: Final = 3.0
+"""What a PX4 brakes with at its defaults; the flight reckons with less."""
+
 _MOTIONS: Final = frozenset({16, 17, 20, 21, 22, 34, 176, 192, 193, 252, 300})
 _MOVING: Final = frozenset({"MISSION_SET_CURRENT", "SET_MODE", "MANUAL_CONTROL"})
 
@@ -122,6 +125,18 @@ class Track:
     def sky(self, time_s: float) -> Sky:
         """The mission file that counted then."""
         return next(sky for sky in reversed(self.skies) if sky.from_s <= time_s)
+
+    def rest(self, index: int) -> tuple[float, float]:
+        """Where it comes to rest, east and north, if it brakes at 3 m/s2 from a sample on."""
+        before = max(index - 1, 0)
+        seconds = max(float(self.time_s[index] - self.time_s[before]), 1e-3)
+        east_m_s = float(self.east_m[index] - self.east_m[before]) / seconds
+        north_m_s = float(self.north_m[index] - self.north_m[before]) / seconds
+        brakes_s = math.hypot(east_m_s, north_m_s) / (2 * _BRAKING_M_S2)
+        return (
+            float(self.east_m[index]) + east_m_s * brakes_s,
+            float(self.north_m[index]) + north_m_s * brakes_s,
+        )
 
     def from_home_m(self, index: int) -> float:
         """How far a sample is from home, horizontally."""

@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
+import shapely
+
 from sitl.rehearsal.evidence import AUTOPILOT, What, WireMessage
 from sitl.rehearsal.judge_plan import PlanJudge
-from sitl.rehearsal.judge_space import DRIFT_M, Tolerance, sky_areas, straight_room_m
+from sitl.rehearsal.judge_space import DRIFT_M, Tolerance, room_m, sky_areas, straight_room_m
 from sitl.rehearsal.judge_track import Track, Violation, command_of, is_motion, number
 from sitl.rehearsal.mission_reader import Pair
 
@@ -141,12 +143,14 @@ class WireJudge:
         return float(east), float(north)
 
     def _judge_leg(self, message: WireMessage, target: Pair) -> None:
-        """A straight line from where it is; a vehicle that is too near already may get away."""
+        """What it sweeps from where it is, while it brakes; one that is too near may get away."""
         track = self.track
         index = track.at(message.time_s)
         if not track.flying[index]:
             return
         here = float(track.east_m[index]), float(track.north_m[index])
+        rest = track.rest(index)
+        swept = shapely.MultiPoint([here, rest, target]).convex_hull
         sky = track.sky(message.time_s)
         height_m = float(track.above_m[index]) + track.ground_m
         for area, fence in sky_areas(sky):
@@ -154,13 +158,13 @@ class WireJudge:
             idle = start_s is not None and not area.applies(start_s + message.time_s)
             if idle or not area.lower_m <= height_m <= area.upper_m:
                 continue
-            room_m = straight_room_m(area, here, target, fence=fence)
-            now_m = straight_room_m(area, here, here, fence=fence)
+            kept_m = room_m(area, swept, fence=fence)
+            now_m = straight_room_m(area, here, rest, fence=fence)
             slack_m = _LEG_M + self.tolerance.room_m + float(track.off_m[index])
             limit_m = min(area.clearance_m - slack_m, now_m - DRIFT_M)
-            if room_m < limit_m:
-                text = f"a leg that keeps {room_m:.2f} m of {area.name}, not {limit_m:.2f} m"
-                self._add(message, "leg", text, room_m, limit_m)
+            if kept_m < limit_m:
+                text = f"a leg that keeps {kept_m:.2f} m of {area.name}, not {limit_m:.2f} m"
+                self._add(message, "leg", text, kept_m, limit_m)
                 return
 
     def _add(

@@ -67,7 +67,7 @@ def test_reading_back_compares_what_flies(plan):
     assert item.same_as(dataclasses.replace(item, z_m=item.z_m + 1e-4))
     assert item.same_as(dataclasses.replace(item, params=(0.0, 2.0, 0.0, math.nan)))
     for change in (
-        {"x_deg_e7": item.x_deg_e7 + 1},
+        {"x_deg_e7": item.x_deg_e7 + 20},
         {"z_m": item.z_m + 1.0},
         {"autocontinue": True},
         {"params": (0.0, 10.0, 0.0, math.nan)},

@@ -212,7 +212,7 @@ def test_a_disk_that_stays_full_keeps_what_was_whole(tmp_path, monkeypatch, room
     if room:
         times = [entry.t for entry in log if entry.kind == "event"]
         assert times == [float(step) for step in range(len(times))]
-        assert 50 < len(times) < 3000
+        assert 20 < len(times) < 3000
         assert log.ending.startswith("it was cut off")
     else:
         with pytest.raises(LogError, match="not an MCAP file"):

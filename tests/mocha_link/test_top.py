@@ -343,7 +343,7 @@ def test_live_and_resized(fake, terminal):
 def test_the_terminal_is_given_back(terminal, number, code):
     terminal.wait("links of titan")
     assert terminal.end(number) == code
-    assert terminal.raw.endswith("\x1b[?25h\x1b[?1049l")
+    assert terminal.raw.removesuffix("interrupted\r\n").endswith("\x1b[?25h\x1b[?1049l")
     assert "Traceback" not in terminal.raw
 
 

@@ -73,7 +73,7 @@ def test_a_taken_port_is_one_clear_error(capsys):
     ports = px4_ports(201)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(ports.onboard_bind)
-        assert main(["vehicle", "--instance", "201"]) == 1
+        assert main(["vehicle", "--instance", "201"]) == 4
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.count("\n") == 1

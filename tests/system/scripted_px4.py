@@ -3,6 +3,7 @@
 import contextlib
 import socket
 import threading
+import time
 
 from pymavlink.dialects.v20 import common as mavlink
 
@@ -39,6 +40,7 @@ class ScriptedPx4:
         self.talks = True
         self.orders = []
         self.heartbeats = 0
+        self._booted_s = time.monotonic()
         self._link = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
@@ -95,7 +97,8 @@ class ScriptedPx4:
 
     def _tell(self):
         latitude, longitude = self._place
-        self.say("global_position_int", 1000, latitude, longitude, 40000, 30000, 0, 0, 0, 0)
+        boot_ms = round((time.monotonic() - self._booted_s) * 1e3) + 1000
+        self.say("global_position_int", boot_ms, latitude, longitude, 40000, 30000, 0, 0, 0, 0)
         if not self.talks:
             return
         self.say("extended_sys_state", 0, self.landed)
@@ -105,7 +108,7 @@ class ScriptedPx4:
         if self.target is not None:
             latitude, longitude = (round(degrees * 1e7) for degrees in self.target)
             zeros = (0.0,) * 8
-            self.say("position_target_global_int", 0, 5, 0, latitude, longitude, 40.0, *zeros)
+            self.say("position_target_global_int", boot_ms, 5, 0, latitude, longitude, 40.0, *zeros)
         base_mode = CUSTOM_MODE | (ARMED if self.armed else 0)
         self.say("heartbeat", COPTER, PX4, base_mode, self.mode, 4)
         with self._news:

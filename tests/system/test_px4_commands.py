@@ -203,7 +203,7 @@ def takes_over(px4, _order):
 @pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize("verb", ORDERS)
 def test_a_pilot_s_mode_ends_it_at_once(run, verb):
-    px4 = run(takes_over, fails(verb, "somebody chose another mode"), **state_for(verb))
+    px4 = run(takes_over, fails(verb, "somebody chose Position mode"), **state_for(verb))
     assert px4.commands() == ORDERS[verb]
 
 
