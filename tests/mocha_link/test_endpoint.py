@@ -72,6 +72,14 @@ def test_a_web_page_is_not_heard(server):
     assert not server.poll(0)
 
 
+def bound(socket, endpoint):
+    try:
+        bind(socket, endpoint)
+    except PortInUseError:
+        return False
+    return True
+
+
 def test_only_who_knows_the_key_is_heard(server, other):
     endpoint = bind(server, "tcp://127.0.0.1:*")
     path = key_file(endpoint)
@@ -89,7 +97,9 @@ def test_only_who_knows_the_key_is_heard(server, other):
     assert kept_key(endpoint.replace("127.0.0.1", "localhost")) == kept_key(endpoint)
     server.close()
     known = kept_key(endpoint)
-    assert kept_key(bind(other, endpoint)) == known  # its clients find back
+    while not bound(other, endpoint):
+        pass  # ZeroMQ gives the port back when its own thread comes to it
+    assert kept_key(endpoint) == known  # its clients find back
 
 
 def test_a_socket_file_is_for_its_user_only(server, tmp_path):
