@@ -133,7 +133,7 @@ class Deviations:
         self._spare_told_m, self._clear_until = 0.0, None
 
     def home(self, telemetry: Telemetry) -> Deviation | None:
-        """Whether the autopilot's home was moved since it was told last; whoever flies."""
+        """Whether the autopilot's home was moved since it was told last, in any state."""
         self._satellites.note(telemetry)
         moved, told = telemetry.home_moved, self._home_told
         if moved is None:

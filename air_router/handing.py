@@ -1,7 +1,7 @@
 """Giving the vehicle away, to a pilot or a failsafe, and taking it back when the operator asks.
 
 Before hands are off for a reason of ours (it is in a zone, the plan on board is another) it is
-told to hold, because it flies a leg of ours; and again, until it does, or somebody takes it. So it
+told to hold, because it flies a leg of ours; and again, until it does, or the pilot takes it. So it
 is while a plan that a ground station uploaded is compared with ours.
 """
 
@@ -219,7 +219,7 @@ class Handing:
 
     @property
     def way_back(self) -> str:
-        """What the operator can do about a vehicle that somebody else has."""
+        """What the operator can do about a vehicle that is not ours."""
         return self.why_not_back() or "'resume' takes it back, 'home' brings it home"
 
     def resume(self, *, upload: bool = False) -> str | None:

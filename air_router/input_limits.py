@@ -148,7 +148,7 @@ LIMITS: Final = (
 
 
 class News(NamedTuple):
-    """What to announce: what is missing, and what is done about it by whoever is in charge."""
+    """What to announce: what is missing, and what is done about it."""
 
     what: str
     then: str

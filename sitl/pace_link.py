@@ -18,7 +18,7 @@ from sitl.udp_link import Address, PortInUseError
 _log = logging.getLogger(__name__)
 
 _READ: Final = 4096
-_LONGEST: Final = 1000  # bytes of a line; whoever sends more is not one of ours
+_LONGEST: Final = 1000  # bytes of a line; a peer that sends more is not one of ours
 _AGAIN_S: Final = 0.1  # between two attempts to connect
 
 
@@ -103,7 +103,7 @@ class PaceServer(WorldPace):
         return limit
 
     def close(self) -> None:
-        """Free the port; nobody is waited for any more."""
+        """Free the port; no process is waited for any more."""
         self._listener.close()
         for client in tuple(self._unread):
             self._drop(client)

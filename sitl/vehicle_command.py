@@ -173,7 +173,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
         process.run(stopped)
         simulated_s = round(process.vehicle.autopilot.time_s, 1)
         ended = {"simulated_s": simulated_s, "pace": process.pace()}
-    with contextlib.suppress(BrokenPipeError):  # whoever started it has gone without a word
+    with contextlib.suppress(BrokenPipeError):  # the program that started it has gone
         sys.stdout.write(json.dumps(ended) + "\n")
         sys.stdout.flush()
 

@@ -86,7 +86,7 @@ def test_the_rate_that_was_kept_and_who_was_behind_are_told():
 
 @pytest.fixture
 def patient(monkeypatch):
-    """However busy this machine is, nobody counts as stopped."""
+    """However busy this machine is, no process counts as stopped."""
     monkeypatch.setattr(pace_rules, "PATIENCE_S", 1e9)
 
 

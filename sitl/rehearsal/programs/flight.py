@@ -190,7 +190,7 @@ class RealFlight:
         self._happenings.append(Happening(self._seen.time_s, what, value))
 
     def _await(self, what: What, value: object, shows: Callable[[], bool]) -> None:
-        if not shows():  # what is there already nobody has chosen
+        if not shows():  # what is there already was not chosen now
             self._awaited = Happening(self._seen.time_s, what, value), shows
 
     # What is done, by the names of `scenes`.

@@ -59,7 +59,7 @@ class NodeStandIn:
         self._listener = None
 
     def publish(self, topic: str, data: bytes, *, now: bool = False) -> None:
-        """Nobody reads it here."""
+        """It is not read here."""
 
     def links(self) -> Mapping[str, LinkMetrics]:
         """Nothing is measured here."""
