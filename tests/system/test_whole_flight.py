@@ -92,7 +92,7 @@ class Flight:
         If that does not happen it comes home by its battery, after 18 minutes of its time.
         """
         self._command.wait_until(
-            lambda said: has_met_all(said) or "coming home" in said, "that it met all"
+            lambda said: has_met_all(said) or "coming home: " in said, "that it met all"
         )
         with ControlClient(self._control, by="the test", timeout_s=60) as uav:
             assert uav.home().accepted, self.said
