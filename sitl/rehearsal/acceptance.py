@@ -74,7 +74,7 @@ ACCEPTED: Final = MappingProxyType(
         # The weather and the estimate: it comes home.
         "NONE": _HOME,
         "GUSTS": _row(End.LANDED, tolerance=Tolerance(home_m=2.0)),
-        "STORM": _row(*End, tolerance=Tolerance(30.0, 10.0, 60.0), says="wind|clos|near|clear"),
+        "STORM": _row(*End, tolerance=Tolerance(30.0, 10.0, 60.0)),
         "JUMPS": _HOME,  # the scene says by how much the estimate is off, and that is excused
         "DRIFT": _HOME_OR_FAILSAFE,
         "ALTITUDE_JUMPS": _HEIGHT_OFF,

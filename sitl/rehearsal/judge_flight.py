@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
+
 from sitl.rehearsal.acceptance import End, Row, accepted
 from sitl.rehearsal.evidence import AUTOPILOT, Evidence, What
 from sitl.rehearsal.judge_space import SpaceJudge
@@ -188,5 +190,11 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
     disarmed = any(h.what is What.DISARMED for h in evidence.happenings) and "disarm" in text
     if end is End.PILOT and code not in {TAKEN_OVER, None} and not disarmed:
         yield Violation(last_s, "told", f"exit {code}, though the pilot has the vehicle")
-    if row.says and track.flying.any() and not re.search(row.says, text, re.IGNORECASE):
+    if not (row.says and track.flying.any()):
+        return
+    # What was said before it went wrong, as by the pre-flight card, is not said of it.
+    flies_s = float(track.time_s[int(np.argmax(track.flying))])
+    begun_s = min((h.time_s for h in evidence.told(What.FAULT)), default=flies_s)
+    since = [line.text for line in evidence.lines if line.time_s >= begun_s]
+    if not re.search(row.says, "\n".join([*since, evidence.outcome]), re.IGNORECASE):
         yield Violation(last_s, "told", f"nothing was said of it: no line has '{row.says}'")
