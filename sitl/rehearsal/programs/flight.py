@@ -20,6 +20,7 @@ from typing import Final
 from sitl.rehearsal.evidence import Evidence, Happening, Line, What
 from sitl.rehearsal.mission_reader import read_mission
 from sitl.rehearsal.programs.processes import (
+    Brake,
     Companion,
     free_port,
     hurry,
@@ -85,6 +86,7 @@ class RealFlight:
         self._station: Station
         self._arguments: list[str] = []
         self._instance = 0
+        self._brakes: list[Brake] = []
 
     @property
     def _seen(self) -> Recording:
@@ -99,15 +101,17 @@ class RealFlight:
             folder = Path(name)
             mission = hurry(self._path, folder)
             port = free_port()
-            ports = self._start_px4(mission) if self._px4 is not None else (0, 0)
             stack.callback(self._end_vehicle)
-            self._relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports))
+            ports = self._start_px4(mission) if self._px4 is not None else (0, 0)
+            self._relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports, self._speed))
+            self._relay.hold = self._hold
             self._relay.weather = Weather(loss=self.scene.loss)
             self._station = Station(self._relay)
             meets = any(act.when == "COMM" for act in self.scene.acts())
             self._arguments = [
                 *(str(mission), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
                 f"--duration={MEETING_S if meets else DURATION_S}",
+                f"--pace-from={self._pace_source},{self._speed:g}",
             ]
             if meets:
                 stack.enter_context(self._team(mission, folder))
@@ -348,11 +352,13 @@ class RealFlight:
             self._second, _ = started(
                 *("vehicle", self._arguments[0], f"--speed={self._speed:g}", "--no-gcs", to),
                 *("--instance=1", f"--truth-to=127.0.0.1:{free_port()}"),
+                f"--pace-from={self._pace_source}",
             )
             return
         self._second, ready = started(
             *("px4", self._arguments[0], f"--px4={self._px4}", f"--speed={self._speed:g}")
         )
+        self._brakes.append(Brake(ready["process_id"]))
         self._relay.listen(port_of(ready["mavlink"]))
 
     def do_intrude(self, value: str) -> None:
@@ -379,6 +385,7 @@ class RealFlight:
             *(f"--speed={self._speed:g}", f"--epoch={_EPOCH}"),
             f"--api-to=127.0.0.1:{self._relay.api_port}",
             f"--truth-to=127.0.0.1:{self._relay.truth_port}",
+            f"--pace-from={self._pace_source}",
         )
 
     def _start_px4(self, mission: Path, *more: str) -> tuple[int, int]:
@@ -387,9 +394,21 @@ class RealFlight:
             *("px4", str(mission), f"--px4={self._px4}", f"--speed={self._speed:g}", *more)
         )
         self._instance = int(ready["system_id"]) - 1
+        self._brakes.append(Brake(ready["process_id"]))
         return port_of(ready["mavlink"]), port_of(ready["truth"])
 
+    @property
+    def _pace_source(self) -> str:
+        return f"127.0.0.1:{self._relay.pace_port}"
+
+    def _hold(self, waits: bool) -> None:
+        for brake in tuple(self._brakes):
+            brake.hold(waits)
+
     def _end_vehicle(self) -> None:
+        for brake in self._brakes:
+            brake.release()
+        self._brakes.clear()
         for vehicle in (self._vehicle, self._second):
             if vehicle is not None:
                 vehicle.terminate()
@@ -400,6 +419,7 @@ class RealFlight:
         """The ground robots, for scenes in COMM."""
         process, ready = started(
             *("team", str(mission), "--truth=udp://127.0.0.1:0", f"--free-ports={folder / 'team'}"),
+            f"--pace-from={self._pace_source}",
             *(f"--epoch={_EPOCH}", f"--camera=ipc://{folder / 'camera'}"),
         )
         try:

@@ -7,6 +7,7 @@ import json
 import os
 import pty
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -103,6 +104,31 @@ class Companion:
             reader.join(2.0)
         with contextlib.suppress(OSError):
             os.close(self._keyboard)
+
+
+class Brake:
+    """Lets a PX4 stand still, which follows no pace: all of its processes are stopped.
+
+    Args:
+        group: Their process group.
+    """
+
+    def __init__(self, group: int) -> None:
+        self._group = group
+        self._held = self._released = False
+        self._lock = threading.Lock()
+
+    def hold(self, waits: bool) -> None:
+        """Stop it, or let it go on; any thread may."""
+        with self._lock, contextlib.suppress(ProcessLookupError):
+            if waits is not self._held and not self._released:
+                self._held = waits
+                os.killpg(self._group, signal.SIGSTOP if waits else signal.SIGCONT)
+
+    def release(self) -> None:
+        """Let it go on for good."""
+        self.hold(waits=False)
+        self._released = True
 
 
 def started(*arguments: str) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:

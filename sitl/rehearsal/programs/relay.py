@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple, Self
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from sitl.pace_link import PaceServer
 from sitl.rehearsal.evidence import AUTOPILOT, Sample, WireMessage
 
 _HEAD, _CHECKSUM, _SIGNATURE, _MAGIC = 10, 2, 13, 0xFD
@@ -71,6 +72,7 @@ class Recording:
         samples: The true track.
         messages: The wire.
         time_s: Simulated seconds.
+        clock_s: The vehicle's own, which begins anew when it does.
         mode: The vehicle's custom mode, as it said last.
         armed: As it said last.
         failsafe: Whether one acts, as it said last.
@@ -82,6 +84,7 @@ class Recording:
     samples: list[Sample] = field(default_factory=list)
     messages: list[WireMessage] = field(default_factory=list)
     time_s: float = 0.0
+    clock_s: float = 0.0
     mode: int = 0
     armed: bool = False
     failsafe: bool = False
@@ -100,7 +103,7 @@ class Recording:
 
     def restart(self) -> None:
         """The vehicle is started anew: its time begins at zero again."""
-        self._before_s = self.time_s
+        self._before_s, self.clock_s = self.time_s, 0.0
         self.armed = self.failsafe = False
 
     def look(self, frame: Frame, *, delivered: bool) -> None:
@@ -132,7 +135,8 @@ class Recording:
             self._state(message)
             return
         if message.time_usec:
-            self.time_s = self._before_s + message.time_usec / 1e6
+            self.clock_s = message.time_usec / 1e6
+            self.time_s = self._before_s + self.clock_s
         if frame.number == _HIL_ACTUATORS:
             return
         self.place = message.lat / 1e7, message.lon / 1e7, message.alt / 1e3
@@ -149,23 +153,31 @@ class Recording:
 
 
 class LossyRelay:
-    """Passes datagrams both ways on a thread of its own.
+    """Passes datagrams both ways on a thread of its own, and keeps the world's pace.
+
+    A busy machine must not change what happens: the vehicle's clock waits for this relay and for
+    who reports to it how far it has worked (`air_router.pace`).
 
     Args:
         companion_port: Where the companion listens.
         seed: Of what is lost.
         ports: Where the vehicle sends its API link and its truth; 0 takes free ones.
+        speed: Times real time that the vehicle flies at most.
 
     Attributes:
         api_port: Where the vehicle sends its API link.
         truth_port: Where the vehicle sends its truth.
+        pace_port: Where vehicle, companion and team say how far they are.
         weather: What is done to what passes; may be changed at any time.
         recording: What was seen.
         copy_truth_to: A port that gets the truth as well; 0: none.
         answers: Called with what the vehicle sends to another than the companion.
+        hold: Called with whether the vehicle has to wait, for one that does not follow the pace.
     """
 
-    def __init__(self, companion_port: int, seed: int, ports: tuple[int, int] = (0, 0)) -> None:
+    def __init__(
+        self, companion_port: int, seed: int, ports: tuple[int, int] = (0, 0), speed: float = 1.0
+    ) -> None:
         self._companion = ("127.0.0.1", companion_port)
         self._chance = random.Random(f"relay {seed}")  # noqa: S311 - weather
         self._ends = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
@@ -179,6 +191,11 @@ class LossyRelay:
         self.recording = Recording()
         self.copy_truth_to = 0
         self.answers: Callable[[WireMessage], None] = lambda _message: None
+        self.hold: Callable[[bool], object] = lambda _waits: None
+        self._pace = PaceServer(("127.0.0.1", 0), expected=0)
+        self.pace_port = self._pace.port
+        self._speed = speed
+        self._granted = (0.0, time.monotonic())
         self._system = 1
         self._vehicle: Any = None
         self._first: dict[int, bytes] = {}
@@ -194,6 +211,7 @@ class LossyRelay:
     def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._thread.join()
+        self._pace.close()
         for end in self._ends:
             end.close()
 
@@ -243,10 +261,26 @@ class LossyRelay:
                 time.sleep(_PAUSE_S / 10)
                 continue
             with contextlib.suppress(OSError, ValueError):  # a socket that has just been replaced
-                for end in select.select(self._ends, [], [], 0.05)[0]:
-                    data, sender = end.recvfrom(65536)
-                    self._pass(end, data, sender)
+                ready = select.select([*self._ends, *self._pace.sockets], [], [], 0.05)[0]
+                for end in ready:
+                    if end in self._ends:
+                        data, sender = end.recvfrom(65536)
+                        self._pass(end, data, sender)
+                self._pace.attend(ready)
             self._release()
+            self._keep_pace(time.monotonic())
+
+    def _keep_pace(self, wall_s: float) -> None:
+        clock_s = self.recording.clock_s
+        limit = self._pace.limit(clock_s, wall_s)
+        if limit.most_speed < self._speed:  # who does not report is waited for no longer
+            granted_s, since_s = self._granted
+            granted_s += (wall_s - since_s) * limit.most_speed
+        else:
+            granted_s = clock_s
+        self._granted = (granted_s, wall_s)
+        slowly = limit.most_speed < self._speed and clock_s > granted_s
+        self.hold(slowly or clock_s >= limit.until_s)
 
     def _pass(self, end: socket.socket, data: bytes, sender: Any) -> None:
         if end is self._truth:
