@@ -28,7 +28,7 @@ from sitl.rehearsal.programs.processes import (
     started,
 )
 from sitl.rehearsal.programs.relay import LossyRelay, Recording, Weather, wait_until
-from sitl.rehearsal.programs.scenes import STREAMS, Act, WireScene
+from sitl.rehearsal.programs.scenes import MEETINGS, STREAMS, Act, WireScene
 from sitl.rehearsal.programs.station import MODES, Station, items_of
 from sitl.rehearsal.programs.strangers import intrusion
 
@@ -107,7 +107,7 @@ class RealFlight:
             self._relay.hold = self._hold
             self._relay.weather = Weather(loss=self.scene.loss)
             self._station = Station(self._relay)
-            meets = any(act.when == "COMM" for act in self.scene.acts())
+            meets = any(act.when in MEETINGS for act in self.scene.acts())
             self._arguments = [
                 *(str(mission), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
                 f"--duration={MEETING_S if meets else DURATION_S}",

@@ -24,6 +24,12 @@ STREAMS: Final[Mapping[str, frozenset[int]]] = MappingProxyType(
 """MAVLink messages of each stream."""
 
 _LASTS_S: Final = (3.0, 30.0, 1e6)
+MEETINGS: Final = frozenset({"COMM", "EXPL"})
+"""States that only a flight of some length with robots comes to."""
+
+_COMM_S: Final = 1.5
+"""A meeting lasts about two seconds: all is gathered and given by then."""
+
 _STATES: Final = ("HOLD", "COMM", "SEARCH", "HOME", "LAND", "INIT", "EXPL")
 
 
@@ -44,6 +50,7 @@ class Act(NamedTuple):
 
 
 _Script = Callable[[random.Random], list[Act]]
+_MEETING: Final = (Act(1.0, "ask", "seek io", "INIT"),)
 
 
 def _any(dice: random.Random) -> float:
@@ -64,15 +71,17 @@ def _stream(name: str) -> _Script:
     )
 
 
-def _takeover(state: str, dice: random.Random) -> list[Act]:
+def _takeover(seed: int, dice: random.Random) -> list[Act]:
+    """In every state by turns, and there by every mode."""
+    turn, number = divmod(seed, len(_STATES))
+    state = _STATES[number]
     mine = "HOLD" if state in {"COMM", "SEARCH"} else state  # which a flight chooses there itself
     modes = [m for m in ("HOLD", "RETURN", "LAND", "POSCTL", "ALTCTL") if m != mine]
-    act = Act(dice.uniform(0.1, 6.0), "mode", dice.choice(modes), state)
+    soon_s = _COMM_S if state == "COMM" else 6.0
+    act = Act(dice.uniform(0.1, soon_s), "mode", modes[turn % len(modes)], state)
     if state == "HOLD":
         return [Act(dice.uniform(2.0, 8.0), "ask", "hold", "INIT"), act]
-    if state == "COMM":
-        return [Act(1.0, "ask", "seek io", "INIT"), act]
-    return [act]
+    return [*_MEETING, act] if state in MEETINGS else [act]
 
 
 def _hand_back(dice: random.Random) -> list[Act]:
@@ -85,6 +94,8 @@ def _hand_back(dice: random.Random) -> list[Act]:
 
 def _replaced(dice: random.Random) -> list[Act]:
     at_s = dice.uniform(8.0, FLIGHT_S - 20.0)
+    if dice.randrange(2):
+        return [*_MEETING, Act(dice.uniform(0.1, _COMM_S), "replan", "reversed", "COMM")]
     return [Act(at_s, "replan", "reversed")]
 
 
@@ -149,7 +160,7 @@ CLASSES: Final[Mapping[str, Class]] = MappingProxyType(
         ),
         "OLD": Class(8, lambda dice: _spell(dice, "delay", "", dice.choice(_LASTS_S))),
         **{name: Class(12, _stream(name)) for name in STREAMS},
-        "PILOT": Class(35, lambda dice: _takeover(_STATES[0], dice)),
+        "PILOT": Class(35, lambda dice: _takeover(0, dice)),
         "HAND_BACK": Class(16, _hand_back),
         "STICKS": Class(12, lambda dice: [Act(_any(dice), "sticks", dice.uniform(2.0, 8.0))]),
         "TWO_STATIONS": Class(12, _two_stations),
@@ -191,8 +202,8 @@ class WireScene:
     def acts(self) -> list[Act]:
         """What is done, one after the other."""
         dice = self.chance("when")
-        if self.fault == "PILOT":  # in every state
-            return _takeover(_STATES[self.seed % len(_STATES)], dice)
+        if self.fault == "PILOT":
+            return _takeover(self.seed, dice)
         acts = CLASSES[self.fault].script(dice)
         in_order = any(act.when for act in acts)
         return acts if in_order else sorted(acts, key=lambda act: act.at_s)
