@@ -1,4 +1,6 @@
+import json
 import socket
+from queue import SimpleQueue
 
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
@@ -102,6 +104,25 @@ def test_streams_are_lost_frozen_and_late_each_alone(ends):
     assert not relay.recording.messages[-1].delivered
 
 
+def test_the_vehicle_waits_for_a_companion_that_is_behind(ends):
+    companion, vehicle = ends
+    held = SimpleQueue()
+    with LossyRelay(companion.getsockname()[1], 1, speed=5.0) as relay:
+        relay.hold = held.put
+
+        def until(waits):
+            while held.get(timeout=LIMIT_S) is not waits:
+                pass
+
+        with socket.create_connection(("127.0.0.1", relay.pace_port)) as report:
+            for reached_s, true_s, waits in ((1.0, 1.1, False), (1.0, 1.5, True)):
+                report.send(json.dumps({"name": "titan", "reached_s": reached_s}).encode() + b"\n")
+                vehicle.sendto(truth(6.7, true_s), ("127.0.0.1", relay.truth_port))
+                until(waits)
+            report.send(b'{"name": "titan", "reached_s": 1.5}\n')
+            until(waits=False)
+
+
 def test_a_station_uploads_a_plan_as_the_vehicle_asks_for_it(ends):
     companion, vehicle = ends
     item = {"frame": 6, "command": 16, "current": 0, "autocontinue": 0, "x": 5, "y": 6, "z": 20.0}
@@ -119,6 +140,9 @@ def test_a_station_uploads_a_plan_as_the_vehicle_asks_for_it(ends):
 
 def test_every_class_is_flown_in_about_three_hundred_scenes_and_has_its_row():
     scenes = wire_scenes()
+    takeovers = [scene.acts()[-1] for scene in scenes if scene.fault == "PILOT"]
+    in_a_meeting = {act.value for act in takeovers if act.when == "COMM"}
+    assert in_a_meeting == {"RETURN", "LAND", "POSCTL", "ALTCTL"}
     assert len(scenes) >= 300
     assert {scene.fault for scene in scenes} == set(CLASSES) <= set(ACCEPTED)
     for scene in scenes:
