@@ -114,6 +114,7 @@ def test_the_vehicle_waits_for_a_companion_that_is_behind(ends):
             while held.get(timeout=LIMIT_S) is not waits:
                 pass
 
+        vehicle.sendto(heartbeat(armed=True), ("127.0.0.1", relay.truth_port))
         with socket.create_connection(("127.0.0.1", relay.pace_port)) as report:
             for reached_s, true_s, waits in ((1.0, 1.1, False), (1.0, 1.5, True)):
                 report.send(json.dumps({"name": "titan", "reached_s": reached_s}).encode() + b"\n")

@@ -53,6 +53,9 @@ _BEAT_S: Final = 0.05
 _STICK_MODES: Final = frozenset({"POSCTL", "ALTCTL"})
 _NEED: Final = frozenset({"PILOT", "TWO_STATIONS", "DISARMED", "KILLED_IN_AIR"})
 """Scenes that are none where the vehicle refused what was tried."""
+_DEAFENING: Final = frozenset({"silence", "lose", "freeze", "delay", "stop"})
+"""While a companion hears nothing, or nothing new, the world does not wait for it."""
+
 _FROM_HOME_M: Final = 25.0
 _OLD_S: Final = 2.0
 
@@ -111,8 +114,9 @@ class RealFlight:
             self._arguments = [
                 *(str(mission), f"--connect=udpin://127.0.0.1:{port}", f"--log-dir={folder}"),
                 f"--duration={MEETING_S if meets else DURATION_S}",
-                f"--pace-from={self._pace_source},{self._speed:g}",
             ]
+            if not any(act.what in _DEAFENING for act in self.scene.acts()):
+                self._arguments.append(f"--pace-from={self._pace_source},{self._speed:g}")
             if meets:
                 stack.enter_context(self._team(mission, folder))
             return self._flown(mission)

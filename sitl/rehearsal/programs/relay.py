@@ -27,6 +27,9 @@ _FROM_OTHERS: Final = frozenset({11, 69, 75, 76, 84, 86, 23, *_MISSION})
 _ARMED, _CRITICAL = 128, 5
 _BUFFER: Final = 2**22
 _PAUSE_S: Final = 0.2
+_READY_SPEED: Final = 1.0
+"""Times real time until it is armed: only from then on the companion says how far it is."""
+
 _LANDED_M: Final = 0.3
 """So low above where it started a vehicle stands on the ground: the simulated ground is flat."""
 
@@ -196,6 +199,7 @@ class LossyRelay:
         self.pace_port = self._pace.port
         self._speed = speed
         self._granted = (0.0, time.monotonic())
+        self._flown = False
         self._system = 1
         self._vehicle: Any = None
         self._first: dict[int, bytes] = {}
@@ -273,14 +277,13 @@ class LossyRelay:
     def _keep_pace(self, wall_s: float) -> None:
         clock_s = self.recording.clock_s
         limit = self._pace.limit(clock_s, wall_s)
-        if limit.most_speed < self._speed:  # who does not report is waited for no longer
-            granted_s, since_s = self._granted
-            granted_s += (wall_s - since_s) * limit.most_speed
-        else:
-            granted_s = clock_s
+        self._flown = self._flown or self.recording.armed
+        speed = limit.most_speed if self._flown else _READY_SPEED
+        granted_s, since_s = self._granted
+        freely = speed >= self._speed or granted_s == 0.0
+        granted_s = clock_s if freely else granted_s + (wall_s - since_s) * speed
         self._granted = (granted_s, wall_s)
-        slowly = limit.most_speed < self._speed and clock_s > granted_s
-        self.hold(slowly or clock_s >= limit.until_s)
+        self.hold(clock_s > granted_s or clock_s >= limit.until_s)
 
     def _pass(self, end: socket.socket, data: bytes, sender: Any) -> None:
         if end is self._truth:
