@@ -56,9 +56,7 @@ def find(flight):
 
 def find_and_sync(flight):
     find(flight)
-    for direction in Direction:
-        flight.give(SyncStarted("callisto", 0.0, direction))
-        flight.give(SyncEnded("callisto", 0.0, direction, 1, 1, 0.1))
+    syncs(flight)
 
 
 def end_in(state):
@@ -144,6 +142,61 @@ def test_every_request_in_every_state(in_state, request_):
         for motion in commanded:  # what is commanded is checked from where the vehicle is
             if isinstance(motion, FlyToNode | FlyToPoint):
                 assert flight.router.check_leg(flight.position, motion.position)
+
+
+def lands(flight):
+    flight.altitude_m = 0.0
+    flight.step()
+    flight.armed = flight.in_air = False
+    flight.step()
+
+
+def is_taken_over(flight):
+    flight.pilot_chooses(FlightMode.OTHER)
+
+
+def time_passes(flight):
+    flight.now_s += flight.controller.time_left_s or 0.0
+    flight.step()
+
+
+def battery_falls(flight):
+    flight.battery = flight.mission.battery_reserve
+    flight.step()
+
+
+def hears(flight):
+    flight.give(RobotPose("callisto", ROBOT, 2.0, "callisto"))
+
+
+def syncs(flight):
+    for direction in Direction:
+        flight.give(SyncStarted("callisto", 0.0, direction))
+        flight.give(SyncEnded("callisto", 0.0, direction, 1, 1, 0.1))
+
+
+def is_yielded(flight):
+    flight.give(RobotSought("aardvark", "callisto", 1.0))
+
+
+# For every event: the states that it leads out of, and where to. All others stay.
+LED = {
+    is_taken_over: dict.fromkeys((*IN_THE_AIR, S.LAND), S.PASSIVE),
+    lands: dict.fromkeys((*IN_THE_AIR, S.LAND, S.PASSIVE), S.DONE),
+    battery_falls: dict.fromkeys((S.INIT, S.SEARCH, S.COMM, S.EXPL, S.GOTO, S.HOLD), S.HOME),
+    time_passes: {S.INIT: S.SEARCH, S.COMM: S.EXPL, S.EXPL: S.SEARCH},
+    hears: {S.SEARCH: S.COMM},
+    syncs: {S.COMM: S.EXPL},
+    is_yielded: {},
+}
+
+
+@pytest.mark.parametrize("event", list(LED), ids=lambda event: event.__name__)
+def test_every_event_in_every_state(in_state, event):
+    for state in State:
+        flight = in_state(state)
+        event(flight)
+        assert flight.controller.state is LED[event].get(state, state), state
 
 
 def test_held_it_stays_where_it_stopped_and_goes_on_with_the_time_that_was_left(in_state):

@@ -203,7 +203,7 @@ FIELDS = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(values=FIELDS | JSON)
 def test_whatever_json_comes_is_a_request_or_a_complaint(values):
     try:

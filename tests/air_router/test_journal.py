@@ -105,7 +105,7 @@ def assert_viewers_understand(schema):
 
 
 @pytest.mark.parametrize("kind", members().values(), ids=lambda kind: kind.__name__)
-@settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=8, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_every_event_and_action_comes_back(kind, data):
     value = data.draw(st.sampled_from(kind) if issubclass(kind, Enum) else values(kind))

@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.json_document import MAX_BYTES, MAX_DEPTH, json_from_text, json_text, load_json
@@ -32,7 +32,6 @@ def places(data, keys=()):
         yield from places(value, (*keys, key))
 
 
-@settings(deadline=None, max_examples=80)
 @given(data=VALUES, indent=st.sampled_from([None, 0, 3, "\t"]), ascii_only=st.booleans())
 def test_every_value_is_found_where_it_stands(data, indent, ascii_only):
     text = json.dumps(data, indent=indent, ensure_ascii=ascii_only)
@@ -49,7 +48,6 @@ def test_every_value_is_found_where_it_stands(data, indent, ascii_only):
             assert json.JSONDecoder().raw_decode(rest, column - 1)[0] == keys[-1]
 
 
-@settings(deadline=None, max_examples=60)
 @given(data=VALUES)
 def test_what_is_written_is_read_again(data):
     assert json_from_text(json_text(data), PATH).data == data
@@ -57,7 +55,6 @@ def test_what_is_written_is_read_again(data):
         assert list(json_from_text(json_text(data), PATH).data) == list(data)
 
 
-@settings(deadline=None, max_examples=150)
 @given(text=st.text('[]{}",:\\ue0123456789.-+tnf \n', max_size=40) | st.text(max_size=20))
 def test_what_the_standard_library_refuses_is_refused(text):
     try:

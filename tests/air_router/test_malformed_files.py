@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.errors import MissionFileError
@@ -492,7 +492,6 @@ HOSTILE = st.recursive(
 )  # fmt: skip
 
 
-@settings(deadline=None, max_examples=150)
 @given(content=HOSTILE)
 def test_no_json_crashes_a_reader(tmp_path_factory, content):
     folder = tmp_path_factory.mktemp("hostile")
@@ -501,7 +500,6 @@ def test_no_json_crashes_a_reader(tmp_path_factory, content):
         assert problem.line == 1
 
 
-@settings(deadline=None, max_examples=150)
 @given(
     parts=st.lists(
         st.sampled_from(

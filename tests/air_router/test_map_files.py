@@ -126,21 +126,18 @@ def as_polygon(outline):
     return shapely.Polygon(rings[0], rings[1:])
 
 
-@settings(deadline=None, max_examples=40)
 @given(zones=st.lists(areas(), max_size=3))
 def test_zones_come_back_from_geojson(zones):
     chart = Chart("any", zones=zones)
     assert_same(zones, from_geojson(chart))
 
 
-@settings(deadline=None, max_examples=40)
 @given(zones=st.lists(areas(), max_size=3))
 def test_zones_come_back_from_kml(zones):
     chart = Chart("any", home_altitude_amsl_m=100.0, zones=zones)
     assert_same(zones, from_kml(chart))
 
 
-@settings(deadline=None, max_examples=40)
 @given(zones=st.lists(areas(), max_size=3))
 def test_geojson_keeps_the_rules_of_its_standard(zones):
     check_rfc(geojson_of(Chart("any", zones=zones, fences=zones)))
@@ -276,7 +273,6 @@ def test_what_xml_cannot_say_is_replaced():
     assert from_kml(chart) == []
 
 
-@settings(deadline=None, max_examples=40)
 @given(centre=places, radius_m=st.floats(0.5, 50_000), segments=st.integers(12, 90))
 def test_drawn_circles_lie_around_the_circle(centre, radius_m, segments):
     ring = circle_around(centre, radius_m, segments)
@@ -291,7 +287,7 @@ def test_drawn_circles_lie_around_the_circle(centre, radius_m, segments):
         assert distances[1] <= radius_m / math.cos(math.pi / segments) + 1e-6
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(
     latitude_deg=st.floats(-75, 75),
     longitude_deg=st.floats(-180, 180),

@@ -6,7 +6,7 @@ import re
 import tempfile
 from pathlib import Path
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.errors import MissionFileError
@@ -50,7 +50,6 @@ def at(data, keys):
     return data
 
 
-@settings(max_examples=150)
 @given(st.lists(st.tuples(st.sampled_from(SPOTS), st.booleans(), junk), min_size=1, max_size=3))
 def test_any_value_in_any_place_is_read_or_refused(changes):
     data = copy.deepcopy(GOOD)

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.errors import MissionFileError
@@ -351,7 +351,6 @@ JUNK = st.one_of(
 )
 
 
-@settings(deadline=None, max_examples=60)
 @given(changes=st.lists(st.tuples(st.sampled_from(PLACES), JUNK), min_size=1, max_size=3))
 def test_no_plan_crashes_the_reader(changes):
     data = copy.deepcopy(SURVEY)

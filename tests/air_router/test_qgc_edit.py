@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.json_document import json_from_text, json_text, load_json
@@ -59,7 +59,6 @@ def test_nothing_is_lost(path):
     assert [note.message for note in again.notes] == [note.message for note in draft.notes]
 
 
-@settings(deadline=None, max_examples=30)
 @given(data=st.data())
 def test_plans_with_anything_in_them_come_back(data):
     values = st.recursive(

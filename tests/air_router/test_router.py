@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import networkx as nx
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, MultiPoint, Polygon, union_all
 
@@ -431,7 +431,6 @@ def test_the_way_out_does_not_lead_through_the_next_wall(tmp_path):
     )
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_from_anywhere_to_anywhere_every_clear_start_gets_clear_legs(seed):
     _mission, _graph, router, judge = _TOWN
@@ -486,7 +485,6 @@ def test_the_shortest_planner_is_never_longer_and_as_clear(flown):
     assert saved_m > 0
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_the_shortest_planner_heeds_speed_and_the_margin_too(seed):
     rng = random.Random(seed)

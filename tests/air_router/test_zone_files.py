@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from implicitdict import ImplicitDict
 from uas_standards import eurocae_ed318
@@ -453,7 +453,6 @@ def test_kml_in_other_encodings(tmp_path, encoding):
     assert read_zones(path).zones[0].name == "Höfe"
 
 
-@settings(deadline=None, max_examples=50)
 @given(st.lists(st.sampled_from(["a", "b", "a (2)"])), st.sets(st.sampled_from(["a", "a (2)"])))
 def test_names_are_unique(names, taken):
     unique = unique_names(names, taken)

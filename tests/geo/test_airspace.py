@@ -2,7 +2,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from shapely import Polygon
 
@@ -155,7 +155,6 @@ def test_a_clearance_is_a_distance(clearance_m):
 triangle = st.tuples(place, place, place).filter(lambda t: Polygon(t).area > 1)
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.lists(triangle, max_size=4), place, place, st.floats(0.1, 15), st.floats(0.1, 10))
 def test_legs_are_symmetric_monotone_in_clearance_and_judged_by_distance(
     triangles, a, b, clearance_m, more_m

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from shapely import Point as ShapelyPoint
 
@@ -210,7 +210,6 @@ zones = st.lists(st.tuples(shapes, st.none() | st.floats(0, 12)), max_size=4).ma
 distances = st.floats(0, 15)
 
 
-@settings(max_examples=150)
 @given(zones, place, place, distances, st.floats(-3, 5))
 def test_legs_are_judged_by_exact_distance(drawn, a, b, clearance_m, margin_m):
     space = Airspace(None, drawn, clearance_m, margin_m)
@@ -231,7 +230,6 @@ def test_legs_are_judged_by_exact_distance(drawn, a, b, clearance_m, margin_m):
     assert max(closest_m, 0.0) == pytest.approx(nearest_m, abs=1e-9)
 
 
-@settings(max_examples=80)
 @given(zones, st.lists(shapes, max_size=2), st.tuples(place, place), distances, st.floats(0, 10))
 @example([], [Circle(P(0, 0), 40)], (P(0, 0), P(0, 35)), 5.0, 1.0)
 def test_clearance_is_monotone(drawn, fences, leg, clearance_m, more_m):
@@ -249,7 +247,6 @@ def test_clearance_is_monotone(drawn, fences, leg, clearance_m, more_m):
     assert wider.spare_m(a)[0] == pytest.approx(spare_m - more_m) or math.isinf(spare_m)
 
 
-@settings(max_examples=60)
 @given(zones, st.lists(shapes, max_size=2), st.lists(place, min_size=2, max_size=6), distances)
 def test_in_bulk_the_answers_are_the_same(drawn, fences, places, clearance_m):
     space = Airspace(fences, drawn, clearance_m)
@@ -261,7 +258,6 @@ def test_in_bulk_the_answers_are_the_same(drawn, fences, places, clearance_m):
         assert answer == (space.leg_clear(a, b) if a != b else space.point_clear(a))
 
 
-@settings(max_examples=60)
 @given(zones, st.lists(shapes, max_size=2), distances, place)
 def test_drawn_free_space_is_clear_and_hardly_smaller(drawn, fences, clearance_m, probe):
     space = Airspace(fences, drawn, clearance_m)

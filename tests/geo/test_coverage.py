@@ -139,7 +139,7 @@ def test_what_no_place_can_see_is_named():
     assert coverage.missed[0].area_m2 > 30_000
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 10**6))
 def test_circles_holes_clearances_of_their_own_and_several_fences(seed):
     chance = random.Random(seed)
@@ -218,7 +218,7 @@ def star(chance, centre, least_m, most_m):
     ]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6))
 def test_random_concave_areas_with_zones(seed):
     chance = random.Random(seed)

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from pyproj import Geod
 
@@ -29,7 +29,6 @@ offsets = st.floats(-3500, 3500)
 points = st.builds(Point, offsets, offsets)
 
 
-@settings(max_examples=40, deadline=None)
 @given(latitudes, longitudes, points, points)
 def test_distances_are_those_of_the_ellipsoid_to_a_millimetre(lat, lon, a, b):
     frame = LocalFrame(Geodetic(lat, lon))
@@ -76,7 +75,6 @@ def test_many_at_once_are_refused_for_the_one_that_is_wrong():
         frame.to_geodetic_many([[0, 0], [math.inf, 0]])
 
 
-@settings(max_examples=40, deadline=None)
 @example(0.0, -180.0, Point(-1.2e-07, 1.0))  # on the antimeridian, but for rounding
 @given(latitudes, longitudes, points)
 def test_degrees_and_metres_convert_back_and_forth(lat, lon, point):

@@ -3,7 +3,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from geo.frame import Geodetic, Point
@@ -65,7 +65,6 @@ def test_share_counts_what_the_other_knows():
         mine.share_of(far)
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     st.integers(1, 30),
     st.integers(1, 30),
@@ -95,7 +94,6 @@ def test_a_decoded_grid_can_be_painted():
     assert grid.paint(GridPatch(0, 0, 1, cells([1, 1]))) == 2
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.binary(max_size=200))
 def test_any_bytes_give_a_grid_or_a_grid_error(data):
     for prefix in (b"", b"SGRD\x01\0\0\0", b"SPAT\x01\0\0\0"):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
@@ -65,7 +65,6 @@ def test_nothing_has_no_pieces():
 radii = st.lists(st.floats(2.0, 50.0), min_size=3, max_size=14)
 
 
-@settings(max_examples=60, deadline=None)
 @given(radii, radii, st.floats(0, 180))
 def test_pieces_are_those_of_shapely(outer, inner, bearing_deg):
     area = star(outer).difference(star([r / 3 for r in inner], (5.0, 1.0)))

@@ -7,7 +7,7 @@ from pathlib import Path
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from shapely import (
     LineString,
@@ -171,7 +171,6 @@ def test_every_pair_of_a_map_has_a_clear_path_the_same_both_ways(name):
         assert length_m(back) == pytest.approx(length_m(path), rel=1e-9)
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_paths_are_as_short_as_brute_force_finds(seed):
     rng = random.Random(seed)

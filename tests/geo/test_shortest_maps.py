@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
@@ -54,9 +54,9 @@ def check_pairs(map_):
         assert path_length_m(path) >= math.dist(start, goal) - 1e-9
 
 
-@pytest.mark.parametrize("thousandth", range(4))
-def test_two_thousand_random_maps(thousandth):
-    for seed in range(500 * thousandth, 500 * thousandth + 500):
+@pytest.mark.parametrize("part", range(4))
+def test_random_maps(part):
+    for seed in range(100 * part, 100 * part + 100):
         ground, chance = (scattered if seed % 4 else gridded)(seed)
         asked = places(chance, 12, None if seed % 4 else 5)
         clear = [place for place in asked if ground.least_m([place, place]) >= 5.001]
@@ -100,8 +100,8 @@ def ratios(kind, seeds, step=None):
 
 @pytest.mark.parametrize(("kind", "step"), [(scattered, None), (gridded, None), (gridded, 5)])
 def test_lengths_are_those_that_brute_force_finds(kind, step):
-    found = ratios(kind, range(3000, 3025), step)
-    assert len(found) > 25
+    found = ratios(kind, range(3000, 3012), step)
+    assert len(found) > 12
     assert np.median(found) <= 1.0005
     assert found.max() <= 1.05
     assert found.min() >= 0.999  # its arcs are a little larger than ours
@@ -110,7 +110,7 @@ def test_lengths_are_those_that_brute_force_finds(kind, step):
 @pytest.mark.parametrize("kind", [scattered, gridded])
 def test_planning_again_from_corners_and_from_the_middle_of_legs(kind):
     asked = 0
-    for seed in range(4000, 4030):
+    for seed in range(4000, 4012):
         ground, chance = kind(seed)
         paths = ShortestPaths(ground.airspace)
         for start, goal in pairs(places(chance, 8)):
@@ -129,10 +129,9 @@ def test_planning_again_from_corners_and_from_the_middle_of_legs(kind):
                     assert path_length_m(again) <= 1.01 * left_m + 1e-6, (seed, here, goal)
                     assert ground.least_m(again) >= 5 - 1e-6
                     asked += 1
-    assert asked > 100
+    assert asked > 40
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.booleans())
 def test_paths_are_as_long_both_ways(seed, on_grid):
     ground, chance = (gridded if on_grid else scattered)(seed)
@@ -144,7 +143,6 @@ def test_paths_are_as_long_both_ways(seed, on_grid):
         assert path_length_m(there) == pytest.approx(path_length_m(back), rel=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.1, 5))
 def test_more_clearance_never_makes_a_path_shorter_or_possible(seed, more_m):
     ground, chance = scattered(seed)

@@ -7,7 +7,7 @@ import random
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link import payload
@@ -391,7 +391,6 @@ def test_what_another_peer_brought_meanwhile_is_not_fetched(pull):
     assert pull.asked == [b"DENDTtitan"]
 
 
-@settings(deadline=None, max_examples=150)
 @given(
     st.lists(
         st.one_of(

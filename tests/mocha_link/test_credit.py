@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.credit import (
@@ -118,7 +118,6 @@ def test_a_link_that_becomes_slow_gets_a_small_window():
     assert credit._window == MIN_WINDOW
 
 
-@settings(max_examples=200)
 @given(
     st.one_of(st.none(), st.floats(0, 1e12)),
     st.one_of(st.none(), st.floats(0, 100)),

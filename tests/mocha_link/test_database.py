@@ -8,7 +8,7 @@ from functools import reduce
 from operator import xor
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mocha_link.database import GROUPS, Database, Knowledge, Record, digest
@@ -271,7 +271,6 @@ def made(topic, priority, stamp_ms):
 RECORDS = st.builds(made, TOPICS, st.integers(0, 3), STAMPS_MS)
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     st.integers(1, 3),
     st.lists(st.tuples(RECORDS, CLOCK_S, st.booleans()), max_size=40),
@@ -328,7 +327,6 @@ def group_of(record):
     return record.header.robot_id, record.header.topic_id % GROUPS
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     st.integers(1, 3),
     st.lists(st.tuples(RECORDS, CLOCK_S, st.booleans()), max_size=30),
@@ -364,7 +362,6 @@ def test_what_is_wanted_would_be_stored_whatever_the_clock_does(depth, inserts, 
     assert database.wanted(possible, now_s) == [h.pack() for h in expected.values()]
 
 
-@settings(max_examples=300, deadline=None)
 @given(STAMPS_MS, STAMPS_MS, CLOCK_S | st.integers(0, 3 * WRAP))
 def test_two_nodes_with_the_same_clock_agree_which_one_is_newer(one, other, now_s):
     latest = latest_ms(now_s)

@@ -9,7 +9,7 @@ import random
 import struct
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link import packet as wire
@@ -510,7 +510,6 @@ def test_acknowledgements_of_what_was_never_sent_are_refused():
     assert flow.in_flight_bytes > 0
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.booleans(), max_size=60),
     st.lists(st.booleans(), max_size=60),
@@ -539,7 +538,6 @@ def drop(way, lost):
     way.send = lambda packet, to: None if next(pattern, False) else send(packet, to)
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.lists(st.binary(max_size=60), max_size=20), st.randoms(use_true_random=False))
 def test_whatever_is_received(junk, generator):
     """Random bytes, and real packets, changed, cut off or repeated: no harm, no growth."""

@@ -244,7 +244,7 @@ def everybody_holds(days: Days, names: list[str] | tuple[str, ...] = NAMES) -> N
         assert {key for key in newest if held.get(key) != newest[key]} == set(), name
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_our_nodes_whatever_happens_to_them(seed, tmp_path):
     days = Days(seed, disks={"titan": tmp_path / "titan.db"})
     assert WRAPS == 4
@@ -255,10 +255,9 @@ def test_our_nodes_whatever_happens_to_them(seed, tmp_path):
     days.close("titan")
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_the_original_protocol_alone(seed):
+def test_the_original_protocol_alone():
     """Between our nodes, but nothing newer is spoken: clocks may be off by hours, not by days."""
-    days = Days(seed, original=NAMES)
+    days = Days(0, original=NAMES)
 
     def disturb() -> str:
         name = days.random.choice(NAMES)
@@ -274,7 +273,7 @@ def test_the_original_protocol_alone(seed):
     days.live(disturb, lambda: everybody_holds(days))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_beside_an_original_node(seed):
     """Ours hold the newest of everybody; the original node all that it is able to take."""
     days = Days(seed, original=(OLD,), stand_in=OLD)

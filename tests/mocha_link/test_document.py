@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, Field
 
@@ -268,7 +268,6 @@ def test_unreadable_files(tmp_path):
         Document.load(latin)
 
 
-@settings(deadline=None, max_examples=150)
 @given(st.one_of(st.text(max_size=80), st.text(alphabet="a:[]{}&*-,<'\"\n 1.!|>?#%", max_size=60)))
 def test_any_text_is_a_document_or_a_document_error(text):
     problems: tuple[Problem, ...] = ()

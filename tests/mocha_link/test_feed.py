@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link import acquaintance, letters, sync
@@ -414,7 +414,6 @@ def asking_frames(seed: int) -> tuple[Node, list[bytes]]:
     return server, said
 
 
-@settings(deadline=None, max_examples=150)
 @given(st.integers(0, 2**32))
 def test_whatever_comes_a_feed_only_raises_frame_errors(seed):
     rng = random.Random(seed)

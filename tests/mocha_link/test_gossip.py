@@ -221,11 +221,7 @@ STEPS = st.lists(
 
 
 @pytest.mark.parametrize("way", WAYS)
-@settings(
-    deadline=None,
-    max_examples=30,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],  # the team never changes
-)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # the team never changes
 @given(steps=STEPS)
 def test_whatever_is_cut_everything_arrives_in_the_end(team, way, steps):
     ether = make(team, way)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import zmq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link import keys
@@ -51,7 +51,6 @@ def a_team(tmp_path: Path, text: str = TEAM) -> Path:
 # The key pair
 
 
-@settings(deadline=None, max_examples=30)
 @given(st.binary(min_size=32, max_size=32), st.binary(max_size=100))
 def test_a_signature_proves_who_said_what(seed, said):
     secret = SecretKey(seed)

@@ -12,7 +12,7 @@ import sys
 from contextlib import closing
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.database import Database
@@ -48,7 +48,6 @@ class Notes:
 # --- the shelf
 
 
-@settings(deadline=None, max_examples=100)
 @given(
     st.lists(
         st.one_of(

@@ -9,7 +9,7 @@ import tracemalloc
 
 import lz4.frame
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link import payload
@@ -47,7 +47,6 @@ def at_most(limit_bytes: int):
         tracemalloc.stop()
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.integers(0, 255), st.integers(0, 255), st.binary(max_size=2000), st.binary(max_size=9))
 def test_unpack_reads_what_pack_writes(dtype, priority, data, behind):
     body = payload.pack(dtype, priority, data)
@@ -56,7 +55,6 @@ def test_unpack_reads_what_pack_writes(dtype, priority, data, behind):
     assert payload.unpack(body + behind) == data  # later formats may add something there
 
 
-@settings(deadline=None, max_examples=150)
 @given(st.binary(max_size=60))
 def test_any_bytes_are_a_body_or_a_payload_error(raw):
     cut = b"\1\2" + lz4.frame.compress(b"abc" * 9)[:12]
@@ -197,7 +195,6 @@ def test_too_large_to_send(monkeypatch):
         payload.pack(0, 0, bytes(11))
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     st.binary(max_size=300),
     st.integers(0, 2**47 - 1),
@@ -272,7 +269,6 @@ def test_any_one_damaged_byte_is_found(body):
                 payload.check(bytes(damaged))
 
 
-@settings(deadline=None, max_examples=200)
 @given(
     st.sampled_from([SMALL, SIGNED, LARGE]),
     st.integers(0),

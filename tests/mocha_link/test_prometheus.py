@@ -14,7 +14,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from prometheus_client.parser import text_string_to_metric_families
 
@@ -120,7 +120,6 @@ def test_each_unit_has_its_metric(clock, unit, name):
     assert sum(key[0].startswith("mocha_link_signal") for key in found) == 1
 
 
-@settings(max_examples=60)
 @given(st.text(min_size=1, max_size=12), st.text(max_size=12), st.floats(), st.integers(0, 2**80))
 def test_any_text_and_number_is_readable(peer, topic, age_s, count):
     class Clock:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.clock import Instant
@@ -31,7 +31,6 @@ def database() -> Database:
     return result
 
 
-@settings(deadline=None, max_examples=200)
 @given(
     st.lists(
         st.one_of(

@@ -11,7 +11,7 @@ import socket
 import struct
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -118,7 +118,6 @@ def test_what_is_no_report(raw):
         parse_report(raw)
 
 
-@settings(max_examples=200)
 @given(
     st.one_of(
         st.binary(max_size=80),
@@ -134,7 +133,6 @@ def test_any_line_is_a_report_or_a_radio_error(raw):
         parse_report(raw)
 
 
-@settings(max_examples=100)
 @given(
     st.lists(st.binary(max_size=60).map(lambda line: line.replace(b"\n", b"")), max_size=8),
     st.lists(st.integers(1, 40), max_size=8),
@@ -242,7 +240,6 @@ def test_urls_that_are_none(url, team):
         team.with_robots({"io": {"radio": url}})
 
 
-@settings(max_examples=200)
 @given(st.text(max_size=30) | st.from_regex(r"(udp|wifi|mavlink|rajant)://[a-z.]*:?\d*\??.*"))
 def test_any_text_is_a_url_or_a_radio_error(text):
     with contextlib.suppress(RadioError):
@@ -397,7 +394,6 @@ def test_radio_status():
     assert parse_radio_status(b"") == []
 
 
-@settings(max_examples=200)
 @given(
     st.binary(max_size=60),
     st.lists(st.tuples(st.integers(0, 40), st.integers(0, 255)), max_size=4),

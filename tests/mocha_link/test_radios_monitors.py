@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.radios import RadioError, RadioUrl, RajantRadio, Reading, Unit, WifiRadio
@@ -206,7 +206,6 @@ def _cut(text, cuts):
     return text
 
 
-@settings(max_examples=150)
 @given(st.sampled_from(sorted(SAMPLES)).flatmap(lambda name: mutated(SAMPLES[name])))
 def test_any_text_is_readings_or_a_radio_error(text):
     parse_station_dump(text)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
@@ -209,7 +209,6 @@ def test_cut_and_grown_messages(codec, kind, ros):
 
 @pytest.mark.parametrize("ros", [1, 2])
 @pytest.mark.parametrize("kind", TYPES)
-@settings(max_examples=60)
 @given(data=st.data())
 def test_hostile_bytes(codec, kind, ros, data):
     """Whatever comes is a message, which can be written and shown, or a RosError."""

@@ -7,7 +7,7 @@ import os
 
 import nacl.bindings
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.keys import SecretKey
@@ -17,7 +17,6 @@ TITAN, IO, EUROPA = (SecretKey(bytes([number]) * 32) for number in (1, 2, 3))
 OUT, IN = Seal(TITAN, IO.public), Seal(IO, TITAN.public)
 
 
-@settings(deadline=None, max_examples=60)
 @given(st.binary(max_size=1300))
 def test_the_peer_opens_what_was_sealed_for_it(packet):
     sealed = OUT.seal(packet)
@@ -43,7 +42,6 @@ def test_others_open_nothing():
     assert IN.open(Seal(EUROPA, IO.public).seal(b"as if from titan")) is None
 
 
-@settings(deadline=None, max_examples=100)
 @given(st.binary(max_size=100))
 def test_noise_does_not_open(noise):
     assert IN.open(noise) is None

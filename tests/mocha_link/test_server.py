@@ -7,7 +7,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link import packet as wire
@@ -579,7 +579,6 @@ def test_a_fallback_that_comes_after_the_end(server, io):
 CODES = [b"SYNC1", b"SYNCF", b"SYNCC", b"GHEAD", b"GDATA", b"DENDT", b"SERRM"]
 
 
-@settings(max_examples=150)
 @given(
     st.lists(
         st.one_of(

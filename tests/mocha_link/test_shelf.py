@@ -6,7 +6,7 @@ import itertools
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.shelf import MAX_RANGES, Partial, Shelf
@@ -18,7 +18,6 @@ def piece(start: int, end: int) -> memoryview:
     return memoryview(WHOLE)[start:end]
 
 
-@settings(deadline=None, max_examples=200)
 @given(st.lists(st.tuples(st.integers(0, 999), st.integers(1, 400)), max_size=30))
 def test_pieces_in_any_order_make_the_whole(pieces):
     partial = Partial(len(WHOLE))
@@ -39,7 +38,6 @@ def test_pieces_in_any_order_make_the_whole(pieces):
     assert partial.missing() == []
 
 
-@settings(deadline=None, max_examples=100)
 @given(st.sets(st.integers(0, 999), max_size=200))
 def test_many_gaps_are_asked_for_together(places):
     partial = Partial(1_000)

@@ -6,7 +6,7 @@ import itertools
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link import letters, sync
@@ -86,7 +86,6 @@ def test_an_answer_that_is_too_long_for_a_letter_leaves_some_out():
     assert sum(len(answer.longs) for answer in read) > 140_000
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=3_000), st.integers(300, 2_000), st.randoms(use_true_random=False))
 def test_letters_come_together_in_any_order(content, room, rng):
     frames = sync.letter_frames(sync.OPEN, 3, content, room)
@@ -237,7 +236,6 @@ SIZES = st.lists(
 )
 
 
-@settings(deadline=None, max_examples=50)
 @given(SIZES, SIZES, st.integers(0, 99))
 def test_large_data_are_parts_of_their_own(whole_sizes, piece_sizes, seed):
     """However it is cut then, the same comes out; a part that is one message is not copied."""
@@ -272,7 +270,6 @@ def test_a_frame_has_so_many_parts_at_most():
     assert list(sync.read_chunks(parts[0], parts[1:]).contents()) == data
 
 
-@settings(deadline=None, max_examples=300)
 @given(
     st.one_of(
         st.binary(max_size=200),

@@ -18,7 +18,7 @@ import time
 
 import pytest
 import zmq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link import top_command
@@ -177,7 +177,6 @@ def test_nothing_that_a_terminal_obeys_gets_through():
         assert line.isprintable()
 
 
-@settings(max_examples=200)
 @given(
     st.sampled_from(["links", "event", "?"]),
     st.recursive(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.metrics import ContactBegan, ContactEnded
@@ -163,7 +163,6 @@ def test_what_is_no_reading_changes_nothing():
     assert it.reading("io") == Reading(-70, Unit.DBM, "radio")
 
 
-@settings(max_examples=100)
 @given(
     st.lists(
         st.tuples(

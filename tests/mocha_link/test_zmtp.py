@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import pytest
 import zmq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.zmtp import Connection, ZmtpError
@@ -250,7 +250,6 @@ def outcome(connection: Connection, pieces: list[bytes]) -> tuple[list[list[byte
     return replies, ""
 
 
-@settings(max_examples=300)
 @given(
     st.lists(
         st.one_of(

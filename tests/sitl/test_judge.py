@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Point, Polygon
 
@@ -324,7 +324,6 @@ CORNERS = st.lists(
 ENDS = st.tuples(st.floats(-80, 80), st.floats(-80, 80))
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
 @given(corners=CORNERS, begin=ENDS, end=ENDS, radius=st.floats(1, 40))
 def test_its_geometry_is_what_many_points_say(corners, begin, end, radius):
     shape = Polygon(corners)

@@ -1,7 +1,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl.radio import Antenna, RadioModel
@@ -39,7 +39,6 @@ def test_on_top_of_each_other_the_power_is_finite():
     assert RadioModel().rssi_dbm("a", ugv(0.0), "b", ugv(0.0), 0.0) == pytest.approx(-30.5)
 
 
-@settings(max_examples=50, deadline=None)
 @given(
     time_s=st.floats(0, 1e6),
     step_s=st.floats(0, 0.1),

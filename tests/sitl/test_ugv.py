@@ -1,7 +1,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from geo.frame import Point
@@ -71,7 +71,6 @@ def test_a_patrol_without_points_is_refused():
         Patrol([])
 
 
-@settings(max_examples=100, deadline=None)
 @given(points=points, closed=st.booleans(), distance_m=st.floats(0, 1e5))
 def test_a_robot_is_always_on_one_of_its_legs(points, closed, distance_m):
     patrol = Patrol(points, closed=closed)

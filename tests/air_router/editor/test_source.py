@@ -7,7 +7,7 @@ from itertools import count
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.editor.json_nodes import json_nodes
@@ -159,7 +159,6 @@ def at(data, keys):
     return data
 
 
-@settings(max_examples=50, deadline=None)
 @given(written=texts(), pick=st.randoms(use_true_random=False))
 def test_a_number_is_replaced_and_all_else_is_as_it_was(written, pick):
     data, text = written
@@ -175,7 +174,6 @@ def test_a_number_is_replaced_and_all_else_is_as_it_was(written, pick):
     assert text.endswith(after[splice.start + len(splice.text) :])
 
 
-@settings(max_examples=80, deadline=None)
 @given(written=texts(), pick=st.randoms(use_true_random=False))
 def test_an_item_is_inserted_and_every_remark_stays_in_order(written, pick):
     data, text = written
@@ -189,7 +187,6 @@ def test_an_item_is_inserted_and_every_remark_stays_in_order(written, pick):
     assert after.count("\r") == (after.count("\n") if "\r" in text else 0)
 
 
-@settings(max_examples=80, deadline=None)
 @given(written=texts(), pick=st.randoms(use_true_random=False))
 def test_an_item_is_removed_and_remarks_outside_of_it_stay(written, pick):
     data, text = written
@@ -207,7 +204,6 @@ def test_an_item_is_removed_and_remarks_outside_of_it_stay(written, pick):
     assert len(gone.split()) <= len(text[start:end].split()) + 6  # a dash, a comma, a remark
 
 
-@settings(max_examples=50, deadline=None)
 @given(written=texts(), pick=st.randoms(use_true_random=False))
 def test_inserting_and_removing_again_changes_no_value(written, pick):
     data, text = written
@@ -220,7 +216,6 @@ def test_inserting_and_removing_again_changes_no_value(written, pick):
         assert back == text
 
 
-@settings(max_examples=50, deadline=None)
 @given(written=texts())
 def test_a_key_is_added_behind_the_others(written):
     data, text = written
@@ -229,7 +224,6 @@ def test_a_key_is_added_behind_the_others(written):
     assert remarks_of(after) == remarks_of(text)
 
 
-@settings(max_examples=50, deadline=None)
 @given(written=plans(), pick=st.randoms(use_true_random=False))
 def test_json_stays_json(written, pick):
     data, text = written
@@ -267,7 +261,6 @@ def test_numbers_look_like_those_they_replace(old, value, decimals, new):
     assert like(old, value, decimals) == new
 
 
-@settings(max_examples=80, deadline=None)
 @given(st.text(min_size=1, max_size=20))
 def test_words_are_read_back_as_they_are(text):
     if any(0xD800 <= ord(letter) <= 0xDFFF for letter in text):

@@ -5,7 +5,7 @@ import os
 import sqlite3
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.errors import UsageError
@@ -138,7 +138,6 @@ def test_bounds_that_are_wrong_hide_nothing_and_rows_from_the_north_are_noticed(
 
 
 @given(text=st.text(st.sampled_from("-+.,0189eEinfa_ \x00"), max_size=40))
-@settings(max_examples=60, deadline=None)
 def test_bounds_are_turned_round_and_no_text_of_them_is_an_error(text):
     assert read_bounds("-75.3, 39.9,-75.1,40") == (39.9, -75.3, 40.0, -75.1)
     for nowhere in ("1,2,3", "0,0,0,1", "0,1,1,0", "0,0,181,1", "0,0,1,91", "nan,0,1,1"):
@@ -154,7 +153,6 @@ def test_whom_to_name_is_plain_text():
 
 
 @given(html=st.text(st.sampled_from("<>/!-&;#x=\"'ab sctyle\x00\u202e"), max_size=80))
-@settings(max_examples=60, deadline=None)
 def test_no_text_of_whom_to_name_is_an_error(html):
     text = plain(html)
     assert len(text) <= 200
@@ -169,7 +167,6 @@ def whole(tmp_path_factory):
 
 
 @given(data=st.data())
-@settings(max_examples=30, deadline=None)
 def test_damage_is_an_error_of_ours_at_the_start_and_in_flight(whole, data):
     tiles, content = whole
     places = st.one_of(st.integers(0, 200), st.integers(0, len(content) - 1))

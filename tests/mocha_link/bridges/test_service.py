@@ -273,7 +273,7 @@ def still(team):
     return Service(Node(team, "one"))
 
 
-@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(frames=st.lists(st.binary(max_size=30) | REQUESTS.map(str.encode), max_size=3))
 def test_every_request_is_answered_once(still, frames):
     answers = []

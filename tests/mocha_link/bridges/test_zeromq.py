@@ -10,7 +10,7 @@ import sys
 
 import pytest
 import zmq
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
@@ -185,7 +185,6 @@ JSON = st.recursive(
 )
 
 
-@settings(max_examples=150)
 @given(topic=st.sampled_from(["/pose", "/goal", "/raw", "/x"]), value=JSON, data=st.binary())
 def test_any_value_is_sent_or_refused(values, topic, value, data):
     request = {"request": "publish", "topic": topic, "value": value}

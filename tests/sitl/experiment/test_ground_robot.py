@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC, PathMessage, PoseMessage
@@ -279,7 +279,6 @@ def test_what_is_no_message_is_counted_and_left_alone(topic, data):
 
 
 @given(topic=st.sampled_from(TOPICS), data=st.one_of(st.binary(max_size=60), JSON))
-@settings(max_examples=60)
 def test_no_bytes_stop_a_robot(topic, data):
     robot = GroundRobot("io", URBAN, 1, START, QUICK)
     robot.step(0.0)
@@ -373,7 +372,6 @@ def do(book, deed):
     known=st.lists(st.lists(PLACES, max_size=6), min_size=3, max_size=3),
     deeds=st.lists(DEEDS, max_size=30),
 )
-@settings(max_examples=40)
 def test_claims_converge_however_news_travel(known, deeds):
     """Once everybody has heard everybody, no goal is in progress twice, or visited and claimed."""
     books = {name: GoalBook(name, 17.85) for name in NAMES}
