@@ -319,8 +319,9 @@ class Flight:
 
     def _restarted(self, telemetry: Telemetry) -> bool:
         """Whether its clock began anew: then neither timers nor what was read back are good."""
-        before_s, self._vehicle_s = self._vehicle_s, telemetry.time_s
-        return telemetry.time_s < before_s - RESTART_S
+        anew = telemetry.time_s < self._vehicle_s - RESTART_S  # and remains it
+        self._vehicle_s = math.inf if anew else telemetry.time_s
+        return anew
 
     def _on_event(self, event: Event) -> None:
         now_s = self._clock.boot_s()
@@ -414,7 +415,7 @@ class Flight:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        ours = self._flies_by_us()
+        ours = self._flies_by_us() and self._vehicle_s < math.inf  # else started anew: not ours
         self._leaving = True
         self._recorder.note("LetGo", self._clock.boot_s(), {})
         try:

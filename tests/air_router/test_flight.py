@@ -503,6 +503,17 @@ def test_a_vehicle_that_restarts_on_the_ground_is_not_flown(rig):
     assert "restarted" in result.outcome
 
 
+def test_a_vehicle_that_restarts_in_the_air_is_not_commanded(rig):
+    flight = rig(duration_s=None)
+    vehicle = flight.vehicle
+    flight.at(
+        lambda: vehicle.airframe.now_s > 150.0,
+        lambda: setattr(vehicle.airframe, "now_s", 3.0),
+    )
+    assert "restarted" in flight.run().outcome
+    assert "hold" not in vehicle.verbs
+
+
 def test_what_the_pilot_armed_meanwhile_is_not_started(rig):
     flight = rig()
     vehicle = flight.vehicle

@@ -276,6 +276,8 @@ class LossyRelay:
 
     def _keep_pace(self, wall_s: float) -> None:
         clock_s = self.recording.clock_s
+        if clock_s == 0.0:
+            return  # it has not said yet where its clock is
         limit = self._pace.limit(clock_s, wall_s)
         self._flown = self._flown or self.recording.armed
         speed = limit.most_speed if self._flown else _READY_SPEED
