@@ -50,6 +50,10 @@ _REACTS_S: Final = 0.15
 _SHOWS_S: Final = 8.0
 _LANDED_M: Final = 0.3
 _BEAT_S: Final = 0.05
+_MOVED: Final = 400
+_RESTS_S: Final = 0.5
+"""Sticks are at rest first: what moves is taken for the pilot's."""
+
 _STICK_MODES: Final = frozenset({"POSCTL", "ALTCTL"})
 _NEED: Final = frozenset({"PILOT", "TWO_STATIONS", "DISARMED", "KILLED_IN_AIR"})
 """Scenes that are none where the vehicle refused what was tried."""
@@ -82,8 +86,7 @@ class RealFlight:
         self._vehicle: subprocess.Popen[bytes] | None = None
         self._second: subprocess.Popen[bytes] | None = None
         self._awaited: tuple[Happening, Callable[[], bool]] | None = None
-        self._sticks_until_s = -math.inf
-        self._sticks = 0
+        self._sticks_moved_s: tuple[float, float] | None = None
         self._relay: LossyRelay
         self._companion: Companion
         self._station: Station
@@ -176,7 +179,8 @@ class RealFlight:
 
     def _is_left_alone(self, todo: list[Act]) -> bool:
         """Whether the pilot has it for good and the companion waits for its landing."""
-        taken = any(h.what is What.PILOT for h in self._happenings)
+        told = [h.what for h in self._happenings if h.what in {What.PILOT, What.REQUEST}]
+        taken = told[-1:] == [What.PILOT]  # and not given back since
         return not todo and (taken or "-> PASSIVE" in self._companion.last)
 
     def _entered_s(self, state: str) -> float:
@@ -185,8 +189,9 @@ class RealFlight:
 
     def _watch(self, now_s: float) -> None:
         """Note what was chosen when the vehicle shows it; it may have been refused."""
-        if now_s < self._sticks_until_s:
-            self._station.sticks(self._sticks)
+        if self._sticks_moved_s is not None:  # from then on they are heard: else they are lost
+            from_s, until_s = self._sticks_moved_s
+            self._station.sticks(_MOVED if from_s <= now_s < until_s else 0)
         if self._awaited is not None:
             happening, shows = self._awaited
             if shows():
@@ -206,8 +211,7 @@ class RealFlight:
     def do_mode(self, value: str) -> None:
         """The pilot chooses a mode; those of the sticks need sticks that are heard."""
         if value in _STICK_MODES:
-            self._sticks = 0
-            self._sticks_until_s = self._seen.time_s + LET_GO_S
+            self._sticks_moved_s = self._sticks_moved_s or (math.inf, math.inf)
             for _ in range(10):
                 self._station.sticks(0)
                 time.sleep(_BEAT_S)
@@ -221,8 +225,8 @@ class RealFlight:
 
     def do_sticks(self, value: float) -> None:
         """The pilot holds the sticks for some seconds."""
-        self._sticks = 400
-        self._sticks_until_s = self._seen.time_s + value
+        from_s = self._seen.time_s + _RESTS_S
+        self._sticks_moved_s = from_s, from_s + value
         self._await(What.PILOT, "sticks", lambda: self._seen.mode == MODES["POSCTL"])
 
     def do_resume(self, _value: object) -> None:
