@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from unittest.mock import patch
 
 import yaml
@@ -38,7 +38,7 @@ from sitl.experiment.settings import RunSettings
 from sitl.experiment.uav import controllers_of
 from sitl.rehearsal.faults import Fault, Scene
 from sitl.rehearsal.stage import Stage
-from tests.golden.plain import Tongue
+from tests.golden.plain import Tape, Tongue
 
 DAY = datetime(2026, 6, 1, 12, tzinfo=UTC)
 """When missions are read that have zones of certain times."""
@@ -244,18 +244,6 @@ def _controller_of_run(run_: Mapping[str, Any], name: str, folder: Path) -> Cont
 
 
 # Recording.
-
-
-class Tape(NamedTuple):
-    """What one controller was told, and decided.
-
-    Attributes:
-        setup: What it was made of.
-        steps: (time, reaction time, event, decisions) of each.
-    """
-
-    setup: dict[str, Any]
-    steps: list[tuple[float, float, dict[str, Any], list[Any]]]
 
 
 def fly(mission: Path, fault: str, seed: int) -> list[Tape]:

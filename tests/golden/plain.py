@@ -6,6 +6,19 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 NAN = "number:nan"
+HEX = "bytes:"
+
+
+class Tape(NamedTuple):
+    """What one object was told, and decided.
+
+    Attributes:
+        setup: What it was made of.
+        steps: (time, reaction time, event, decisions) of each.
+    """
+
+    setup: dict[str, Any]
+    steps: list[tuple[float, float | None, dict[str, Any], list[Any]]]
 
 
 class _Row(NamedTuple):
@@ -41,14 +54,16 @@ class Tongue:
         self._make: dict[type, Callable[[Any], Any]] = {
             dict: self._instance,
             list: self._tuple,
-            str: lambda plain: self._words.get(plain, plain),
+            str: self._text,
         }
 
     def kind_of(self, value: Any) -> str:
         """The word for an object's kind."""
         return self._rows[type(value)].word
 
-    def plain_of(self, value: Any, digits: int = 3) -> Any:
+    def plain_of(  # noqa: PLR0911 - one for each kind of value
+        self, value: Any, digits: int = 3
+    ) -> Any:
         """An object as plain data; numbers are rounded.
 
         Raises:
@@ -67,7 +82,9 @@ class Tongue:
             return {"kind": row.word, **fields}
         if isinstance(value, enum.Enum) and value in self._word_of:
             return self._word_of[value]
-        if isinstance(value, tuple):
+        if isinstance(value, bytes | memoryview):
+            return HEX + value.hex()
+        if isinstance(value, tuple | list):
             return [self.plain_of(each, digits) for each in value]
         raise TypeError(f"there is no word for {value!r}")
 
@@ -80,6 +97,11 @@ class Tongue:
         row = self._rows[plain["kind"]]
         values = {row.fields[n]: self.object_of(v) for n, v in plain.items() if n != "kind"}
         return row.make(**values)
+
+    def _text(self, plain: str) -> Any:
+        if plain.startswith(HEX):
+            return bytes.fromhex(plain[len(HEX) :])
+        return self._words.get(plain, plain)
 
     def _tuple(self, plain: list[Any]) -> Any:
         if len(plain) == 2 and type(plain[0]) is type(plain[1]) is float:

@@ -12,15 +12,22 @@ where the flight itself decided otherwise, that is said.
 """
 
 import argparse
+import itertools
+import random
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from tests.golden.adapter import Tape, fly, make_run
+from mocha_link.document import Document
+from mocha_link.team import Team
+from tests.golden import nodes
+from tests.golden.adapter import fly, make_run
+from tests.golden.plain import Tape
 from tests.golden.streams import FOLDER, SUFFIX, Step, Stream, decided, read, write
+from tests.mocha_link.ether import STEADY_S, Ether, T
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 
@@ -34,7 +41,7 @@ FLIGHTS = (
     ("pennovation", "RELOAD", 1),
     ("pennovation", "WALL", 2),
     ("pennovation", "NO_FIX", 1),
-    ("pennovation", "BATTERY", 1),
+    ("pennovation", "BATTERY", 24),
     ("pennovation", "LOSS_20", 2),
     ("pennovation", "RESTART", 3),
     ("pennovation", "PLAN_REPLACED", 2),
@@ -73,6 +80,14 @@ RUNS: Mapping[str, dict[str, Any]] = {
 }
 """Runs of experiments in the town of missions/urban: what is not as usual."""
 
+SYNCS: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "connections": ({"delay_s": 0.02}, {}),
+    "datagrams": ({"datagrams": True, "delay_s": 0.01}, {}),
+    "by-timer": ({"datagrams": True, "by_timer": True}, {}),
+    "original": ({"delay_s": 0.02}, {"titan": {"original": True}, "io": {"original": True}}),
+}
+"""Nodes that meet: what is between them, and what of the team is not as usual."""
+
 
 def main() -> None:
     parser = argparse.ArgumentParser(
@@ -84,19 +99,26 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help="only these, by a part of them")
     arguments = parser.parse_args()
     FOLDER.mkdir(exist_ok=True)
+    work = decide_anew if arguments.decisions else record
+    work(lambda name: not arguments.names or any(part in name for part in arguments.names))
 
-    def meant(name: str) -> bool:
-        return not arguments.names or any(part in name for part in arguments.names)
 
-    if arguments.decisions:
-        for path in sorted(FOLDER.glob(f"*{SUFFIX}")):
-            if meant(path.name):
-                keep(path.name.removesuffix(SUFFIX), read(path))
-        return
+def decide_anew(meant: Callable[[str], bool]) -> None:
+    """Keep the events, write down what is decided now."""
+    for path in sorted(FOLDER.glob(f"*{SUFFIX}")):
+        if meant(path.name):
+            keep(path.name.removesuffix(SUFFIX), read(path))
+
+
+def record(meant: Callable[[str], bool]) -> None:
+    """Fly, sync and run anew."""
     for mission, fault, seed in FLIGHTS:
         name = f"{mission}-{fault.lower().replace('_', '-')}-{seed}"
         if meant(name):
             keep_tapes(name, flown(mission, fault, seed))
+    for name, (options, changes) in SYNCS.items():
+        if meant(f"sync-{name}"):
+            keep_tapes(f"sync-{name}", synced(options, changes))
     for name, settings in RUNS.items():
         if meant(f"run-{name}"):
             keep_tapes(f"run-{name}", ran({**_SHORT, **settings}))
@@ -131,6 +153,41 @@ def ran(settings: Mapping[str, Any]) -> list[Tape]:
     files = {name: (MISSIONS / "urban" / name).read_text("utf-8") for name in names}
     own = {"town": "./town.yaml", "mission": "./mission.yaml"}
     return make_run({**own, **settings}, files, seed=7)
+
+
+def synced(options: Mapping[str, Any], changes: Mapping[str, Any]) -> list[Tape]:
+    """Let nodes meet: what is carried on, cut off, sent twice, lost and begun anew."""
+    text = (Path(__file__).parents[1] / "data" / "mocha" / "team.yaml").read_text("utf-8")
+    document = yaml.safe_load(text)
+    for name, change in changes.items():
+        document["robots"][name] |= change
+    text = yaml.safe_dump(document)
+    team = Team.from_document(Document.from_text(text, Path("team.yaml")))
+    dice = random.Random(7)
+    with nodes.tapped(text, T - STEADY_S) as tapes:
+        ether = Ether(team, names=tuple(team.robots), **options)
+        names = tuple(ether.nodes)
+        for turn in range(3):
+            for name in names:
+                for topic in team.topics_of(name):
+                    ether.publish(name, topic.name, dice.randbytes(200) * dice.choice((1, 30)))
+            ether.wait(1.5)
+            ether.left = 5 if turn == 1 else None  # the contact breaks off
+            if turn == 2 and "datagrams" in options:
+                ether.blocked = {("zmq", *pair) for pair in itertools.permutations(names, 2)}
+            for one, other in itertools.permutations(names, 2):
+                ether.nodes[one].heard(other, -60.0, ether.at(one))
+            ether.wait(4.0)
+            ether.left = None
+            if turn == 1:
+                ether.alter = lambda piece: piece.data[:-1] + bytes((piece.data[-1] ^ 1,))
+                ether.wait(2.0)
+                ether.alter = lambda piece: piece.data
+                ether.restart(names[0])
+            for one, other in itertools.permutations(names, 2):
+                ether.nodes[one].heard(other, -95.0, ether.at(one))
+            ether.wait(6.0)
+    return tapes
 
 
 def keep_tapes(name: str, tapes: Iterable[Tape]) -> None:

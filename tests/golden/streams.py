@@ -12,7 +12,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tests.golden.adapter import Told, controller_of
+from tests.golden.adapter import controller_of
+from tests.golden.nodes import Node
 
 FOLDER = Path(__file__).parent / "streams"
 SUFFIX = ".jsonl.xz"
@@ -72,10 +73,11 @@ def _steps(lines: Iterable[Any]) -> Iterator[Step]:
 
 
 def decided(stream: Stream) -> Iterator[list[Any]]:
-    """What a fresh controller decides at each step; an error is its last decision."""
-    controller: Told = controller_of(stream.setup)
+    """What a fresh controller or node decides at each step; an error is its last decision."""
+    node = "team" in stream.setup
+    controller = Node(stream.setup) if node else controller_of(stream.setup)
     for step in stream.steps:
-        if step.reaction_s is not None and controller.reaction_s != step.reaction_s:
+        if controller.reaction_s != step.reaction_s:
             controller.reaction_s = step.reaction_s
         try:
             yield controller.decide(step.t, step.event)
@@ -113,5 +115,7 @@ def _column(word: str, decided: list[Any], other: list[Any]) -> list[str]:
 def _line(plain: Any) -> str:
     if not isinstance(plain, dict):
         return str(plain)
-    fields = (f"{k}={json.dumps(v)}" for k, v in plain.items() if k != "kind" and v is not None)
+    fields = (
+        f"{k}={json.dumps(v)[:200]}" for k, v in plain.items() if k != "kind" and v is not None
+    )
     return " ".join([plain["kind"], *fields])
