@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import socket
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -16,7 +15,6 @@ from zmq.utils.monitor import parse_monitor_message
 from mocha_link import curve
 from mocha_link.curve import CurveUnavailableError, Gatekeeper, Refusal
 from mocha_link.keys import SecretKey
-from mocha_link.zmtp import Connection
 
 WAIT_S = 60  # a limit against hangs
 TITAN, IO, EUROPA = (SecretKey(bytes([number]) * 32) for number in (1, 2, 3))
@@ -110,12 +108,6 @@ def holding(own: SecretKey, server: SecretKey = TITAN) -> Setting:
     return lambda client: curve.protect_contact(client, own, server.public)
 
 
-def test_the_right_key_enters(hall):
-    assert hall.ask(hall.dial(hall.open("io"), holding(IO))) == b"io hears you"
-    assert hall.ask(hall.dial(hall.open("europa"), holding(EUROPA))) == b"europa hears you"
-    assert not hall.refusals
-
-
 def test_each_port_has_its_own_key(hall, caplog):
     port = hall.open("io")
     with caplog.at_level(logging.WARNING):
@@ -126,85 +118,6 @@ def test_each_port_has_its_own_key(hall, caplog):
     assert "refused at the port for io: it came with a wrong key" in caplog.messages
     assert hall.ask(hall.dial(port, holding(IO))) == b"io hears you"
     assert len([m for m in caplog.messages if m.startswith("refused")]) == 1  # told once
-
-
-def test_a_stranger_does_not_enter(hall):
-    port = hall.open("io")
-    hall.refused(hall.dial(port, holding(SecretKey.generate())))
-    assert hall.ask(hall.dial(port, holding(IO))) == b"io hears you"
-
-
-def test_whoever_takes_us_for_another_does_not_talk_to_us(hall):
-    port = hall.open("io")
-    hall.refused(hall.dial(port, holding(IO, server=EUROPA)))
-    assert set(hall.refusals) == {Refusal("io", "with a wrong key")}
-
-
-def test_an_original_node_does_not_enter(hall):
-    """It says all that it would say, and waits.
-
-    (A socket of libzmq sees by itself that the port wants a key, and hangs up. If that is first,
-    the port sees a connection that was reset, and nobody comes again.)
-    """
-    port = hall.open("io")
-    with socket.create_connection(("127.0.0.1", port), timeout=WAIT_S) as connection:
-        connection.sendall(Connection.hello + Connection.request(b"idididGHEAD"))
-        connection.setblocking(False)
-        said = bytearray()
-
-        def closed() -> bool:
-            try:
-                data = connection.recv(4096)
-            except BlockingIOError:
-                return False
-            except ConnectionError:
-                return True
-            said.extend(data)
-            return not data
-
-        hall.serve_until(lambda: closed() and bool(hall.refusals))
-    assert b"ididid" not in said
-    assert set(hall.refusals) == {Refusal("io", "without encryption")}
-    assert hall.ask(hall.dial(port, holding(IO))) == b"io hears you"
-
-
-def test_noise_does_not_enter(hall):
-    port = hall.open("io")
-    for noise in (
-        b"GET / HTTP/1.1\r\n\r\n" * 10,
-        bytes(200),
-        b"\xff" * 9 + b"\x7f\x03" + bytes(99),
-    ):
-        with socket.create_connection(("127.0.0.1", port), timeout=WAIT_S) as connection:
-            with contextlib.suppress(OSError):  # it may be thrown out in the middle
-                connection.sendall(noise)
-                connection.shutdown(socket.SHUT_WR)
-            connection.setblocking(False)
-
-            def closed(connection: socket.socket = connection) -> bool:
-                try:
-                    return not connection.recv(4096)
-                except BlockingIOError:
-                    return False
-                except ConnectionError:
-                    return True
-
-            hall.serve_until(closed)
-    assert hall.ask(hall.dial(port, holding(IO))) == b"io hears you"
-
-
-def test_links_without_keys_stay_as_they_are(hall):
-    hall.open("io")
-    assert hall.ask(hall.dial(hall.open("callisto", protect=False))) == b"callisto hears you"
-    assert not hall.refusals
-
-
-def test_a_protected_client_does_not_talk_to_an_unprotected_port(hall):
-    client = hall.dial(hall.open("callisto", protect=False), holding(IO))
-    client.send(b"secret")
-    monitor = client.get_monitor_socket()
-    hall.serve_until(lambda: bool(monitor.poll(0)))
-    assert not client.poll(0)
 
 
 def test_a_port_whose_peer_the_gatekeeper_does_not_know_stays_shut(hall):
@@ -220,32 +133,6 @@ def test_many_at_once_with_wrong_keys(hall):
     assert hall.ask(client) == b"io hears you"
     hall.serve_until(lambda: hall.gatekeeper.refused["io"] >= 40)
     assert hall.ask(client) == b"io hears you"
-
-
-def test_what_crosses_is_not_readable(hall):
-    port = hall.open("io")
-    seen = bytearray()
-    with socket.create_server(("127.0.0.1", 0)) as listener, contextlib.ExitStack() as stack:
-        client = hall.dial(listener.getsockname()[1], holding(IO))
-        near = stack.enter_context(listener.accept()[0])
-        far = stack.enter_context(socket.create_connection(("127.0.0.1", port)))
-        for end in (near, far):
-            end.setblocking(False)
-            hall.poller.register(end, zmq.POLLIN)
-
-        def relayed() -> bool:
-            for source, sink in ((near, far), (far, near)):
-                with contextlib.suppress(BlockingIOError):
-                    data = source.recv(65536)
-                    seen.extend(data)
-                    sink.send(data)
-            return bool(client.poll(0))
-
-        client.send(b" hears you")
-        hall.serve_until(relayed)
-    assert client.recv() == b"io hears you"
-    assert b"hears" not in seen
-    assert len(seen) > 200
 
 
 def test_a_context_has_one_gatekeeper(hall):

@@ -12,7 +12,6 @@ from mocha_link.metrics import (
     LinkState,
     MessageStored,
     RssiChanged,
-    SyncEnded,
     SyncStarted,
     SyncTimedOut,
 )
@@ -107,16 +106,6 @@ def test_a_new_contact_replaces_a_stalled_pull(ether):
     assert [type(a) for a in io.take()[0]] == [HangUp, Dial, Send, Send]
 
 
-def test_a_silent_radio_is_told(ether):
-    io = ether.nodes["io"]
-    io.heard("titan", -90, ether.now)
-    ether.wait(6.5)
-    told = ether.events["io"][-1]
-    assert told == RssiChanged("titan", told.at_s, None)
-    assert T + 6 < told.at_s <= T + 6.5
-    assert io.links(ether.now)["titan"].rssi_dbm is None
-
-
 def test_by_timer_everybody_is_asked(team):
     ether = Ether(team, by_timer=True)
     ether.nodes["io"].tick(ether.now)
@@ -132,24 +121,6 @@ def test_held_messages_leave_when_their_interval_is_over(ether):
     assert ether.held("titan") == {("titan", "/slow"): b"3"}
     own = ether.told("titan", MessageStored)
     assert [(e.peer, e.robot) for e in own] == [("titan", "titan")] * 2
-
-
-def test_metrics_of_both_sides(any_ether, request):
-    ether = any_ether
-    ether.publish("titan", "/map", b"map" * 1000)
-    ether.pull("io", "titan")
-    io, titan = ether.nodes["io"], ether.nodes["titan"]
-    ether.time_s += 4.0
-    pulled, served = io.links(ether.now)["titan"], titan.links(ether.now)["io"]
-    assert (pulled.state_in, served.state_out) == (LinkState.ENDED, LinkState.ENDED)
-    assert pulled.bytes_in == served.bytes_out > 0
-    assert (pulled.syncs_in, pulled.syncs_out, served.syncs_out) == (1, 0, 1)
-    assert 4 <= pulled.newest_age_s < 5
-    assert served.newest_age_s is None
-    (ended,) = ether.told("io", SyncEnded)
-    assert ended.messages == 1
-    assert 0 < ended.bytes <= pulled.bytes_in
-    assert ended.complete
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ from mocha_link.database import Database
 from mocha_link.datagram import Flow
 from mocha_link.letters import Reception
 from mocha_link.metrics import SyncEnded, SyncStarted
-from mocha_link.protocol import PATIENCE_S
 from mocha_link.server import Server
 from mocha_link.sync import END, letter_frames
 from tests.mocha_link.test_server import (
@@ -96,13 +95,4 @@ def test_only_an_opening_begins_a_sync(server, by_datagram):
         assert not server.packet(packet, at(0))
     else:
         assert reception(io.open()) is Reception.UNREADABLE
-    assert server.take() == []
-
-
-def test_silence_after_the_end_is_no_new_event(server):
-    io = Asker(server)
-    io.open()
-    io.read()
-    server.take()
-    server.tick(at(2 * PATIENCE_S))
     assert server.take() == []

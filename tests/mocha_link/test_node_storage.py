@@ -21,7 +21,6 @@ from mocha_link.metrics import (
     Direction,
     MessageStored,
     StorageFailed,
-    StorageRecovered,
     SyncEnded,
 )
 from mocha_link.node import Node
@@ -235,17 +234,6 @@ def test_a_file_that_cannot_be_used_is_told_and_done_without(field, file, spoil)
         assert path.read_bytes() == content  # what is there is left as it is
 
 
-def test_two_nodes_do_not_share_a_file(field, file):
-    with running(field, "titan", storage=file) as (titan, _):
-        titan.publish("/map", b"grid")
-        with running(field, "io", storage=file) as (io, saw):
-            assert "titan.db" in saw.wait(StorageFailed).reason
-            io.publish("/pose", b"here")
-            assert pull(io, saw, "titan").messages == 1
-    with running(field, "titan", storage=file) as (titan, _):
-        assert [message.topic for message in titan.messages()] == ["/map"]
-
-
 class Disk:
     """A disk that can be full, or slow."""
 
@@ -289,38 +277,6 @@ def disk(monkeypatch) -> Disk:
     quick = partial(Storage, connect=disk.connect, retry_s=0.01)
     monkeypatch.setattr(node_module, "Storage", quick)
     return disk
-
-
-def test_a_disk_that_is_full_for_a_while(field, file, disk):
-    with running(field, "titan", storage=file) as (titan, saw):
-        titan.publish("/map", b"before")
-        disk.full = True
-        titan.publish("/map", b"meanwhile")
-        assert "full" in saw.wait(StorageFailed).reason
-        titan.publish("/slow", b"meanwhile, too")
-        assert titan.latest("titan", "/map").data == b"meanwhile"
-        io, _, io_saw = field.node("io")
-        assert pull(io, io_saw, "titan").messages == 2
-        disk.full = False
-        assert saw.wait(StorageRecovered) == StorageRecovered("titan", field.clock.now_s())
-        assert len([e for e in saw.seen if isinstance(e, StorageFailed)]) == 1
-    with running(field, "titan", storage=file) as (titan, _):
-        assert titan.latest("titan", "/map").data == b"meanwhile"
-        assert titan.latest("titan", "/slow").data == b"meanwhile, too"
-
-
-def test_closing_does_not_wait_for_a_disk_that_hangs(field, file, disk, monkeypatch):
-    titan = Node(field.team, "titan", radio=ManualRadio(), clock=field.clock, storage=file)
-    titan.start()
-    titan.publish("/map", b"grid")
-    disk.free.clear()
-    publishing = threading.Thread(target=titan.publish, args=("/map", b"grid 2"))
-    publishing.start()
-    titan.close()  # comes back, though nothing lets go of the disk
-    disk.free.set()
-    publishing.join(20)
-    assert not publishing.is_alive()
-    titan._storage._thread.join(20)
 
 
 def test_a_node_that_cannot_be_made_gives_up_its_file(field, file):

@@ -54,13 +54,6 @@ def test_messages_that_come_early_cross_as_one(field_of):
     assert message.stamp_s < field.clock.now_s() - 4.9  # when the last of them was said
 
 
-def test_a_topic_without_it_has_one_part(field_of):
-    field = field_of(PAIR)
-    titan, _, _ = field.node("titan")
-    titan.publish("/map", b"grid")
-    assert titan.latest("titan", "/map").parts == (b"grid",)
-
-
 def test_a_message_of_an_original_robot_is_no_batch(field_of):
     """It knows nothing of batches; the others' messages stay readable, and so does its data."""
     field = field_of(PAIR)
@@ -188,15 +181,3 @@ def test_the_largest_message_that_there_is(field_of, monkeypatch):
     io.sync("titan")
     assert saw.wait(SyncEnded, direction=IN).messages == 1
     assert io.latest("titan", "/map").data == largest
-
-
-def test_empty_messages(field_of):
-    field = field_of(PAIR)
-    titan, _, _ = field.node("titan")
-    titan.publish("/map", b"")
-    titan.publish("/log", b"")
-    io, _, saw = field.node("io")
-    io.sync("titan")
-    assert saw.wait(SyncEnded, direction=IN).messages == 2
-    assert io.latest("titan", "/map").parts == (b"",)
-    assert io.latest("titan", "/log").parts == (b"",)

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import random
 import shutil
-import signal
 import sqlite3
-import subprocess
-import sys
 from contextlib import closing
 
 import pytest
@@ -316,21 +312,3 @@ assert storage.wait(60)
 print("saved", flush=True)
 sys.stdin.read()
 """
-
-
-def test_kill_9(path):
-    process = subprocess.Popen(
-        [sys.executable, "-c", KILLED, str(path), str(LONG)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-    )
-    with process:
-        assert process.stdout.readline() == b"saved\n"
-        os.kill(process.pid, signal.SIGKILL)
-    storage = Storage(path)
-    shelf = Shelf(saved=Database(storage=storage).take_parts())
-    ((long, partial),) = list(shelf)
-    assert long == LONG
-    assert 2 * SAVE_BYTES < partial.held <= 3 * SAVE_BYTES + 10_000
-    assert partial.read(100_000, 100_300) == (bytes(range(256)) * 3)[160:460]
-    assert storage.close(30)

@@ -566,16 +566,6 @@ def test_a_request_that_comes_late_is_no_new_sync(server, io, database):
     assert server.supply() is None
 
 
-def test_a_fallback_that_comes_after_the_end(server, io):
-    """SYNC1 was in time, its sync went over datagrams, and the GHEAD behind it is late."""
-    io.cast(at(0))
-    io.open()
-    end_s = io.run(0, 0.05)
-    server.take()
-    assert io.ask(b"GHEAD", now=at(end_s)) is None
-    assert server.take() == []
-
-
 CODES = [b"SYNC1", b"SYNCF", b"SYNCC", b"GHEAD", b"GDATA", b"DENDT", b"SERRM"]
 
 

@@ -298,27 +298,6 @@ def test_a_full_disk(shelter, caplog, from_the_start):
     check_recovery(node, shelter)
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root may mount a small disk")
-def test_a_full_disk_that_is_one(shelter, tmp_path):
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", str(disk)]
-    if shutil.which("mount") is None or subprocess.run(mount, check=False).returncode:
-        pytest.skip("this system does not let us mount a small disk")
-    try:
-        node = shelter("disk/messages.db")
-        for number in range(100):
-            node.database.insert(record(number, body=bytes(1500)), NOW_S)
-            node.storage.wait()
-        assert isinstance(node.fault(), StorageFullError)
-        assert not node.retry()
-        subprocess.run(["mount", "-o", "remount,size=3m", str(disk)], check=True)
-        check_recovery(node, shelter, "disk/messages.db")
-    finally:
-        node.storage.close(30)
-        subprocess.run(["umount", "--lazy", str(disk)], check=True)
-
-
 def test_a_disk_that_fails_for_a_while(shelter):
     gates = []
     node = shelter(connect=lambda path: gated(path, gates))

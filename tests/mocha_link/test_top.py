@@ -119,22 +119,6 @@ def test_what_is_not_on_disk():
     assert title == "NOT ON DISK: no room to write io.db  links of titan, tcp://x:1"
 
 
-def test_bars_span_three_decades():
-    links = [LinkMetrics(f"r{n}", bandwidth_bytes_s=10.0**n) for n in range(1, 7)]
-    lines = picture(*links).lines(Size(150, 20), PLAIN, 100.0)
-    cells = [re.search(r"([\d.]+[kMB]) ([█▏▎▍▌▋▊▉]+)", line) for line in lines[2:]]
-    assert [(cell[1], len(cell[2])) for cell in cells] == [
-        ("10B", 1),
-        ("100B", 1),
-        ("1.0k", 1),
-        ("10.0k", 3),
-        ("100k", 6),
-        ("1.0M", 8),
-    ]
-    ascii_only = picture(*links).lines(Size(150, 20), Style(unicode=False), 100.0)
-    assert "1.0M ########" in ascii_only[7]
-
-
 def test_news_fill_the_room_below():
     it = picture(IO)
     for number in range(300):
@@ -159,13 +143,6 @@ def test_what_the_table_shows_is_no_news():
         it.take("event", news, 100.0)
     lines = it.lines(Size(100, 20), PLAIN, 100.0)[4:]
     assert [line.partition("messages=")[2] for line in lines] == ["0", "2", "0 complete=False"]
-
-
-def test_colours():
-    lines = picture(IO, EUROPA).lines(Size(80, 20), Style(), 100.0)
-    assert lines[2].startswith("\x1b[36mio ")
-    assert lines[3].startswith("\x1b[31meuropa ")
-    assert all(line.count("\x1b") in (0, 2) for line in lines)
 
 
 def test_nothing_that_a_terminal_obeys_gets_through():
@@ -355,15 +332,6 @@ def test_q_ends_it(terminal):
     terminal._read(1)
     assert "x" not in terminal.raw.rpartition("\x1b[J")[2]
     assert terminal.raw.endswith("\x1b[?25h\x1b[?1049l")
-
-
-def test_something_strange_ends_it_cleanly(fake, terminal):
-    terminal.wait("links of titan")
-    fake.say("links", {"robot": 1})
-    assert terminal.process.wait(WAIT_S) == 1
-    terminal._read(1)
-    assert "is not a node's metrics" in terminal.raw
-    assert terminal.raw.index("\x1b[?1049l") < terminal.raw.index("is not a node's metrics")
 
 
 def test_without_a_terminal_it_prints_once(field, capsys):

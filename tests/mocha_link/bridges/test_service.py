@@ -17,7 +17,6 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 from mocha_link.endpoint import bind
 from mocha_link.endpoint_key import connect
 from mocha_link.node import Node
-from mocha_link.port import ListenError, PortInUseError
 from mocha_link.ros import RosCodec
 from mocha_link.service import Service
 from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError, split
@@ -90,12 +89,6 @@ def test_waiting_for_a_message(client, pulled):
     assert client.since(("", 0), wait_s=0.01, limit=1)[1]
 
 
-def test_waiting_in_vain(client):
-    place, messages = client.since(wait_s=0.02)
-    assert messages == []
-    assert client.since(place, wait_s=0.02) == (place, [])
-
-
 def test_who_waits_is_answered_when_the_node_ends(client, server, monkeypatch):
     place, _ = client.since()
     take = server._take
@@ -157,14 +150,6 @@ def test_a_damaged_batch(client, one, monkeypatch):
     assert data == b""
     with pytest.raises(TypedError, match="one /log: not a batch"):
         Typed(one.team).decode(message)
-
-
-def test_a_mistake_costs_one_request(client, one, monkeypatch, caplog):
-    monkeypatch.setattr(one, "messages", lambda: 1 / 0)
-    with pytest.raises(ServiceError, match="the node failed at this"):
-        client.messages()
-    assert "ZeroDivisionError" in caplog.text
-    assert client.team()["robot"] == "one"
 
 
 def test_noise_on_the_socket(client, server):
@@ -310,20 +295,6 @@ def test_a_node_that_comes_back(one, server):
             again, messages = patient.since(place, own=True)
         assert again != place
         assert len(messages) == 1
-
-
-def test_endpoints_that_are_none(one, server, tmp_path):
-    with pytest.raises(PortInUseError, match="it is in use"):
-        ServiceServer(one, server.endpoint).start()
-    for endpoint in ("nonsense", "tcp://203.0.113.7:1"):
-        with pytest.raises(ListenError, match="cannot serve the node on"):
-            ServiceServer(one, endpoint).start()
-    with pytest.raises(ServiceUnreachableError, match="'nonsense' is no endpoint"):
-        ServiceClient("nonsense")
-    path = f"ipc://{tmp_path}/node"
-    with ServiceServer(one, path), ServiceClient(path, timeout_s=60) as client:
-        assert client.team()["robot"] == "one"
-    ServiceServer(one, path).close()  # never started
 
 
 @pytest.mark.parametrize(
