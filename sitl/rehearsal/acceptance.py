@@ -93,17 +93,13 @@ ACCEPTED: Final = MappingProxyType(
         # One message stream alone: said, held, or home; for a moment: nothing comes of it.
         "BRIEF_STREAM": _HOME,
         # For ever: it holds, or commands nothing, until the pilot or a battery failsafe ends it.
-        "LOST_POSITION": _row(
-            *(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT), says="position|GLOBAL"
-        ),
-        "LOST_BATTERY": _row(End.LANDED, says="battery|SYS_STATUS"),
-        "LOST_FIX": _row(End.LANDED, says="GPS|satellite|fix"),
-        "LOST_LANDED": _row(End.LANDED, says="landed state|EXTENDED|landed"),
-        "LOST_ITEM": _row(End.LANDED, says="item|MISSION_CURRENT"),
-        "LOST_MODE": _row(
-            *(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
-            says="flight mode|heartbeat|does not show",
-        ),
+        # What has to be said of it, and when, `judge_inputs` knows.
+        "LOST_POSITION": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
+        "LOST_BATTERY": _HOME,
+        "LOST_FIX": _HOME,
+        "LOST_LANDED": _HOME,
+        "LOST_ITEM": _HOME,
+        "LOST_MODE": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
         # The pilot and other stations: the vehicle is theirs, and that is said.
         "PILOT": _PILOTS,
         "HAND_BACK": _row(End.LANDED, End.PILOT),

@@ -130,6 +130,8 @@ class Evidence:
             time runs faster than the real programs' own.
         samples: In order of time, from before arming to after disarming (or the end of watching).
         messages: In order of time.
+        heard: What the autopilot says as it reached the companion, late or spoilt, in order of
+            arrival; empty where that was not written down.
         happenings: In order of time.
         lines: What the companion announced, in order of time.
         exit_code: Of the companion (`air-router fly`); None: it was killed, or flies on.
@@ -142,6 +144,7 @@ class Evidence:
     mission_text: str
     samples: tuple[Sample, ...]
     messages: tuple[WireMessage, ...] = ()
+    heard: tuple[WireMessage, ...] = ()
     happenings: tuple[Happening, ...] = ()
     lines: tuple[Line, ...] = ()
     exit_code: int | None = None

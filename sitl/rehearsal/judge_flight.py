@@ -12,6 +12,8 @@ import numpy as np
 
 from sitl.rehearsal.acceptance import End, Row, accepted
 from sitl.rehearsal.evidence import AUTOPILOT, Evidence, What
+from sitl.rehearsal.judge_heard import announcements
+from sitl.rehearsal.judge_inputs import InputJudge
 from sitl.rehearsal.judge_space import SpaceJudge
 from sitl.rehearsal.judge_track import By, Track, Violation, number
 from sitl.rehearsal.judge_wire import WireJudge
@@ -28,6 +30,7 @@ _BESIDE_M: Final = 1.0
 _LAND_M_S: Final = 0.7
 _DETOUR, _SLACK_S = 1.5, 10.0
 _SAYS_PILOT: Final = re.compile(r"pilot (chose|took|has)", re.IGNORECASE)
+_LANDED: Final = "landed at home"
 _TAKEN: Final = frozenset(
     {What.PILOT, What.DISARMED, What.FENCE_CHANGED, What.HOME_MOVED, What.REBOOTED}
 )
@@ -76,10 +79,13 @@ def judge(evidence: Evidence) -> Verdict:
     space.judge()
     wire = WireJudge(track, row.tolerance, row.notice_s)
     wire.judge()
+    inputs = InputJudge(track, wire.legs, row.notice_s)
+    inputs.judge()
     end = _end(track, row)
     found = [
         *space.violations,
         *wire.violations,
+        *inputs.violations,
         *_ending(track, end, row),
         *_words(track, end, row),
     ]
@@ -179,6 +185,8 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
     taken = [h.time_s for h in evidence.happenings if h.what in _TAKEN]
     if code == DONE and end is not End.LANDED:
         yield Violation(last_s, "told", f"exit 0, 'done': {end.value}")
+    if end is not End.LANDED and _LANDED in text:
+        yield Violation(last_s, "told", f"'{_LANDED}' was said: {end.value}")
     if end is End.LANDED and code not in {DONE, None}:
         yield Violation(last_s, "told", f"exit {code}, though it landed at home by our command")
     if code == TAKEN_OVER and not taken:
@@ -195,6 +203,6 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
     # What was said before it went wrong, as by the pre-flight card, is not said of it.
     flies_s = float(track.time_s[int(np.argmax(track.flying))])
     begun_s = min((h.time_s for h in evidence.told(What.FAULT)), default=flies_s)
-    since = [line.text for line in evidence.lines if line.time_s >= begun_s]
+    since = [text for time_s, text in announcements(evidence) if time_s >= begun_s]
     if not re.search(row.says, "\n".join([*since, evidence.outcome]), re.IGNORECASE):
         yield Violation(last_s, "told", f"nothing was said of it: no line has '{row.says}'")

@@ -35,12 +35,14 @@ class WireJudge:
     Attributes:
         notice_s: How much longer than usual it takes to notice a pilot.
         violations: Found so far.
+        legs: The commands that lead to a place.
     """
 
     track: Track
     tolerance: Tolerance
     notice_s: float
     violations: list[Violation] = field(default_factory=list)
+    legs: list[WireMessage] = field(default_factory=list)
     _hearts: list[WireMessage] = field(default_factory=list)
 
     def judge(self) -> None:
@@ -64,6 +66,7 @@ class WireJudge:
             self._judge(message, min(disarmed, default=math.inf))
             target = self._target(message, plan)
             if target is not None:
+                self.legs.append(message)
                 self._judge_leg(message, target)
         self._judge_repeats()
 

@@ -94,6 +94,7 @@ class Stage:
         self._off_m = 0.0
         self._samples: list[Sample] = []
         self._messages: list[WireMessage] = []
+        self._heard: list[WireMessage] = []
         self._happenings: list[Happening] = []
         self._lines: list[Line] = []
         self.file: MissionFile
@@ -120,6 +121,7 @@ class Stage:
             mission_text=text,
             samples=tuple(self._samples),
             messages=tuple(self._messages),
+            heard=tuple(self._heard),
             happenings=tuple(self._happenings),
             lines=tuple(self._lines),
             exit_code=exit_code,
@@ -266,6 +268,7 @@ class Stage:
     def _arrived(self, name: str, fields: Mapping[str, Any]) -> None:
         companion = self.companion
         if companion is not None and self.now_s < self._deaf_from_s:
+            self._heard.append(WireMessage(self.now_s, 1, 1, 0, name, fields))
             self._inbox.append(functools.partial(companion.receive, name, fields))
 
     def _tick(self) -> None:
