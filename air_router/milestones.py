@@ -118,10 +118,14 @@ class Silence:
     def __init__(self) -> None:
         self._told_s = 0.0
 
+    def heard(self) -> None:
+        """The vehicle is heard: what follows is another silence."""
+        self._told_s = 0.0
+
     def news(self, silent_s: float) -> str | None:
         """What to tell after `silent_s` wall-clock seconds without a word; None: no news."""
         if silent_s < self._told_s:
-            self._told_s = 0.0  # it was heard meanwhile: another silence
+            self.heard()  # meanwhile
         if self._told_s > 0.0 and silent_s < self._told_s + _TOLD_S:
             return None
         self._told_s = silent_s

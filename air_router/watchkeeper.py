@@ -104,6 +104,7 @@ class Watchkeeper:
         cockpit, handing = self._cockpit, self._handing
         cockpit.telemetry = telemetry
         cockpit.silent_s = 0.0
+        self._silence.heard()
         if self._launch.note(telemetry):
             self._helm.custody.assume(FlightMode.MISSION)
         moved = self._deviations.home(telemetry) if telemetry.in_air else None

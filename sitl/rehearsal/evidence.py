@@ -82,6 +82,7 @@ class What(StrEnum):
     REQUEST = "request"  # an operator's request as sent: its verb, "resume", "hold", "home" ...
     KILLED = "companion killed"  # None
     STARTED = "companion started"  # None; also the first time
+    ENDED = "companion ended"  # None: its program is over
     STOPPED = "companion stopped"  # None: SIGSTOP
     CONTINUED = "companion continued"  # None: SIGCONT
     FAULT = "fault begins"  # the fault's name, or a line of text

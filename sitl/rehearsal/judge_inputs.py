@@ -45,6 +45,12 @@ _FIX_3D: Final = 3
 _NO_FIX_S, _BREACH_S, _LOW_S = 1.0, 1.5, 2.0
 _FLICKERS_S: Final = 4.0
 _BREACH_M: Final = 0.5
+_NEARS_S: Final = 10.0
+"""What comes near to a zone is told that before it is in it."""
+
+_LEAVES_S: Final = 10.0
+"""What a vehicle has to leave a zone that was drawn where it is."""
+
 _JUMP_M, _CLIMB_M_S = 4.0, 6.0
 _STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
 _CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
@@ -70,6 +76,7 @@ class InputJudge:
     _clock: Floats = field(default_factory=lambda: np.zeros(0))
     _said: list[tuple[float, str]] = field(default_factory=list)
     _deaf: list[tuple[float, float]] = field(default_factory=list)
+    _lost: list[tuple[float, float]] = field(default_factory=list)
 
     def judge(self) -> None:
         """Listen to the whole flight; where it was not written down there is nothing to judge."""
@@ -98,7 +105,7 @@ class InputJudge:
         evidence = self.track.evidence
         since_s = -math.inf if any(evidence.told(What.STARTED)) else None
         for happening in evidence.happenings:
-            if happening.what in {What.KILLED, What.STOPPED}:
+            if happening.what in {What.KILLED, What.STOPPED, What.ENDED}:
                 since_s = happening.time_s
             elif happening.what in {What.STARTED, What.CONTINUED} and since_s is not None:
                 yield since_s, happening.time_s + _SETTLED_S
@@ -125,9 +132,11 @@ class InputJudge:
         lines = (text for at_s, text in self._said if begin_s <= at_s <= end_s)
         return any(re.search(words, line, re.IGNORECASE) for line in lines)
 
-    def _expect(self, words: str, begin_s: float, due_s: float, what: str) -> None:
-        """A line that says so has to have come by then."""
-        if not self._has_said(words, begin_s - 0.1, due_s):
+    def _expect(
+        self, words: str, begin_s: float, due_s: float, what: str, before_s: float = 0.1
+    ) -> None:
+        """A line that says so has to have come by then, or so long before."""
+        if not self._has_said(words, begin_s - before_s, due_s):
             self._add(due_s, "told", f"not a word about it: {what} at {begin_s:.1f} s")
 
     @property
@@ -149,6 +158,8 @@ class InputJudge:
             if self._clock[after - 1] - self._clock[first] < each.told_s:
                 continue
             began_s, end_s = self._times[first], self._times[after - 1]
+            if not math.isfinite(each.home_s):
+                self._lost.append((began_s, end_s))
             told_s = self._reached_s(first, after, each.told_s + self._reacts_s)
             what = f"the {each.name} was not heard any more"
             if self._answers(began_s, told_s) and self._state(began_s) != "PASSIVE":
@@ -203,6 +214,8 @@ class InputJudge:
             return
         way_s = _DETOUR * track.from_home_m(track.at(since_s)) / track.mission.speed_m_s
         due_s = since_s + way_s + _TURNS_S + self.notice_s
+        if any(begin_s < due_s and end_s > since_s for begin_s, end_s in self._lost):
+            return  # home is not flown without position or mode
         if not self._answers(since_s, due_s):
             return
         if all(self._cruises(index) for index in range(track.at(since_s), track.at(due_s))):
@@ -250,18 +263,19 @@ class InputJudge:
         )
         amsl_m = np.array([m.fields["alt"] / 1e3 for m in messages])
         times_s = np.array([m.time_s for m in messages])
-        untils = [sky.from_s for sky in track.skies[1:]]
-        for sky, until_s in zip(track.skies, [*untils, math.inf], strict=True):
-            counts = (times_s >= sky.from_s) & (times_s < until_s)
+        for place, sky in enumerate(track.skies):
+            later = track.skies[place + 1 :]
+            counts = (times_s >= sky.from_s) & (times_s < (later[0].from_s if later else math.inf))
             for area, fence in sky_areas(sky):
                 within = counts & (amsl_m >= area.lower_m) & (amsl_m <= area.upper_m)
                 within &= _is_in(area, np.column_stack((east_m, north_m)), fence=fence)
                 for begin_s, end_s in spans(messages, within):
                     due_s = begin_s + _BREACH_S + self._reacts_s
-                    lasts = end_s - begin_s >= _BREACH_S
+                    drawn = begin_s < sky.from_s + _LEAVES_S  # over it: it leaves, and says that
+                    lasts = end_s - begin_s >= _BREACH_S and not drawn
                     if lasts and self._answers(begin_s, due_s, ours=False):
-                        words = r"breach|too near|outside|re in "
-                        self._expect(words, begin_s - 10.0, due_s, f"a breach of {area.name}")
+                        what = f"a breach of {area.name}"
+                        self._expect("breach|too near", begin_s, due_s, what, _NEARS_S)
 
     def _judge_heights(self, messages: Sequence[WireMessage]) -> None:
         """An altitude that no vehicle can have flown to."""

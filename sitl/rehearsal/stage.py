@@ -204,6 +204,7 @@ class Stage:
             self.companion = None
             return None, "killed"
         self.companion = None
+        self.happened(What.ENDED)
         return companion.exit_code, companion.outcome
 
     # World
