@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -21,9 +21,12 @@ import yaml
 from air_router import actions, events, requests, vehicle
 from air_router.behaviour import State
 from air_router.controller import Controller
+from air_router.flight_plan import FlightPlan
 from air_router.flight_setup import FlightSetup
+from air_router.graph import WaypointGraph
 from air_router.height_frame import HomeMove
 from air_router.mission import load_mission
+from air_router.router import Router
 from geo.frame import Point
 from geo.zone import Band, Circle, Outline, Zone
 from mocha_link import link_events
@@ -165,13 +168,17 @@ class Told:
 
     def decide(self, now_s: float, event: Mapping[str, Any]) -> list[Any]:
         """What it asks for when this happens; numbers to two digits, which are centimetres."""
+        return self.heard(self.call(now_s, event)())
+
+    def call(self, now_s: float, event: Mapping[str, Any]) -> Callable[[], list[Any]]:
+        """The call that tells it of this, and nothing else."""
         number = event.get("motion")
         if number is not None:
             event = {**event, "motion": None}
         happened = object_of(event)
         if number is not None:
             happened = dataclasses.replace(happened, action=self._motions[number])
-        return self.heard(self._controller.handle(happened, now_s))
+        return partial(self._controller.handle, happened, now_s)
 
     def heard(self, decided: list[Any]) -> list[Any]:
         """Decisions as plain data."""
@@ -199,12 +206,16 @@ class Told:
 
 def controller_of(setup: Mapping[str, Any]) -> Told:
     """A fresh controller for a stream."""
-    folder = _folder(json.dumps(setup["files"]))
     if "run" in setup:
+        folder = _folder(json.dumps(setup["files"]))
         return Told(_controller_of_run(setup["run"], setup["name"], folder))
-    mission = load_mission(
-        folder / "mission.yaml", uav=setup["name"] or None, start=DAY, in_flight=True
-    )
+    return Told(construction_of(setup)())
+
+
+def construction_of(setup: Mapping[str, Any]) -> Callable[[], Controller]:
+    """What puts the controller of a flight together, once mission, plan and routes are there."""
+    path = _folder(json.dumps(setup["files"])) / "mission.yaml"
+    mission = load_mission(path, uav=setup["name"] or None, start=DAY, in_flight=True)
     flight = FlightSetup(
         mission,
         tuple(setup["seek"]),
@@ -212,7 +223,8 @@ def controller_of(setup: Mapping[str, Any]) -> Told:
         explore=setup["explore"],
         name=setup["name"],
     )
-    return Told(flight.controller())
+    router, plan = Router(WaypointGraph(mission)), FlightPlan.of(mission)
+    return partial(flight.controller, router, plan)
 
 
 @cache
