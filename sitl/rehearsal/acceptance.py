@@ -81,7 +81,7 @@ ACCEPTED: Final = MappingProxyType(
         "BAROMETER": _HEIGHT_OFF,
         # The link: it comes home, or stays where its plan did not get on board.
         "LOSS_1": _HOME,
-        "LOSS_5": _HOME,
+        "LOSS_5": _row(End.LANDED, End.STAYED),  # it arms once: that may be lost
         "LOSS_20": _row(End.LANDED, End.STAYED, notice_s=3.0),
         "BURSTS": _row(End.LANDED, End.STAYED, notice_s=3.0),
         "LATE": _row(End.LANDED, End.PILOT, notice_s=4.0),  # what is late may look like a pilot's
