@@ -144,6 +144,7 @@ def test_every_class_is_flown_in_about_three_hundred_scenes_and_has_its_row():
     takeovers = [scene.acts()[-1] for scene in scenes if scene.fault == "PILOT"]
     in_a_meeting = {act.value for act in takeovers if act.when == "COMM"}
     assert in_a_meeting == {"RETURN", "LAND", "POSCTL", "ALTCTL"}
+    assert {s.judged for s in scenes} - {s.fault for s in scenes} == {"BRIEF_STREAM"}
     assert len(scenes) >= 300
     assert {scene.fault for scene in scenes} == set(CLASSES) <= set(ACCEPTED)
     for scene in scenes:

@@ -42,6 +42,9 @@ WALL_S: Final = 300.0
 ENDS_S: Final = 20.0
 """Wall clock: a companion whose vehicle stands on the ground disarmed ends by itself."""
 
+DISARMED_S: Final = 5.0
+"""Wall clock, until a vehicle that has landed is seen disarmed here, too."""
+
 LET_GO_S: Final = 40.0
 """So long a vehicle is watched after the companion has ended, simulated."""
 
@@ -140,7 +143,7 @@ class RealFlight:
         refused = self.scene.fault in _NEED and not taken
         return Evidence(
             scene=f"{self.scene}{' on PX4' if self._px4 else ' over MAVLink'}",
-            faults=frozenset({"NONE" if refused else self.scene.fault}),
+            faults=frozenset({"NONE" if refused else self.scene.judged}),
             mission_path=mission,
             mission_text=text,
             samples=tuple(seen.samples),
@@ -167,6 +170,7 @@ class RealFlight:
             self._watch(now_s)
             waits = any(a.what == "restart" for a in todo)
             if "-> DONE" in self._companion.last:
+                wait_until(lambda: not self._seen.armed, DISARMED_S)  # its word comes once a second
                 self._end_vehicle()  # the companion draws its track meanwhile
                 wait_until(lambda: self._companion.ended, WALL_S)
                 return

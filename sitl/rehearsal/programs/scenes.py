@@ -23,7 +23,8 @@ STREAMS: Final[Mapping[str, frozenset[int]]] = MappingProxyType(
 )
 """MAVLink messages of each stream."""
 
-_LASTS_S: Final = (3.0, 30.0, 1e6)
+_BRIEF_S: Final = 3.0
+_LASTS_S: Final = (_BRIEF_S, 30.0, 1e6)
 MEETINGS: Final = frozenset({"COMM", "EXPL"})
 """States that only a flight of some length with robots comes to."""
 
@@ -207,6 +208,13 @@ class WireScene:
         acts = CLASSES[self.fault].script(dice)
         in_order = any(act.when for act in acts)
         return acts if in_order else sorted(acts, key=lambda act: act.at_s)
+
+    @property
+    def judged(self) -> str:
+        """The row of what is accepted: nothing need come of a stream that is gone for a moment."""
+        begins, *ends = self.acts() or [Act(0.0, "")]
+        brief = self.fault in STREAMS and ends[0].at_s - begins.at_s <= _BRIEF_S
+        return "BRIEF_STREAM" if brief else self.fault
 
     def chance(self, what: str) -> random.Random:
         """Dice of their own for everything that is drawn."""
