@@ -103,12 +103,16 @@ ACCEPTED: Final = MappingProxyType(
         # The pilot and other stations: the vehicle is theirs, and that is said.
         "PILOT": _PILOTS,
         "HAND_BACK": _row(End.LANDED, End.PILOT),
+        "TAKEN_IN_HASTE": _row(End.PILOT, says="pilot|ground station|taken|took"),
+        "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
         "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),
         "STICKS": _row(End.LANDED, End.PILOT, notice_s=2.0),
         "STICKS_ONLY": _HOME,  # without COM_RC_OVERRIDE they are nothing to the autopilot
         "PLAN_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
         "FENCE_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="fence|plan"),
-        "PLAN_REPLACED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
+        "PLAN_REPLACED": _row(
+            *(End.LANDED, End.PILOT), notice_s=3.0, says="plan on board was|another plan is"
+        ),
         "SAME_PLAN": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
         "ZONE": _row(End.PILOT, End.LANDED, notice_s=3.0, says="fence|plan"),
         "HOME_MOVED": _row(End.LANDED, End.HOVERS, End.PILOT, says="home"),
@@ -134,6 +138,9 @@ ACCEPTED: Final = MappingProxyType(
         "RELOAD": _HOME,
         "WALL": _HOME_OR_FAILSAFE,  # walled in for good it hovers until the battery's failsafe
         "REQUESTS": _HOME,
+        "ZONE_ACROSS": _HOME,
+        "ZONE_IN_HASTE": _HOME,
+        "CORNERS": _HOME,
     }
 )
 

@@ -49,6 +49,8 @@ _STREAMS: Final = (_POSITION, _BATTERY, _SATELLITES, _LANDED, _ITEM, _MODE)
 
 _ON_MODE: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "AUTO_LAND", "POSCTL", "ALTCTL")
 _HELD: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "POSCTL")
+_SURE: Final = ("AUTO_LOITER", "AUTO_RTL", "AUTO_LAND", "POSCTL")
+"""Modes that no PX4 refuses; in the first a restarted companion may take it back."""
 
 Happen = list[Misfortune]
 Course = Callable[[random.Random], Happen]
@@ -128,7 +130,42 @@ def _busy(dice: random.Random) -> Happen:
 def _hand_back(dice: random.Random) -> Happen:
     return [
         Misfortune(0.0, "pilot", dice.choice(_HELD)),
+        Misfortune(2.5, "too early"),
         Misfortune(dice.uniform(3.0, 10.0), "hand back"),
+    ]
+
+
+def _taken_in_haste(dice: random.Random) -> Happen:
+    """Commands of ours are lost or wait behind one that was, and the pilot chooses."""
+    at_s = dice.uniform(2.0, 5.0)
+    happen = [Misfortune(0.0, "send", at_s - 1.5), Misfortune(at_s - 1.6, "deaf", True)]
+    if dice.randrange(2):
+        happen.append(Misfortune(at_s - 0.8, "send again"))
+    else:
+        happen.append(Misfortune(at_s - 0.8, "hold"))
+    happen.append(Misfortune(at_s, "pilot", dice.choice(_SURE)))
+    return [*happen, Misfortune(at_s + dice.choice((0.05, 0.5)), "deaf", False)]
+
+
+def _zone_in_haste(dice: random.Random) -> Happen:
+    """A zone is drawn over the vehicle while the way through it waits behind a lost command."""
+    at_s = dice.uniform(4.0, 6.0)
+    return [
+        Misfortune(0.0, "send", at_s),
+        Misfortune(at_s - 0.1, "deaf", True),
+        Misfortune(at_s + 0.4, "send again"),
+        Misfortune(at_s + 1.0, "zone over", dice.uniform(1.0, 3.0)),
+        Misfortune(at_s + 1.5, "deaf", False),
+    ]
+
+
+def _restart_taken(dice: random.Random) -> Happen:
+    """The pilot takes the vehicle from a companion that is dead, and it is started again."""
+    taken_s = dice.uniform(0.5, 4.0)
+    return [
+        Misfortune(0.0, "kill"),
+        Misfortune(taken_s, "pilot", dice.choice(_SURE[1:])),
+        Misfortune(taken_s + dice.uniform(1.0, 10.0), "restart"),
     ]
 
 
@@ -225,6 +262,7 @@ class Fault(Enum):
         "pilot moves the sticks without COM_RC_OVERRIDE", 8, _one("sticks", lambda _: False)
     )
     HAND_BACK = Kind("pilot takes over and hands back", 20, _hand_back)
+    TAKEN_IN_HASTE = Kind("pilot takes over while commands of ours wait", 16, _taken_in_haste)
     PAUSE = Kind(
         "pilot pauses or diverts it in our own mode",
         12,
@@ -270,6 +308,7 @@ class Fault(Enum):
         20,
         lambda d: [Misfortune(0.0, "kill"), Misfortune(d.uniform(2.0, 40.0), "restart")],
     )
+    RESTART_TAKEN = Kind("pilot takes over while the companion is down", 16, _restart_taken)
     KILL = Kind("companion killed for good", 12, _one("kill", lambda _: None))
     BATTERY = Kind("battery falls fast", 16, _one("battery", lambda d: d.uniform(60.0, 400.0)))
     BATTERY_LIES = Kind("battery falls fast and says otherwise", 12, _lie)
@@ -295,6 +334,18 @@ class Fault(Enum):
         ],
     )
     WALL = Kind("walled in by reload in flight", 12, _walls)
+    ZONE_ACROSS = Kind(
+        "a zone is drawn across the leg under way",
+        12,
+        _often("zone across", 3, (25.0, 50.0), lambda d: d.uniform(0.0, 6.0)),
+    )
+    ZONE_IN_HASTE = Kind("a zone is drawn over a way that waits", 12, _zone_in_haste, "SEARCH")
+    CORNERS = Kind(
+        "sent around a corner that it does not stop at",
+        12,
+        _often("corner", 4, (20.0, 35.0), lambda d: d.randrange(2) == 0),
+        "INIT",
+    )
     REQUESTS = Kind(
         "requests at random moments",
         16,
@@ -319,7 +370,22 @@ FLIGHTS: Final = MappingProxyType({fault: fault.value.flights for fault in Fault
 LOSS: Final[Mapping[Fault, float]] = MappingProxyType(
     {Fault.LOSS_1: 0.01, Fault.LOSS_5: 0.05, Fault.LOSS_20: 0.2}
 )
-_SINGLE: Final = tuple(f for f in Fault if f not in {Fault.NONE, Fault.TWO, Fault.UPLOAD})
+DRAWN: Final = frozenset({Fault.RELOAD, Fault.WALL, Fault.ZONE_ACROSS, Fault.ZONE_IN_HASTE})
+"""Zones are drawn into the mission file."""
+
+_HASTE: Final = frozenset(
+    {
+        Fault.TAKEN_IN_HASTE,
+        Fault.RESTART_TAKEN,
+        Fault.ZONE_ACROSS,
+        Fault.ZONE_IN_HASTE,
+        Fault.CORNERS,
+    }
+)
+"""Two things at once already."""
+
+_ALONE: Final = _HASTE | {Fault.NONE, Fault.TWO, Fault.UPLOAD}
+_SINGLE: Final = tuple(f for f in Fault if f not in _ALONE)
 
 
 @dataclass(frozen=True, slots=True)

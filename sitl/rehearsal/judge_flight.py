@@ -19,8 +19,8 @@ from sitl.rehearsal.judge_track import By, Track, Violation, number
 from sitl.rehearsal.judge_wire import WireJudge
 from sitl.rehearsal.mission_reader import MissionFileError
 
-DONE, TAKEN_OVER = 0, 6
-"""Exit codes of `air-router fly`: landed at home; the operator took over."""
+DONE, REFUSED, TAKEN_OVER = 0, 5, 6
+"""Exit codes of `air-router fly`: landed at home; refused, left as it is; the pilot took over."""
 
 LEAST_HZ: Final = 20.0
 _LAG_S: Final = 0.5
@@ -196,7 +196,8 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
         yield Violation(claims[0], "told", "a pilot is said to have taken over, but none had")
     # Disarmed by a station there is nothing to take over: the flight ends, and says why.
     disarmed = any(h.what is What.DISARMED for h in evidence.happenings) and "disarm" in text
-    if end is End.PILOT and code not in {TAKEN_OVER, None} and not disarmed:
+    left = code == REFUSED and len(list(evidence.told(What.STARTED))) > 1
+    if end is End.PILOT and code not in {TAKEN_OVER, None} and not (disarmed or left):
         yield Violation(last_s, "told", f"exit {code}, though the pilot has the vehicle")
     if not (row.says and track.flying.any()):
         return

@@ -20,6 +20,9 @@ Floats = npt.NDArray[np.float64]
 LAND_MODE: Final = 0x06040000
 """HEARTBEAT.custom_mode of AUTO, LAND."""
 
+GIVEN_BACK_IN: Final = frozenset({0x03040000, 0x04040000})
+"""HEARTBEAT.custom_mode of AUTO, LOITER and MISSION: in another the pilot still flies it."""
+
 RESUMING: Final = frozenset({"resume", "home", "goto", "seek", "explore"})
 """Requests by which an operator gives the vehicle back to the companion."""
 
@@ -89,7 +92,8 @@ class Track:
         off_m: How wrong the estimate is, by the scene.
         by: Who answers.
         given: From when to when the vehicle was not ours: a pilot's, a failsafe's; until we moved
-            it again after an operator asked for it.
+            it again after an operator asked for it, both in Hold or Mission mode without a
+            failsafe.
     """
 
     def __init__(self, evidence: Evidence) -> None:
@@ -179,12 +183,18 @@ class Track:
         asked = [
             h.time_s
             for h in self.evidence.happenings
-            if h.time_s > since_s and (_resumes(h) or h.what is What.STARTED)
+            if h.time_s > since_s
+            if (_resumes(h) and self._free(h.time_s)) or h.what is What.STARTED
         ]
         if not asked:
             return math.inf
         moved = (m.time_s for m in self.commands() if m.time_s >= asked[0] and is_motion(m))
-        return next(moved, math.inf)
+        return next((at_s for at_s in moved if self._free(at_s)), math.inf)
+
+    def _free(self, time_s: float) -> bool:
+        """Whether the vehicle is in a mode, and in no failsafe, that it can be given back in."""
+        sample = self.evidence.samples[self.at(time_s)]
+        return sample.custom_mode in GIVEN_BACK_IN and not sample.failsafe
 
     def _answers(self, time_s: float) -> By:
         holders = [by for begin_s, end_s, by in self.given if begin_s <= time_s < end_s]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final
 
 import shapely
@@ -11,7 +12,7 @@ import shapely
 from sitl.rehearsal.evidence import AUTOPILOT, What, WireMessage
 from sitl.rehearsal.judge_plan import PlanJudge
 from sitl.rehearsal.judge_space import DRIFT_M, Tolerance, room_m, sky_areas, straight_room_m
-from sitl.rehearsal.judge_track import Track, Violation, command_of, is_motion, number
+from sitl.rehearsal.judge_track import By, Track, Violation, command_of, is_motion, number
 from sitl.rehearsal.mission_reader import Pair
 
 ARM, SPEED, REPOSITION, SET_HOME, RETURN, TERMINATE = 400, 178, 192, 179, 20, 185  # MAV_CMD
@@ -22,6 +23,20 @@ _ON_BOARD_M: Final = 3.0
 
 _LEG_M: Final = 1.0
 """How far a vehicle may be from where it told us that it is, without any fault."""
+
+_TWICE_S, _PLACE_TWICE_S = 0.9, 0.05
+"""So soon after it left nothing can be known of a command: it does not leave again as it was. What
+leads to a place may be decided anew with the next position."""
+
+_SHOWS_LATER_S: Final = 1.0
+_UNSHOWN: Final = frozenset({"item", "reposition", "plan"})
+"""A pilot's choices that no mode shows: where the vehicle goes does, a second later."""
+
+_RENEWS_S: Final = 1.0
+"""What is drawn across the way is held for, or flown around, within so long."""
+
+_READ_S: Final = 0.3
+"""A changed file counts for the companion so long before the scene says so, at most."""
 
 _REPEATS_S: Final = 5.0
 _FRESH_S: Final = 0.6
@@ -69,6 +84,7 @@ class WireJudge:
                 self.legs.append(message)
                 self._judge_leg(message, target)
         self._judge_repeats()
+        self._judge_renewals(plan)
 
     def _armed(self, time_s: float) -> bool:
         return self.track.evidence.samples[self.track.at(time_s)].armed
@@ -78,7 +94,7 @@ class WireJudge:
         flying = bool(track.flying[track.at(message.time_s)])
         arms = command == ARM and number(fields, "param1") == 1.0
         words = f"{message.name} {command}" if command is not None else message.name
-        if command in {ARM, SPEED} or is_motion(message):
+        if _commands(message):
             self._judge_authority(message, words)
         if command == ARM and not arms and flying:
             self._add(message, "disarm", "disarmed in the air")
@@ -107,16 +123,25 @@ class WireJudge:
         for begin_s, end_s, by in self.track.given:
             if not begin_s < message.time_s < end_s:
                 continue
-            known_s = next((h.time_s for h in self._hearts if h.time_s >= begin_s), math.inf)
+            known_s = next((h.time_s for h in self._hearts if h.time_s > begin_s), math.inf)
             known_s += self.track.evidence.reaction_s + self.notice_s
+            told = (h for h in self.track.evidence.told(What.PILOT) if h.time_s == begin_s)
+            known_s += _SHOWS_LATER_S if any(h.value in _UNSHOWN for h in told) else 0.0
             if message.time_s > known_s:
                 text = f"{words} while the vehicle is {by} since {begin_s:.1f} s"
                 self._add(message, "authority", text)
                 return
 
     def _judge_repeats(self) -> None:
-        """The same again over a choice, without having heard that nothing was chosen."""
-        sent = [m for m in self.track.commands() if is_motion(m)]
+        """The same twice; and again over a choice, not having heard that nothing was chosen."""
+        commands = [m for m in self.track.commands() if _commands(m)]
+        for before, message in pairwise(commands):
+            seconds = message.time_s - before.time_s
+            led = message.name == "MISSION_SET_CURRENT" or command_of(message) == REPOSITION
+            least_s = _PLACE_TWICE_S if led else _TWICE_S
+            if seconds < least_s and _plain(before) == _plain(message):
+                self._add(message, "repeat", f"{message.name} left twice within {seconds:.2f} s")
+        sent = [m for m in commands if is_motion(m)]
         choices = [h.time_s for h in self.track.evidence.told(What.PILOT)]
         for later, message in enumerate(sent):
             for before in sent[:later]:
@@ -151,14 +176,43 @@ class WireJudge:
         index = track.at(message.time_s)
         if not track.flying[index]:
             return
+        short = self._falls_short(index, message.time_s, target)
+        if short is not None:
+            text, kept_m, limit_m = short
+            self._add(message, "leg", f"a leg that {text}", kept_m, limit_m)
+
+    def _judge_renewals(self, plan: PlanJudge) -> None:
+        """A leg under way across what a changed file has drawn there is not flown on."""
+        track = self.track
+        motions = [m for m in track.commands() if is_motion(m)]
+        for sky in track.skies[1:]:
+            index = track.at(sky.from_s)
+            end_s = sky.from_s + _RENEWS_S + track.evidence.reaction_s + self.notice_s
+            told = [m for m in motions if m.delivered and m.time_s < sky.from_s - _READ_S]
+            at_once = [m for m in motions if sky.from_s - _READ_S <= m.time_s <= end_s]
+            ours = set(track.by[index : track.at(end_s) + 1]) == {By.OURS}
+            target = self._target(told[-1], plan) if told else None
+            stands = math.dist(track.rest(index), (track.east_m[index], track.north_m[index])) < 0.2
+            if target is None or at_once or stands or not ours or not track.flying[index]:
+                continue
+            short = self._falls_short(index, sky.from_s, target)
+            if short is not None:
+                text, kept_m, limit_m = short
+                words = f"a leg is flown on, and nothing commanded, that now {text}"
+                self.violations.append(Violation(sky.from_s, "leg", words, kept_m, limit_m))
+
+    def _falls_short(
+        self, index: int, time_s: float, target: Pair
+    ) -> tuple[str, float, float] | None:
+        """How what is swept of a leg from a sample on is too near to something; None: it is not."""
+        track = self.track
         here = float(track.east_m[index]), float(track.north_m[index])
         rest = track.rest(index)
         swept = shapely.MultiPoint([here, rest, target]).convex_hull
-        sky = track.sky(message.time_s)
         height_m = float(track.above_m[index]) + track.ground_m
-        for area, fence in sky_areas(sky):
+        for area, fence in sky_areas(track.sky(time_s)):
             start_s = track.evidence.start_unix_s
-            idle = start_s is not None and not area.applies(start_s + message.time_s)
+            idle = start_s is not None and not area.applies(start_s + time_s)
             if idle or not area.lower_m <= height_m <= area.upper_m:
                 continue
             kept_m = room_m(area, swept, fence=fence)
@@ -166,9 +220,9 @@ class WireJudge:
             slack_m = _LEG_M + self.tolerance.room_m + float(track.off_m[index])
             limit_m = min(area.clearance_m - slack_m, now_m - DRIFT_M)
             if kept_m < limit_m:
-                text = f"a leg that keeps {kept_m:.2f} m of {area.name}, not {limit_m:.2f} m"
-                self._add(message, "leg", text, kept_m, limit_m)
-                return
+                text = f"keeps {kept_m:.2f} m of {area.name}, not {limit_m:.2f} m"
+                return text, kept_m, limit_m
+        return None
 
     def _add(
         self,
@@ -181,8 +235,16 @@ class WireJudge:
         self.violations.append(Violation(message.time_s, kind, text, value, limit))
 
 
+def _commands(message: WireMessage) -> bool:
+    """Whether a message arms, moves, or changes a speed."""
+    return command_of(message) in {ARM, SPEED} or is_motion(message)
+
+
+def _plain(message: WireMessage, *but: str) -> dict[str, str]:
+    """A message as text, in which what is not a number is equal to itself."""
+    fields = {name: repr(value) for name, value in message.fields.items() if name not in but}
+    return {"": message.name, **fields}
+
+
 def _same(one: WireMessage, other: WireMessage) -> bool:
-    first, second = (
-        {k: v for k, v in m.fields.items() if k != "confirmation"} for m in (one, other)
-    )
-    return one.name == other.name and first == second
+    return _plain(one, "confirmation") == _plain(other, "confirmation")

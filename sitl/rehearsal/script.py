@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
-from air_router.requests import AnyRequest, GoOn, Reload
+from air_router.requests import AnyRequest, ComeHome, ExploreNow, GoOn, Reload
 from geo.frame import Point
 from sitl.mission_items import MissionType
 from sitl.px4_modes import FlightMode
@@ -15,6 +15,7 @@ from sitl.rehearsal.asking import request_of
 from sitl.rehearsal.companion import EPOCH_S
 from sitl.rehearsal.evidence import What
 from sitl.rehearsal.faults import Misfortune
+from sitl.rehearsal.haste import Haste
 from sitl.rehearsal.nonsense import prank_of, wrong_of
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 from sitl.rehearsal.stand_ins.team import pose
@@ -58,6 +59,7 @@ class Script:
         self._upload = False
         self._reading: tuple[float, str | None, int] | None = None
         self._other_until_s = -math.inf
+        haste = self._haste = Haste(stage, self._ask, self._change)
         self.pilot = False
         self._happenings: dict[str, Callable[[Any], object]] = {
             "jump": self._jump_by,
@@ -72,6 +74,7 @@ class Script:
             "pilot": self._pilot,
             "second station": lambda mode: self._choose(FlightMode[mode], station=1),
             "sticks": self._sticks,
+            "too early": lambda _: self._ask_too_early(),
             "hand back": lambda _: self._hand_back(),
             "take back": lambda _: self._take_back(),
             "pause": self._pause,
@@ -94,6 +97,13 @@ class Script:
             "wall": self._wall,
             "open": lambda _: self._open(),
             "request": self._request,
+            "deaf": haste.deaf,
+            "hold": haste.hold,
+            "send": haste.send,
+            "send again": haste.send_again,
+            "zone over": haste.over,
+            "zone across": haste.across,
+            "corner": haste.corner,
         }
 
     @property
@@ -117,6 +127,7 @@ class Script:
             _, misfortune = self._due.pop(0)
             self._stage.happened(What.FAULT, misfortune.what)
             self._happenings[misfortune.what](misfortune.value)
+        self._haste.step(now_s)
         self._go_on_asking(now_s)
         self._look_after_reading(now_s)
         if now_s >= self._sticks_from_s:
@@ -227,6 +238,16 @@ class Script:
             self._stage.stations.choose(FlightMode.AUTO_LOITER)
             self._resumes_s = self._stage.now_s + RESUME_S
             self._resumes_until_s = self._stage.now_s + PATIENCE_S
+
+    def _ask_too_early(self) -> None:
+        """The operator asks for the vehicle while the pilot still flies it in another mode."""
+        mode = self._stage.vehicle.autopilot.mode
+        if (
+            self.pilot
+            and self._flies
+            and mode not in {FlightMode.AUTO_LOITER, FlightMode.AUTO_MISSION}
+        ):
+            self._ask(self._dice.choice((GoOn(), ComeHome(), ExploreNow())))
 
     def _take_back(self) -> None:
         """The operator has our plan put on board again, and the flight resumed."""

@@ -16,7 +16,7 @@ from sitl.mavlink_vehicle import MavlinkVehicle, VehicleSettings
 from sitl.rehearsal.companion import EPOCH_S, Companion
 from sitl.rehearsal.drawing import MissionFile, hurried, with_room
 from sitl.rehearsal.evidence import COMPANION, Evidence, Happening, Line, Sample, What, WireMessage
-from sitl.rehearsal.faults import Fault, Scene
+from sitl.rehearsal.faults import DRAWN, Fault, Scene
 from sitl.rehearsal.script import Script
 from sitl.rehearsal.stand_ins.frames import Encoder
 from sitl.rehearsal.stand_ins.link import Burst, Link, Way
@@ -30,6 +30,10 @@ STEP_S: Final = 0.04
 """Of the vehicle, and so often its true state is noted: 25 times a second."""
 
 TICK_S: Final = 0.1
+REACTION_S: Final = 0.004
+"""Less than the least delay of the link: a companion whose machine takes no time, and which has
+heard of a choice, sends nothing more."""
+
 MOST_S: Final = 600.0
 BOOT_S: Final = 5.0
 PILOT_S: Final = 25.0
@@ -127,12 +131,13 @@ class Stage:
             exit_code=exit_code,
             outcome=outcome,
             uav=self.mission.uav,
+            reaction_s=REACTION_S,
         )
 
     def _set_up(self, folder: Path) -> None:
         scene = self.scene
         document = dict(_hurried(self._path))
-        if scene.faults & {Fault.RELOAD, Fault.WALL}:
+        if scene.faults & DRAWN:
             document = with_room(document)
         self.file = MissionFile(folder / "mission.yaml", document)
         mission = self.mission = load_mission(self.file.path)

@@ -238,6 +238,33 @@ def test_no_command_is_repeated_over_a_choice():
     assert "repeat" not in kinds(evidence(more=heard, happenings=PILOT, code=6))
 
 
+def test_no_command_leaves_twice_at_once():
+    raised = [command(30.0, 176, param2=4.0, confirmation=n) for n in range(2)]
+    assert "repeat" not in kinds(evidence(more=raised))
+    assert "repeat" in kinds(evidence(more=raised[:1] * 2))
+    jumps = [ours(at_s, "MISSION_SET_CURRENT", seq=1) for at_s in (25.0, 25.01, 25.2)]
+    assert "repeat" in kinds(evidence(more=jumps))
+    assert "repeat" not in kinds(evidence(more=jumps[1:]))  # decided anew with a position
+
+
+def test_a_vehicle_in_a_mode_of_the_pilots_is_not_given_back_by_asking():
+    asked = (*PILOT, Happening(60.0, What.REQUEST, "resume"))
+    states = [(*s[:5], RETURN if n > 30.0 / 0.05 else s[5]) for n, s in enumerate(track())]
+    given = evidence(
+        states, more=[command(61.0, 176), *AFTER], faults=("HAND_BACK",), happenings=asked
+    )
+    assert "authority" in kinds(given)
+
+
+def test_a_leg_that_a_changed_file_crosses_is_not_flown_on():
+    wall = TEXT + "  - {name: wall, polygon: [[30, 55], [33, 55], [33, 80], [30, 80]]}\n"
+    happen = (Happening(46.5, What.MISSION_FILE, wall),)  # on its way to (0, 60)
+    leg = goto(46.0, 0, 60)
+    assert "leg" in kinds(evidence(more=[leg], happenings=happen))
+    stopped = command(46.6, 176, param2=4.0, param3=3.0)
+    assert "leg" not in kinds(evidence(more=[leg, stopped], happenings=happen))
+
+
 def test_a_failsafe_is_the_autopilots_and_reported_apart():
     states = track(THROUGH)
     verdict = judge(evidence(states, failsafe=((22.0, 999.0),), faults=("BATTERY",), code=1))
