@@ -141,7 +141,7 @@ class InputJudge:
 
     @property
     def _reacts_s(self) -> float:
-        return _SAID_S + self.notice_s + self.track.evidence.reaction_s - 1.0
+        return _SAID_S + self.notice_s + max(self.track.evidence.reaction_s - 1.0, 0.0)
 
     # Streams.
 
