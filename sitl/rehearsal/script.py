@@ -14,8 +14,8 @@ from sitl.px4_modes import FlightMode
 from sitl.rehearsal.asking import request_of
 from sitl.rehearsal.companion import EPOCH_S
 from sitl.rehearsal.evidence import What
-from sitl.rehearsal.faults import Misfortune
 from sitl.rehearsal.haste import Haste
+from sitl.rehearsal.misfortunes import Misfortune
 from sitl.rehearsal.nonsense import prank_of, wrong_of
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 from sitl.rehearsal.stand_ins.team import pose

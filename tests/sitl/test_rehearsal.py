@@ -10,9 +10,10 @@ import pytest
 from sitl.rehearsal.acceptance import ACCEPTED, End
 from sitl.rehearsal.command import fly
 from sitl.rehearsal.evidence import What
-from sitl.rehearsal.faults import FLIGHTS, PHASES, Fault, Misfortune, Scene, scenes
+from sitl.rehearsal.faults import FLIGHTS, PHASES, Fault, Scene, scenes
 from sitl.rehearsal.judge_flight import Verdict
 from sitl.rehearsal.judge_track import By, Violation
+from sitl.rehearsal.misfortunes import Misfortune
 from sitl.rehearsal.report import table
 from sitl.rehearsal.stage import Stage
 from sitl.rehearsal.stand_ins.loop import SimulatedLoop
