@@ -170,22 +170,6 @@ def test_a_flight_outlives_the_session_that_it_was_started_from(
     assert json.loads(out)["outcome"] == "ended: a program's word, before take-off"
 
 
-def test_ctrl_c_twice_leaves_at_once_and_the_vehicle_in_the_air(vehicle, fly, udp_port):
-    vehicle(speed=15)
-    flight = fly("--arm", "--yes")
-    flight.wait_for("INIT -> SEARCH")
-    flight.interrupt()
-    flight.wait_for("once more to leave at once")
-    flight.interrupt()
-    assert flight.process.wait(60) == 130
-    watcher = Watcher(udp_port)
-    try:
-        assert watcher.next("EXTENDED_SYS_STATE").landed_state == 2
-        assert watcher.next("HEARTBEAT").custom_mode in {HOLD, MISSION}  # on its leg, or held
-    finally:
-        watcher.close()
-
-
 def test_a_team_that_is_killed_leaves_the_vehicle_on_its_route(command, short_mission):
     """All robots, their gossip nodes and radios are one process of `air-router sim`."""
     flight = command(
@@ -208,16 +192,6 @@ def children(pid):
 
 def words_of(pid):
     return Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-
-
-def test_without_arm_it_waits_for_the_pilot(vehicle, fly):
-    vehicle(speed=15)
-    flight = fly()
-    flight.wait_for("waiting for the pilot to arm and choose Mission mode")
-    flight.interrupt()
-    code, out = flight.finish()
-    assert code == 130
-    assert json.loads(out)["duration_s"] == 0
 
 
 def test_arm_wants_a_confirmation(fly):
