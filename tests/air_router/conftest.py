@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import copy
 import dataclasses
 import math
 import random
@@ -261,6 +262,22 @@ def pretend(pennovation):
         return PretendFlight(changed, radius_m=radius_m, seek=seek, **how)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def flown():
+    """Flights that were flown somewhere once; a test that asks for one flies on with a copy."""
+    kept = {}
+
+    def copy_of(key, fly):
+        if key not in kept:
+            kept[key] = fly()
+        flight = kept[key]
+        memo = {id(part): part for part in (flight.mission, flight.plan, flight.router)}
+        memo |= {id(past): [*past] for past in (flight.track, flight.events, flight.actions)}
+        return copy.deepcopy(flight, memo)
+
+    return copy_of
 
 
 class PretendVehicle(Vehicle):

@@ -80,10 +80,13 @@ WAYS = {
 
 
 @pytest.fixture
-def in_state(pretend):
+def in_state(pretend, flown):
     """A flight in a state."""
 
     def make(state, **changes):
+        return flown((state, *changes.items()), lambda: fly(state, changes))
+
+    def fly(state, changes):
         flight = pretend(**changes)
         if state is State.READY:
             flight.step()

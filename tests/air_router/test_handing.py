@@ -14,14 +14,18 @@ from tests.air_router.conftest import CORNERS
 
 @pytest.mark.parametrize("state", [State.INIT, State.SEARCH, State.COMM, State.EXPL, State.HOME])
 @pytest.mark.parametrize("mode", [FlightMode.OTHER, FlightMode.RETURN, FlightMode.LAND])
-def test_the_pilot_wins_and_is_left_alone(pretend, state, mode):
-    flight = pretend()
-    flight.robots = dict(CORNERS)
-    flight.take_off()
-    if state is State.HOME:
-        flight.fly_away()
-        flight.operator_asks(ComeHome())
-    flight.fly_to_state(state)
+def test_the_pilot_wins_and_is_left_alone(pretend, flown, state, mode):
+    def fly():
+        flight = pretend()
+        flight.robots = dict(CORNERS)
+        flight.take_off()
+        if state is State.HOME:
+            flight.fly_away()
+            flight.operator_asks(ComeHome())
+        flight.fly_to_state(state)
+        return flight
+
+    flight = flown(("pilot", state), fly)
     flight.pilot_chooses(mode)
     assert flight.controller.state is State.PASSIVE
     commanded = len(flight.motions)

@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import itertools
 import json
 import math
 import typing
@@ -181,15 +182,14 @@ GOOD = encode(
 BAD = [None, 7, True, "x", [], [1], {}, {"type": "Telemetry"}, {"type": ["Telemetry"]}, "Infinity "]
 
 
-@pytest.mark.parametrize("key", GOOD)
-@pytest.mark.parametrize("bad", BAD, ids=repr)
-def test_a_wrong_field_is_one_kind_of_error(key, bad):
-    wrong = {**copy.deepcopy(GOOD), key: bad}
-    try:
-        value = decode(wrong)
-    except JournalError:
-        return
-    assert encode(value) == wrong  # some of them are good in some places
+def test_a_wrong_field_is_one_kind_of_error():
+    for key, bad in itertools.product(GOOD, BAD):
+        wrong = {**copy.deepcopy(GOOD), key: bad}
+        try:
+            value = decode(wrong)
+        except JournalError:
+            continue
+        assert encode(value) == wrong, (key, bad)  # some of them are good in some places
 
 
 @pytest.mark.parametrize(

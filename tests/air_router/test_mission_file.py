@@ -135,7 +135,6 @@ def test_the_shipped_missions_are_in_order(name):
                 "tracking margin 1.5 m); move it by 2.5 m or lower planner.clearance_m"
             ),
         ),
-        ("- [50, 50]", "- [150, 50]", "9:5: waypoint 2 lies outside of the fence; move it inside"),
         (
             "- [50, 50]",
             "- [97, 50]",
@@ -144,16 +143,6 @@ def test_the_shipped_missions_are_in_order(name):
                 "tracking margin 1.5 m); move it by 3.5 m or lower planner.clearance_m"
             ),
         ),
-        (
-            "- [50, 50]",
-            "- [50, -42]",
-            (
-                "9:5: waypoint 2 lies inside no-fly zone 'mast'; move it out, to 6.5 m "
-                "(clearance 5 m + tracking margin 1.5 m)"
-            ),
-        ),
-        ("home: [0, 0]", "home: [0, 120]", "4:7: home lies outside of the fence; move it inside"),
-        ("- [50, 50]", "- [50, 0]", "9:5: waypoint 2 lies on waypoint 1; remove one of them"),
         (
             "- [50, 50]",
             "- [99e3, 0]",
@@ -165,23 +154,6 @@ def test_the_shipped_missions_are_in_order(name):
             (
                 "13:5: no-fly zone 'hall' crosses the fence; move its corners inside, "
                 "or confirm that it is meant with 'crosses_fence: true'"
-            ),
-        ),
-        ("name: mast", "name: hall", "14:5: another area is called 'hall' too; rename one"),
-        (
-            "[20, 40], [-20, 40]]",
-            "[-20, 40], [20, 40]]",
-            (
-                "13:27: no-fly zone 'hall' cannot be an area: its border crosses or touches itself "
-                "(self-intersection) near 0.00, 30.00; draw it again"
-            ),
-        ),
-        (
-            "[20, 20], [20, 40], [-20, 40]]",
-            "[-20, 20], [20, 40]]",
-            (
-                "13:27: no-fly zone 'hall' cannot be an area: it has 2 different corners, "
-                "an area needs 3; draw it again"
             ),
         ),
         ("altitude_m: 30\n", "", "1:1: missing key 'altitude_m' (metres above home); add it"),
@@ -201,33 +173,11 @@ def test_the_shipped_missions_are_in_order(name):
             "5:13: 'altitude_m' must be a number, found text '30'; write the value without quotes",
         ),
         (
-            "altitude_m: 30",
-            "altitude_m: 0",
-            "5:13: 'altitude_m' must be greater than 0.0, found 0; change it",
-        ),
-        (
             "altitude_m: 25",
             "altitude: 25",
             "10:27: unknown key 'altitude'; did you mean 'altitude_m'?",
         ),
-        (
-            "polygon: [[-20",
-            "circle: {centre: [9, 9], radius_m: 3}, polygon: [[-20",
-            (
-                "13:5: 'no_fly_zones[0]': an area needs either 'polygon' or 'circle'; "
-                "write exactly one"
-            ),
-        ),
-        ("origin: [38.5", "origin: [98.5", "3:17: frame: latitude 98.5 is not within -90..90"),
-        (
-            "frame: {origin: [38.5, -98.5]}",
-            "",
-            "2:14: local coordinates need to know where they are; add frame: {origin: [lat, lon]}",
-        ),
-        ("name: Test town", "team: crew.yaml", "1:7: there is no file"),
         ("name: Test town", "world: moon.yaml", "1:8: there is no file"),
-        ("name: Test town", "name: [", "3:6: not valid YAML"),
-        ("name: Test town", "seek: [io, io]", "1:7: a robot is named twice"),
         (
             "name: Test town",
             "seek: freshst",
@@ -235,7 +185,6 @@ def test_the_shipped_missions_are_in_order(name):
         ),
         ("name: Test town", "seek: [io, 7]", "1:12: 'seek.robots[1]' must be text, found 7"),
         ("name: Test town", "seek: {policy: freshest, order: 1}", "1:26: unknown key 'order'"),
-        ("name: Test town", "seek: {robots: [io, io]}", "1:16: a robot is named twice"),
     ],
 )
 def test_one_mistake_gives_one_clear_error(tmp_path, before, after, expected):

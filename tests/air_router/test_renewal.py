@@ -283,7 +283,7 @@ def test_a_router_that_was_made_elsewhere_decides_nothing_else(pretend):
     assert said[0] == said[1]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_wherever_zones_appear_what_has_been_left_is_not_entered_again(pretend, seed):
     chance = random.Random(seed)
     flight = pretend(

@@ -86,8 +86,13 @@ CAUSES = (
 )
 
 
-def flight_in(pretend, state):
+@pytest.fixture
+def flight_in(pretend, flown):
     """A flight in a state, by the shortest way."""
+    return lambda state: flown(("way back", state), lambda: fly_to(pretend, state))
+
+
+def fly_to(pretend, state):
     flight = pretend(duration_s=4000.0)
     flight.robots = dict(CORNERS)
     if state is State.READY:
@@ -153,8 +158,8 @@ def goes_on(flight, since):
 
 @pytest.mark.parametrize("cause", [*CAUSES, carried_into_a_zone])
 @pytest.mark.parametrize("state", STATES)
-def test_what_resume_answers_leads_back_to_the_mission(pretend, state, cause):
-    flight = flight_in(pretend, state)
+def test_what_resume_answers_leads_back_to_the_mission(flight_in, state, cause):
+    flight = flight_in(state)
     cause(flight)
     assert flight.controller.state is State.PASSIVE
     since = len(flight.actions)
@@ -166,8 +171,8 @@ def test_what_resume_answers_leads_back_to_the_mission(pretend, state, cause):
 
 @pytest.mark.parametrize("cause", CAUSES)
 @pytest.mark.parametrize("state", STATES)
-def test_what_home_answers_leads_to_a_landing_at_home(pretend, state, cause):
-    flight = flight_in(pretend, state)
+def test_what_home_answers_leads_to_a_landing_at_home(flight_in, state, cause):
+    flight = flight_in(state)
     cause(flight)
     obey(flight, ComeHome())
     flight.fly_until(lambda: flight.finished is not None, 600.0)
@@ -176,8 +181,8 @@ def test_what_home_answers_leads_to_a_landing_at_home(pretend, state, cause):
 
 
 @pytest.mark.parametrize("cause", CAUSES)
-def test_what_a_refused_request_says_is_what_resume_would_say(pretend, cause):
-    flight = flight_in(pretend, State.EXPL)
+def test_what_a_refused_request_says_is_what_resume_would_say(flight_in, cause):
+    flight = flight_in(State.EXPL)
     cause(flight)
     whys = []
     for request in (HoldNow(), GoTo((Point(-20.0, -60.0),))):
@@ -191,8 +196,8 @@ def test_what_a_refused_request_says_is_what_resume_would_say(pretend, cause):
     assert answer.accepted or answer.why == way_back
 
 
-def test_where_a_zone_may_be_above_the_pilot_climbs(pretend, pennovation):
-    flight = flight_in(pretend, State.EXPL)
+def test_where_a_zone_may_be_above_the_pilot_climbs(flight_in, pennovation):
+    flight = flight_in(State.EXPL)
     sticks(flight)
     flight.altitude_m = 20.0
     beside = Point(flight.position[0] + 9.0, flight.position[1])
@@ -206,8 +211,8 @@ def test_where_a_zone_may_be_above_the_pilot_climbs(pretend, pennovation):
     )
 
 
-def test_a_climb_that_does_not_go_on_is_given_back(pretend):
-    flight = flight_in(pretend, State.EXPL)
+def test_a_climb_that_does_not_go_on_is_given_back(flight_in):
+    flight = flight_in(State.EXPL)
     sticks(flight)
     flight.altitude_m = 20.0
     flight.pilot_chooses(FlightMode.HOLD)
