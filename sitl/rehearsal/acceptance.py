@@ -98,7 +98,7 @@ ACCEPTED: Final = MappingProxyType(
         "LOST_BATTERY": _HOME,
         "LOST_FIX": _HOME,
         "LOST_LANDED": _HOME,
-        "LOST_ITEM": _HOME,
+        "LOST_ITEM": _row(End.LANDED, End.NOT),  # a wrong one is another's choice: hands off
         "LOST_MODE": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
         # The pilot and other stations: the vehicle is theirs, and that is said.
         "PILOT": _PILOTS,

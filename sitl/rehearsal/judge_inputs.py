@@ -43,10 +43,12 @@ _SILENT_S: Final = 4.0
 _CRITICAL: Final = 5  # MAV_STATE_CRITICAL
 _FIX_3D: Final = 3
 _NO_FIX_S, _BREACH_S, _LOW_S = 1.0, 1.5, 2.0
-_FLICKERS_S: Final = 4.0
+_FLICKERS_S: Final = 2.5
+"""A fix that is back for no longer is not back: 3 s are, and what stood may go on."""
+
 _BREACH_M: Final = 0.5
 _NEARS_S: Final = 10.0
-"""What comes near to a zone is told that before it is in it."""
+"""What comes near to a zone is told that before it is in it; what flickers, not each time."""
 
 _LEAVES_S: Final = 10.0
 """What a vehicle has to leave a zone that was drawn where it is."""
@@ -232,7 +234,7 @@ class InputJudge:
             if self._state(begin_s) in _ENDING - {"HOME"}:
                 continue
             if self._answers(begin_s, due_s):
-                self._expect("GPS|fix|satellite|failsafe", begin_s, due_s, what)
+                self._expect("GPS|fix|satellite|failsafe", begin_s, due_s, what, _NEARS_S)
             self._judge_standing(begin_s, (due_s, end_s), what)
 
     def _judge_charge(self, messages: Sequence[WireMessage]) -> None:

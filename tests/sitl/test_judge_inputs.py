@@ -117,6 +117,20 @@ def test_what_is_said_is_done_as_well(spoil, words):
     assert found(flight(HOVERS, spoil, said=said)) == set()
 
 
+def test_a_fix_that_is_back_for_three_seconds_is_back():
+    said, leg = [(70.5, "GPS has lost its fix: holding")], goto(78.0, 60, 0)
+    first, later = (between(s, s + 4.0, FIX, fix_type=1) for s in (70.0, 78.1))
+    assert found(flight(HOVERS, lambda m: later(first(m)), said=said, more=[leg])) == set()
+    flickers = [between(s, s + 2.0, FIX, fix_type=1) for s in range(70, 84, 4)]
+
+    def spoil(message):
+        for each in flickers:
+            message = each(message)
+        return message
+
+    assert found(flight(HOVERS, spoil, said=said, more=[leg])) == {"blind"}
+
+
 def test_no_leg_begins_from_a_place_that_is_not_known():
     said = [(71.0, "position not heard for 2 s: holding")]
     spoil, leg = between(69.0, 85.0, POSITION), goto(80.0, 60, 0)
