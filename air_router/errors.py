@@ -7,7 +7,7 @@ from enum import IntEnum
 from typing import ClassVar
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.problem import DocumentError, Problem, first_of_each_kind
+from mocha_link.team.problem import DocumentError, Problem, first_of_each_kind
 
 
 class ExitCode(IntEnum):

@@ -10,8 +10,6 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from air_router.requests import MOST_POINTS
-
 POSE_TOPIC: Final = "/pose"
 PATH_TOPIC: Final = "/path"
 SIGHTINGS_TOPIC: Final = "/sightings"
@@ -21,6 +19,13 @@ GOALS_TOPIC: Final = "/goals"
 ANSWERS_TOPIC: Final = "/answers"
 
 MESSAGE_LIMIT_BYTES: Final = 1 << 20
+
+MOST_POINTS: Final = 50
+"""So many can be asked for at once: each costs a look at the ways there and home."""
+
+FARTHEST_M: Final = 10_000.0
+"""A place farther than this from the mission's origin is a mistake, and nothing is flown to there:
+no fence may be drawn that would keep the vehicle from going."""
 
 Latitude = Annotated[float, Field(ge=-90, le=90)]
 Longitude = Annotated[float, Field(ge=-180, le=180)]

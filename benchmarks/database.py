@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.routing import row
-from mocha_link.database import Database, Record
-from mocha_link.header import Header
-from mocha_link.storage import Storage
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.record import Record
+from mocha_link.store.storage import Storage
 
 ENTRIES = 65_536  # 256 robots with 256 topics each: as many as headers can tell apart
 START_MS = 1_795_000_000_000

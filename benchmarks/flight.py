@@ -29,21 +29,21 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from air_router.behaviour import State
-from air_router.clock import VehicleClock
-from air_router.events import RobotPose
-from air_router.flight import Flight
-from air_router.mapper import Mapper
-from air_router.mission import load_mission
-from air_router.px4 import Px4Vehicle
-from air_router.recorder import Recorder
-from air_router.status import StatusLine
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import RobotPose
+from air_router.flight.flight import Flight
+from air_router.flight.status import StatusLine
+from air_router.gossip.mapper import Mapper
+from air_router.mission.loading import load_mission
+from air_router.record.recorder import Recorder
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.px4.px4 import Px4Vehicle
 from geo.frame import Point
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from air_router.mission import Mission
+    from air_router.mission.mission import Mission
 
 MISSION: Final = Path(__file__).parents[1] / "missions" / "pennovation" / "mission.yaml"
 COMMANDS: Final = frozenset({41, 75, 76})  # MISSION_SET_CURRENT, COMMAND_INT, COMMAND_LONG
@@ -206,7 +206,7 @@ def processor_share(over_s: float) -> float:
     """Share of one core that the flight takes at real time, with three robots."""
     with tempfile.TemporaryDirectory() as folder:
         simulated = subprocess.Popen(  # noqa: S603 - our own program
-            [*(sys.executable, "-m", "air_router.cli", "sim", str(MISSION), "--speed=1")],
+            [*(sys.executable, "-m", "air_router.cli.cli", "sim", str(MISSION), "--speed=1")],
             stderr=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             cwd=folder,

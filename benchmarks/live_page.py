@@ -26,25 +26,25 @@ from typing import TYPE_CHECKING, Any, Final
 
 from playwright.sync_api import sync_playwright
 
-from air_router.controller import Controller
-from air_router.desk import Desk
-from air_router.events import RobotPose
-from air_router.flight_plan import FlightPlan
-from air_router.graph import WaypointGraph
+from air_router.controller.controller import Controller
+from air_router.controller.model.events import RobotPose
+from air_router.flight.command_service import Desk
+from air_router.gossip.mapper import Mapper
 from air_router.live.joint import JointPage
+from air_router.live.page_address import PageAddress
 from air_router.live.server import LivePage
-from air_router.mapper import Mapper
-from air_router.mission import load_mission
-from air_router.page_address import PageAddress
-from air_router.router import Router
-from air_router.vehicle import FlightMode, Telemetry
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.loading import load_mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
+from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
-from mocha_link.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
+from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-    from air_router.mission import Mission
+    from air_router.mission.mission import Mission
 
 MISSION: Final = Path(__file__).parents[1] / "missions" / "pennovation" / "mission.yaml"
 STEP_S: Final = 0.1

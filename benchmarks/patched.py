@@ -1,6 +1,6 @@
 """Runs a module of Python with places of our source changed, without touching a file.
 
-python -m benchmarks.patched '[["air_router.watch", "STRANGE_S: Final = 1.5", "X"]]' pytest ARGS
+python -m benchmarks.patched '[["geo.airspace.zone", "_NEAR_M = 1.5", "X"]]' pytest ARGS
 
 What `benchmarks.mutants` and `benchmarks.sabotage` stand on: a change that does not apply to
 exactly one place of its module is an error, so that no list of changes outlives its code.

@@ -9,9 +9,9 @@ from typing import Any
 
 import shapely
 
-from air_router.graph import WaypointGraph
-from air_router.mission import load_mission
-from air_router.router import Router
+from air_router.mission.loading import load_mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
 from geo.frame import Point
 
 MISSIONS = Path(__file__).parents[1] / "missions"

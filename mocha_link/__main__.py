@@ -2,13 +2,13 @@
 
 import sys
 
-from mocha_link.interrupt import leave_when_interrupted
+from mocha_link.cli.interrupt import leave_when_interrupted
 
 
 def main() -> int:
     """Run the program; returns its exit code."""
     leave_when_interrupted()
-    from mocha_link import cli  # noqa: PLC0415 - what takes its time
+    from mocha_link.cli import cli  # noqa: PLC0415 - what takes its time
 
     code = cli.main()
     leave_when_interrupted()

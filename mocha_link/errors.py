@@ -7,3 +7,15 @@ class MochaLinkError(Exception):
 
 class UsageError(MochaLinkError):
     """Somebody asks for what the team does not have: of a command, wrong usage."""
+
+
+class RadioError(MochaLinkError):
+    """A radio that cannot be used, or a report that is none."""
+
+
+class PortInUseError(MochaLinkError):
+    """A port that the node needs is taken by another process or node."""
+
+
+class ListenError(MochaLinkError):
+    """A port or address on which the node cannot listen for another reason."""

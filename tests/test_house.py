@@ -1,59 +1,100 @@
-"""The rules of the house that can be checked: who imports whom, and no circles."""
+"""The rules of the house that can be checked: who imports whom, no circles, small rooms.
+
+Every import counts, at the top of a file or within a function. A room is a folder; a package's own
+root is one as well. `__main__` stands outside: it starts the program.
+"""
 
 import ast
+from collections.abc import Iterator
 from pathlib import Path
 
 import networkx as nx
 
 ROOT = Path(__file__).parents[1]
 ALLOWED = {
-    "geo": set(),
-    "mocha_link": set(),
-    "air_router": {"geo", "mocha_link"},
-    "sitl": {"geo", "mocha_link", "air_router"},
+    "geo": {"geo"},
+    "mocha_link": {"mocha_link"},
+    "air_router": {"air_router", "geo", "mocha_link"},
+    "sitl": {"sitl", "air_router", "geo", "mocha_link"},
 }
+ROOT_FILES, ROOM_FILES, FILE_LINES = 6, range(3, 15), 450
+
+
+def name_of(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
 MODULES = {
-    ".".join(path.relative_to(ROOT).with_suffix("").parts): path
+    name_of(path): path
     for package in ALLOWED
     for path in sorted((ROOT / package).rglob("*.py"))
+    if path.name != "__main__.py"
 }
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
+ROOMS = sorted({path.parent for path in MODULES.values()})
 
 
-def imports(path, *, typing_too):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    skipped = set()
-    if not typing_too:
-        for node in ast.walk(tree):
-            if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-                skipped.update(id(inner) for inner in ast.walk(node))
-    for node in ast.walk(tree):
-        if id(node) in skipped:
-            continue
+def imports(module: str) -> Iterator[str]:
+    """The modules of ours that a module imports, packages' faces among them."""
+    for node in ast.walk(TREES[module]):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            assert node.level == 0, f"{module}: relative import"
+            deeper = [f"{node.module}.{alias.name}" for alias in node.names]
+            names = [name if name in MODULES else node.module for name in deeper]
+        else:
+            continue
+        yield from (name for name in names if name.split(".")[0] in ALLOWED)
+
+
+ARROWS = {(module, name) for module in MODULES for name in imports(module) if name != module}
+
+
+def circles(arrows: set[tuple[object, object]]) -> list[list[object]]:
+    parts = nx.strongly_connected_components(nx.DiGraph(arrows))
+    return [sorted(map(str, part)) for part in parts if len(part) > 1]
 
 
 def test_no_arrow_runs_up():
-    for module, path in MODULES.items():
-        package = module.split(".")[0]
-        others = {name.split(".")[0] for name in imports(path, typing_too=True)}
-        assert others & set(ALLOWED) <= ALLOWED[package] | {package}, module
+    up = [
+        (module, name)
+        for module, name in ARROWS
+        if name.split(".")[0] not in ALLOWED[module.split(".")[0]]
+    ]
+    assert up == []
 
 
 def test_no_circle_between_files():
-    graph = nx.DiGraph(
-        (module, name)
-        for module, path in MODULES.items()
-        for name in imports(path, typing_too=False)
-        if name in MODULES and name != module and not name.endswith("__init__")
-    )
-    assert list(nx.simple_cycles(graph)) == []
+    assert circles({arrow for arrow in ARROWS if arrow[1] in MODULES}) == []
 
 
-def test_modules_stay_small():
-    lines = {name: path.read_text(encoding="utf-8").count("\n") for name, path in MODULES.items()}
-    assert {name: count for name, count in lines.items() if count > 450} == {}
+def test_no_circle_between_rooms():
+    rooms = {
+        (MODULES[module].parent, MODULES[name].parent)
+        for module, name in ARROWS
+        if name in MODULES and MODULES[module].parent != MODULES[name].parent
+    }
+    assert circles(rooms) == []
+
+
+def test_no_import_is_for_types_only():
+    assert [name for name, tree in TREES.items() if "TYPE_CHECKING" in ast.dump(tree)] == []
+
+
+def test_rooms_are_small_and_say_what_they_are_for():
+    wrong = []
+    for room in ROOMS:
+        files = [path for path in room.glob("*.py") if path.name != "__init__.py"]
+        at_root = room.parent == ROOT
+        if len(files) + 1 > ROOT_FILES if at_root else len(files) not in ROOM_FILES:
+            wrong.append(f"{room.relative_to(ROOT)}: {len(files)} files")
+        if not ast.get_docstring(TREES[name_of(room / "__init__.py")]):
+            wrong.append(f"{room.relative_to(ROOT)}: no word on what it is for")
+    assert wrong == []
+
+
+def test_files_are_small():
+    lines = {name: len(path.read_text("utf-8").splitlines()) for name, path in MODULES.items()}
+    assert {name: count for name, count in lines.items() if count > FILE_LINES} == {}

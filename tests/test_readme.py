@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from air_router.cli import main
+from air_router.cli.cli import main
 from mocha_link import Team
 from tests.mocha_link.conftest import free_ports, own_host
 

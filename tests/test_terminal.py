@@ -11,14 +11,18 @@ from pathlib import Path
 
 import pytest
 
-import air_router.cli
-import mocha_link.cli
-import sitl.cli
-from mocha_link.command_help import coloured, log_level
-from mocha_link.completion import CompletionError, script
+import air_router.cli.cli
+import mocha_link.cli.cli
+import sitl.cli.cli
+from mocha_link.cli.command_help import coloured, log_level
+from mocha_link.cli.completion import CompletionError, script
 
 ROOT = Path(__file__).parents[1]
-PROGRAMS = {"air-router": air_router.cli, "mocha-link": mocha_link.cli, "sitl": sitl.cli}
+PROGRAMS = {
+    "air-router": air_router.cli.cli,
+    "mocha-link": mocha_link.cli.cli,
+    "sitl": sitl.cli.cli,
+}
 
 
 def commands(parser, path=()):
@@ -57,7 +61,7 @@ def test_every_argument_says_what_it_is():
 
 def test_levels_before_and_after_the_command():
     def level(words):
-        return log_level(air_router.cli.parser().parse_args(words.split()), logging.WARNING)
+        return log_level(air_router.cli.cli.parser().parse_args(words.split()), logging.WARNING)
 
     assert level("check m.yaml") == logging.WARNING
     assert level("-v check m.yaml") == level("check m.yaml -v") == logging.INFO
@@ -111,7 +115,7 @@ def test_bash_completes(tmp_path):
     ],
 )
 def test_others_get_a_script_that_they_can_read(shell, try_it, capsys, tmp_path):
-    assert air_router.cli.main(["completion", shell]) == 0
+    assert air_router.cli.cli.main(["completion", shell]) == 0
     text = capsys.readouterr().out
     assert "preflight" in text
     (tmp_path / "script").write_text(text)
@@ -125,10 +129,10 @@ def test_others_get_a_script_that_they_can_read(shell, try_it, capsys, tmp_path)
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setitem(__import__("sys").modules, "shtab", None)
-    assert mocha_link.cli.main(["completion", "bash"]) == 1
+    assert mocha_link.cli.cli.main(["completion", "bash"]) == 1
     assert "air-router[completion]" in capsys.readouterr().err
     with pytest.raises(CompletionError):
-        script(sitl.cli.parser(), "bash")
+        script(sitl.cli.cli.parser(), "bash")
 
 
 @pytest.mark.parametrize(
@@ -157,4 +161,4 @@ def test_only_those_who_ask_write_colours():
     for folder in ("air_router", "mocha_link", "sitl"):
         for path in (ROOT / folder).rglob("*.py"):
             if re.search(r"x1b\[\d*m|033\[", path.read_text(encoding="utf-8")):
-                assert path.name in {"preflight.py", "top.py"}, path
+                assert path.name in {"preflight.py", "monitor.py"}, path

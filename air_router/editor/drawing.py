@@ -5,13 +5,19 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
-from air_router.draft import Keys
 from air_router.editor import edits
 from air_router.editor.edits import Edit, EditError
-from air_router.editor.rendering import DEGREE_DECIMALS, METRE_DECIMALS, Digits, degrees, metres
 from air_router.editor.sketch import Corners, Handle, Pair, Region, Sketch
-from air_router.editor.source import Source
-from air_router.editor.splice import Splice
+from air_router.editor.text.rendering import (
+    DEGREE_DECIMALS,
+    METRE_DECIMALS,
+    Digits,
+    degrees,
+    metres,
+)
+from air_router.editor.text.source import Source
+from air_router.editor.text.splice import Splice
+from air_router.files.mission_document import Keys
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 
 _LEAST_CORNERS = 3

@@ -12,15 +12,16 @@ from itertools import pairwise
 import numpy as np
 from shapely import Polygon, make_valid
 
-from air_router.draft import Area, Draft
 from air_router.editor.drawing import Drawing
 from air_router.editor.manuscript import Manuscript
 from air_router.editor.sketch import Region
-from air_router.graph import WaypointGraph
-from air_router.mission import Mission, judge
-from air_router.router import Route, Router
+from air_router.files.mission_document import Area, Draft
+from air_router.mission.loading import judge
+from air_router.mission.mission import Mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Route, Router
+from geo.airspace.zone import Outline, ZoneError, polygons_of
 from geo.frame import Point
-from geo.zone import Outline, ZoneError, polygons_of
 
 _LEAST_CORNERS = 3
 _MOST_WORK = 4_000

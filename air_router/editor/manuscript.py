@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from air_router.draft import Draft
 from air_router.editor import edits
 from air_router.editor.drawing import Drawing
 from air_router.editor.edits import Edit, EditError
 from air_router.editor.plan_drawing import PlanDrawing
-from air_router.editor.splice import spliced
+from air_router.editor.text.splice import spliced
 from air_router.editor.yaml_drawing import YamlDrawing
-from air_router.json_document import JsonDocument, json_from_text
-from air_router.mission_file import read_mission
-from air_router.qgc import plan_draft
-from mocha_link.document import Document, DocumentError
+from air_router.files.json_document import JsonDocument, json_from_text
+from air_router.files.mission_document import Draft
+from air_router.files.qgc.qgc_read import plan_draft
+from air_router.files.yaml.mission_file import read_mission
+from mocha_link.team.document import Document, DocumentError
 
 _BY_HAND = "this cannot be done here, as the file is written; edit it by hand"
 

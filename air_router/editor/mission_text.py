@@ -10,8 +10,8 @@ import tempfile
 from pathlib import Path
 
 from air_router.errors import AirRouterError
-from air_router.whole_file import sync_folder
-from mocha_link.document import MAX_BYTES, DocumentError, Problem
+from air_router.files.whole_file import sync_folder
+from mocha_link.team.document import MAX_BYTES, DocumentError, Problem
 
 
 class SaveError(AirRouterError):

@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 from air_router.editor import edits
 from air_router.editor.drawing import Drawing
 from air_router.editor.edits import EditError
-from air_router.editor.json_nodes import json_nodes
 from air_router.editor.plan_sketch import (
     CIRCLES,
     ITEMS,
@@ -17,11 +16,12 @@ from air_router.editor.plan_sketch import (
     WAYPOINT,
     sketch_plan,
 )
-from air_router.editor.rendering import METRE_DECIMALS, Digits, metres
 from air_router.editor.sketch import Handle, Region, as_number
-from air_router.editor.source import Source
-from air_router.editor.splice import Splice
-from mocha_link.document import Document
+from air_router.editor.text.json_nodes import json_nodes
+from air_router.editor.text.rendering import METRE_DECIMALS, Digits, metres
+from air_router.editor.text.source import Source
+from air_router.editor.text.splice import Splice
+from mocha_link.team.document import Document
 
 _RELATIVE_FRAME = 3
 _RELATIVE_FRAMES = (3, 6)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from air_router.draft import Keys
 from air_router.editor.sketch import (
     Handle,
     Region,
@@ -14,6 +13,7 @@ from air_router.editor.sketch import (
     ring_of,
     round_of,
 )
+from air_router.files.mission_document import Keys
 
 WAYPOINT = 16
 """MAV_CMD_NAV_WAYPOINT."""

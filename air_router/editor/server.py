@@ -21,7 +21,7 @@ from air_router.web.backdrop import Backdrop
 from air_router.web.guard import Guard
 from air_router.web.outbox import Outbox
 from air_router.web.site import Site, as_json
-from mocha_link.document import DocumentError
+from mocha_link.team.document import DocumentError
 
 _LOG = logging.getLogger(__name__)
 _WATCH_S = 1.0

@@ -12,7 +12,7 @@ from air_router.editor.manuscript import Manuscript
 from air_router.editor.mission_text import MissionText
 from air_router.editor.view import Viewer, route_view
 from air_router.errors import AirRouterError
-from mocha_link.document import DocumentError
+from mocha_link.team.document import DocumentError
 
 _MOST_STEPS = 500
 

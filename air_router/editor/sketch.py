@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from air_router.draft import Keys
+from air_router.files.mission_document import Keys
 
 Pair = tuple[float, float]
 """As the file has it: degrees (latitude first), or metres east and north."""

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from air_router.draft import Area, Keys
 from air_router.editor.drawing import Drawing
 from air_router.editor.judgement import Judgement
 from air_router.editor.sketch import Handle, Pair, Region
-from air_router.mission import Mission
-from air_router.router import Route
+from air_router.files.mission_document import Area, Keys
+from air_router.mission.mission import Mission
+from air_router.routing.router import Route
 from air_router.web.outlines import Degrees, Rings, beside, buffer, degrees
+from geo.airspace.zone import Shape
 from geo.frame import LocalFrame
-from geo.zone import Shape
-from mocha_link.document import Problem
+from mocha_link.team.document import Problem
 
 _MOST_EDGES = 20_000
 _MOST_CACHED = 4_000

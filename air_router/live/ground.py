@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import base64
 import math
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
+from air_router.controller.model.events import Event
+from air_router.gossip.mapper import Mapper
 from air_router.web.outlines import degrees
-from geo.frame import Point
-from mocha_link.metrics import Direction, SyncEnded, SyncStarted
-
-if TYPE_CHECKING:
-    from air_router.events import Event
-    from air_router.mapper import Mapper
-    from geo.frame import LocalFrame
-    from geo.grid import Cells
+from geo.frame import LocalFrame, Point
+from geo.grid import Cells
+from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 
 _MOST_CELLS: Final = 600_000
 """A page draws no more; of a larger map every second, third ... row and column is shown."""

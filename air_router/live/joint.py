@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import quote
 
 from aiohttp import web
 
+from air_router.live.page_address import PageAddress
 from air_router.live.relay import Relay
 from air_router.web.assets import Assets
+from air_router.web.backdrop import Backdrop
 from air_router.web.guard import Guard
 from air_router.web.site import Site
-
-if TYPE_CHECKING:
-    from air_router.page_address import PageAddress
-    from air_router.web.backdrop import Backdrop
 
 
 class JointPage:

@@ -10,27 +10,22 @@ import asyncio
 import dataclasses
 import math
 from collections import deque
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final
 
-from air_router.actions import PublishMap
+from air_router.control.command_request import Wish, WishError
+from air_router.controller.controller import Controller
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import PublishMap
+from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.errors import RefusedError
-from air_router.events import CommandConfirmed, CommandFailed
-from air_router.gossip import MAP_INTERVAL_S
+from air_router.gossip.gossip import MAP_INTERVAL_S
+from air_router.gossip.mapper import Mapper
+from air_router.live.page_address import Web
 from air_router.live.server import TICK_S, LivePage
-from air_router.mapper import Mapper
-from air_router.vehicle import Telemetry
-from air_router.wish import WishError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from air_router.controller import Controller
-    from air_router.flight_setup import FlightSetup
-    from air_router.log import Entry
-    from air_router.page import Web
-    from air_router.wish import Wish
-    from mocha_link.metrics import LinkMetrics
+from air_router.record.log import Entry
+from air_router.vehicle.vehicle import Telemetry
+from mocha_link.links.metrics import LinkMetrics
 
 MOST_SPEED: Final = 100.0
 _STEPS: Final = 400

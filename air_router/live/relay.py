@@ -17,7 +17,7 @@ import aiohttp
 from aiohttp import ClientWSTimeout, WSCloseCode, WSMsgType, web
 
 from air_router.errors import AirRouterError
-from air_router.page_address import PageAddress
+from air_router.live.page_address import PageAddress
 from air_router.web.guard import cookie_of
 
 MOST_BYTES: Final = 16 * 1024 * 1024

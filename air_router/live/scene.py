@@ -9,22 +9,17 @@ import math
 from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from air_router.actions import Announce, Answered, Finish, StateChanged
 from air_router.compass import wind_words
-from air_router.events import RobotPath, RobotPose
-from air_router.vehicle import Telemetry
+from air_router.controller.controller import Controller
+from air_router.controller.model.actions import Action, Announce, Answered, Finish, StateChanged
+from air_router.controller.model.events import Event, RobotPath, RobotPose
+from air_router.mission.mission import Mission
+from air_router.vehicle.vehicle import Telemetry
 from air_router.web.outlines import degrees
-from mocha_link.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
-
-if TYPE_CHECKING:
-    from air_router.actions import Action
-    from air_router.controller import Controller
-    from air_router.events import Event
-    from air_router.mission import Mission
-    from geo.frame import Point
-    from mocha_link.metrics import LinkMetrics
+from geo.frame import Point
+from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted, SyncTimedOut
 
 TRACK_STEP_M: Final = 0.5
 """Positions nearer than this to the last one add nothing to a line on a map."""

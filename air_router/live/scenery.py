@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from air_router.flight_plan import HOME_NODE
+from air_router.mission.flight_plan import HOME_NODE
+from air_router.mission.mission import Mission
+from air_router.routing.router import Router
 from air_router.web.outlines import buffer, degrees
-
-if TYPE_CHECKING:
-    from air_router.mission import Mission
-    from air_router.router import Router
-    from geo.zone import Shape
+from geo.airspace.zone import Shape
 
 _MOST_EDGES: Final = 20_000
 

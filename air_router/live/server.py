@@ -7,29 +7,26 @@ import json
 import logging
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from contextlib import asynccontextmanager, contextmanager
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import Any, Final
 
-from air_router.budget import COSTLY_AT_ONCE, COSTLY_PER_S, TOO_MANY, Budget
+from air_router.control.budget import COSTLY_AT_ONCE, COSTLY_PER_S, TOO_MANY, Budget
+from air_router.control.command_request import Grants, WishError, wish_of
+from air_router.controller.controller import Controller
+from air_router.controller.model.actions import Action
+from air_router.controller.model.events import Event
+from air_router.gossip.mapper import Mapper
 from air_router.live.ground import Ground
+from air_router.live.page_address import SHOWN_AT
 from air_router.live.scene import Scene
 from air_router.live.scenery import scenery
-from air_router.page_address import SHOWN_AT
+from air_router.mission.mission import Mission
 from air_router.web.assets import Assets
 from air_router.web.audience import Audience
+from air_router.web.backdrop import Backdrop
 from air_router.web.guard import Guard
+from air_router.web.outbox import Outbox
 from air_router.web.site import Site, as_json
-from air_router.wish import WishError, wish_of
-
-if TYPE_CHECKING:
-    from air_router.actions import Action
-    from air_router.controller import Controller
-    from air_router.events import Event
-    from air_router.mapper import Mapper
-    from air_router.mission import Mission
-    from air_router.web.backdrop import Backdrop
-    from air_router.web.outbox import Outbox
-    from air_router.wish import Wish
-    from mocha_link.metrics import LinkMetrics
+from mocha_link.links.metrics import LinkMetrics
 
 TICK_S: Final = 0.1
 SLOW_TICKS: Final = 5
@@ -52,13 +49,6 @@ Steer = Callable[[dict[str, Any]], dict[str, Any]]
 """Takes what a page asks of a recorded flight; raises WishError."""
 
 Links = Callable[[], "Mapping[str, LinkMetrics]"]
-
-
-class Grants(Protocol):
-    """Where requests are handed in."""
-
-    def grant(self, wish: Wish, by: str) -> dict[str, Any]:
-        """Ask for something; what became of it. Raises WishError."""
 
 
 class LivePage:

@@ -9,8 +9,8 @@ from shapely import Point as ShapelyPoint
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from geo.airspace.zone import Circle, Shape, polygons_of
 from geo.frame import FrameError, LocalFrame, Point
-from geo.zone import Circle, Shape, polygons_of
 
 DECIMALS = 7
 _QUARTER = 8

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from shapely import Polygon, STRtree
 
-from geo.airspace import Airspace, Zone
+from geo.airspace.airspace import Airspace, Zone
 from geo.frame import Point
 
 CLEARANCE_M = 5.0

@@ -8,15 +8,15 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from air_router.graph import WaypointGraph
-from air_router.router import Route, Router
-from air_router.settings import PlannerSettings
+from air_router.files.settings import PlannerSettings
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Route, Router
 from benchmarks.route.maps import Map
 from geo.frame import Point
-from geo.free_space import HAIR_M, FreeSpace
-from geo.mesh import Mesh
-from geo.polyanya import Source, shortest
-from geo.shortest import ShortestPaths, path_length_m
+from geo.paths.free_space import HAIR_M, FreeSpace
+from geo.paths.mesh import Mesh
+from geo.paths.polyanya import Source, shortest
+from geo.paths.shortest import ShortestPaths, path_length_m
 
 Query = Callable[[Point, Point], float | None]
 """Length of the path between two places; None if there is none."""

@@ -13,14 +13,16 @@ import re
 import threading
 import uuid
 from collections import Counter, deque
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
-from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError, split
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from mocha_link.bridges.progress import Progress
+from mocha_link.bridges.progress import Progress
+from mocha_link.service.service_client import (
+    ServiceClient,
+    ServiceError,
+    ServiceUnreachableError,
+    split,
+)
 
 WAIT_S = 1.0  # of a request for news; also how long an end may take
 PAUSE_S = 0.5  # before a node that does not answer is asked again

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import threading
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
 
 from cyclonedds.core import (
     DDSException,
@@ -25,9 +26,6 @@ from cyclonedds.util import duration
 
 from mocha_link.bridges.cdr import Cdr
 from mocha_link.bridges.dds_types import DdsTypes
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
 
 MIN_DEPTH = 10  # samples that wait for a reader
 TAKEN = 100  # samples at once

@@ -6,17 +6,14 @@ but nothing is decoded.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 from cyclonedds.idl import IdlStruct, make_idl_struct, types
 from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import FieldDesc
 
-from mocha_link.ros_store import RosTypes, element
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from rosbags.interfaces.typing import FieldDesc
+from mocha_link.ros.ros_store import RosTypes, element
 
 _BASES: dict[str, Any] = {"bool": bool, "string": str, "char": types.uint8}  # others by their name
 

@@ -6,10 +6,8 @@ import logging
 import sqlite3
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from mocha_link.service_client import Place
+from mocha_link.service.service_client import Place
 
 SPARE = 8  # headers of a topic that are remembered beyond its history
 

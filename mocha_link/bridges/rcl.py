@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Collection
+from typing import Any
 
 from mocha_link.bridges.cdr import Cdr
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
 
 MIN_DEPTH = 10  # messages that wait for a subscription
 

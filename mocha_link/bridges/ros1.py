@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import logging
 import struct
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from collections.abc import Callable
+from typing import Any
 
 BUFFER_BYTES = 16 * 1024 * 1024  # rospy falls behind with large messages in a smaller one
 ROSCORE_S = 5.0  # between looks at whether the roscore is still the same

@@ -10,16 +10,14 @@ import re
 import signal
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mocha_link.bridges.bridge import Bridge
 from mocha_link.bridges.progress import Progress
 from mocha_link.errors import MochaLinkError
-from mocha_link.service_client import ServiceClient, ServiceUnreachableError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from mocha_link.service.service_client import ServiceClient, ServiceUnreachableError
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
 PAUSE_S = 0.5

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import base64
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.service_client import split
-from mocha_link.typed import TypedError, Types
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from mocha_link.ros.typed import TypedError, Types
+from mocha_link.service.service_client import split
 
 MAX_REQUEST_BYTES = 8 * 1024 * 1024
 

@@ -11,22 +11,23 @@ import json
 import logging
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import zmq
 
 from mocha_link.bridges.values import MAX_REQUEST_BYTES, ValueRequestError, Values, as_object
-from mocha_link.endpoint import bind
-from mocha_link.endpoint_key import connect
-from mocha_link.lifetime import Closeable
-from mocha_link.payload import MAX_BYTES
-from mocha_link.service_client import ServiceClient, ServiceError, ServiceUnreachableError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mocha_link.service_client import Place
+from mocha_link.node.lifetime import Closeable
+from mocha_link.service.endpoint import bind
+from mocha_link.service.endpoint_key import connect
+from mocha_link.service.service_client import (
+    Place,
+    ServiceClient,
+    ServiceError,
+    ServiceUnreachableError,
+)
+from mocha_link.store.payload import MAX_BYTES
 
 PATIENCE_S = 5.0  # for the node's answer, beyond what a request wants to wait
 MAX_WAIT_S = 60.0

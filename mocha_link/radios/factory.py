@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
+from mocha_link.errors import RadioError
 from mocha_link.radios.mavlink import MavlinkRadio
+from mocha_link.radios.port import Radio
 from mocha_link.radios.rajant import RajantRadio
 from mocha_link.radios.streams import StdinRadio, TcpRadio, UdpRadio
-from mocha_link.radios.url import RadioUrl
 from mocha_link.radios.wifi import WifiRadio
-from mocha_link.reading import RadioError
-
-if TYPE_CHECKING:
-    from mocha_link.radios.port import Radio
-    from mocha_link.team import Robot, Team
+from mocha_link.team.team import Robot, Team
+from mocha_link.team.url import RadioUrl
 
 _DASHED_MAC = re.compile(r"(?:[0-9a-f]{2}-){5}[0-9a-f]{2}")
 

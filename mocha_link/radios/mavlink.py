@@ -6,15 +6,14 @@ import functools
 import importlib
 import socket
 import struct
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from mocha_link.errors import RadioError
+from mocha_link.links.reading import Reading, Unit
 from mocha_link.radios.port import Desk, Report
 from mocha_link.radios.streams import bound, datagrams
 from mocha_link.radios.worker import Worker
-from mocha_link.reading import RadioError, Reading, Unit
-
-if TYPE_CHECKING:
-    from mocha_link.radios.url import RadioUrl
+from mocha_link.team.url import RadioUrl
 
 UNKNOWN = 255
 STATUS_NAMES = ("RADIO_STATUS", "RADIO")  # RADIO: the same fields, from old SiK firmware

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.reading import Reading
+from mocha_link.links.reading import Reading
 
 LOG = logging.getLogger("mocha_link")
 

@@ -10,16 +10,14 @@ import socket
 import subprocess
 import time
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
+from mocha_link.errors import RadioError
+from mocha_link.links.reading import Reading
 from mocha_link.radios.port import Desk, Report
 from mocha_link.radios.rajant_monitor import Monitor
 from mocha_link.radios.reports import Lines
 from mocha_link.radios.worker import Worker, pause, pump
-from mocha_link.reading import RadioError, Reading
-
-if TYPE_CHECKING:
-    from mocha_link.radios.url import RadioUrl
+from mocha_link.team.url import RadioUrl
 
 MAX_LINE_BYTES = 64 * 1024  # a published dictionary is one line
 RETRY_S = 2.0

@@ -12,7 +12,8 @@ import contextlib
 import re
 from collections.abc import Iterator, Mapping
 
-from mocha_link.reading import RadioError, Reading, Unit
+from mocha_link.errors import RadioError
+from mocha_link.links.reading import Reading, Unit
 
 MAX_DEPTH = 32
 MAX_FIELDS = 64

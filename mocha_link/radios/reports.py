@@ -9,7 +9,8 @@ import json
 import math
 import numbers
 
-from mocha_link.reading import RadioError, Reading, Unit
+from mocha_link.errors import RadioError
+from mocha_link.links.reading import Reading, Unit
 
 MAX_LINE_BYTES = 2048
 

@@ -6,16 +6,14 @@ import contextlib
 import selectors
 import socket
 import sys
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from collections.abc import Callable, Iterable
+from typing import ClassVar, Protocol
 
+from mocha_link.errors import RadioError
 from mocha_link.radios.port import LOG, Desk, Report
 from mocha_link.radios.reports import MAX_LINE_BYTES, Lines, parse_report
-from mocha_link.radios.url import RadioUrl
 from mocha_link.radios.worker import READ_BYTES, Worker, pause, pump
-from mocha_link.reading import RadioError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+from mocha_link.team.url import RadioUrl
 
 MAX_PROGRAMS = 8
 RETRY_S = 0.1

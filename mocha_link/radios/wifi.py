@@ -10,14 +10,12 @@ import subprocess
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from mocha_link.errors import RadioError
+from mocha_link.links.reading import Reading, Unit
 from mocha_link.radios.port import Desk, Report
 from mocha_link.radios.worker import Worker, pause
-from mocha_link.reading import RadioError, Reading, Unit
-
-if TYPE_CHECKING:
-    from mocha_link.radios.url import RadioUrl
+from mocha_link.team.url import RadioUrl
 
 POLL_S = 1.0
 TIMEOUT_S = 5.0

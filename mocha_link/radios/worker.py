@@ -7,10 +7,7 @@ import select
 import selectors
 import socket
 import threading
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from collections.abc import Callable
 
 READ_BYTES = 4096
 

@@ -12,7 +12,7 @@ from sitl.conformance.parameter_steps import SetParameter, read_value
 from sitl.conformance.plan_steps import ClearAll
 from sitl.conformance.steps import Step
 from sitl.conformance.talk import GROUND_STATION, DepartureError, Talk
-from sitl.px4_modes import FlightMode
+from sitl.px4sim.state.px4_modes import FlightMode
 
 _READY: int = 0x10000000  # SYS_STATUS: pre-arm check
 _READY_S: float = 60.0

@@ -6,7 +6,7 @@ from typing import Final
 
 from sitl.conformance.line import Link
 from sitl.conformance.words import Frame, frames
-from sitl.mavlink_vehicle import MavlinkVehicle, VehicleSettings
+from sitl.mavlink.mavlink_vehicle import MavlinkVehicle, VehicleSettings
 
 _NO_FRAMES: Final[list[tuple[Link, Frame]]] = []
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sitl.px4_modes import FlightMode
+from sitl.px4sim.state.px4_modes import FlightMode
 
 
 def mode_name(custom_mode: int) -> str:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from sitl.conformance.expectations import same
 from sitl.conformance.talk import DepartureError, Heard, Talk
-from sitl.mission_items import MissionResult
+from sitl.px4sim.plan.mission_items import MissionResult
 
 _PATIENCE_S: Final = 3.0
 _ANSWERS: Final = ("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK")

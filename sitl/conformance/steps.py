@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
-from sitl.commands import CommandResult
 from sitl.conformance.line import Link
 from sitl.conformance.talk import DepartureError, Stream, Talk
-from sitl.px4_modes import FlightMode
+from sitl.px4sim.commands import CommandResult
+from sitl.px4sim.state.px4_modes import FlightMode
 
 _EXTRA_S: Final = 0.3
 NOWHERE: Final = 2**31 - 1

@@ -11,7 +11,7 @@ from typing import Final
 
 from sitl.conformance.line import Link, SilentVehicleError
 from sitl.conformance.words import Frame, frames
-from sitl.udp_link import PortInUseError
+from sitl.mavlink.udp_link import PortInUseError
 
 _LARGEST: Final = 65535
 _BUFFER: Final = 4 << 20  # 900 parameters come at once

@@ -13,8 +13,8 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl.mavlink_codec import DEFINITIONS, message_name
-from sitl.notice import Notice, Severity
+from sitl.mavlink.mavlink_codec import DEFINITIONS, message_name
+from sitl.px4sim.state.notice import Notice, Severity
 
 _MAGIC, _HEADER, _CHECKSUM, _SIGNATURE = 0xFD, 10, 2, 13
 _OWN: Final = frozenset({"MISSION_CURRENT", "MISSION_COUNT", "MISSION_ACK", "EVENT"})

@@ -6,9 +6,9 @@ import fnmatch
 from collections.abc import Iterable
 
 from air_router.errors import UsageError
-from sitl.experiment.plan import Experiment, Row
-from sitl.experiment.results import flat
-from sitl.experiment.settings import value_of
+from sitl.experiment.campaign.plan import Experiment, Row
+from sitl.experiment.campaign.results import flat
+from sitl.experiment.model.settings import value_of
 
 
 class NoSuchRowError(UsageError):

@@ -11,24 +11,22 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from air_router.counted import counted
 from air_router.errors import AirRouterError, ExitCode, UsageError
-from air_router.status import StatusLine
-from sitl.experiment import results, table
-from sitl.experiment.campaign import Campaign
+from air_router.flight.status import StatusLine
+from sitl.experiment.analysis import table
+from sitl.experiment.campaign import results
+from sitl.experiment.campaign.campaign import Campaign
+from sitl.experiment.campaign.plan import Experiment, Task
+from sitl.experiment.campaign.plan_file import load_experiment
+from sitl.experiment.campaign.process_pool import ProcessPool
+from sitl.experiment.campaign.program import program
+from sitl.experiment.campaign.run_log import RunLog, read_runs
+from sitl.experiment.campaign.shipped import experiment_names
+from sitl.experiment.campaign.worker_pool import Crew, Failed, Record, Work
 from sitl.experiment.choice import chosen_rows
-from sitl.experiment.crew import Crew, Failed, Record
-from sitl.experiment.plan import Experiment, Task
-from sitl.experiment.plan_file import load_experiment
-from sitl.experiment.pool import ProcessPool
-from sitl.experiment.program import program
-from sitl.experiment.run_log import RunLog, read_runs
-from sitl.experiment.shipped import experiment_names
-
-if TYPE_CHECKING:
-    from sitl.experiment.crew import Work
 
 _EPILOG = """\
 Every finished run is kept in DIR/runs.jsonl at once; the same command goes on where it was stopped,
@@ -87,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.list:
         _print_list(arguments.json)
         return ExitCode.DONE
-    from sitl.experiment.running import make_run, put_together  # noqa: PLC0415 - only with SciPy
+    from sitl.experiment.campaign.running import make_run, put_together  # noqa: PLC0415 - only with SciPy
 
     return run_with(arguments, make_run, put_together)
 
@@ -148,7 +146,7 @@ def _crew(arguments: argparse.Namespace) -> Iterator[Crew]:
     if arguments.cluster is None:
         yield ProcessPool(arguments.jobs or os.cpu_count() or 1)
         return
-    from sitl.experiment.dask_crew import DaskCrew  # noqa: PLC0415 - only with Dask
+    from sitl.experiment.campaign.dask_pool import DaskCrew  # noqa: PLC0415 - only with Dask
 
     crew = DaskCrew(arguments.cluster)
     try:
@@ -195,7 +193,7 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
     text = table.as_text(experiment, found)
     (folder / "table.txt").write_text(text + "\n", encoding="utf-8")
     (folder / "table.md").write_text(table.as_markdown(experiment, found) + "\n", encoding="utf-8")
-    from sitl.experiment.claims import claims_of  # noqa: PLC0415 - only with SciPy
+    from sitl.experiment.analysis.claims import claims_of  # noqa: PLC0415 - only with SciPy
 
     claims = claims_of(experiment, records)
     summary = {
@@ -229,7 +227,7 @@ def _has_place(document: Path, experiment: Experiment) -> None:
 
 def _figures(experiment: Experiment, records: list[Record], folder: Path) -> list[Path]:
     try:
-        from sitl.experiment.figures import draw_all  # noqa: PLC0415 - only with matplotlib
+        from sitl.experiment.figures.figures import draw_all  # noqa: PLC0415 - only with matplotlib
     except AirRouterError as error:
         sys.stderr.write(f"no figures: {error}\n")
         return []

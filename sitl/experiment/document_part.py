@@ -15,14 +15,14 @@ from typing import Final
 
 from air_router.counted import counted
 from air_router.errors import UsageError
-from sitl.experiment import pairs, table
-from sitl.experiment.claims import Claim, claims_of, near_paper, within_factor
-from sitl.experiment.crew import Record
-from sitl.experiment.links import comparison, halves
-from sitl.experiment.paper import TABLE
-from sitl.experiment.plan import Experiment
-from sitl.experiment.progress import in_words
-from sitl.experiment.table import Line
+from sitl.experiment.analysis import pairs, table
+from sitl.experiment.analysis.claims import Claim, claims_of, near_paper, within_factor
+from sitl.experiment.analysis.paper import TABLE
+from sitl.experiment.analysis.table import Line
+from sitl.experiment.campaign.links import comparison, halves
+from sitl.experiment.campaign.plan import Experiment
+from sitl.experiment.campaign.progress import in_words
+from sitl.experiment.campaign.worker_pool import Record
 
 IMAGES: Final = Path("images") / "experiments"
 _END: Final = "<!-- end -->"

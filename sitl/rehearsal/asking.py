@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+import random
+from typing import Final
 
-from air_router.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
+from air_router.controller.model.requests import (
+    AnyRequest,
+    ComeHome,
+    ExploreNow,
+    GoOn,
+    GoTo,
+    HoldNow,
+    SeekNow,
+)
+from air_router.mission.mission import Mission
 from geo.frame import Point
-
-if TYPE_CHECKING:
-    import random
-
-    from air_router.mission import Mission
-    from air_router.requests import AnyRequest
 
 _ROBOTS: Final = ("callisto", "europa", "io", "nobody")
 _HOLD, _GO_ON, _SEEK, _EXPLORE, _HOME = 0.2, 0.4, 0.55, 0.65, 0.69

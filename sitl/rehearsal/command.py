@@ -16,14 +16,14 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import ExitCode
-from sitl.rehearsal.acceptance import End
 from sitl.rehearsal.faults import Fault, Scene, scenes
-from sitl.rehearsal.judge_flight import Verdict, judge
-from sitl.rehearsal.judge_track import By, Violation
+from sitl.rehearsal.judge.acceptance import End
+from sitl.rehearsal.judge.judge_flight import Verdict, judge
+from sitl.rehearsal.judge.judge_track import By, Violation
 from sitl.rehearsal.programs.flight import SPEED, RealFlight
 from sitl.rehearsal.programs.scenes import WireScene, wire_scenes
 from sitl.rehearsal.report import table
-from sitl.rehearsal.stage import Stage
+from sitl.rehearsal.script import stage_of
 
 MOST_VIOLATIONS: Final = 3
 """So many of a flight's are printed; all of them are in --json."""
@@ -113,7 +113,7 @@ def fly(path: Path, scene: Scene) -> Verdict:
     """Fly one scene of a mission, and judge it."""
     logging.disable(logging.ERROR)  # what goes wrong on purpose is not told a second time
     try:
-        return judge(Stage(scene, path).fly())
+        return judge(stage_of(scene, path).fly())
     except Exception as error:  # noqa: BLE001 - one flight must not lose the verdicts of the others
         where = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{error!r} at {Path(where.filename).name}:{where.lineno}"

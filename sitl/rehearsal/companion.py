@@ -7,18 +7,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final, cast
 
-from air_router.clock import VehicleClock
+from air_router.cli.fly import ground_robots, team_of
+from air_router.controller.model.requests import AnyRequest
 from air_router.errors import AirRouterError
-from air_router.flight import Flight
-from air_router.fly import ground_robots, team_of
-from air_router.gossip import Gossip
-from air_router.mapper import Mapper
-from air_router.mission import load_mission
-from air_router.preflight_survey import Survey
-from air_router.px4 import Px4Vehicle
-from air_router.recorder import Recorder
-from air_router.requests import AnyRequest
-from air_router.status import StatusLine
+from air_router.flight.flight import Flight
+from air_router.flight.status import StatusLine
+from air_router.gossip.gossip import Gossip
+from air_router.gossip.mapper import Mapper
+from air_router.mission.loading import load_mission
+from air_router.preflight.preflight_survey import Survey
+from air_router.record.recorder import Recorder
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.px4.px4 import Px4Vehicle
 from mocha_link import Node
 from sitl.rehearsal.stand_ins.loop import SimulatedLoop, World
 from sitl.rehearsal.stand_ins.mavsdk import Fields, StandIn, Wire
@@ -33,7 +33,7 @@ _CRASHED: Final = 70
 
 
 class Companion:
-    """Flies a mission with `air_router.flight.Flight` until it ends, or its power is cut.
+    """Flies a mission with `air_router.flight.flight.Flight` until it ends, or its power is cut.
 
     Args:
         path: The mission file.

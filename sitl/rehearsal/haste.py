@@ -10,18 +10,16 @@ import math
 import random
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from air_router.requests import AnyRequest, GoTo, HoldNow
+from air_router.controller.model.requests import AnyRequest, GoTo, HoldNow
 from geo.frame import Point
-from sitl.rehearsal.mission_reader import Pair, RawMission, read_mission
+from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
+from sitl.rehearsal.stage import Stage
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
-
-if TYPE_CHECKING:
-    from sitl.rehearsal.stage import Stage
 
 BRAKING_M_S2: Final = 3.0
 """What a PX4 brakes with: where it comes to rest at the earliest."""

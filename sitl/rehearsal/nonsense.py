@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from air_router.messages import POSE_TOPIC
-from air_router.mission import Mission
+from air_router.mission.mission import Mission
 from geo.frame import Point
 from sitl.rehearsal.stand_ins.link import Wrong
 from sitl.rehearsal.stand_ins.team import Prank, pose

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
-from sitl.rehearsal.acceptance import End
-from sitl.rehearsal.judge_flight import Verdict
-from sitl.rehearsal.judge_track import By
+from sitl.rehearsal.judge.acceptance import End
+from sitl.rehearsal.judge.judge_flight import Verdict
+from sitl.rehearsal.judge.judge_track import By
 
 
 def table(verdicts: Iterable[tuple[str, Verdict]], words: Mapping[str, str]) -> str:

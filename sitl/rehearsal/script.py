@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import Any, Final
 
+from air_router.controller.model.requests import AnyRequest, ComeHome, ExploreNow, GoOn, Reload
 from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
-from air_router.requests import AnyRequest, ComeHome, ExploreNow, GoOn, Reload
 from geo.frame import Point
-from sitl.mission_items import MissionType
-from sitl.px4_modes import FlightMode
+from sitl.px4sim.plan.mission_items import MissionType
+from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.rehearsal.asking import request_of
 from sitl.rehearsal.companion import EPOCH_S
-from sitl.rehearsal.evidence import What
+from sitl.rehearsal.faults import Scene
 from sitl.rehearsal.haste import Haste
+from sitl.rehearsal.judge.evidence import What
 from sitl.rehearsal.misfortunes import Misfortune
 from sitl.rehearsal.nonsense import prank_of, wrong_of
+from sitl.rehearsal.stage import Stage
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 from sitl.rehearsal.stand_ins.team import pose
-
-if TYPE_CHECKING:
-    from sitl.rehearsal.stage import Stage
 
 RESUME_S: Final = 2.0
 """So often an operator asks for what was refused."""
@@ -416,3 +416,8 @@ _VERBS: Final = {
     "GoTo": "goto",
     "Reload": "reload",
 }
+
+
+def stage_of(scene: Scene, path: Path) -> Stage:
+    """The stage for one scene of a mission."""
+    return Stage(scene, path, lambda stage: Script(stage, scene.misfortunes()))

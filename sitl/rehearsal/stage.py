@@ -7,24 +7,32 @@ import math
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
-from air_router.fly import ground_robots, team_of
-from air_router.mission import Mission, load_mission
+from air_router.cli.fly import ground_robots, team_of
+from air_router.mission.loading import load_mission
+from air_router.mission.mission import Mission
 from geo.frame import Point
-from sitl.mavlink_vehicle import MavlinkVehicle, VehicleSettings
+from sitl.mavlink.mavlink_vehicle import MavlinkVehicle, VehicleSettings
+from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
+from sitl.px4sim.motion.wind import WindSettings
+from sitl.px4sim.state.situation import Place
 from sitl.rehearsal.companion import EPOCH_S, Companion
 from sitl.rehearsal.drawing import MissionFile, hurried, with_room
-from sitl.rehearsal.evidence import COMPANION, Evidence, Happening, Line, Sample, What, WireMessage
 from sitl.rehearsal.faults import DRAWN, Fault, Scene
-from sitl.rehearsal.script import Script
+from sitl.rehearsal.judge.evidence import (
+    COMPANION,
+    Evidence,
+    Happening,
+    Line,
+    Sample,
+    What,
+    WireMessage,
+)
 from sitl.rehearsal.stand_ins.frames import Encoder
 from sitl.rehearsal.stand_ins.link import Burst, Link, Way
 from sitl.rehearsal.stand_ins.team import Robots, anywhere
 from sitl.rehearsal.stations import Stations
-from sitl.situation import Place
-from sitl.telemetry import ONBOARD_RATES_HZ
-from sitl.wind import WindSettings
 
 STEP_S: Final = 0.04
 """Of the vehicle, and so often its true state is noted: 25 times a second."""
@@ -62,12 +70,27 @@ class PowerCutError(BaseException):
     """The companion computer is off from one moment to the next."""
 
 
+class Course(Protocol):
+    """What happens in a flight, and when."""
+
+    @property
+    def done(self) -> bool:
+        """Whether everything that can happen has happened."""
+
+    def enter(self, phase: str, now_s: float) -> None:
+        """The flight has come to a phase."""
+
+    def step(self, now_s: float) -> None:
+        """Let happen what is due."""
+
+
 class Stage:
     """Flies one scene; a `World` for the companion's loop.
 
     Args:
         scene: What goes wrong.
         path: The mission.
+        script_of: What happens on this stage; see `script.stage_of`.
 
     Attributes:
         vehicle: The vehicle.
@@ -81,7 +104,7 @@ class Stage:
         now_s: Simulated seconds since the vehicle started.
     """
 
-    def __init__(self, scene: Scene, path: Path) -> None:
+    def __init__(self, scene: Scene, path: Path, script_of: Callable[[Stage], Course]) -> None:
         self.scene = scene
         self._path = path
         self.now_s = 0.0
@@ -108,7 +131,7 @@ class Stage:
         self.stations: Stations
         self.robots: Robots
         self.link = Link(scene.chance("link"))
-        self._script = Script(self, scene.misfortunes())
+        self._script = script_of(self)
 
     # The flight
 

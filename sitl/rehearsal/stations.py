@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from sitl.mavlink_vehicle import MavlinkVehicle
-from sitl.mission_items import Command, MissionItem, MissionType
-from sitl.px4_modes import FlightMode
+from sitl.mavlink.mavlink_vehicle import MavlinkVehicle
+from sitl.px4sim.plan.mission_items import Command, MissionItem, MissionType
+from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.rehearsal.stand_ins.frames import Encoder
 
 GROUND_CONTROL: Final = 190

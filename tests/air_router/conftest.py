@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from air_router.actions import (
+from air_router.controller.controller import Controller
+from air_router.controller.model.actions import (
     Announce,
     Finish,
     FlyToNode,
@@ -24,16 +25,20 @@ from air_router.actions import (
     Seeking,
     StateChanged,
 )
-from air_router.controller import Controller
-from air_router.events import CommandConfirmed, CommandFailed, RobotPath, RobotPose
-from air_router.flight_plan import FlightPlan
-from air_router.graph import WaypointGraph
-from air_router.inspection import GpsFix, Inspection
-from air_router.mission import load_mission
-from air_router.router import Router
-from air_router.vehicle import FlightMode, Telemetry, Vehicle, VehicleInfo
+from air_router.controller.model.events import (
+    CommandConfirmed,
+    CommandFailed,
+    RobotPath,
+    RobotPose,
+)
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.loading import load_mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
+from air_router.vehicle.inspection import GpsFix, Inspection
+from air_router.vehicle.vehicle import FlightMode, Telemetry, Vehicle, VehicleInfo
 from geo.frame import Point
-from mocha_link.metrics import Direction, SyncEnded, SyncStarted
+from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 STEP_S = 0.1

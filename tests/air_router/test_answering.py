@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from air_router.actions import (
+from air_router.controller.model.actions import (
     Answered,
     FlyToNode,
     FlyToPoint,
@@ -15,12 +15,18 @@ from air_router.actions import (
     Refusal,
     RenewPlan,
 )
-from air_router.behaviour import State
-from air_router.events import AirspaceChanged, CommandFailed, PlanRenewed, RobotPose, RobotSought
-from air_router.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
-from air_router.vehicle import Ages, FlightMode, LinkSilent
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import (
+    AirspaceChanged,
+    CommandFailed,
+    PlanRenewed,
+    RobotPose,
+    RobotSought,
+)
+from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
+from air_router.vehicle.vehicle import Ages, FlightMode, LinkSilent
 from geo.frame import Point
-from mocha_link.metrics import Direction, SyncEnded, SyncStarted
+from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 
 ROBOT = Point(64.0, 0.0)
 FAR = (Point(75.0, -150.0), Point(-150.0, 60.0))

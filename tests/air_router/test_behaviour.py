@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from air_router.behaviour import (
+from air_router.controller.model.behaviour import (
     ONLY_SEARCHES,
     TRANSITIONS,
     Signal,

@@ -1,6 +1,6 @@
 import pytest
 
-from air_router.camera import CAMERAS, camera_of
+from air_router.coverage.camera import CAMERAS, camera_of
 from air_router.errors import UsageError
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from air_router.cli import main
-from air_router.mission import load_mission
+from air_router.cli.cli import main
+from air_router.mission.loading import load_mission
 
 ROOT = Path(__file__).parents[2]
 PENNOVATION = ROOT / "missions" / "pennovation" / "mission.yaml"

@@ -1,7 +1,7 @@
 import pytest
 
-from air_router.clock import VehicleClock
-from air_router.pace import ALLOWANCE_S
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.pace import ALLOWANCE_S
 
 
 class Wall:

@@ -4,16 +4,17 @@ import random
 
 import pytest
 
-from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
-from air_router.behaviour import State
-from air_router.commanded import Commanded, Onward
-from air_router.events import CommandConfirmed, CommandFailed
-from air_router.navigator import Goal, Navigator
-from air_router.requests import ExploreNow, GoTo
-from air_router.vehicle import FlightMode, Telemetry
-from geo.airspace import Airspace
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import CommandConfirmed, CommandFailed
+from air_router.controller.model.requests import ExploreNow, GoTo
+from air_router.controller.motion.navigator import Goal, Navigator
+from air_router.controller.motion.pending_setpoints import Commanded
+from air_router.routing.departure import Onward
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.airspace.airspace import Airspace
+from geo.airspace.zone import Zone
 from geo.frame import Point
-from geo.zone import Zone
 
 GIVEN_UP_S = 3.0
 SEEK = ("callisto", "europa", "io")

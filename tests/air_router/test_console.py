@@ -4,8 +4,8 @@ import pty
 
 import pytest
 
-from air_router.console import listening
-from air_router.wish import spoken
+from air_router.control.command_request import spoken
+from air_router.control.console import listening
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """No single message moves the vehicle, and what goes on being said is believed."""
 
-from air_router.continuity import MESSAGES, QUIET_S, Continuity, Heard
+from air_router.vehicle.px4.continuity import MESSAGES, QUIET_S, Continuity, Heard
 from geo.frame import Point
 
 HERE, AWAY = Point(10.0, 0.0), Point(900.0, 0.0)

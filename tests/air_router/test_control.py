@@ -18,21 +18,26 @@ import zmq
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from air_router import sim
-from air_router.budget import COSTLY_PER_S, Budget
-from air_router.cli import main
-from air_router.control import CONTROL_NAME, ControlClient, ControlError, ControlUnreachableError
-from air_router.control_server import ControlServer, endpoint_of
-from air_router.desk import Desk
+from air_router.cli.cli import main
+from air_router.control.budget import COSTLY_PER_S, Budget
+from air_router.control.command_request import MAX_BYTES, MODELS, WishError, spoken, wish_of
+from air_router.control.control import (
+    CONTROL_NAME,
+    ControlClient,
+    ControlError,
+    ControlUnreachableError,
+)
+from air_router.control.control_server import ControlServer, endpoint_of
+from air_router.controller.model.requests import GoTo, HoldNow
 from air_router.errors import ExitCode
-from air_router.requests import GoTo, HoldNow
-from air_router.rereading import Reading
-from air_router.sim_world import Seat
-from air_router.wish import MAX_BYTES, MODELS, WishError, spoken, wish_of
+from air_router.flight.command_service import Desk
+from air_router.flight.mission_reloader import Reading
+from air_router.sim import sim
+from air_router.sim.sim_world import Seat
 from geo.frame import Point
 from mocha_link import ListenError, PortInUseError
-from mocha_link.endpoint import bind
-from mocha_link.endpoint_key import connect
+from mocha_link.service.endpoint import bind
+from mocha_link.service.endpoint_key import connect
 from tests.stray_post import post
 
 
@@ -217,7 +222,7 @@ def test_whatever_json_comes_is_a_request_or_a_complaint(values):
 
 
 def test_whatever_frames_come_cost_an_error_reply_and_nothing_else(served, monkeypatch):
-    monkeypatch.setattr("air_router.control_server.PER_S", 5000.0)
+    monkeypatch.setattr("air_router.control.control_server.PER_S", 5000.0)
     fuzzer = Fuzzer(7)
     with zmq.Context() as context, context.socket(zmq.DEALER) as hostile:
         hostile.setsockopt(zmq.LINGER, 0)

@@ -5,17 +5,23 @@ import random
 
 import pytest
 
-from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, PublishMap
-from air_router.behaviour import State
-from air_router.events import RobotPose
-from air_router.mission import Waypoint
-from air_router.requests import ComeHome
-from air_router.search import Search
-from air_router.vehicle import FlightMode, ItemReached, LinkSilent
-from geo.airspace import Airspace
+from air_router.controller.model.actions import (
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    LandHere,
+    PublishMap,
+)
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import RobotPose
+from air_router.controller.model.requests import ComeHome
+from air_router.controller.targets.search_points import Search
+from air_router.mission.mission import Waypoint
+from air_router.vehicle.vehicle import FlightMode, ItemReached, LinkSilent
+from geo.airspace.airspace import Airspace
+from geo.airspace.zone import Zone
 from geo.frame import Point
-from geo.zone import Zone
-from mocha_link.metrics import Direction, SyncEnded, SyncStarted
+from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 from tests.air_router.conftest import CORNERS
 
 

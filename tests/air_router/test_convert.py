@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 import shapely
 
-from air_router.cli import main
-from air_router.draft import Draft
+from air_router.cli.cli import main
 from air_router.errors import ExitCode
-from air_router.mission import load_mission, read_draft
-from air_router.whole_file import FileThereError, write_whole
-from air_router.zone_files import read_zones
-from geo.zone import Circle
+from air_router.files.mission_document import Draft
+from air_router.files.whole_file import FileThereError, write_whole
+from air_router.files.zones.zone_files import read_zones
+from air_router.mission.loading import load_mission, read_draft
+from geo.airspace.zone import Circle
 
 DATA = Path(__file__).parents[1] / "data"
 FILES = DATA / "files"

@@ -11,8 +11,8 @@ import pytest
 import shapely
 import yaml
 
-from air_router.cli import main
-from air_router.mission import load_mission
+from air_router.cli.cli import main
+from air_router.mission.loading import load_mission
 from geo.frame import Point
 
 ROOT = Path(__file__).parents[2]

@@ -1,8 +1,8 @@
 import pytest
 
-from air_router.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
-from air_router.custody import Custody
-from air_router.vehicle import FlightMode, Telemetry
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
+from air_router.controller.motion.commanded_mode import Custody
+from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
 HERE = Point(0.0, 0.0)

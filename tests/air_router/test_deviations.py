@@ -5,15 +5,15 @@ import math
 
 import pytest
 
-from air_router.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.behaviour import State
-from air_router.departure import names_of
-from air_router.deviations import FAST_S, OFF_HOME_S, OFF_S
-from air_router.height_frame import HomeMove
-from air_router.requests import HoldNow
-from air_router.vehicle import FlightMode
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.requests import HoldNow
+from air_router.controller.monitor.deviations import FAST_S, OFF_HOME_S, OFF_S
+from air_router.routing.departure import names_of
+from air_router.vehicle.height_frame import HomeMove
+from air_router.vehicle.vehicle import FlightMode
+from geo.airspace.zone import Band
 from geo.frame import Point
-from geo.zone import Band
 from tests.air_router.conftest import Airframe
 
 LOWER = HomeMove(0.0, 0.0, -25.0)

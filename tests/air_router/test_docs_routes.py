@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from air_router.camera import CAMERAS
-from air_router.check_facts import facts_of
-from air_router.cli import main
-from air_router.cover import register
-from air_router.graph import WaypointGraph
-from air_router.mission import load_mission
-from air_router.survey import Survey
+from air_router.cli.cli import main
+from air_router.cli.cover import register
+from air_router.coverage.camera import CAMERAS
+from air_router.mission.loading import load_mission
+from air_router.preflight.check_facts import facts_of
+from air_router.preflight.survey import Survey
+from air_router.routing.graph import WaypointGraph
 
 ROOT = Path(__file__).parents[2]
 DOCS = {name: (ROOT / "docs" / f"{name}.md").read_text() for name in ("coverage", "coming-home")}

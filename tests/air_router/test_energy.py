@@ -2,11 +2,11 @@ import dataclasses
 
 import pytest
 
-from air_router.energy import CLIMB_M_S, battery
-from air_router.graph import WaypointGraph
-from air_router.homeward import LANDING_MARGIN, Homeward
-from air_router.preflight import Verdict
-from air_router.router import Router
+from air_router.preflight.energy import CLIMB_M_S, battery
+from air_router.preflight.preflight import Verdict
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.return_planner import LANDING_MARGIN, Homeward
+from air_router.routing.router import Router
 
 
 @pytest.fixture(scope="session")

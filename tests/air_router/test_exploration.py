@@ -1,7 +1,7 @@
 import pytest
 
-from air_router.exploration import PASSING_M, Exploration
-from air_router.mission import Waypoint
+from air_router.controller.targets.exploration import PASSING_M, Exploration
+from air_router.mission.mission import Waypoint
 from geo.frame import Point
 
 

@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from air_router.cli import main
-from air_router.faults import blocked_legs, faults_of
-from air_router.mission import judge, load_mission, read_draft
+from air_router.cli.cli import main
+from air_router.mission.faults import blocked_legs, faults_of
+from air_router.mission.loading import judge, load_mission, read_draft
 from geo.frame import Point
 
 PNG = b"\x89PNG\r\n\x1a\n"

@@ -5,13 +5,13 @@ import math
 
 import pytest
 
-from air_router.fence_plan import FENCE_POINTS, fence_plan
-from air_router.flight_plan import Command, FlightPlan, Frame, PlanItem
-from air_router.mission import load_mission
+from air_router.mission.fence_plan import FENCE_POINTS, fence_plan
+from air_router.mission.flight_plan import Command, FlightPlan, Frame, PlanItem
+from air_router.mission.loading import load_mission
 from geo.frame import Geodetic, LocalFrame, Point
-from sitl.fence import fence_areas
-from sitl.mission_items import MissionItem
-from sitl.projection import MapProjection
+from sitl.px4sim.motion.projection import MapProjection
+from sitl.px4sim.plan.fence import fence_areas
+from sitl.px4sim.plan.mission_items import MissionItem
 
 BASE = """\
 coordinates: local

@@ -8,18 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from air_router.cli import main
+from air_router.cli.cli import main
+from air_router.cli.fly import load_flown
 from air_router.errors import MissionFileError, UsageError
-from air_router.fence_plan import fence_plan
-from air_router.flight_plan import FlightPlan
-from air_router.fly import load_flown
-from air_router.graph import WaypointGraph
-from air_router.mission import judge, load_mission, read_draft
-from air_router.mission_write import mission_text
-from air_router.preflight import Verdict, altitude, place
-from air_router.preflight_parameters import parameters
-from air_router.router import Router
-from air_router.vehicle import FlightMode, Telemetry, VehicleInfo
+from air_router.files.yaml.mission_write import mission_text
+from air_router.mission.fence_plan import fence_plan
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.loading import judge, load_mission, read_draft
+from air_router.preflight.preflight import Verdict, altitude, place
+from air_router.preflight.preflight_parameters import parameters
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
+from air_router.vehicle.vehicle import FlightMode, Telemetry, VehicleInfo
 from geo.frame import Point
 
 PAIR = """\

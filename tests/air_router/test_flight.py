@@ -8,9 +8,10 @@ from datetime import UTC, datetime
 
 import pytest
 
-from air_router.actions import FlyToNode, StateChanged
-from air_router.airspaces import FlightWindow
-from air_router.clock import VehicleClock
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import FlyToNode, StateChanged
+from air_router.controller.model.events import CommandConfirmed
+from air_router.controller.model.requests import HoldNow
 from air_router.errors import (
     ArmingRefusedError,
     ExitCode,
@@ -19,22 +20,21 @@ from air_router.errors import (
     PlanRefusedError,
     RefusedError,
 )
-from air_router.events import CommandConfirmed
-from air_router.flight import Flight
-from air_router.flight_setup import FlightSetup
-from air_router.inspection import Inspection
-from air_router.log import read
-from air_router.mapper import Mapper
-from air_router.preflight import PreflightRefusedError
-from air_router.recorder import Recorder
-from air_router.replay import replay
-from air_router.report import table
-from air_router.requests import HoldNow
-from air_router.status import StatusLine
-from air_router.vehicle import FlightMode, LinkSilent, PlanReplaced, Telemetry
+from air_router.flight.flight import Flight
+from air_router.flight.status import StatusLine
+from air_router.gossip.mapper import Mapper
+from air_router.mission.airspaces import FlightWindow
+from air_router.preflight.preflight import PreflightRefusedError
+from air_router.record.log import read
+from air_router.record.recorder import Recorder
+from air_router.record.replay import replay
+from air_router.report.report import table
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.inspection import Inspection
+from air_router.vehicle.vehicle import FlightMode, LinkSilent, PlanReplaced, Telemetry
+from geo.airspace.zone import Zone
 from geo.frame import Point
 from geo.validity import Validity
-from geo.zone import Zone
 from tests.air_router.alone import Alone
 
 

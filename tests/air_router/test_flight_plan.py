@@ -3,7 +3,7 @@ import math
 
 import pytest
 
-from air_router.flight_plan import HOME_NODE, Command, FlightPlan, Frame, PlanItem
+from air_router.mission.flight_plan import HOME_NODE, Command, FlightPlan, Frame, PlanItem
 
 
 @pytest.fixture

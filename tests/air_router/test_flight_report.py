@@ -10,7 +10,9 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from air_router.actions import (
+from air_router.cli.cli import main
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import (
     Announce,
     Answered,
     Finish,
@@ -19,25 +21,27 @@ from air_router.actions import (
     Seeking,
     StateChanged,
 )
-from air_router.behaviour import Signal, State
-from air_router.cli import main
-from air_router.events import AirspaceChanged, CommandFailed, PlanRenewed, RobotPose
-from air_router.flight_report.exchanges import Exchanges
-from air_router.flight_report.page import page_of
-from air_router.flight_report.story import NothingFlownError, story_of
-from air_router.flight_report.svg import WIDE, Plot, clock, nice, number, thinned
-from air_router.flight_report.ulog import UlogError, read_ulog
-from air_router.flight_setup import FlightSetup
-from air_router.ledger import Ledger
-from air_router.log import Entry, Note
-from air_router.mapper import Mapper
-from air_router.recorder import Recorder
-from air_router.requests import ComeHome, GoTo, HoldNow, SeekNow
-from air_router.vehicle import FlightMode, Telemetry
+from air_router.controller.model.behaviour import Signal, State
+from air_router.controller.model.events import (
+    AirspaceChanged,
+    CommandFailed,
+    PlanRenewed,
+    RobotPose,
+)
+from air_router.controller.model.requests import ComeHome, GoTo, HoldNow, SeekNow
+from air_router.flight.flight_stats import Ledger
+from air_router.gossip.mapper import Mapper
+from air_router.record.log import Entry, Note
+from air_router.record.recorder import Recorder
+from air_router.report.flight.exchanges import Exchanges
+from air_router.report.flight.flight_summary import NothingFlownError, story_of
+from air_router.report.flight.page import page_of
+from air_router.report.flight.svg import WIDE, Plot, clock, nice, number, thinned
+from air_router.report.flight.ulog import UlogError, read_ulog
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
-from geo.zone import Circle, Zone
-from mocha_link.header import Header
-from mocha_link.link_events import (
+from mocha_link.links.link_events import (
     ContactBegan,
     ContactEnded,
     Direction,
@@ -47,6 +51,7 @@ from mocha_link.link_events import (
     SyncStarted,
     SyncTimedOut,
 )
+from mocha_link.store.header import Header
 
 UNIX_S = 1_700_000_000.0
 MAP_S = UNIX_S + 31.0
@@ -115,7 +120,9 @@ def entries(mission, robot="io"):
     yield Entry(0.0, "note", Note("Vehicle", {"autopilot": "PX4", "version": "1.17.0"}))
     yield Entry(0.0, "note", Note("Clock", {"unix_s": UNIX_S}))
     for t, value in things(robot):
-        kind = "action" if type(value).__module__ == "air_router.actions" else "event"
+        kind = (
+            "action" if type(value).__module__ == "air_router.controller.model.actions" else "event"
+        )
         yield Entry(t, kind, value)
         if isinstance(value, Telemetry) and t > 12:
             if t % 10 == 0:

@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from air_router.errors import ExitCode
-from air_router.flights import Flights
-from air_router.status_block import StatusBlock
+from air_router.sim.flights import Flights
+from air_router.sim.status_block import StatusBlock
 
 WAITS = """
 import signal, sys

@@ -10,14 +10,17 @@ import pytest
 from shapely import LineString
 from shapely import Point as ShapelyPoint
 
-from air_router.actions import Answered, Refusal
-from air_router.budget import COSTLY_PER_S, Budget
-from air_router.clock import VehicleClock
-from air_router.events import RobotPath, RobotPose
-from air_router.flight import Flight
-from air_router.gossip import Gossip
-from air_router.mapper import Mapper
+from air_router.control.budget import COSTLY_PER_S, Budget
+from air_router.controller.model.actions import Answered, Refusal
+from air_router.controller.model.events import RobotPath, RobotPose
+from air_router.controller.model.requests import ComeHome, GoTo
+from air_router.flight.flight import Flight
+from air_router.flight.status import StatusLine
+from air_router.gossip.gossip import Gossip
+from air_router.gossip.mapper import Mapper
+from air_router.gossip.team_messages import PATH_POINTS, PATH_READ, Reader
 from air_router.messages import (
+    FARTHEST_M,
     AnswerMessage,
     GoalsMessage,
     MessageError,
@@ -25,19 +28,17 @@ from air_router.messages import (
     PoseMessage,
     SeekMessage,
 )
-from air_router.news import FARTHEST_M, PATH_POINTS, PATH_READ, Reader
-from air_router.recorder import Recorder
-from air_router.requests import ComeHome, GoTo
-from air_router.status import StatusLine
-from air_router.vehicle import Telemetry
+from air_router.record.recorder import Recorder
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 from geo.grid import GridPatch, SemanticGrid, Terrain
 from mocha_link import Message, Node, Team
-from mocha_link.header import Header
-from mocha_link.metrics import MessageStored
-from mocha_link.team import Priority
-from mocha_link.telemetry import watch
-from sitl.free_ports import derive_team
+from mocha_link.links.metrics import MessageStored
+from mocha_link.service.metrics_client import watch
+from mocha_link.store.header import Header
+from mocha_link.team.team import Priority
+from sitl.team.free_ports import derive_team
 
 TEAM = Path(__file__).parents[2] / "missions" / "pennovation" / "team.yaml"
 
@@ -95,7 +96,7 @@ def test_a_path_that_no_robot_drives_takes_no_longer_to_read(gossip, pennovation
         looked_at.append(len(way))
         return LineString(way)
 
-    monkeypatch.setattr("air_router.news.LineString", line)
+    monkeypatch.setattr("air_router.gossip.team_messages.LineString", line)
     way = [Point(i / 2, 4000.0 * (i % 2)) for i in range(10_000)]
     news = gossip._news(heard("/path", path(pennovation.frame, way)), "io")
     assert max(looked_at) <= PATH_READ + 1

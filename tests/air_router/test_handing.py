@@ -2,12 +2,12 @@
 
 import pytest
 
-from air_router.actions import FlyToNode, HoldHere, Taker
-from air_router.behaviour import State
-from air_router.events import RobotPose
-from air_router.handing import COMPARED_S
-from air_router.requests import ComeHome, GoOn, HoldNow
-from air_router.vehicle import FlightMode, PlanCompared, PlanReplaced
+from air_router.controller.control_authority import COMPARED_S
+from air_router.controller.model.actions import FlyToNode, HoldHere, Taker
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import RobotPose
+from air_router.controller.model.requests import ComeHome, GoOn, HoldNow
+from air_router.vehicle.vehicle import FlightMode, PlanCompared, PlanReplaced
 from geo.frame import Point
 from tests.air_router.conftest import CORNERS
 

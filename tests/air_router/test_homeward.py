@@ -7,13 +7,20 @@ import random
 
 import pytest
 
-from air_router.behaviour import State
-from air_router.graph import WaypointGraph
-from air_router.homeward import LANDING_M_S, LANDING_MARGIN, Homeward, Pace, Way, WayHome
-from air_router.mission import load_mission
-from air_router.router import Route, Router
-from air_router.straight_return import straight_returns
-from air_router.vehicle import FlightMode, Telemetry
+from air_router.controller.model.behaviour import State
+from air_router.mission.loading import load_mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.return_planner import (
+    LANDING_M_S,
+    LANDING_MARGIN,
+    Homeward,
+    Pace,
+    Way,
+    WayHome,
+)
+from air_router.routing.router import Route, Router
+from air_router.routing.straight_return import straight_returns
+from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
 

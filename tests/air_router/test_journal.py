@@ -14,22 +14,22 @@ import pytest
 from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
-from air_router import journal
-from air_router.actions import FlyToNode, StateChanged
-from air_router.behaviour import Signal, State
-from air_router.codec import CodecError, codec_of
-from air_router.events import AirspaceChanged, CommandFailed, RobotPose
-from air_router.journal import JournalError, decode, encode, members
-from air_router.mission import load_mission
-from air_router.requests import ComeHome
-from air_router.vehicle import FlightMode, Telemetry
-from geo.airspace import Airspace
+from air_router.controller.model.actions import FlyToNode, StateChanged
+from air_router.controller.model.behaviour import Signal, State
+from air_router.controller.model.events import AirspaceChanged, CommandFailed, RobotPose
+from air_router.controller.model.requests import ComeHome
+from air_router.mission.loading import load_mission
+from air_router.record import serialization as journal
+from air_router.record.codec import CodecError, codec_of
+from air_router.record.serialization import JournalError, decode, encode, members
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.airspace.airspace import Airspace
+from geo.airspace.zone import Band, Circle, Outline, Shape, Zone
 from geo.frame import Point
 from geo.validity import Hours, Period, Validity
-from geo.zone import Band, Circle, Outline, Shape, Zone
-from mocha_link.header import Header
-from mocha_link.link_events import MessageStored
-from mocha_link.reading import Reading, Unit
+from mocha_link.links.link_events import MessageStored
+from mocha_link.links.reading import Reading, Unit
+from mocha_link.store.header import Header
 
 NUMBERS = st.floats(-1e6, 1e6)
 RING = st.just((Point(0.0, 0.0), Point(10.1, 0.0), Point(3.3, 7.7)))

@@ -8,8 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from air_router.json_document import MAX_BYTES, MAX_DEPTH, json_from_text, json_text, load_json
-from mocha_link.document import DocumentError
+from air_router.files.json_document import (
+    MAX_BYTES,
+    MAX_DEPTH,
+    json_from_text,
+    json_text,
+    load_json,
+)
+from mocha_link.team.document import DocumentError
 
 PATH = Path("town.plan")
 VALUES = st.recursive(

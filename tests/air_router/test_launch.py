@@ -1,7 +1,7 @@
 import pytest
 
-from air_router.launch import Launch
-from air_router.vehicle import FlightMode, Telemetry
+from air_router.controller.monitor.flight_phase import Launch
+from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
 

@@ -1,17 +1,17 @@
 import numpy as np
 import pytest
 
-from air_router.actions import RenewPlan, StateChanged
-from air_router.behaviour import Signal, State
-from air_router.events import AirspaceChanged, PlanRenewed
-from air_router.ledger import Ledger, RobotAccount
-from air_router.mapper import Mapper
-from air_router.report import table
-from air_router.vehicle import Telemetry
+from air_router.controller.model.actions import RenewPlan, StateChanged
+from air_router.controller.model.behaviour import Signal, State
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed
+from air_router.flight.flight_stats import Ledger, RobotAccount
+from air_router.gossip.mapper import Mapper
+from air_router.report.report import table
+from air_router.vehicle.vehicle import Telemetry
+from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
-from geo.zone import Circle, Zone
-from mocha_link.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.errors import MissionFileError
-from air_router.mission import load_mission
-from air_router.zone_files import read_zones
-from mocha_link.document import DocumentError
+from air_router.files.zones.zone_files import read_zones
+from air_router.mission.loading import load_mission
+from mocha_link.team.document import DocumentError
 
 MISSION = Path(__file__).parents[2] / "missions" / "pennovation" / "mission.yaml"
 SQUARE = "[[[8,47],[8.1,47],[8.1,47.1],[8,47]]]"
@@ -489,7 +489,7 @@ def test_no_xml_crashes_a_reader(tmp_path_factory, parts):
 
 
 def test_large_files_end_soon(tmp_path, monkeypatch):
-    monkeypatch.setattr("air_router.xml_document.MAX_ELEMENTS", 50_000)
+    monkeypatch.setattr("air_router.files.xml_document.MAX_ELEMENTS", 50_000)
     wide = kml(*["<Placemark/>"] * 60_000)
     found = problems(tmp_path, "a.kml", wide)
     assert found[0].code == "too-large"

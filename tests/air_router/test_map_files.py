@@ -12,15 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from air_router.altitudes import Altitudes, Limit, Reference
-from air_router.chart import Chart, MapArea, MapSpot, chart_of, corners_of
-from air_router.geojson_write import geojson_of, geojson_text
-from air_router.json_document import json_from_text
-from air_router.kml_write import kml_text
-from air_router.mission import read_draft
-from air_router.zone_geojson import read_geojson
-from air_router.zone_kml import read_kml
-from air_router.zone_reading import MapCircle, MapOutline
+from air_router.files.altitudes import Altitudes, Limit, Reference
+from air_router.files.json_document import json_from_text
+from air_router.files.maps.feature_set import Chart, MapArea, MapSpot, chart_of, corners_of
+from air_router.files.maps.geojson_write import geojson_of, geojson_text
+from air_router.files.maps.kml_write import kml_text
+from air_router.files.zones.geojson import read_geojson
+from air_router.files.zones.kml import read_kml
+from air_router.files.zones.reading import MapCircle, MapOutline
+from air_router.mission.loading import read_draft
 from geo.degree_lines import dense_ring
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.geodesic import circle_around

@@ -2,8 +2,8 @@ import dataclasses
 
 import pytest
 
-from air_router.milestones import Silence, TakeOff, reason_to_return, take_off
-from air_router.vehicle import FlightMode, Telemetry
+from air_router.controller.monitor.triggers import Silence, TakeOff, reason_to_return, take_off
+from air_router.vehicle.vehicle import FlightMode, Telemetry
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import pytest
 
 from air_router.errors import MissionFileError
-from air_router.mission import load_mission
+from air_router.mission.loading import load_mission
 
 MONDAY = datetime(2026, 11, 23, 10, tzinfo=UTC)
 FILE = """\

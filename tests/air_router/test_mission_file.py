@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from air_router.errors import MissionFileError
-from air_router.mission import load_mission
-from air_router.mission_form import FrameForm, MissionForm, PlannerForm, TimersForm
-from air_router.settings import PlannerSettings, Timers
-from geo.zone import Band
+from air_router.files.settings import PlannerSettings, Timers
+from air_router.files.yaml.mission_form import FrameForm, MissionForm, PlannerForm, TimersForm
+from air_router.mission.loading import load_mission
+from geo.airspace.zone import Band
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 

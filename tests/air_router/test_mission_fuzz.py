@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.errors import MissionFileError
-from air_router.mission import load_mission
-from mocha_link.document import Document
+from air_router.mission.loading import load_mission
+from mocha_link.team.document import Document
 from tests.air_router.test_mission_errors import FILE, MONDAY
 
 GOOD = Document.from_text(FILE, Path("mission.yaml")).data

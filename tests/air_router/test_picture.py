@@ -7,11 +7,11 @@ import matplotlib as mpl
 import pytest
 from matplotlib.figure import Figure
 
-from air_router.graph import WaypointGraph
-from air_router.map_marks import write_name
-from air_router.mission import load_mission
-from air_router.picture import draw_mission
-from air_router.router import Router
+from air_router.mission.loading import load_mission
+from air_router.report.map_marks import write_name
+from air_router.report.picture import draw_mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
 from geo.frame import Point
 
 

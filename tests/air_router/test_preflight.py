@@ -3,18 +3,18 @@ from typing import get_args
 
 import pytest
 
-from air_router import preflight
-from air_router.graph import WaypointGraph
-from air_router.height_frame import HomeMove
-from air_router.inspection import GpsFix, Inspection
-from air_router.preflight import Card, Check, PreflightRefusedError, Verdict
-from air_router.preflight_parameters import NAMES, parameters, straight_return
-from air_router.router import Router
-from air_router.settings import Accepted
-from air_router.vehicle import FlightMode, Telemetry, VehicleInfo
+from air_router.files.settings import Accepted
+from air_router.preflight import preflight
+from air_router.preflight.preflight import Card, Check, PreflightRefusedError, Verdict
+from air_router.preflight.preflight_parameters import NAMES, parameters, straight_return
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
+from air_router.vehicle.height_frame import HomeMove
+from air_router.vehicle.inspection import GpsFix, Inspection
+from air_router.vehicle.vehicle import FlightMode, Telemetry, VehicleInfo
+from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
-from geo.zone import Band, Circle, Zone
-from mocha_link.document import Problem
+from mocha_link.team.document import Problem
 
 GOOD, LOOK, BAD = Verdict.GOOD, Verdict.LOOK, Verdict.BAD
 WANTED = {

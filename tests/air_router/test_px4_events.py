@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from air_router.px4_event_words import WORDS
-from air_router.px4_events import (
+from air_router.vehicle.events.px4_event_words import WORDS
+from air_router.vehicle.events.px4_events import (
     ARMING_SUMMARY,
     HEALTH_SUMMARY,
     ArmingReports,

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import pytest
 from mavsdk.plugins.events.events import EventsError, EventsResult, LogLevel
 
-from air_router import px4_health
+from air_router.vehicle.events import px4_health
 
 
 class Reports:

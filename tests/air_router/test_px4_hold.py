@@ -4,13 +4,13 @@ import asyncio
 
 import pytest
 
-from air_router.clock import VehicleClock
 from air_router.errors import PlanRefusedError
-from air_router.px4 import TEXT_LIMIT, Px4Vehicle, chunks_of
-from air_router.px4_motions import Px4Motions
-from air_router.px4_order import choose, stop
-from air_router.px4_telemetry import Px4Telemetry
-from air_router.vehicle import FlightMode
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.px4.px4 import TEXT_LIMIT, Px4Vehicle, chunks_of
+from air_router.vehicle.px4.px4_motions import Px4Motions
+from air_router.vehicle.px4.px4_order import choose, stop
+from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
+from air_router.vehicle.vehicle import FlightMode
 from geo.frame import Point
 
 PLACE = Point(40.0, 30.0)

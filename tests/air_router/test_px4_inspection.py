@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import pytest
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirectResult
 
-from air_router import px4_inspection
-from air_router.clock import VehicleClock
-from air_router.inspection import GpsFix
-from air_router.mavsdk_bridge import Received
-from air_router.px4_events import ARMING_SUMMARY, HEALTH_SUMMARY, event_id
-from air_router.px4_telemetry import PREARM_GOOD, Px4Telemetry
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.events.px4_events import ARMING_SUMMARY, HEALTH_SUMMARY, event_id
+from air_router.vehicle.inspection import GpsFix
+from air_router.vehicle.mavlink.mavsdk_bridge import Received
+from air_router.vehicle.px4 import px4_inspection
+from air_router.vehicle.px4.px4_telemetry import PREARM_GOOD, Px4Telemetry
 
 INT32, REAL32 = 6, 9
 

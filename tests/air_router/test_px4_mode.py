@@ -1,7 +1,7 @@
 import pytest
 
-from air_router.px4_mode import flight_mode
-from air_router.vehicle import FlightMode
+from air_router.vehicle.px4.px4_mode import flight_mode
+from air_router.vehicle.vehicle import FlightMode
 
 # HEARTBEAT.custom_mode as captured from PX4 1.17: main mode in byte 2, sub mode in byte 3.
 CAPTURED = {

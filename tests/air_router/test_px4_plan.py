@@ -6,11 +6,11 @@ import dataclasses
 import pytest
 from mavsdk.plugins.mission_raw.mission_raw import MissionRawResult
 
-from air_router import px4_plan
 from air_router.errors import PlanRefusedError
-from air_router.flight_plan import FlightPlan, Frame
-from air_router.px4_plan import upload_plan
-from air_router.px4_plan_guard import PlanGuard
+from air_router.mission.flight_plan import FlightPlan, Frame
+from air_router.vehicle.px4 import px4_plan
+from air_router.vehicle.px4.px4_plan import upload_plan
+from air_router.vehicle.px4.px4_plan_guard import PlanGuard
 
 
 def identity(items):

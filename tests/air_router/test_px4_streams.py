@@ -4,12 +4,12 @@ import asyncio
 
 import pytest
 
-from air_router.clock import VehicleClock
-from air_router.mavsdk_bridge import Received
-from air_router.px4 import SET_MESSAGE_INTERVAL, Px4Vehicle
-from air_router.px4_mode import ARMED
-from air_router.px4_telemetry import Px4Telemetry
-from air_router.vehicle import FlightMode, Telemetry
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.mavlink.mavsdk_bridge import Received
+from air_router.vehicle.px4.px4 import SET_MESSAGE_INTERVAL, Px4Vehicle
+from air_router.vehicle.px4.px4_mode import ARMED
+from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
+from air_router.vehicle.vehicle import FlightMode, Telemetry
 
 HOLD, MISSION, LAND, RETURN = 0x03040000, 0x04040000, 0x06040000, 0x05040000
 ACTIVE, CRITICAL, TERMINATED = 4, 5, 8
@@ -36,8 +36,8 @@ class Px4:
         self.wall_s = 1000.0
         self.boot_s = 50.0
         self.clock = VehicleClock(monotonic=lambda: self.wall_s)
-        monkeypatch.setattr("air_router.px4_telemetry.loop_s", lambda: self.wall_s)
-        monkeypatch.setattr("air_router.px4_telemetry.subscribe", self._subscribe)
+        monkeypatch.setattr("air_router.vehicle.px4.px4_telemetry.loop_s", lambda: self.wall_s)
+        monkeypatch.setattr("air_router.vehicle.px4.px4_telemetry.subscribe", self._subscribe)
         self.events = []
         self.off = set()
         self._handlers = {}

@@ -1,11 +1,11 @@
 import pytest
 
-from air_router.clock import VehicleClock
-from air_router.height_frame import HomeMove
-from air_router.px4_events import event_id
-from air_router.px4_mode import ARMED
-from air_router.px4_telemetry import Px4Telemetry
-from air_router.vehicle import FlightMode, ItemReached, PlanReplaced
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.events.px4_events import event_id
+from air_router.vehicle.height_frame import HomeMove
+from air_router.vehicle.px4.px4_mode import ARMED
+from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
+from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanReplaced
 from geo.frame import Point
 
 HOLD, MISSION, POSITION = 0x03040000, 0x04040000, 0x00030000

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from air_router.errors import MissionFileError
-from air_router.json_document import json_from_text
-from air_router.mission import judge, load_mission
-from air_router.qgc import plan_draft, read_plan
+from air_router.files.json_document import json_from_text
+from air_router.files.qgc.qgc_read import plan_draft, read_plan
+from air_router.mission.loading import judge, load_mission
 
 DATA = Path(__file__).parents[1] / "data"
 MISSIONS = Path(__file__).parents[2] / "missions"

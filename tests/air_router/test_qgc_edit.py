@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from air_router.json_document import json_from_text, json_text, load_json
-from air_router.losses import Losses
-from air_router.qgc import plan_draft
-from air_router.qgc_edit import PlanEdit, PlanEditError
-from air_router.qgc_write import plan_of
+from air_router.files.conversion_warnings import Losses
+from air_router.files.json_document import json_from_text, json_text, load_json
+from air_router.files.qgc.qgc_edit import PlanEdit, PlanEditError
+from air_router.files.qgc.qgc_read import plan_draft
+from air_router.files.qgc.qgc_write import plan_of
+from geo.airspace.zone import Circle
 from geo.frame import Geodetic
-from geo.zone import Circle
 
 DATA = Path(__file__).parents[1] / "data"
 PLANS = [DATA / "pennovation.plan", DATA / "files" / "survey.plan"]

@@ -13,12 +13,12 @@ from mavsdk.mavsdk import Configuration, Mavsdk
 from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 from pymavlink.dialects.v20 import common
 
-from air_router.json_document import json_from_text, json_text
-from air_router.losses import Losses
-from air_router.mission import read_draft
-from air_router.qgc import plan_draft
-from air_router.qgc_edit import PlanEdit
-from air_router.qgc_write import plan_of
+from air_router.files.conversion_warnings import Losses
+from air_router.files.json_document import json_from_text, json_text
+from air_router.files.qgc.qgc_edit import PlanEdit
+from air_router.files.qgc.qgc_read import plan_draft
+from air_router.files.qgc.qgc_write import plan_of
+from air_router.mission.loading import read_draft
 
 DATA = Path(__file__).parents[1] / "data"
 MISSIONS = Path(__file__).parents[2] / "missions"

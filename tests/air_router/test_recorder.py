@@ -20,20 +20,20 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from air_router import log_file
-from air_router.actions import Announce, FlyToNode, StateChanged
-from air_router.behaviour import Signal, State
-from air_router.events import RobotPose
-from air_router.flight_setup import FlightSetup
-from air_router.log import Log, LogError, read
-from air_router.mapper import Mapper
-from air_router.recorder import Recorder
-from air_router.recording import default_folder
-from air_router.requests import ComeHome
-from air_router.vehicle import FlightMode, Telemetry
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import Announce, FlyToNode, StateChanged
+from air_router.controller.model.behaviour import Signal, State
+from air_router.controller.model.events import RobotPose
+from air_router.controller.model.requests import ComeHome
+from air_router.gossip.mapper import Mapper
+from air_router.record import log_file
+from air_router.record.log import Log, LogError, read
+from air_router.record.recorder import Recorder
+from air_router.record.recording import default_folder
+from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from geo.grid import GridPatch
-from mocha_link.metrics import Direction, LinkMetrics, SyncStarted
+from mocha_link.links.metrics import Direction, LinkMetrics, SyncStarted
 
 ROOT = Path(__file__).parents[2]
 UNIX_S = 1.7e9
@@ -278,8 +278,8 @@ def test_an_event_that_cannot_be_written_is_a_note_and_no_error(tmp_path, caplog
 KILLED = """
 import sys
 from pathlib import Path
-from air_router.recorder import Recorder
-from air_router.vehicle import Telemetry
+from air_router.record.recorder import Recorder
+from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 recorder = Recorder(Path(sys.argv[1]), "m")
 step = 0

@@ -6,18 +6,25 @@ import random
 
 import pytest
 
-from air_router.actions import Answered, FlyToNode, FlyToPoint, HoldHere, ReadAgain, RenewPlan
-from air_router.behaviour import State
-from air_router.events import AirspaceChanged, PlanRenewed, RobotPose, RobotSought
-from air_router.flight_plan import FlightPlan
-from air_router.graph import WaypointGraph
-from air_router.renewal import Phase
-from air_router.requests import GoOn, HoldNow, Reload, SeekNow
-from air_router.router import Router
-from air_router.vehicle import FlightMode, PlanCompared, PlanReplaced
-from geo.airspace import Airspace
+from air_router.controller.airspace_update import Phase
+from air_router.controller.model.actions import (
+    Answered,
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    ReadAgain,
+    RenewPlan,
+)
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RobotPose, RobotSought
+from air_router.controller.model.requests import GoOn, HoldNow, Reload, SeekNow
+from air_router.mission.flight_plan import FlightPlan
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
+from air_router.vehicle.vehicle import FlightMode, PlanCompared, PlanReplaced
+from geo.airspace.airspace import Airspace
+from geo.airspace.zone import Circle, Outline, Zone
 from geo.frame import Point
-from geo.zone import Circle, Outline, Zone
 
 SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 

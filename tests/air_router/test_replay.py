@@ -12,18 +12,18 @@ from pathlib import Path
 
 import pytest
 
-from air_router.actions import Announce, FlyToNode, RenewPlan
-from air_router.behaviour import State
-from air_router.cli import main
-from air_router.events import AirspaceChanged, CommandConfirmed, PlanRenewed
-from air_router.flight_setup import FlightSetup
-from air_router.log import Entry, Log, Note, read
-from air_router.recorder import Recorder
-from air_router.recording import default_folder
-from air_router.replay import CONTEXT, ReplayError, replay
-from air_router.requests import ComeHome, GoOn
+from air_router.cli.cli import main
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import Announce, FlyToNode, RenewPlan
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import AirspaceChanged, CommandConfirmed, PlanRenewed
+from air_router.controller.model.requests import ComeHome, GoOn
+from air_router.record.log import Entry, Log, Note, read
+from air_router.record.recorder import Recorder
+from air_router.record.recording import default_folder
+from air_router.record.replay import CONTEXT, ReplayError, replay
+from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
-from geo.zone import Circle, Zone
 
 ROOT = Path(__file__).parents[2]
 
@@ -79,7 +79,7 @@ def test_a_flight_decides_the_same_again_in_another_process(flown, capsys):
     assert main(["replay", str(flown)]) == 0
     assert capsys.readouterr().out.startswith("flight.mcap: the same ")
     done = subprocess.run(
-        [sys.executable, "-m", "air_router.cli", "replay", flown, "--json"],
+        [sys.executable, "-m", "air_router.cli.cli", "replay", flown, "--json"],
         capture_output=True,
         env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "1"},
         check=True,

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from air_router import rereading
-from air_router.actions import ReadAgain
-from air_router.clock import VehicleClock
+from air_router.controller.model.actions import ReadAgain
+from air_router.controller.model.events import AirspaceChanged
+from air_router.controller.model.requests import Reload
 from air_router.errors import MissionFileError, NotConfirmedError, PlanRefusedError
-from air_router.events import AirspaceChanged
-from air_router.flight import Flight
-from air_router.flight_plan import FlightPlan
-from air_router.mapper import Mapper
-from air_router.mission import load_mission
-from air_router.recorder import Recorder
-from air_router.requests import Reload
-from air_router.rereading import NotReloadedError, Reading, changed_areas
-from air_router.status import StatusLine
+from air_router.flight import mission_reloader as rereading
+from air_router.flight.flight import Flight
+from air_router.flight.mission_reloader import NotReloadedError, Reading, changed_areas
+from air_router.flight.status import StatusLine
+from air_router.gossip.mapper import Mapper
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.loading import load_mission
+from air_router.record.recorder import Recorder
+from air_router.vehicle.clock import VehicleClock
 from tests.air_router.alone import Alone
 
 PENNOVATION = Path(__file__).parents[2] / "missions" / "pennovation"

@@ -8,17 +8,17 @@ from functools import partial
 
 import pytest
 
-from air_router import flight as flight_module
-from air_router.actions import FlyToNode
-from air_router.clock import VehicleClock
-from air_router.events import FlownBefore
-from air_router.flight_plan import FlightPlan
-from air_router.inspection import GpsFix, Inspection
-from air_router.log import read
-from air_router.px4_telemetry import Px4Telemetry
-from air_router.replay import replay
-from air_router.resumption import flown_before
-from air_router.vehicle import FlightMode, Telemetry, VehicleInfo
+from air_router.controller.model.actions import FlyToNode
+from air_router.controller.model.events import FlownBefore
+from air_router.flight import flight as flight_module
+from air_router.flight.resumption import flown_before
+from air_router.mission.flight_plan import FlightPlan
+from air_router.record.log import read
+from air_router.record.replay import replay
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.inspection import GpsFix, Inspection
+from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
+from air_router.vehicle.vehicle import FlightMode, Telemetry, VehicleInfo
 from geo.frame import Point
 from tests.air_router.test_flight import Rig
 

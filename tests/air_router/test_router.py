@@ -14,16 +14,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, MultiPoint, Polygon, union_all
 
-from air_router.departure import Departure
-from air_router.graph import WaypointGraph
-from air_router.mission import load_mission
-from air_router.router import Leg, NoRoute, Route, Router
-from air_router.settings import PlannerSettings
+from air_router.files.settings import PlannerSettings
+from air_router.mission.loading import load_mission
+from air_router.routing.departure import Departure
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Leg, NoRoute, Route, Router
 from benchmarks.route.maps import made as made_map
-from geo.airspace import Airspace
+from geo.airspace.airspace import Airspace
+from geo.airspace.zone import Circle, Zone
 from geo.frame import Point
-from geo.shortest import ShortestPaths
-from geo.zone import Circle, Zone
+from geo.paths.shortest import ShortestPaths
 
 DATA = Path(__file__).parents[1] / "data"
 MISSIONS = Path(__file__).parents[2] / "missions"

@@ -4,11 +4,11 @@ import json
 import math
 from types import SimpleNamespace
 
-from air_router.graph import WaypointGraph
-from air_router.mission import load_mission
-from air_router.navigator import Goal
-from air_router.router import Router
-from air_router.search import Search
+from air_router.controller.motion.navigator import Goal
+from air_router.controller.targets.search_points import Search
+from air_router.mission.loading import load_mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
 from geo.frame import Point
 
 

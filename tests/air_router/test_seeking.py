@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from air_router.actions import StateChanged
-from air_router.behaviour import State
-from air_router.events import RobotPath, RobotPose
-from air_router.seeking import EARLY_SHARE, MEETING_M, Outlook, meet, policy_of
-from air_router.settings import SEEK_POLICIES
-from air_router.targets import LOST_AFTER_S, Roster
-from air_router.whereabouts import USUAL_SPEED_M_S, Course, Whereabouts
+from air_router.controller.model.actions import StateChanged
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import RobotPath, RobotPose
+from air_router.controller.targets.seeking import EARLY_SHARE, MEETING_M, Outlook, meet, policy_of
+from air_router.controller.targets.target_list import LOST_AFTER_S, Roster
+from air_router.controller.targets.target_track import USUAL_SPEED_M_S, Course, Whereabouts
+from air_router.files.settings import SEEK_POLICIES
 from geo.frame import Point
-from mocha_link.metrics import ContactBegan, Direction
+from mocha_link.links.metrics import ContactBegan, Direction
 
 HOME = Point(0.0, 0.0)
 UNSEEN = Point(90.0, 90.0)

@@ -5,18 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from air_router.actions import FlyToNode, Seeking
-from air_router.behaviour import State
-from air_router.clock import VehicleClock
-from air_router.events import RobotPose, RobotSought
-from air_router.gossip import SEEK_INTERVAL_S, Gossip
-from air_router.mapper import Mapper
+from air_router.controller.model.actions import FlyToNode, Seeking
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import RobotPose, RobotSought
+from air_router.controller.model.requests import ComeHome, GoOn
+from air_router.controller.targets.target_list import SOUGHT_BY_OTHER_S, Roster
+from air_router.gossip.gossip import SEEK_INTERVAL_S, Gossip
+from air_router.gossip.mapper import Mapper
+from air_router.gossip.team_messages import Reader
 from air_router.messages import MessageError, SeekMessage
-from air_router.mission import load_mission
-from air_router.news import Reader
-from air_router.requests import ComeHome, GoOn
-from air_router.targets import SOUGHT_BY_OTHER_S, Roster
-from air_router.vehicle import FlightMode, Telemetry
+from air_router.mission.loading import load_mission
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 from mocha_link import Team
 from tests.air_router.conftest import CORNERS

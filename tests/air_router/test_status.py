@@ -1,11 +1,11 @@
 import dataclasses
 import io
 
-from air_router.behaviour import State
-from air_router.height_frame import HomeMove
+from air_router.controller.model.behaviour import State
+from air_router.flight.status import PLAIN_REFRESH_S, StatusLine, flight_line
 from air_router.live.scene import Scene
-from air_router.status import PLAIN_REFRESH_S, StatusLine, flight_line
-from mocha_link.metrics import LinkMetrics
+from air_router.vehicle.height_frame import HomeMove
+from mocha_link.links.metrics import LinkMetrics
 
 
 class Terminal(io.StringIO):

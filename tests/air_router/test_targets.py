@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from air_router.targets import LOST_AFTER_S, RECENT_POSE_S, Roster
+from air_router.controller.targets.target_list import LOST_AFTER_S, RECENT_POSE_S, Roster
 from geo.frame import Point
 
 

@@ -1,10 +1,10 @@
 import pytest
 
-from air_router.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.custody import Custody
-from air_router.flight_plan import FlightPlan
-from air_router.vehicle import FlightMode, Telemetry
-from air_router.watch import STRANGE_S, Sign, Watch
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.monitor.safety_monitor import STRANGE_S, Sign, Watch
+from air_router.controller.motion.commanded_mode import Custody
+from air_router.mission.flight_plan import FlightPlan
+from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
 HERE, THERE = Point(0.0, 0.0), Point(10.0, 0.0)

@@ -8,13 +8,13 @@ import re
 
 import pytest
 
-from air_router.actions import Answered, FlyToNode, RenewPlan
-from air_router.behaviour import State
-from air_router.events import AirspaceChanged, PlanRenewed
-from air_router.requests import ComeHome, GoOn, GoTo, HoldNow
-from air_router.vehicle import FlightMode, PlanCompared, PlanReplaced
+from air_router.controller.model.actions import Answered, FlyToNode, RenewPlan
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed
+from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow
+from air_router.vehicle.vehicle import FlightMode, PlanCompared, PlanReplaced
+from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
-from geo.zone import Band, Circle, Zone
 from tests.air_router.conftest import CORNERS
 
 STATES = (

@@ -5,16 +5,16 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from air_router.airspaces import COMING_HOME, LAUNCH_WAIT, FlightWindow
-from air_router.altitudes import Altitudes, HomeAltitudeError, Limit, Reference
-from air_router.behaviour import State
-from air_router.cli import main
+from air_router.cli.cli import main
+from air_router.controller.model.behaviour import State
+from air_router.controller.motion.navigator import Goal, Navigator, Progress
 from air_router.errors import ExitCode, MissionFileError
-from air_router.mission import load_mission
-from air_router.navigator import Goal, Navigator, Progress
-from air_router.vehicle import FlightMode, Telemetry
+from air_router.files.altitudes import Altitudes, HomeAltitudeError, Limit, Reference
+from air_router.mission.airspaces import COMING_HOME, LAUNCH_WAIT, FlightWindow
+from air_router.mission.loading import load_mission
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.airspace.zone import Band
 from geo.frame import Point
-from geo.zone import Band
 from tests.air_router.conftest import PretendFlight
 
 BASE = """\

@@ -13,16 +13,16 @@ from implicitdict import ImplicitDict
 from uas_standards import eurocae_ed318
 from uas_standards.eurocae_ed269 import ED269Schema
 
-from air_router.altitudes import Altitudes, Limit, Reference
-from air_router.draft import Draft, Spot
 from air_router.errors import MissionFileError
-from air_router.mission import load_mission
-from air_router.zone_files import add_zones, read_zones, unique_names
-from air_router.zone_reading import MapCircle, MapOutline
-from air_router.zone_schedule import days_of, hours_of
+from air_router.files.altitudes import Altitudes, Limit, Reference
+from air_router.files.mission_document import Draft, Spot
+from air_router.files.zones.reading import MapCircle, MapOutline
+from air_router.files.zones.schedule import days_of, hours_of
+from air_router.files.zones.zone_files import add_zones, read_zones, unique_names
+from air_router.mission.loading import load_mission
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.validity import Hours
-from mocha_link.document import Document
+from mocha_link.team.document import Document
 
 FILES = Path(__file__).parents[1] / "data" / "files"
 GROUND, AMSL = Reference.GROUND, Reference.AMSL

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import air_router.cli
-import mocha_link.cli
-import sitl.cli
+import air_router.cli.cli
+import mocha_link.cli.cli
+import sitl.cli.cli
 
 PAGE = Path(__file__).parents[2] / "docs" / "options.md"
 HEAD = """\
@@ -23,7 +23,7 @@ EVERYWHERE = {"--help", "--verbose", "--log-level"}
 def page() -> str:
     """The whole page."""
     parts = [HEAD]
-    for module in (air_router.cli, mocha_link.cli, sitl.cli):
+    for module in (air_router.cli.cli, mocha_link.cli.cli, sitl.cli.cli):
         program = module.parser()
         parts += [f"## {program.prog}\n", f"{program.description}\n", *_commands(program)]
     return "\n".join(parts)

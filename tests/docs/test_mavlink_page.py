@@ -3,12 +3,12 @@
 import re
 from pathlib import Path
 
-from air_router.plan_item import Command
-from air_router.preflight_parameters import WISHES
+from air_router.mission.plan_item import Command
+from air_router.preflight.preflight_parameters import WISHES
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "mavlink.md").read_text(encoding="utf-8")
-SOURCES = {path.name: path.read_text() for path in (ROOT / "air_router").glob("px4*.py")}
+SOURCES = {path.name: path.read_text() for path in (ROOT / "air_router/vehicle").rglob("px4*.py")}
 
 
 def section(title):

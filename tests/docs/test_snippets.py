@@ -16,22 +16,22 @@ from pathlib import Path
 import pytest
 import yaml
 
-import air_router.cli
-import mocha_link.cli
-import sitl.cli
-from air_router.command_line import _with_places
-from air_router.mission import load_mission
-from air_router.report import COLUMNS
-from air_router.wish import parse, wish_of
-from mocha_link.document import Document
-from mocha_link.team import Team
-from sitl.experiment.channel_trace import read_trace
-from sitl.experiment.plan_file import load_experiment
-from sitl.experiment.settings import TraceModel
+import air_router.cli.cli
+import mocha_link.cli.cli
+import sitl.cli.cli
+from air_router.cli.command_line import _with_places
+from air_router.control.command_request import parse, wish_of
+from air_router.mission.loading import load_mission
+from air_router.report.report import COLUMNS
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
+from sitl.experiment.campaign.plan_file import load_experiment
+from sitl.experiment.channels.trace import read_trace
+from sitl.experiment.model.settings import TraceModel
 from tests.docs.blocks import PAGES, PROGRAMS, ROOT, blocks, simple_commands
 
 ALL = {block.name: block for block in blocks()}
-MODULES = dict(zip(PROGRAMS, (air_router.cli, mocha_link.cli, sitl.cli), strict=True))
+MODULES = dict(zip(PROGRAMS, (air_router.cli.cli, mocha_link.cli.cli, sitl.cli.cli), strict=True))
 TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
 
@@ -335,7 +335,7 @@ def test_what_check_prints_of_the_way_home(folder, capsys):
     printed = ALL["coming-home.md 1"].text.partition("\n\n")[2]
     mission = folder / "missions" / "pennovation" / "mission.yaml"
     mission.write_text(mission.read_text().replace("# endurance_s: 1800", "endurance_s: 1200"))
-    assert air_router.cli.main(["check", str(mission)]) == 0
+    assert air_router.cli.cli.main(["check", str(mission)]) == 0
     said = " ".join(capsys.readouterr().out.split())
     for line in printed.splitlines():
         assert " ".join(line.removesuffix("...").split()) in said

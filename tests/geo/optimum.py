@@ -12,7 +12,7 @@ import shapely
 from shapely import LineString, Polygon
 from shapely import Point as Spot
 
-from geo.airspace import Airspace, Zone
+from geo.airspace.airspace import Airspace, Zone
 from geo.frame import Point
 
 CLEARANCE_M = 5.0

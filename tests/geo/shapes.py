@@ -4,8 +4,8 @@ import math
 
 from hypothesis import strategies as st
 
+from geo.airspace.zone import Circle, Outline, Zone
 from geo.frame import Point
-from geo.zone import Circle, Outline, Zone
 
 
 def ring(*corners):

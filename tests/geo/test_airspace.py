@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import Polygon
 
-from geo.airspace import FENCE, Airspace
+from geo.airspace.airspace import FENCE, Airspace
+from geo.airspace.zone import Zone
 from geo.frame import Point
-from geo.zone import Zone
 from tests.geo.shapes import box, place, ring
 
 

@@ -9,10 +9,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from shapely import Point as ShapelyPoint
 
-from geo.airspace import FENCE, TOLERANCE_M, Airspace
+from geo.airspace.airspace import FENCE, TOLERANCE_M, Airspace
+from geo.airspace.zone import Band, Circle, Outline, Zone
 from geo.frame import Point
 from geo.validity import Period, Validity
-from geo.zone import Band, Circle, Outline, Zone
 from tests.geo import exact
 from tests.geo.shapes import box, box_ring, place, shapes
 

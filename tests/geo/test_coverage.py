@@ -13,11 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Polygon
 
-from geo.airspace import Airspace
-from geo.coverage import CoverageError, Swath, cover
+from geo.airspace.airspace import Airspace
+from geo.airspace.zone import Circle, Outline, Zone
+from geo.coverage.coverage import CoverageError, Swath, cover
+from geo.coverage.missed import Why
 from geo.frame import Point
-from geo.missed import Why
-from geo.zone import Circle, Outline, Zone
 
 MAPS = Path(__file__).parents[1] / "data" / "maps"
 OPEN = Airspace(None, [], 5.0)

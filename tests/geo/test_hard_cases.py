@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from shapely import LineString
 
-from geo.airspace import Airspace
+from geo.airspace.airspace import Airspace
+from geo.airspace.zone import Circle, Zone, polygons_of
 from geo.degree_lines import dense_ring
 from geo.frame import Geodetic, LocalFrame, Point
-from geo.zone import Circle, Zone, polygons_of
 from tests.geo.shapes import box, box_ring
 
 P = Point

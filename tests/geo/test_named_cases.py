@@ -11,14 +11,15 @@ import pytest
 import shapely
 from shapely import LineString, Polygon
 
-from air_router.graph import WaypointGraph
-from air_router.mission import MissionFileError, load_mission
-from air_router.router import NoRoute, Route, Router
-from geo.airspace import Airspace
+from air_router.errors import MissionFileError
+from air_router.mission.loading import load_mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import NoRoute, Route, Router
+from geo.airspace.airspace import Airspace
+from geo.airspace.zone import Circle, Outline, Zone, ZoneError
 from geo.frame import Geodetic, LocalFrame, Point
-from geo.regions import Regions
-from geo.shortest import ShortestPaths, path_length_m
-from geo.zone import Circle, Outline, Zone, ZoneError
+from geo.paths.regions import Regions
+from geo.paths.shortest import ShortestPaths, path_length_m
 from tests.geo.optimum import ring
 
 FENCE = ((-100, -100), (100, -100), (100, 100), (-100, 100))

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Polygon
 
+from geo.coverage.scan_lines import Border, Sweep, common, merged
 from geo.frame import Point
-from geo.scan_lines import Border, Sweep, common, merged
 
 SQUARE = Polygon([(0, 0), (10, 0), (10, 10), (0, 10)])
 

@@ -19,11 +19,11 @@ from shapely import (
     union_all,
 )
 
-from geo.airspace import FENCE, Airspace
+from geo.airspace.airspace import FENCE, Airspace
+from geo.airspace.zone import Zone
 from geo.frame import Point
-from geo.regions import Regions
-from geo.shortest import shortest_paths
-from geo.zone import Zone
+from geo.paths.regions import Regions
+from geo.paths.shortest import shortest_paths
 
 MAPS = Path(__file__).parents[1] / "data" / "maps"
 

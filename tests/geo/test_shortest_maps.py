@@ -13,7 +13,7 @@ from shapely import LineString, Polygon
 
 from benchmarks.route.maps import made, read
 from geo.frame import Point
-from geo.shortest import ShortestPaths, path_length_m
+from geo.paths.shortest import ShortestPaths, path_length_m
 from tests.geo.optimum import BruteForce, Ground, gridded, places, scattered
 
 MAPS = sorted((Path(__file__).parents[1] / "data" / "maps").glob("*.json"))

@@ -5,8 +5,7 @@ import math
 import pytest
 from shapely import LineString, Polygon
 
-from geo.frame import Point
-from geo.zone import (
+from geo.airspace.zone import (
     Band,
     Circle,
     Outline,
@@ -16,6 +15,7 @@ from geo.zone import (
     circle_ring,
     polygons_of,
 )
+from geo.frame import Point
 from tests.geo.shapes import box_ring, ring
 
 SQUARE = box_ring(0, 0, 100, 100)

@@ -18,27 +18,28 @@ from unittest.mock import patch
 
 import yaml
 
-from air_router import actions, events, requests, vehicle
-from air_router.behaviour import State
-from air_router.controller import Controller
-from air_router.flight_plan import FlightPlan
-from air_router.flight_setup import FlightSetup
-from air_router.graph import WaypointGraph
-from air_router.height_frame import HomeMove
-from air_router.mission import load_mission
-from air_router.router import Router
+from air_router.controller.controller import Controller
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model import actions, events, requests
+from air_router.controller.model.behaviour import State
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.loading import load_mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
+from air_router.vehicle import vehicle
+from air_router.vehicle.height_frame import HomeMove
+from geo.airspace.zone import Band, Circle, Outline, Zone
 from geo.frame import Point
-from geo.zone import Band, Circle, Outline, Zone
-from mocha_link import link_events
-from mocha_link.header import Header
-from mocha_link.reading import Reading, Unit
-from sitl.experiment.crowd import crowd_of
-from sitl.experiment.engine import run
-from sitl.experiment.plan_file import load_experiment
-from sitl.experiment.running import run_settings
-from sitl.experiment.scenery import scenery_of
-from sitl.experiment.settings import RunSettings
-from sitl.experiment.uav import controllers_of
+from mocha_link.links import link_events
+from mocha_link.links.reading import Reading, Unit
+from mocha_link.store.header import Header
+from sitl.experiment.campaign.plan_file import load_experiment
+from sitl.experiment.campaign.running import run_settings
+from sitl.experiment.engine.engine import run
+from sitl.experiment.model.settings import RunSettings
+from sitl.experiment.robots.fleet import crowd_of
+from sitl.experiment.robots.scenery import scenery_of
+from sitl.experiment.robots.uav import controllers_of
 from sitl.rehearsal.faults import Fault, Scene
 from sitl.rehearsal.stage import Stage
 from tests.golden.plain import Tape, Tongue

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from mocha_link import actions
 from mocha_link.clock import Instant
-from mocha_link.document import Document
-from mocha_link.gossip import Gossip
-from mocha_link.team import Team, Topic
+from mocha_link.node import actions
+from mocha_link.node.gossip import Gossip
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team, Topic
 from tests.golden import adapter
 from tests.golden.plain import Tape, Tongue
 

@@ -21,8 +21,8 @@ from typing import Any
 
 import yaml
 
-from mocha_link.document import Document
-from mocha_link.team import Team
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 from tests.golden import nodes
 from tests.golden.adapter import fly, make_run
 from tests.golden.plain import Tape

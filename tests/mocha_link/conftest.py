@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, TypeVar
 
 import pytest
 
-from mocha_link.document import Document
-from mocha_link.metrics import LinkEvent
-from mocha_link.node import Node
+from mocha_link.links.metrics import LinkEvent
+from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
-from mocha_link.team import Team
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -7,17 +7,17 @@ import itertools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from mocha_link import payload
-from mocha_link.actions import Cast, CastBack, Dial, HangUp, Reply, Send
 from mocha_link.clock import Instant
-from mocha_link.gossip import Gossip
-from mocha_link.header import Header, as_ms
+from mocha_link.node.actions import Cast, CastBack, Dial, HangUp, Reply, Send
+from mocha_link.node.gossip import Gossip
+from mocha_link.store import payload
+from mocha_link.store.header import Header, as_ms
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from mocha_link.actions import Action
-    from mocha_link.team import Team
+    from mocha_link.node.actions import Action
+    from mocha_link.team.team import Team
 
 T = 1_795_175_900.0
 NAMES = ("callisto", "io", "titan")

@@ -5,19 +5,19 @@ from __future__ import annotations
 import random
 from typing import TYPE_CHECKING
 
-from mocha_link import packet as wire
-from mocha_link import sync
-from mocha_link.actions import Cast, CastBack, Reply, Send
-from mocha_link.credit import GRANT
-from mocha_link.gossip import Gossip
-from mocha_link.protocol import CODE_BYTES, DENDT, GDATA, GHEAD, ID_BYTES, SYNC1, SYNCC, SYNCF
-from mocha_link.sync import LETTER_BYTES
+from mocha_link.datagram import packet as wire
+from mocha_link.node.actions import Cast, CastBack, Reply, Send
+from mocha_link.node.gossip import Gossip
+from mocha_link.sync import frames as sync
+from mocha_link.sync.credit import GRANT
+from mocha_link.sync.frames import LETTER_BYTES
+from mocha_link.sync.protocol import CODE_BYTES, DENDT, GDATA, GHEAD, ID_BYTES, SYNC1, SYNCC, SYNCF
 from tests.mocha_link.meeting import Meeting
 from tests.mocha_link.network import mutated as mutated_sync
 
 if TYPE_CHECKING:
-    from mocha_link.actions import Action
-    from mocha_link.team import Team
+    from mocha_link.node.actions import Action
+    from mocha_link.team.team import Team
 
 HEAD_BYTES = ID_BYTES + CODE_BYTES
 CODES = (GHEAD, GDATA, DENDT, SYNC1, SYNCF, SYNCC, b"SYNC2", b"SERRM", b"\xff\xfe\x80\0\x01")

@@ -10,17 +10,17 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING
 
-from mocha_link.actions import Cast, CastBack, Dial, HangUp, Reply, Send
 from mocha_link.clock import Instant
-from mocha_link.gossip import Gossip
+from mocha_link.node.actions import Cast, CastBack, Dial, HangUp, Reply, Send
+from mocha_link.node.gossip import Gossip
 from tests.mocha_link import original
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mocha_link.actions import Action
-    from mocha_link.link_events import LinkEvent
-    from mocha_link.team import Team
+    from mocha_link.links.link_events import LinkEvent
+    from mocha_link.node.actions import Action
+    from mocha_link.team.team import Team
 
 NEAR_DBM = -50.0
 STEP_S = 0.01  # a turn of all in a contact; a few of them outlast `pull.LOOK_S`

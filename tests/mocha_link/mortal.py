@@ -9,9 +9,10 @@ import random
 import sys
 from pathlib import Path
 
-from mocha_link.database import Database, Knowledge, Record
-from mocha_link.header import Header
-from mocha_link.storage import Storage
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.storage import Storage
 
 TOPICS = 12
 DEPTH = 2

@@ -9,17 +9,19 @@ import zlib
 from collections import Counter
 from pathlib import Path
 
-from mocha_link import payload, sync
-from mocha_link.acquaintance import Acquaintance, record_id
 from mocha_link.clock import Instant
-from mocha_link.database import Database, Record
-from mocha_link.document import Document
-from mocha_link.feed import Feed
-from mocha_link.header import Header
-from mocha_link.intake import Intake
-from mocha_link.shelf import Shelf
-from mocha_link.sync import FrameError
-from mocha_link.team import Team
+from mocha_link.store import payload
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.reassembly_buffer import Shelf
+from mocha_link.store.record import Record
+from mocha_link.sync import frames as sync
+from mocha_link.sync.frames import FrameError
+from mocha_link.sync.peer_state import Acquaintance, record_id
+from mocha_link.sync.sync_receiver import Intake
+from mocha_link.sync.sync_sender import Feed
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 
 NOW = Instant(1_795_175_900.0, 1.0)
 START_MS = 1_795_175_000_000

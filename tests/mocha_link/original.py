@@ -18,7 +18,7 @@ import zmq
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mocha_link.team import Team
+    from mocha_link.team.team import Team
 
 ID, CODE, HEADER = 6, 5, 6
 WRAP_S = 65536

@@ -11,17 +11,17 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from mocha_link import zmtp
-from mocha_link.gossip import Gossip
-from mocha_link.link_events import Direction, SyncEnded, SyncTimedOut
-from mocha_link.node import Node
-from mocha_link.protocol import ID_BYTES
+from mocha_link.links.link_events import Direction, SyncEnded, SyncTimedOut
+from mocha_link.node import zmtp
+from mocha_link.node.gossip import Gossip
+from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
+from mocha_link.sync.protocol import ID_BYTES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mocha_link.link_events import LinkEvent
+    from mocha_link.links.link_events import LinkEvent
 
 WAIT_S = 60.0  # a limit against hangs
 TIMEOUT_S = 3.0

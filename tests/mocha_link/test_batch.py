@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link import batch
-from mocha_link.batch import BatchError
+from mocha_link.store import batch
+from mocha_link.store.batch import BatchError
 
 
 @given(st.lists(st.binary(max_size=300), max_size=20))

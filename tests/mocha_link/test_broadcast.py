@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import gc
 
-from mocha_link.broadcast import Broadcast
-from mocha_link.metrics import RssiChanged
+from mocha_link.links.metrics import RssiChanged
+from mocha_link.node.broadcast import Broadcast
 
 
 def test_a_slow_reader_loses_the_oldest():

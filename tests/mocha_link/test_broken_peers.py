@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import lz4.frame
 import pytest
 
-from mocha_link import payload
-from mocha_link.header import WRAP_MS
-from mocha_link.letters import Done, Hello
-from mocha_link.payload import STAMPS_MS
-from mocha_link.protocol import ID_BYTES
-from mocha_link.sync import DONE, HELLO, WHOLE, chunks_frame, letter_frame, long_id
-from mocha_link.terms import shared_mark
+from mocha_link.store import payload
+from mocha_link.store.config_hash import shared_mark
+from mocha_link.store.header import WRAP_MS
+from mocha_link.store.payload import STAMPS_MS
+from mocha_link.sync.frames import DONE, HELLO, WHOLE, chunks_frame, letter_frame, long_id
+from mocha_link.sync.protocol import ID_BYTES
+from mocha_link.sync.sync_messages import Done, Hello
 from tests.mocha_link.siege import (
     HANDSHAKE_OF_ROUTER,
     TIMEOUT_S,

@@ -9,15 +9,17 @@ from typing import NamedTuple
 
 import pytest
 
-from mocha_link import client, payload
-from mocha_link.client import ClientSession
 from mocha_link.clock import Instant
-from mocha_link.database import Database, Record
-from mocha_link.header import Header
-from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncStarted
-from mocha_link.protocol import ServerSession
-from mocha_link.pull import Memory
-from mocha_link.team import Team
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted
+from mocha_link.store import payload
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.record import Record
+from mocha_link.sync import client
+from mocha_link.sync.client import ClientSession
+from mocha_link.sync.protocol import ServerSession
+from mocha_link.sync.pull import Memory
+from mocha_link.team.team import Team
 
 DATA = Path(__file__).parents[1] / "data" / "mocha"
 NOW = Instant(1795175905.0, 100.0)  # shortly after the recording

@@ -11,12 +11,12 @@ import sys
 
 import pytest
 
-from mocha_link import metrics_command
-from mocha_link.cli import main
-from mocha_link.display import event_line, links_table
-from mocha_link.metrics import Direction, LinkMetrics, SyncEnded
-from mocha_link.node import Node
-from mocha_link.telemetry import MetricsServer, as_fields
+from mocha_link.cli import metrics_command
+from mocha_link.cli.cli import main
+from mocha_link.cli.display import event_line, links_table
+from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded
+from mocha_link.node.node import Node
+from mocha_link.service.telemetry import MetricsServer, as_fields
 
 
 @pytest.fixture
@@ -253,7 +253,7 @@ def ctrl_c():
 def started(command, **options) -> tuple[subprocess.Popen, list[str]]:
     """A node in a process of its own that is ready, and what it said until then."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "mocha_link.cli", "node", *command],
+        [sys.executable, "-m", "mocha_link.cli.cli", "node", *command],
         stderr=subprocess.PIPE,
         text=True,
         **options,

@@ -10,17 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link import payload
-from mocha_link.client import FIRST_WINDOW, MAX_WINDOW, MIN_WINDOW, ClientSession
 from mocha_link.clock import Instant
-from mocha_link.database import Database, Record
-from mocha_link.document import Document
-from mocha_link.header import Header
-from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.payload import PayloadError
-from mocha_link.pull import Memory
-from mocha_link.step import Step
-from mocha_link.team import Team
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.store import payload
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.payload import PayloadError
+from mocha_link.store.record import Record
+from mocha_link.sync.client import FIRST_WINDOW, MAX_WINDOW, MIN_WINDOW, ClientSession
+from mocha_link.sync.pull import Memory
+from mocha_link.sync.step import Step
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 
 NOW_S = 1_795_175_900.0
 TOPICS = 200

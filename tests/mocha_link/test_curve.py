@@ -12,9 +12,9 @@ import pytest
 import zmq
 from zmq.utils.monitor import parse_monitor_message
 
-from mocha_link import curve
-from mocha_link.curve import CurveUnavailableError, Gatekeeper, Refusal
-from mocha_link.keys import SecretKey
+from mocha_link.node import curve
+from mocha_link.node.curve import CurveUnavailableError, Gatekeeper, Refusal
+from mocha_link.team.keys import SecretKey
 
 WAIT_S = 60  # a limit against hangs
 TITAN, IO, EUROPA = (SecretKey(bytes([number]) * 32) for number in (1, 2, 3))

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link import packet as wire
-from mocha_link.datagram import PACKET_BYTES, Flow
+from mocha_link.datagram import packet as wire
+from mocha_link.datagram.datagram import PACKET_BYTES, Flow
 
 TOKEN = b"token1"
 OVER_UDP = 28  # bytes of IPv4 and UDP headers

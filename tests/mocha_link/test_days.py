@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from mocha_link import payload
-from mocha_link.database import Database
-from mocha_link.document import Document
-from mocha_link.gossip import Gossip, history_of
-from mocha_link.header import WRAP_S
-from mocha_link.storage import Storage
-from mocha_link.team import Team
+from mocha_link.node.gossip import Gossip, history_of
+from mocha_link.store import payload
+from mocha_link.store.database import Database
+from mocha_link.store.header import WRAP_S
+from mocha_link.store.storage import Storage
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 from tests.mocha_link.meeting import Meeting, PureOriginal
 
 if TYPE_CHECKING:

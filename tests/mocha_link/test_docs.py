@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link.document import Document
-from mocha_link.team import Team
-from mocha_link.team_file import RobotModel, TopicModel, TriggerModel
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
+from mocha_link.team.team_file import RobotModel, TopicModel, TriggerModel
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -24,11 +24,11 @@ from mocha_link import (
     Unit,
     open_radio,
 )
-from mocha_link.document import Document
-from mocha_link.link_events import Direction
+from mocha_link.links.link_events import Direction
 from mocha_link.radios import parse_report
-from mocha_link.radios.url import FORMS
-from mocha_link.team import Trigger
+from mocha_link.team.document import Document
+from mocha_link.team.team import Trigger
+from mocha_link.team.url import FORMS
 
 DOCS = Path(__file__).parents[2] / "docs"
 EMBEDDING, RADIOS = ((DOCS / f"{name}.md").read_text() for name in ("embedding", "radios"))

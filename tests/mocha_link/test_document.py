@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, Field
 
-from mocha_link.document import MAX_BYTES, Document, DocumentError, Problem
+from mocha_link.team.document import MAX_BYTES, Document, DocumentError, Problem
 
 PATH = Path("fleet.yaml")
 

@@ -9,10 +9,10 @@ import struct
 import pytest
 import zmq
 
-from mocha_link import doorman as module
-from mocha_link.port import MAX_REQUEST_BYTES, Port
-from mocha_link.team import Robot
-from mocha_link.zmtp import Connection
+from mocha_link.node import connection_limiter as module
+from mocha_link.node.port import MAX_REQUEST_BYTES, Port
+from mocha_link.node.zmtp import Connection
+from mocha_link.team.team import Robot
 from tests.mocha_link.test_port import WAIT_MS, clients, context, port, titan
 
 __all__ = ["clients", "context", "port", "titan"]  # fixtures

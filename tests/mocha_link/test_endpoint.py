@@ -9,9 +9,9 @@ import stat
 import pytest
 import zmq
 
-from mocha_link.endpoint import bind
-from mocha_link.endpoint_key import connect, kept_key, key_file
-from mocha_link.port import ListenError, PortInUseError
+from mocha_link.errors import ListenError, PortInUseError
+from mocha_link.service.endpoint import bind
+from mocha_link.service.endpoint_key import connect, kept_key, key_file
 from tests.stray_post import post
 
 

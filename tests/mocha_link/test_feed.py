@@ -8,11 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link import acquaintance, letters, sync
-from mocha_link.acquaintance import Acquaintance, record_id
-from mocha_link.feed import MIN_ROOM, Feed
-from mocha_link.letters import Digest, Done, Have, Hello, Open, Reception, Since, Wish
-from mocha_link.sync import FrameError
+from mocha_link.sync import frames as sync
+from mocha_link.sync import peer_state as acquaintance
+from mocha_link.sync import sync_messages as letters
+from mocha_link.sync.frames import FrameError
+from mocha_link.sync.peer_state import Acquaintance, record_id
+from mocha_link.sync.sync_messages import Digest, Done, Have, Hello, Open, Reception, Since, Wish
+from mocha_link.sync.sync_sender import MIN_ROOM, Feed
 from tests.mocha_link.network import START_MS, Node, Pull, mutated
 
 

@@ -6,12 +6,12 @@ import random
 
 import pytest
 
-from mocha_link import packet as wire
-from mocha_link.acquaintance import TICKETS, Acquaintance
-from mocha_link.database import Database
-from mocha_link.datagram import RETURN, Flow
-from mocha_link.metrics import SyncEnded
-from mocha_link.server import Server
+from mocha_link.datagram import packet as wire
+from mocha_link.datagram.datagram import RETURN, Flow
+from mocha_link.links.metrics import SyncEnded
+from mocha_link.store.database import Database
+from mocha_link.sync.peer_state import TICKETS, Acquaintance
+from mocha_link.sync.server import Server
 from tests.mocha_link.ether import Ether
 from tests.mocha_link.test_server import Asker, at, fill
 

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mocha_link.actions import Dial, HangUp, Send
-from mocha_link.metrics import (
+from mocha_link.links.metrics import (
     ContactBegan,
     LinkState,
     MessageStored,
@@ -15,8 +14,9 @@ from mocha_link.metrics import (
     SyncStarted,
     SyncTimedOut,
 )
-from mocha_link.reading import Reading, Unit
-from mocha_link.team import UnknownRobotError
+from mocha_link.links.reading import Reading, Unit
+from mocha_link.node.actions import Dial, HangUp, Send
+from mocha_link.team.team import UnknownRobotError
 from tests.mocha_link.ether import NAMES, Ether, T
 
 WAYS = ("zmq", "udp", "both", "original", "mixed")

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING
 import pytest
 import zmq
 
-from mocha_link import zmtp
-from mocha_link.document import Document
-from mocha_link.header import Header, as_ms
-from mocha_link.protocol import CODE_BYTES, GHEAD, ID_BYTES, SERRM, SYNC1
-from mocha_link.sync import HELLO
-from mocha_link.team import Team
+from mocha_link.node import zmtp
+from mocha_link.store.header import Header, as_ms
+from mocha_link.sync.frames import HELLO
+from mocha_link.sync.protocol import CODE_BYTES, GHEAD, ID_BYTES, SERRM, SYNC1
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 from tests.mocha_link.conftest import TEAM
 from tests.mocha_link.fuzz import Fuzzer, Recorder, record
 from tests.mocha_link.siege import (

@@ -10,14 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link import letters, payload, sync
-from mocha_link.acquaintance import record_id
-from mocha_link.database import Knowledge
-from mocha_link.header import WRAP_MS
-from mocha_link.intake import Intake
-from mocha_link.letters import Digest, Done, Have, Hello, Open, Reception, Since
-from mocha_link.link_events import MessageStored
-from mocha_link.payload import PayloadError
+from mocha_link.links.link_events import MessageStored
+from mocha_link.store import payload
+from mocha_link.store.header import WRAP_MS
+from mocha_link.store.payload import PayloadError
+from mocha_link.store.record import Knowledge
+from mocha_link.sync import frames as sync
+from mocha_link.sync import sync_messages as letters
+from mocha_link.sync.peer_state import record_id
+from mocha_link.sync.sync_messages import Digest, Done, Have, Hello, Open, Reception, Since
+from mocha_link.sync.sync_receiver import Intake
 from tests.mocha_link.network import NOW, START_MS, TEAM, Node, Pull, mutated
 
 EPOCH = 99

@@ -6,7 +6,7 @@ import os
 import socket
 from pathlib import Path
 
-from mocha_link import kernel
+from mocha_link.node import kernel
 
 
 def open_files() -> set[str]:

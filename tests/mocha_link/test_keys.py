@@ -14,12 +14,12 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link import keys
-from mocha_link.cli import main
-from mocha_link.document import Document, DocumentError
-from mocha_link.keys import KeyFileError, KeyMismatchError, KeysUnavailableError, SecretKey
-from mocha_link.keys_command import TeamTextError, with_keys
-from mocha_link.team import Team
+from mocha_link.cli.cli import main
+from mocha_link.cli.keys_command import TeamTextError, with_keys
+from mocha_link.team import keys
+from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.keys import KeyFileError, KeyMismatchError, KeysUnavailableError, SecretKey
+from mocha_link.team.team import Team
 
 PATH = Path("team.yaml")
 KINDS = "kinds: {rover: {topics: [{name: /pose, type: json/Pose}]}}\n"
@@ -98,9 +98,10 @@ def test_without_the_library_there_is_a_command_to_run(monkeypatch, tmp_path, ca
 def test_a_robot_without_the_library_runs_without_keys():
     script = (
         "import sys; sys.modules['nacl'] = None\n"
-        "import mocha_link, mocha_link.keys, mocha_link.seal, mocha_link.signature\n"
-        "import mocha_link.curve, mocha_link.cli\n"
-        "assert not mocha_link.keys.available()\n"
+        "import mocha_link, mocha_link.team.keys, mocha_link.team.seal\n"
+        "import mocha_link.store.signature\n"
+        "import mocha_link.node.curve, mocha_link.cli.cli\n"
+        "assert not mocha_link.team.keys.available()\n"
     )
     subprocess.run([sys.executable, "-c", script], check=True)
 

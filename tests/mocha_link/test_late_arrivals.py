@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from mocha_link.database import Database
-from mocha_link.datagram import Flow
-from mocha_link.letters import Reception
-from mocha_link.metrics import SyncEnded, SyncStarted
-from mocha_link.server import Server
-from mocha_link.sync import END, letter_frames
+from mocha_link.datagram.datagram import Flow
+from mocha_link.links.metrics import SyncEnded, SyncStarted
+from mocha_link.store.database import Database
+from mocha_link.sync.frames import END, letter_frames
+from mocha_link.sync.server import Server
+from mocha_link.sync.sync_messages import Reception
 from tests.mocha_link.test_server import (
     OTHER,
     PLENTY,

@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterator
 import pytest
 import zmq
 
-from mocha_link import curve
-from mocha_link import line as module
-from mocha_link.curve import Gatekeeper
-from mocha_link.keys import SecretKey
-from mocha_link.line import EAGER_S, CurveLine, Line, TcpLine
-from mocha_link.zmtp import Connection
+from mocha_link.node import connection as module
+from mocha_link.node import curve
+from mocha_link.node.connection import EAGER_S, CurveLine, Line, TcpLine
+from mocha_link.node.curve import Gatekeeper
+from mocha_link.node.zmtp import Connection
+from mocha_link.team.keys import SecretKey
 from tests.mocha_link.conftest import free_ports, own_host
 
 WAIT_S = 60  # a limit against hangs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 
-from mocha_link.line import TcpLine
+from mocha_link.node.connection import TcpLine
 from tests.mocha_link.test_line import GREETING, READY, Peer, turn_until
 
 PINGS = (b"\4\x07\4PING\0\0" + b"") * 20_000

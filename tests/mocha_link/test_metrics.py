@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mocha_link.header import Header
-from mocha_link.metrics import (
+from mocha_link.links.metrics import (
     Contact,
     ContactBegan,
     ContactEnded,
@@ -21,7 +20,8 @@ from mocha_link.metrics import (
     SyncTimedOut,
     throughput_bytes_s,
 )
-from mocha_link.reading import Reading, Unit
+from mocha_link.links.reading import Reading, Unit
+from mocha_link.store.header import Header
 
 IN, OUT = Direction.IN, Direction.OUT
 

@@ -10,12 +10,12 @@ import threading
 import pytest
 import zmq
 
-from mocha_link.actions import Dial, HangUp
 from mocha_link.clock import Instant
-from mocha_link.gossip import Gossip
-from mocha_link.line import CurveLine, TcpLine
-from mocha_link.metrics import SyncTimedOut
-from mocha_link.transport import Transport
+from mocha_link.links.metrics import SyncTimedOut
+from mocha_link.node.actions import Dial, HangUp
+from mocha_link.node.connection import CurveLine, TcpLine
+from mocha_link.node.gossip import Gossip
+from mocha_link.node.transport import Transport
 from tests.mocha_link.test_line import (
     GREETING,
     HELLO_BYTES,

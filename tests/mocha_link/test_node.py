@@ -14,8 +14,8 @@ import threading
 import pytest
 import zmq
 
-from mocha_link import transport
-from mocha_link.metrics import (
+from mocha_link.errors import PortInUseError
+from mocha_link.links.metrics import (
     Direction,
     LinkState,
     MessageStored,
@@ -24,10 +24,10 @@ from mocha_link.metrics import (
     SyncStarted,
     SyncTimedOut,
 )
-from mocha_link.node import Node, NodeClosedError
-from mocha_link.port import PortInUseError
+from mocha_link.node import transport
+from mocha_link.node.node import Node, NodeClosedError
 from mocha_link.radios import ManualRadio, RadioError, UdpRadio
-from mocha_link.team import UnknownRobotError, UnknownTopicError
+from mocha_link.team.team import UnknownRobotError, UnknownTopicError
 
 IN, OUT = Direction.IN, Direction.OUT
 WAIT_MS = 20_000

@@ -5,9 +5,9 @@ from __future__ import annotations
 import sqlite3
 import threading
 
-from mocha_link.metrics import SyncStarted
-from mocha_link.node import LEAST_CLOSE_S, Node
-from mocha_link.storage import Storage
+from mocha_link.links.metrics import SyncStarted
+from mocha_link.node.node import LEAST_CLOSE_S, Node
+from mocha_link.store.storage import Storage
 
 WAIT_S = 60
 

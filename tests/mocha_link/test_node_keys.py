@@ -13,12 +13,13 @@ from pathlib import Path
 import pytest
 import zmq
 
-from mocha_link import keys, payload
-from mocha_link.header import Header
-from mocha_link.keys import KeyFileError, KeyMismatchError, SecretKey
-from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.node import Node
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
+from mocha_link.store import payload
+from mocha_link.store.header import Header
+from mocha_link.team import keys
+from mocha_link.team.keys import KeyFileError, KeyMismatchError, SecretKey
 from tests.mocha_link import original
 from tests.mocha_link.conftest import TEAM, WAIT_S, Field, Witness
 

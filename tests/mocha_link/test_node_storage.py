@@ -12,21 +12,16 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link import node as node_module
-from mocha_link import storage_file
-from mocha_link.database import Database
-from mocha_link.document import Document
-from mocha_link.keys import KeyMismatchError
-from mocha_link.metrics import (
-    Direction,
-    MessageStored,
-    StorageFailed,
-    SyncEnded,
-)
-from mocha_link.node import Node
+from mocha_link.links.metrics import Direction, MessageStored, StorageFailed, SyncEnded
+from mocha_link.node import node as node_module
+from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
-from mocha_link.storage import Storage
-from mocha_link.team import Team
+from mocha_link.store import storage_file
+from mocha_link.store.database import Database
+from mocha_link.store.storage import Storage
+from mocha_link.team.document import Document
+from mocha_link.team.keys import KeyMismatchError
+from mocha_link.team.team import Team
 from tests.mocha_link.conftest import TEAM, Field, Witness
 
 IN, OUT = Direction.IN, Direction.OUT

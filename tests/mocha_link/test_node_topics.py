@@ -6,8 +6,8 @@ import random
 
 import pytest
 
-from mocha_link import payload
-from mocha_link.metrics import Direction, MessageStored, SyncEnded
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded
+from mocha_link.store import payload
 from tests.mocha_link import original
 
 IN, OUT = Direction.IN, Direction.OUT

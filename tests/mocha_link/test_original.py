@@ -16,9 +16,9 @@ import lz4.frame
 import pytest
 import zmq
 
-from mocha_link.header import WRAP_S, Header
-from mocha_link.metrics import Direction, LinkState, SyncEnded, SyncTimedOut
-from mocha_link.team import Team
+from mocha_link.links.metrics import Direction, LinkState, SyncEnded, SyncTimedOut
+from mocha_link.store.header import WRAP_S, Header
+from mocha_link.team.team import Team
 from tests.mocha_link import original
 from tests.mocha_link.original import JUNK, SILENT, Original
 

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link import gossip, sync
-from mocha_link.actions import Send
-from mocha_link.document import Document
-from mocha_link.letters import Hello, Reception
-from mocha_link.metrics import Direction, SyncEnded, SyncTimedOut
-from mocha_link.team import Team
-from mocha_link.terms import shared_mark
+from mocha_link.links.metrics import Direction, SyncEnded, SyncTimedOut
+from mocha_link.node import gossip
+from mocha_link.node.actions import Send
+from mocha_link.store.config_hash import shared_mark
+from mocha_link.sync import frames as sync
+from mocha_link.sync.sync_messages import Hello, Reception
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 from tests.mocha_link.ether import Ether, OldNode
 
 TEXT = """\

@@ -6,7 +6,7 @@ from collections import deque
 
 import pytest
 
-from mocha_link.pacing import BURST_S, START_PACKETS, Pacing, Phase
+from mocha_link.datagram.pacing import BURST_S, START_PACKETS, Pacing, Phase
 
 PACKET = 1_000
 MBIT = 125_000

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mocha_link import packet as wire
-from mocha_link.packet import ACK_DELAY_S, WINDOW, Arrivals, Packet
+from mocha_link.datagram import packet as wire
+from mocha_link.datagram.packet import ACK_DELAY_S, WINDOW, Arrivals, Packet
 
 TOKEN = b"abcdef"
 FAST = settings(deadline=None, max_examples=100)

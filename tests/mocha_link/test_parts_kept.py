@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.database import Database
-from mocha_link.metrics import MessageStored
-from mocha_link.shelf import SAVE_BYTES, SAVE_S, Saved, Shelf
-from mocha_link.storage import Storage
-from mocha_link.sync import long_id
-from mocha_link.team import Team
-from mocha_link.terms import Terms
+from mocha_link.links.metrics import MessageStored
+from mocha_link.store.config_hash import Terms
+from mocha_link.store.database import Database
+from mocha_link.store.reassembly_buffer import SAVE_BYTES, SAVE_S, Saved, Shelf
+from mocha_link.store.storage import Storage
+from mocha_link.sync.frames import long_id
+from mocha_link.team.team import Team
 from tests.mocha_link.conftest import TEAM
 from tests.mocha_link.ether import Ether
 
@@ -298,9 +298,9 @@ def test_a_file_that_is_out_of_reach_for_a_while_forgets_the_parts_from_before(t
 
 KILLED = """
 import sys, time
-from mocha_link.database import Database
-from mocha_link.shelf import SAVE_BYTES, Shelf
-from mocha_link.storage import Storage
+from mocha_link.store.database import Database
+from mocha_link.store.reassembly_buffer import SAVE_BYTES, Shelf
+from mocha_link.store.storage import Storage
 storage = Storage(sys.argv[1])
 database = Database(storage=storage)
 shelf = Shelf(keeper=database.keeper, saved=database.take_parts())

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link import payload
-from mocha_link.payload import PayloadError, Trailer
+from mocha_link.store import payload
+from mocha_link.store.payload import PayloadError, Trailer
 
 STAMP_MS = 1_795_175_905_123
 SIGNATURE = bytes(range(64))

@@ -14,22 +14,22 @@ from dataclasses import replace
 import pytest
 import zmq
 
-from mocha_link import letters, sync
-from mocha_link import port as port_module
-from mocha_link.curve import CurveUnavailableError
-from mocha_link.letters import Have
-from mocha_link.metrics import Direction, SyncEnded
-from mocha_link.port import (
+from mocha_link.errors import ListenError, PortInUseError
+from mocha_link.links.metrics import Direction, SyncEnded
+from mocha_link.node import port as port_module
+from mocha_link.node.curve import CurveUnavailableError
+from mocha_link.node.port import (
     DATAGRAM_BYTES,
     MAX_REQUEST_BYTES,
     QUEUE_REPLIES,
     QUEUE_REQUESTS,
-    ListenError,
     Port,
-    PortInUseError,
 )
-from mocha_link.team import Robot
-from mocha_link.terms import shared_mark
+from mocha_link.store.config_hash import shared_mark
+from mocha_link.sync import frames as sync
+from mocha_link.sync import sync_messages as letters
+from mocha_link.sync.sync_messages import Have
+from mocha_link.team.team import Robot
 from tests.mocha_link.conftest import free_ports, own_host
 
 WAIT_MS = 20_000
@@ -390,7 +390,7 @@ def test_an_address_that_comes_later(context, titan, caplog):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux binds to what is not there yet")
 def test_another_system_says_that_an_address_is_not_there(context, titan, monkeypatch):
-    monkeypatch.setattr("mocha_link.kernel._IP_FREEBIND", 9999)  # unknown, as there
+    monkeypatch.setattr("mocha_link.node.kernel._IP_FREEBIND", 9999)  # unknown, as there
     with pytest.raises(ListenError, match="set 'listen' of titan to"):
         Port(context, replace(titan, listen="203.0.113.7"), "io", None)
 

@@ -18,16 +18,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from prometheus_client.parser import text_string_to_metric_families
 
-from mocha_link import prometheus
-from mocha_link.metrics import LinkMetrics, LinkState
-from mocha_link.prometheus import (
+from mocha_link.links.metrics import LinkMetrics, LinkState
+from mocha_link.links.reading import Reading, Unit
+from mocha_link.service import prometheus
+from mocha_link.service.prometheus import (
     CONTENT_TYPE,
     MAX_CONNECTIONS,
     PrometheusError,
     PrometheusServer,
     exposition,
 )
-from mocha_link.reading import Reading, Unit
 
 IO = LinkMetrics(
     "io",
@@ -181,7 +181,7 @@ def test_a_node_of_the_command_line(field, tmp_path):
     command = [str(team), "--robot", "io", "--json", "--prometheus", f"{field.host}:0"]
     with (
         subprocess.Popen(
-            [sys.executable, "-m", "mocha_link.cli", "node", *command],
+            [sys.executable, "-m", "mocha_link.cli.cli", "node", *command],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -7,10 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.clock import Instant
-from mocha_link.database import Database, Record
-from mocha_link.header import Header
-from mocha_link.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.protocol import ServerSession
+from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.record import Record
+from mocha_link.sync.protocol import ServerSession
 
 OUT = Direction.OUT
 ID = b"\0\xffabcd"

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from mocha_link import batch, payload
-from mocha_link.database import Database, Record
-from mocha_link.header import Header
-from mocha_link.payload import PayloadError
-from mocha_link.publisher import LEAP_MS, Publisher
+from mocha_link.node.publisher import LEAP_MS, Publisher
+from mocha_link.store import batch, payload
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.payload import PayloadError
+from mocha_link.store.record import Record
 
 T = 1_795_175_900.0
 

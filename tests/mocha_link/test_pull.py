@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link.actions import Dial
-from mocha_link.document import Document
-from mocha_link.gossip import LEAST_BUDGET
-from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.pull import MAX_MISSES, RETRY_EVERY
-from mocha_link.team import Team
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.node.actions import Dial
+from mocha_link.node.gossip import LEAST_BUDGET
+from mocha_link.sync.pull import MAX_MISSES, RETRY_EVERY
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 from tests.mocha_link.ether import Carried, Ether, OldNode
 
 FAR_S = 0.05  # half a round trip

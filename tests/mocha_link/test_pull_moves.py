@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mocha_link.metrics import Direction, SyncTimedOut
+from mocha_link.links.metrics import Direction, SyncTimedOut
 from tests.mocha_link.ether import Carried, Ether
 from tests.mocha_link.test_pull import noise, until_some_came
 

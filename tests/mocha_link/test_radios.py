@@ -15,7 +15,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from mocha_link.document import DocumentError
 from mocha_link.radios import (
     ManualRadio,
     MavlinkRadio,
@@ -36,7 +35,8 @@ from mocha_link.radios import (
 from mocha_link.radios.factory import peers_by_radio
 from mocha_link.radios.mavlink import parse_radio_status
 from mocha_link.radios.reports import MAX_LINE_BYTES, Lines
-from mocha_link.team import UnknownRobotError
+from mocha_link.team.document import DocumentError
+from mocha_link.team.team import UnknownRobotError
 
 WAIT_S = 60
 

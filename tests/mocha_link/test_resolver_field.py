@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mocha_link.resolver import FRESH_S, RETRY_S
+from mocha_link.node.resolver import FRESH_S, RETRY_S
 from tests.mocha_link.test_resolver import Woken, names, time_s
 
 __all__ = ["names", "time_s"]  # fixtures

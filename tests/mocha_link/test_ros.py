@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from mocha_link import ros_store
-from mocha_link.ros import RosCodec, RosError
+from mocha_link.ros import ros_store
+from mocha_link.ros.ros import RosCodec, RosError
 
 CAPTURED = json.loads((Path(__file__).parents[1] / "data/mocha/ros_payloads.json").read_text())
 CAPTURED_BYTES = {ros: bytes.fromhex(CAPTURED[f"ros{ros}"]) for ros in (1, 2)}

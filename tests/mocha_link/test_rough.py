@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link.document import Document
-from mocha_link.team import Team
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 from tests.mocha_link.conftest import TEAM
 from tests.mocha_link.ether import NAMES, Carried, Ether
 

@@ -10,24 +10,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link import packet as wire
-from mocha_link import payload
-from mocha_link.acquaintance import Acquaintance
 from mocha_link.clock import Instant
-from mocha_link.credit import GRANT, MAX_CHUNK, MIN_CHUNK
-from mocha_link.database import Database, Record
-from mocha_link.datagram import Flow
-from mocha_link.document import Document
-from mocha_link.feed import MIN_ROOM
-from mocha_link.header import Header
-from mocha_link.intake import Intake
-from mocha_link.letters import Have, Hello, Open, Reception
-from mocha_link.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.protocol import ID_BYTES, PATIENCE_S
-from mocha_link.server import Server
-from mocha_link.shelf import Shelf
-from mocha_link.sync import HELLO, OPEN, Letters, letter_frames
-from mocha_link.team import Team
+from mocha_link.datagram import packet as wire
+from mocha_link.datagram.datagram import Flow
+from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.store import payload
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.reassembly_buffer import Shelf
+from mocha_link.store.record import Record
+from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
+from mocha_link.sync.frames import HELLO, OPEN, Letters, letter_frames
+from mocha_link.sync.peer_state import Acquaintance
+from mocha_link.sync.protocol import ID_BYTES, PATIENCE_S
+from mocha_link.sync.server import Server
+from mocha_link.sync.sync_messages import Have, Hello, Open, Reception
+from mocha_link.sync.sync_receiver import Intake
+from mocha_link.sync.sync_sender import MIN_ROOM
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 
 NOW_S = 1_795_175_900.0
 TOPICS = 100

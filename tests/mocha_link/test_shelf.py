@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.shelf import MAX_RANGES, Partial, Shelf
+from mocha_link.store.reassembly_buffer import MAX_RANGES, Partial, Shelf
 
 WHOLE = random.Random(1).randbytes(1_000)
 

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from mocha_link import keys, payload
-from mocha_link.header import Header
-from mocha_link.keys import KeyMismatchError, KeysUnavailableError, SecretKey
-from mocha_link.payload import PayloadError
-from mocha_link.signature import SignatureError, Signer, Verifier
-from mocha_link.team import Team, Trust
+from mocha_link.store import payload
+from mocha_link.store.header import Header
+from mocha_link.store.payload import PayloadError
+from mocha_link.store.signature import SignatureError, Signer, Verifier
+from mocha_link.team import keys
+from mocha_link.team.keys import KeyMismatchError, KeysUnavailableError, SecretKey
+from mocha_link.team.team import Team, Trust
 
 STAMP_MS = 1_795_175_905_123
 TITAN, IO = SecretKey(b"t" * 32), SecretKey(b"i" * 32)

@@ -17,11 +17,12 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link import storage_file
-from mocha_link.database import Database, Knowledge, Record
-from mocha_link.header import Header
-from mocha_link.publisher import LEAP_MS, Publisher
-from mocha_link.storage import (
+from mocha_link.node.publisher import LEAP_MS, Publisher
+from mocha_link.store import storage_file
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.storage import (
     Storage,
     StorageDamagedError,
     StorageForeignError,

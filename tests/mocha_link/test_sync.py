@@ -9,8 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link import letters, sync
-from mocha_link.letters import (
+from mocha_link.store import payload
+from mocha_link.sync import frames as sync
+from mocha_link.sync import sync_messages as letters
+from mocha_link.sync.frames import LARGE_BYTES, FrameError
+from mocha_link.sync.sync_messages import (
     VERSION,
     Answer,
     Digest,
@@ -23,7 +26,6 @@ from mocha_link.letters import (
     VersionError,
     Wish,
 )
-from mocha_link.sync import LARGE_BYTES, FrameError
 
 U64 = st.integers(0, 2**64 - 1)
 LONG = st.builds(sync.long_id, st.integers(0, 255), st.integers(0, 255), st.integers(0, 2**47 - 1))
@@ -182,7 +184,7 @@ def test_a_frame_of_chunks_is_all_there_or_refused(cut):
         ([], [(1, 100, 0, 101)], 101),
         ([], [(1, 100, 2**32 - 1, 1)], 1),
         ([], [(1, 100, 0, 0)], 0),
-        ([], [(1, sync.MAX_BODY_BYTES + 1, 0, 1)], 1),
+        ([], [(1, payload.MAX_BODY_BYTES + 1, 0, 1)], 1),
         ([], [(1 << 47, 100, 0, 1)], 1),
     ],
 )

@@ -9,8 +9,8 @@ from unittest import mock
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link import intake
-from mocha_link.acquaintance import record_id
+from mocha_link.sync import sync_receiver as intake
+from mocha_link.sync.peer_state import record_id
 from tests.mocha_link.network import START_MS, Node, Pull, history
 
 

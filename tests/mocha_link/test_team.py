@@ -6,8 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link.document import Document, DocumentError
-from mocha_link.team import Priority, Team, Trigger, Trust, UnknownRobotError, UnknownTopicError
+from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.team import (
+    Priority,
+    Team,
+    Trigger,
+    Trust,
+    UnknownRobotError,
+    UnknownTopicError,
+)
 
 PATH = Path("team.yaml")
 TEXT = """\

@@ -8,9 +8,10 @@ import threading
 import pytest
 import zmq
 
-from mocha_link.endpoint import bind
-from mocha_link.port import ListenError, PortInUseError
-from mocha_link.telemetry import MetricsError, MetricsServer, watch
+from mocha_link.errors import ListenError, PortInUseError
+from mocha_link.service.endpoint import bind
+from mocha_link.service.metrics_client import MetricsError, watch
+from mocha_link.service.telemetry import MetricsServer
 
 
 @pytest.fixture

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link.document import Document
-from mocha_link.metrics import StorageFailed
-from mocha_link.team import Team
-from mocha_link.terms import Terms
+from mocha_link.links.metrics import StorageFailed
+from mocha_link.store.config_hash import Terms
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 from tests.mocha_link.conftest import TEAM
 from tests.mocha_link.test_node_storage import pull, running
 

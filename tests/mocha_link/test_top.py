@@ -21,13 +21,13 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link import top_command
-from mocha_link.cli import main
-from mocha_link.endpoint import bind
-from mocha_link.metrics import LinkMetrics, LinkState
-from mocha_link.reading import Reading, Unit
-from mocha_link.telemetry import MetricsServer, as_fields
-from mocha_link.top import Picture, Size, Style
+from mocha_link.cli import top_command
+from mocha_link.cli.cli import main
+from mocha_link.cli.monitor import Picture, Size, Style
+from mocha_link.links.metrics import LinkMetrics, LinkState
+from mocha_link.links.reading import Reading, Unit
+from mocha_link.service.endpoint import bind
+from mocha_link.service.telemetry import MetricsServer, as_fields
 
 WAIT_S = 60
 T = 1_795_175_900.0
@@ -214,7 +214,7 @@ class Terminal:
         self.keys = termios.tcgetattr(slave)
         self.resize(size)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "mocha_link.cli", *command],
+            [sys.executable, "-m", "mocha_link.cli.cli", *command],
             stdin=slave,
             stdout=slave,
             stderr=slave,

@@ -12,16 +12,11 @@ from pathlib import Path
 import pytest
 import zmq
 
-from mocha_link.gossip import Gossip
-from mocha_link.metrics import (
-    Direction,
-    MessageStored,
-    SyncEnded,
-    SyncStarted,
-)
-from mocha_link.node import Node
-from mocha_link.pull import LOOK_S
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted
+from mocha_link.node.gossip import Gossip
+from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
+from mocha_link.sync.pull import LOOK_S
 from tests.mocha_link.conftest import WAIT_S, free_ports
 
 IN, OUT = Direction.IN, Direction.OUT

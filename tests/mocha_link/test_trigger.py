@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.metrics import ContactBegan, ContactEnded
-from mocha_link.reading import RadioError, Reading, Unit
-from mocha_link.team import Trigger
-from mocha_link.trigger import MAX_SOURCES, SyncTrigger
+from mocha_link.errors import RadioError
+from mocha_link.links.metrics import ContactBegan, ContactEnded
+from mocha_link.links.reading import Reading, Unit
+from mocha_link.links.trigger import MAX_SOURCES, SyncTrigger
+from mocha_link.team.team import Trigger
 
 SETTINGS = Trigger(
     rssi_threshold_dbm=-75,

@@ -10,12 +10,12 @@ import pytest
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from mocha_link import typed
-from mocha_link.document import Document
-from mocha_link.node import Node
-from mocha_link.ros import RosError
-from mocha_link.team import Team
-from mocha_link.typed import Typed, TypedError
+from mocha_link.node.node import Node
+from mocha_link.ros import typed
+from mocha_link.ros.ros import RosError
+from mocha_link.ros.typed import Typed, TypedError
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 
 TEAM = """\
 robots:
@@ -85,8 +85,8 @@ def test_a_definition_that_is_none():
 
 
 def test_without_the_extra(team, monkeypatch, caplog):
-    monkeypatch.setitem(sys.modules, "mocha_link.ros_json", None)  # as if rosbags were missing
-    monkeypatch.delitem(sys.modules, "mocha_link.ros")
+    monkeypatch.setitem(sys.modules, "mocha_link.ros.ros_json", None)  # as if rosbags were missing
+    monkeypatch.delitem(sys.modules, "mocha_link.ros.ros")
     types = typed.Typed(team)
     assert "need the extra 'ros'" in caplog.text
     sent = message(team, "one", "/pose", b"bytes")

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link import upstream
-from mocha_link.cli import main
-from mocha_link.document import DocumentError
-from mocha_link.team import Team, UnknownRobotError
+from mocha_link.cli.cli import main
+from mocha_link.team import upstream
+from mocha_link.team.document import DocumentError
+from mocha_link.team.team import Team, UnknownRobotError
 
 DATA = Path(__file__).parents[1] / "data/mocha"
 ROBOTS = """\

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link.document import Document
-from mocha_link.protocol import GDATA
-from mocha_link.team import Team
+from mocha_link.sync.protocol import GDATA
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 from tests.mocha_link.ether import Ether
 
 A, B, C = range(3)

@@ -14,7 +14,7 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.zmtp import Connection, ZmtpError
+from mocha_link.node.zmtp import Connection, ZmtpError
 
 WAIT_MS = 20_000
 LIMIT = 1024 * 1024

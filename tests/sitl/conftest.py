@@ -5,9 +5,9 @@ from typing import NamedTuple
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl.mavlink_vehicle import STEP_S, MavlinkVehicle, VehicleSettings
-from sitl.notice import Notice, Severity
-from sitl.situation import Place
+from sitl.mavlink.mavlink_vehicle import STEP_S, MavlinkVehicle, VehicleSettings
+from sitl.px4sim.state.notice import Notice, Severity
+from sitl.px4sim.state.situation import Place
 
 HOME = Place(47.397742, 8.545594, 489.4)
 GROUND_STATION = (255, 190)

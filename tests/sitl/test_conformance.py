@@ -7,9 +7,9 @@ import threading
 import pytest
 
 from air_router.errors import ExitCode
-from sitl import cli
+from sitl.cli import cli
 from sitl.conformance.beside import beside
-from sitl.conformance.book import CONVERSATIONS
+from sitl.conformance.cases.all_cases import CONVERSATIONS
 from sitl.conformance.conversation import Conversation, Outcome, Start, converse
 from sitl.conformance.expectations import Event, Hear, InMode, Silence, StaysInMode, Text
 from sitl.conformance.flight_steps import Arrives, Disarmed, Furthest, Landed, Speed, Stays
@@ -19,10 +19,10 @@ from sitl.conformance.parameter_steps import ListParameters, Rates, ReadParamete
 from sitl.conformance.plan_steps import ClearAll, Download, Mission, Requests, Upload, waypoint
 from sitl.conformance.steps import Command, SetMode
 from sitl.conformance.udp_line import UdpLine
-from sitl.mavlink_vehicle import VehicleSettings
-from sitl.situation import Place
-from sitl.udp_link import PortInUseError
-from sitl.vehicle import Ports, VehicleProcess
+from sitl.mavlink.mavlink_vehicle import VehicleSettings
+from sitl.mavlink.udp_link import PortInUseError
+from sitl.process.vehicle import Ports, VehicleProcess
+from sitl.px4sim.state.situation import Place
 
 HOME = Place(47.397742, 8.545594, 489.4)
 

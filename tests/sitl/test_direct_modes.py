@@ -5,10 +5,15 @@ import types
 
 import pytest
 
-from sitl.direct_control import Direct, Reach, direct_velocity
-from sitl.px4_modes import FlightMode
-from sitl.setpoint_messages import RefusedSetpointError, global_setpoint, local_setpoint, sticks
-from sitl.sticks import shaped
+from sitl.mavlink.setpoint_messages import (
+    RefusedSetpointError,
+    global_setpoint,
+    local_setpoint,
+    sticks,
+)
+from sitl.px4sim.modes.sticks import shaped
+from sitl.px4sim.motion.direct_control import Direct, Reach, direct_velocity
+from sitl.px4sim.state.px4_modes import FlightMode
 
 NOTHING_SET = 0x0FFF
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sitl.dynamics import Multirotor, Wanted
-from sitl.guidance import (
+from sitl.px4sim.motion.dynamics import Multirotor, Wanted
+from sitl.px4sim.motion.guidance import (
     Pace,
     Setpoint,
     SetpointKind,
@@ -13,7 +13,7 @@ from sitl.guidance import (
     braking_distance,
     wanted_velocity,
 )
-from sitl.projection import MapProjection
+from sitl.px4sim.motion.projection import MapProjection
 
 STEP_S = 0.02
 

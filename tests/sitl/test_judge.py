@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Point, Polygon
 
-from sitl.rehearsal.acceptance import ACCEPTED, End, accepted
-from sitl.rehearsal.evidence import Evidence, Happening, Line, Sample, What, WireMessage
-from sitl.rehearsal.judge_flight import judge
-from sitl.rehearsal.judge_space import room_m
-from sitl.rehearsal.judge_track import LAND_MODE, By
-from sitl.rehearsal.mission_reader import Area, Frame, read_mission
+from sitl.rehearsal.judge.acceptance import ACCEPTED, End, accepted
+from sitl.rehearsal.judge.evidence import Evidence, Happening, Line, Sample, What, WireMessage
+from sitl.rehearsal.judge.judge_flight import judge
+from sitl.rehearsal.judge.judge_space import room_m
+from sitl.rehearsal.judge.judge_track import LAND_MODE, By
+from sitl.rehearsal.judge.mission_reader import Area, Frame, read_mission
 
 ROOT = Path(__file__).parents[2]
 HOLD, MISSION, RETURN = 0x03040000, 0x04040000, 0x05040000
@@ -429,7 +429,7 @@ def test_hours_of_zones():
 
 
 def test_the_judge_imports_nothing_of_what_it_judges():
-    waiting, seen = ["sitl.rehearsal.judge_flight"], set()
+    waiting, seen = ["sitl.rehearsal.judge.judge_flight"], set()
     while waiting:
         module = waiting.pop()
         path = ROOT.joinpath(*module.split(".")).with_suffix(".py")

@@ -4,8 +4,8 @@ import dataclasses
 
 import pytest
 
-from sitl.rehearsal.evidence import Happening, What, WireMessage
-from sitl.rehearsal.judge_flight import judge
+from sitl.rehearsal.judge.evidence import Happening, What, WireMessage
+from sitl.rehearsal.judge.judge_flight import judge
 from tests.sitl.test_judge import FRAME, MISSION, ROUND, THROUGH, evidence, goto, track
 
 FLOWN = track((*ROUND, *ROUND))

@@ -5,7 +5,7 @@ from queue import SimpleQueue
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from sitl.rehearsal.acceptance import ACCEPTED
+from sitl.rehearsal.judge.acceptance import ACCEPTED
 from sitl.rehearsal.programs.flight import RealFlight
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import CLASSES, wire_scenes

@@ -8,10 +8,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl.mavlink_codec import DEFINITIONS, Receiver, Sender
-from sitl.notice import Notice, Severity
-from sitl.outgoing import Outgoing
-from sitl.parameters import Parameters, UnknownParameterError
+from sitl.mavlink.mavlink_codec import DEFINITIONS, Receiver, Sender
+from sitl.px4sim.state.notice import Notice, Severity
+from sitl.px4sim.state.outgoing import Outgoing
+from sitl.px4sim.state.parameters import Parameters, UnknownParameterError
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
 

@@ -5,15 +5,15 @@ import socket
 
 import pytest
 
-from air_router.pace import ALLOWANCE_S, PaceClient, PaceSource, line
-from air_router.vehicle import FlightMode, LinkSilent, Telemetry
+from air_router.vehicle.pace import ALLOWANCE_S, PaceClient, PaceSource, line
+from air_router.vehicle.vehicle import FlightMode, LinkSilent, Telemetry
 from geo.frame import Point
-from sitl import pace as pace_rules
-from sitl.mavlink_vehicle import STEP_S, VehicleSettings
-from sitl.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
-from sitl.pace_link import FollowedPace, PaceServer
-from sitl.situation import Place
-from sitl.vehicle import Ports, VehicleProcess
+from sitl.mavlink.mavlink_vehicle import STEP_S, VehicleSettings
+from sitl.process import pace as pace_rules
+from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
+from sitl.process.pace_link import FollowedPace, PaceServer
+from sitl.process.vehicle import Ports, VehicleProcess
+from sitl.px4sim.state.situation import Place
 
 HOME = Place(39.94, -75.2, 6.7)
 FAST = 100.0

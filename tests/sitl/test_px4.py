@@ -10,10 +10,16 @@ import time
 
 import pytest
 
-from sitl import cli
-from sitl.px4_install import BuiltPx4, ContainedPx4, NoPx4Error, find_px4
-from sitl.px4_process import PortsInUseError, Px4Error, Px4Process, Px4Settings, environment
-from sitl.situation import Place
+from sitl.cli import cli
+from sitl.process.px4_install import BuiltPx4, ContainedPx4, NoPx4Error, find_px4
+from sitl.process.px4_process import (
+    PortsInUseError,
+    Px4Error,
+    Px4Process,
+    Px4Settings,
+    environment,
+)
+from sitl.px4sim.state.situation import Place
 
 HOME = Place(40.4406, -79.9959, 280.0)
 LIMIT_S = 60
@@ -177,7 +183,7 @@ class TestProcess:
     def test_an_instance_that_has_just_begun_elsewhere(
         self, build, free_instance, tmp_path, monkeypatch
     ):
-        monkeypatch.setattr("sitl.px4_process._LOCK", str(tmp_path / "lock"))
+        monkeypatch.setattr("sitl.process.px4_process._LOCK", str(tmp_path / "lock"))
         holds = "import fcntl, sys; f = open(sys.argv[1], 'w'); fcntl.lockf(f, fcntl.LOCK_EX);"
         holds += "print(flush=True); sys.stdin.read()"
         with subprocess.Popen(

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sitl.radio import Antenna, RadioModel
+from sitl.world.radio import Antenna, RadioModel
 
 UAV = Antenna(0.0, 0.0, 40.0, on_ground=False)
 

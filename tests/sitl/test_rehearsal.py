@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from sitl.rehearsal.acceptance import ACCEPTED, End
 from sitl.rehearsal.command import fly
-from sitl.rehearsal.evidence import What
 from sitl.rehearsal.faults import FLIGHTS, PHASES, Fault, Scene, scenes
-from sitl.rehearsal.judge_flight import Verdict
-from sitl.rehearsal.judge_track import By, Violation
+from sitl.rehearsal.judge.acceptance import ACCEPTED, End
+from sitl.rehearsal.judge.evidence import What
+from sitl.rehearsal.judge.judge_flight import Verdict
+from sitl.rehearsal.judge.judge_track import By, Violation
 from sitl.rehearsal.misfortunes import Misfortune
 from sitl.rehearsal.report import table
-from sitl.rehearsal.stage import Stage
+from sitl.rehearsal.script import stage_of
 from sitl.rehearsal.stand_ins.loop import SimulatedLoop
 
 VALUE = {"pilot": "AUTO_LOITER", "kill": None, "reboot": 1.0, "disarm": True}
@@ -45,7 +45,7 @@ def test_the_real_program_brings_it_home_or_leaves_it_to_the_pilot(fault, seed, 
 
 
 def test_the_same_seed_is_the_same_flight():
-    first, second = (Stage(Scene(Fault.LOSS_5, 8), PENNOVATION).fly() for _ in range(2))
+    first, second = (stage_of(Scene(Fault.LOSS_5, 8), PENNOVATION).fly() for _ in range(2))
     assert first.samples == second.samples
     assert [(m.time_s, m.name, m.delivered) for m in first.messages] == [
         (m.time_s, m.name, m.delivered) for m in second.messages
@@ -54,7 +54,7 @@ def test_the_same_seed_is_the_same_flight():
 
 
 def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later():
-    evidence = Stage(Scene(Fault.STOPPED, 4), PENNOVATION).fly()
+    evidence = stage_of(Scene(Fault.STOPPED, 4), PENNOVATION).fly()
     stopped, going = (
         next(h.time_s for h in evidence.happenings if h.what is what)
         for what in (What.STOPPED, What.CONTINUED)
@@ -77,7 +77,7 @@ def test_whatever_can_happen_happens(monkeypatch):
         for n, what in enumerate(LAST, 1)
     ]
     monkeypatch.setattr(Scene, "misfortunes", lambda _: list(happen))
-    evidence = Stage(Scene(Fault.NONE, 0), PENNOVATION).fly()
+    evidence = stage_of(Scene(Fault.NONE, 0), PENNOVATION).fly()
     told = {h.value for h in evidence.happenings if h.what is What.FAULT}
     assert told >= {*kinds, *LAST} - {"reject"}
     assert {What.PILOT, What.HOME_MOVED, What.KILLED, What.DISARMED} <= {

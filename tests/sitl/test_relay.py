@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from sitl.relay import Relay, RelayedPair, RelayError
+from sitl.team.relay import Relay, RelayedPair, RelayError
 
 WAIT_S = 60.0
 SILENCE_S = 0.3  # how long nothing may come while a link is cut

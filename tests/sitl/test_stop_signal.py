@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from sitl.stop_signal import stop_signal
+from sitl.process.stop_signal import stop_signal
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -17,17 +17,17 @@ import zmq
 from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.messages import PoseMessage
-from air_router.mission import load_mission
+from air_router.mission.loading import load_mission
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.grid import GridPatch, SemanticGrid, Terrain
-from mocha_link.metrics import MessageStored
-from mocha_link.node import Node
-from mocha_link.team import Team
-from sitl.cli import main
-from sitl.free_ports import derive_team
-from sitl.team import Places, TeamSimulation, crew_of
-from sitl.truth import VehicleState
-from sitl.world_file import load_world
+from mocha_link.links.metrics import MessageStored
+from mocha_link.node.node import Node
+from mocha_link.team.team import Team
+from sitl.cli.cli import main
+from sitl.px4sim.motion.truth import VehicleState
+from sitl.team.free_ports import derive_team
+from sitl.team.team import Places, TeamSimulation, crew_of
+from sitl.world.world_file import load_world
 
 ROOT = Path(__file__).parents[2]
 MISSION = ROOT / "missions" / "pennovation" / "mission.yaml"
@@ -286,7 +286,7 @@ def simulation(tmp_path, mission):
 
 
 def test_without_a_vehicle_it_waits_and_says_so(simulation, monkeypatch, caplog):
-    monkeypatch.setattr("sitl.team._SILENCE_NOTE_S", 0.0)
+    monkeypatch.setattr("sitl.team.team._SILENCE_NOTE_S", 0.0)
     stop = threading.Event()
     runner = threading.Thread(target=simulation.run, args=(stop.is_set,))
     with caplog.at_level("WARNING"):

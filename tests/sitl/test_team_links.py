@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from mocha_link.metrics import Direction, MessageStored, SyncEnded, SyncTimedOut
-from mocha_link.node import Node
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncTimedOut
+from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
-from mocha_link.team import Team
-from sitl.free_ports import derive_team
-from sitl.relay import Relay, relayed_pairs
+from mocha_link.team.team import Team
+from sitl.team.free_ports import derive_team
+from sitl.team.relay import Relay, relayed_pairs
 
 TEAM = Path(__file__).parents[2] / "missions" / "pennovation" / "team.yaml"
 WAIT_S = 60.0

@@ -4,12 +4,12 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from mocha_link.team import Team
-from sitl.free_ports import NoFreePortsError, derive_team
-from sitl.radio_readings import RadioReadings
-from sitl.relay import relayed_pairs
-from sitl.truth import TruthError, TruthParser, TruthReceiver
-from sitl.world import Reading
+from mocha_link.team.team import Team
+from sitl.px4sim.motion.truth import TruthError, TruthParser, TruthReceiver
+from sitl.team.free_ports import NoFreePortsError, derive_team
+from sitl.team.radio_readings import RadioReadings
+from sitl.team.relay import relayed_pairs
+from sitl.world.world import Reading
 
 TEAM = Path(__file__).parents[2] / "missions" / "pennovation" / "team.yaml"
 WAIT_S = 60.0
@@ -56,7 +56,7 @@ def test_every_ordered_pair_of_a_team_is_relayed_where_the_client_dials(team):
 
 
 def test_when_nothing_is_free_it_says_so(team, tmp_path, monkeypatch):
-    monkeypatch.setattr("sitl.free_ports._free", lambda *_: False)
+    monkeypatch.setattr("sitl.team.free_ports._free", lambda *_: False)
     with pytest.raises(NoFreePortsError, match=r"127\.0\.0\.0/8"):
         derive_team(team, tmp_path)
 

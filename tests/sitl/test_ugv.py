@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geo.frame import Point
-from sitl.ugv import SIGHT_M, GroundRobot, Patrol
+from sitl.world.ugv import SIGHT_M, GroundRobot, Patrol
 
 SQUARE = (Point(0, 0), Point(0, 100), Point(100, 100), Point(100, 0))
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl.cli import main
-from sitl.truth import TruthReceiver
-from sitl.udp_link import PortInUseError, UdpLink
-from sitl.vehicle import px4_ports
+from sitl.cli.cli import main
+from sitl.mavlink.udp_link import PortInUseError, UdpLink
+from sitl.process.vehicle import px4_ports
+from sitl.px4sim.motion.truth import TruthReceiver
 
 MISSION = Path(__file__).parents[2] / "missions" / "pennovation" / "mission.yaml"
 LIMIT_S = 60

@@ -18,7 +18,7 @@ from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRaw
 from mavsdk.plugins.param.param import Param
 from mavsdk.plugins.telemetry.telemetry import Telemetry
 
-from sitl.projection import MapProjection
+from sitl.px4sim.motion.projection import MapProjection
 
 HOME = (47.397742, 8.545594, 489.4)
 SPEED = 20

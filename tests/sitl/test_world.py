@@ -5,12 +5,12 @@ import pytest
 
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from geo.frame import Geodetic, LocalFrame, Point
-from sitl.camera import Camera
-from sitl.clock import SimClock
-from sitl.radio import RadioModel
-from sitl.terrain import Raster, Scene
-from sitl.ugv import GroundRobot, Patrol
-from sitl.world import STEP_S, Every, Settings, Truth, World
+from sitl.team.clock import SimClock
+from sitl.world.camera import Camera
+from sitl.world.radio import RadioModel
+from sitl.world.terrain import Raster, Scene
+from sitl.world.ugv import GroundRobot, Patrol
+from sitl.world.world import STEP_S, Every, Settings, Truth, World
 
 FRAME = LocalFrame(Geodetic(40.0, -75.0))
 UNIX_S = 1_800_000_000.0

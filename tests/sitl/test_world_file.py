@@ -5,17 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from air_router.mapper import Mapper
-from air_router.mission import load_mission
+from air_router.gossip.mapper import Mapper
+from air_router.mission.loading import load_mission
+from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
 from geo.validity import Validity
-from geo.zone import Band, Circle, Zone
-from mocha_link.document import DocumentError
-from mocha_link.team import Team
-from sitl.team import crew_of, make_world
-from sitl.ugv import GroundRobot
-from sitl.world_file import load_world
+from mocha_link.team.document import DocumentError
+from mocha_link.team.team import Team
+from sitl.team.team import crew_of, make_world
+from sitl.world.ugv import GroundRobot
+from sitl.world.world_file import load_world
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 ROBOTS = ("callisto", "europa", "io")

@@ -17,7 +17,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from mocha_link import Team
-from sitl.free_ports import derive_team
+from sitl.team.free_ports import derive_team
 from tests.system.looker import CHROMIUM, OPTIONS
 
 ROOT = Path(__file__).parents[2]

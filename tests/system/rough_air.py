@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Literal, Self
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mocha_link.team import Robot, Team
+    from mocha_link.team.team import Robot, Team
 
 UP, DOWN = 0, 1  # from the asking side to the serving one, and back
 MEDIA = ("tcp", "udp")

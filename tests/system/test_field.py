@@ -21,18 +21,18 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from mocha_link import keys
-from mocha_link.document import Document
-from mocha_link.link_events import Direction, MessageStored, SyncEnded, SyncTimedOut
-from mocha_link.node import Node
+from mocha_link.links.link_events import Direction, MessageStored, SyncEnded, SyncTimedOut
+from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
-from mocha_link.team import Team
+from mocha_link.team import keys
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 from tests.mocha_link.conftest import free_ports, own_host
 from tests.system.rough_air import DOWN, Passage, RoughAir, Weather
 
 if TYPE_CHECKING:
-    from mocha_link.link_events import LinkEvent
-    from mocha_link.node import Message
+    from mocha_link.links.link_events import LinkEvent
+    from mocha_link.node.node import Message
 
 LOG = logging.getLogger(__name__)
 

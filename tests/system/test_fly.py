@@ -14,10 +14,10 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from air_router.control import ControlClient, ControlError
-from air_router.log import Log
-from air_router.mission import load_mission
-from air_router.replay import replay
+from air_router.control.control import ControlClient, ControlError
+from air_router.mission.loading import load_mission
+from air_router.record.log import Log
+from air_router.record.replay import replay
 from geo.frame import Point
 from mocha_link import Team
 from tests.system.conftest import find_port
@@ -49,7 +49,7 @@ class Watcher:
 def fly(command, udp_port, short_mission):
     def start(*more):
         return command(
-            "air_router.cli",
+            "air_router.cli.cli",
             "fly",
             short_mission,
             f"--connect=udpin://127.0.0.1:{udp_port}",
@@ -148,7 +148,7 @@ def test_a_flight_outlives_the_session_that_it_was_started_from(
     master, slave = pty.openpty()
     flight = subprocess.Popen(
         [
-            *(sys.executable, "-m", "air_router.cli", "fly", short_mission),
+            *(sys.executable, "-m", "air_router.cli.cli", "fly", short_mission),
             *(f"--connect=udpin://127.0.0.1:{udp_port}", "--json", "--control", endpoint),
         ],
         stdin=slave,
@@ -173,7 +173,7 @@ def test_a_flight_outlives_the_session_that_it_was_started_from(
 def test_a_team_that_is_killed_leaves_the_vehicle_on_its_route(command, short_mission):
     """All robots, their gossip nodes and radios are one process of `air-router sim`."""
     flight = command(
-        *("air_router.cli", "sim", short_mission, "--speed=20", "--duration=20", "--json")
+        *("air_router.cli.cli", "sim", short_mission, "--speed=20", "--duration=20", "--json")
     )
     flight.wait_for("READY -> INIT")
     (team,) = (pid for pid in children(flight.process.pid) if "team" in words_of(pid))

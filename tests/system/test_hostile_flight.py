@@ -12,10 +12,10 @@ import threading
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
-from air_router.control import ControlClient
-from air_router.page_address import SHOWN_AT, PageAddress
+from air_router.control.control import ControlClient
+from air_router.live.page_address import SHOWN_AT, PageAddress
 from mocha_link import ManualRadio, Node, Team
-from mocha_link.link_events import Direction, SyncEnded
+from mocha_link.links.link_events import Direction, SyncEnded
 from tests.stray_post import SIZE, body, post
 
 HOME = b'{"request":"home"}'
@@ -157,7 +157,7 @@ def test_strangers_move_nothing_and_end_nothing(vehicle, command, short_mission,
     vehicle(speed=3)
     control = free_port()
     flight = command(
-        *("air_router.cli", "fly", short_mission, "--arm", "--yes", "--json"),
+        *("air_router.cli.cli", "fly", short_mission, "--arm", "--yes", "--json"),
         *(f"--connect=udpin://127.0.0.1:{udp_port}", "--web", "0", "--control", control),
     )
     flight.wait_for("INIT -> ")

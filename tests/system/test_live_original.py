@@ -16,9 +16,10 @@ from pathlib import Path
 import lz4.frame
 import pytest
 
-from mocha_link import Node, upstream
-from mocha_link.metrics import Direction, SyncEnded
+from mocha_link import Node
+from mocha_link.links.metrics import Direction, SyncEnded
 from mocha_link.radios import ManualRadio
+from mocha_link.team import upstream
 from tests.mocha_link.conftest import Witness, free_ports, own_host
 
 pytestmark = pytest.mark.foreign_process

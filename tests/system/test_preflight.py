@@ -12,7 +12,7 @@ from mocha_link import Team
 def preflight(command, udp_port, short_mission):
     def start(*more, mission=short_mission):
         return command(
-            "air_router.cli",
+            "air_router.cli.cli",
             "preflight",
             mission,
             f"--connect=udpin://127.0.0.1:{udp_port}",
@@ -68,7 +68,7 @@ def test_whoever_is_no_px4_of_ours_is_named(command, heartbeats, free_udp_port, 
         if what is not None:
             heartbeats(port, **what)
         url = f"--connect=udpin://127.0.0.1:{port}"
-        looked.append((command("air_router.cli", "preflight", short_mission, url), said))
+        looked.append((command("air_router.cli.cli", "preflight", short_mission, url), said))
     for process, said in looked:
         assert process.finish()[0] == 4
         assert said in process.said

@@ -6,17 +6,24 @@ import math
 
 import pytest
 
-from air_router import px4_connection, px4_plan
-from air_router.clock import VehicleClock
 from air_router.errors import NotConfirmedError, NoVehicleError, PlanRefusedError
-from air_router.flight_plan import Command, FlightPlan, Frame
-from air_router.mission import load_mission
-from air_router.px4 import Px4Vehicle
-from air_router.px4_plan import _download, upload_plan
-from air_router.vehicle import FlightMode, ItemReached, PlanCompared, PlanReplaced, Telemetry
-from geo.airspace import Airspace
+from air_router.mission.flight_plan import Command, FlightPlan, Frame
+from air_router.mission.loading import load_mission
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.mavlink import px4_connection
+from air_router.vehicle.px4 import px4_plan
+from air_router.vehicle.px4.px4 import Px4Vehicle
+from air_router.vehicle.px4.px4_plan import _download, upload_plan
+from air_router.vehicle.vehicle import (
+    FlightMode,
+    ItemReached,
+    PlanCompared,
+    PlanReplaced,
+    Telemetry,
+)
+from geo.airspace.airspace import Airspace
+from geo.airspace.zone import Circle, Outline, Zone
 from geo.frame import Point
-from geo.zone import Circle, Outline, Zone
 from tests.system.conftest import find_port
 
 LIMIT_S = 240  # against hangs only

@@ -9,17 +9,17 @@ import itertools
 
 import pytest
 
-from air_router import px4_commands
-from air_router.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.clock import VehicleClock
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.events import CommandConfirmed
 from air_router.errors import ArmingRefusedError, NotConfirmedError
-from air_router.events import CommandConfirmed
-from air_router.flight_plan import FlightPlan
-from air_router.mission import load_mission
-from air_router.motions import MotionSender
-from air_router.px4 import Px4Vehicle
-from air_router.px4_motions import ATTEMPTS
-from air_router.vehicle import FlightMode
+from air_router.flight.motions import MotionSender
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.loading import load_mission
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.px4 import px4_commands
+from air_router.vehicle.px4.px4 import Px4Vehicle
+from air_router.vehicle.px4.px4_motions import ATTEMPTS
+from air_router.vehicle.vehicle import FlightMode
 from geo.frame import Point
 from tests.system.scripted_px4 import (
     ARM_DISARM,

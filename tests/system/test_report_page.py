@@ -9,16 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from air_router.actions import StateChanged
-from air_router.behaviour import Signal, State
-from air_router.flight_report.page import page_of
-from air_router.flight_report.story import story_of
-from air_router.flight_setup import FlightSetup
-from air_router.log import Entry, Note
-from air_router.mission import load_mission
-from air_router.vehicle import Telemetry
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import StateChanged
+from air_router.controller.model.behaviour import Signal, State
+from air_router.mission.loading import load_mission
+from air_router.record.log import Entry, Note
+from air_router.report.flight.flight_summary import story_of
+from air_router.report.flight.page import page_of
+from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
-from mocha_link.link_events import Direction, SyncEnded
+from mocha_link.links.link_events import Direction, SyncEnded
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 if CHROMIUM is None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sitl.px4_install import NoPx4Error, find_px4
+from sitl.process.px4_install import NoPx4Error, find_px4
 
 
 def gone(process_id):
@@ -20,7 +20,7 @@ def gone(process_id):
 
 
 def test_without_a_px4_it_says_what_to_install(command, short_mission):
-    flight = command("air_router.cli", "sim", short_mission, "--px4", "/no/such/px4")
+    flight = command("air_router.cli.cli", "sim", short_mission, "--px4", "/no/such/px4")
     code, out = flight.finish()
     assert (code, out) == (4, "")
     assert "Install one of these" in flight.said
@@ -29,7 +29,7 @@ def test_without_a_px4_it_says_what_to_install(command, short_mission):
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at processes as Linux has them")
 def test_a_killed_flight_takes_its_world_with_it(command, short_mission, tmp_path):
     logs = tmp_path / "logs"
-    flight = command("air_router.cli", "sim", short_mission, "--speed=10", "--log-dir", logs)
+    flight = command("air_router.cli.cli", "sim", short_mission, "--speed=10", "--log-dir", logs)
     flight.wait_for("on board and read back")
     tasks = Path(f"/proc/{flight.process.pid}/task")
     children = [
@@ -55,7 +55,7 @@ def real_px4():
 @pytest.mark.usefixtures("real_px4")
 def test_a_flight_on_a_real_px4(command, short_mission, tmp_path):
     flight = command(
-        *("air_router.cli", "sim", short_mission, "--px4", "--speed=5", "--duration=250"),
+        *("air_router.cli.cli", "sim", short_mission, "--px4", "--speed=5", "--duration=250"),
         *("--json", "--log-dir", tmp_path / "logs"),
     )
     code, out = flight.finish(300)

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from air_router.actions import Answered, Seeking, StateChanged
-from air_router.behaviour import State
-from air_router.control import ControlClient
-from air_router.log import read
-from air_router.mission import load_mission
-from air_router.replay import replay
-from air_router.requests import SeekNow
-from mocha_link.metrics import Direction, SyncEnded
+from air_router.control.control import ControlClient
+from air_router.controller.model.actions import Answered, Seeking, StateChanged
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.requests import SeekNow
+from air_router.mission.loading import load_mission
+from air_router.record.log import read
+from air_router.record.replay import replay
+from mocha_link.links.metrics import Direction, SyncEnded
 from tests.system.looker import Looker
 
 SPEED = 25
@@ -67,7 +67,7 @@ class Flight:
         self.sought = None
         self._control = f"ipc://{folder}/control"
         self._command = command(
-            "air_router.cli",
+            "air_router.cli.cli",
             "sim",
             mission,
             f"--speed={SPEED}",

@@ -17,8 +17,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
-from sitl.rehearsal.evidence import Evidence, Happening, Line, What
-from sitl.rehearsal.mission_reader import read_mission
+from sitl.rehearsal.judge.evidence import Evidence, Happening, Line, What
+from sitl.rehearsal.judge.mission_reader import read_mission
 from sitl.rehearsal.programs.processes import (
     Brake,
     Companion,

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from mocha_link import Team
-from sitl.free_ports import derive_team
-from sitl.rehearsal.evidence import Line
+from sitl.rehearsal.judge.evidence import Line
+from sitl.team.free_ports import derive_team
 
 _HURRIED: Final = (
     ("altitude_m: 40", "altitude_m: 20"),
@@ -45,7 +45,7 @@ class Companion:
     def __init__(self, arguments: list[str], folder: Path, now_s: Callable[[], float]) -> None:
         self._keyboard, terminal = pty.openpty()
         self.process = subprocess.Popen(  # noqa: S603 - our own program
-            [sys.executable, "-m", "air_router.cli", "fly", *arguments, "--json"],
+            [sys.executable, "-m", "air_router.cli.cli", "fly", *arguments, "--json"],
             cwd=folder,
             stdin=terminal,
             stdout=subprocess.PIPE,

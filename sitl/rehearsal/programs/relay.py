@@ -16,8 +16,8 @@ from typing import Any, Final, NamedTuple, Self
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl.pace_link import PaceServer
-from sitl.rehearsal.evidence import AUTOPILOT, Sample, WireMessage
+from sitl.process.pace_link import PaceServer
+from sitl.rehearsal.judge.evidence import AUTOPILOT, Sample, WireMessage
 
 _HEAD, _CHECKSUM, _SIGNATURE, _MAGIC = 10, 2, 13, 0xFD
 _HEARTBEAT, _HIL_STATE, _HIL_ACTUATORS = 0, 115, 93
@@ -159,7 +159,7 @@ class LossyRelay:
     """Passes datagrams both ways on a thread of its own, and keeps the world's pace.
 
     A busy machine must not change what happens: the vehicle's clock waits for this relay and for
-    who reports to it how far it has worked (`air_router.pace`).
+    who reports to it how far it has worked (`air_router.vehicle.pace`).
 
     Args:
         companion_port: Where the companion listens.

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from sitl.rehearsal.evidence import COMPANION, WireMessage
-from sitl.rehearsal.mission_reader import Pair
+from sitl.rehearsal.judge.evidence import COMPANION, WireMessage
+from sitl.rehearsal.judge.mission_reader import Pair
 from sitl.rehearsal.programs.relay import LossyRelay
 
 MODES: Final[Mapping[str, int]] = {

@@ -23,7 +23,12 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import (
 from mavsdk.plugins.mission_raw.mission_raw import MissionItem, MissionRaw, MissionRawResult
 
 from air_router.errors import NoVehicleError
-from air_router.px4_connection import COMPANION_COMPONENT, FIND_S, Plugins, Px4Connection
+from air_router.vehicle.mavlink.px4_connection import (
+    COMPANION_COMPONENT,
+    FIND_S,
+    Plugins,
+    Px4Connection,
+)
 
 AUTOPILOT: Final = 1
 ONBOARD_CONTROLLER: Final = 18  # MAV_TYPE

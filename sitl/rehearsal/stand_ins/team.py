@@ -10,8 +10,7 @@ from typing import Final
 from air_router.messages import POSE_TOPIC, PoseMessage
 from geo.frame import LocalFrame, Point
 from mocha_link import Message
-from mocha_link.header import Header
-from mocha_link.metrics import (
+from mocha_link.links.metrics import (
     Direction,
     LinkEvent,
     LinkMetrics,
@@ -19,7 +18,8 @@ from mocha_link.metrics import (
     SyncEnded,
     SyncStarted,
 )
-from mocha_link.team import Priority, Robot, Team
+from mocha_link.store.header import Header
+from mocha_link.team.team import Priority, Robot, Team
 
 HEARD_M: Final = 60.0
 SYNC_EVERY_S: Final = 2.0
@@ -27,7 +27,7 @@ _SIZE: Final = 100
 
 
 class NodeStandIn:
-    """What `air_router.gossip.Gossip` uses of a `mocha_link.Node`.
+    """What `air_router.gossip.gossip.Gossip` uses of a `mocha_link.Node`.
 
     Args:
         team: Who there is.

@@ -12,7 +12,7 @@ import aiohttp
 import pytest
 from yarl import URL
 
-from air_router.cli import main
+from air_router.cli.cli import main
 from air_router.editor.mission_text import MissionText
 from air_router.editor.server import EditorServer
 from air_router.editor.session import Session

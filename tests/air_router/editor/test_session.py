@@ -16,7 +16,7 @@ from air_router.editor.mission_text import ChangedOnDiskError, MissionText, Save
 from air_router.editor.session import Session, StaleError, UnconfirmedError
 from air_router.editor.starter import write_starter
 from air_router.errors import UsageError
-from mocha_link.document import DocumentError
+from mocha_link.team.document import DocumentError
 
 ROOT = Path(__file__).parents[3]
 INSIDE_ZONE_8 = (39.9424800, -75.2005500)

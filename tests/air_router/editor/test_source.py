@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from air_router.editor.json_nodes import json_nodes
-from air_router.editor.nodes import SourceError
-from air_router.editor.rendering import Digits, like, word
-from air_router.editor.source import Source
-from air_router.editor.splice import Splice, spliced
-from mocha_link.document import Document
+from air_router.editor.text.json_nodes import json_nodes
+from air_router.editor.text.nodes import SourceError
+from air_router.editor.text.rendering import Digits, like, word
+from air_router.editor.text.source import Source
+from air_router.editor.text.splice import Splice, spliced
+from mocha_link.team.document import Document
 
 PATH = Path("mission.yaml")
 NEW = (Digits("1.2345678"), Digits("-2.5000000"))

@@ -10,13 +10,13 @@ import aiohttp
 import pytest
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from air_router import watch_command
-from air_router.cli import main
+from air_router.cli import watch as watch_command
+from air_router.cli.cli import main
 from air_router.errors import ExitCode, UsageError
 from air_router.live.joint import JointPage
+from air_router.live.page import joint_page, shown_beside
+from air_router.live.page_address import PageAddress, Web
 from air_router.live.relay import MOST_BYTES
-from air_router.page import Web, joint_page, shown_beside
-from air_router.page_address import PageAddress
 from air_router.web.assets import Assets
 from air_router.web.audience import Audience
 from air_router.web.backdrop import Backdrop

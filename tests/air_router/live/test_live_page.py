@@ -9,20 +9,20 @@ import aiohttp
 import numpy as np
 import pytest
 
-from air_router.actions import Answered
-from air_router.behaviour import State
-from air_router.desk import Desk
+from air_router.controller.model.actions import Answered
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import AirspaceChanged
+from air_router.controller.model.requests import HoldNow
 from air_router.errors import UsageError
-from air_router.events import AirspaceChanged
+from air_router.flight.command_service import Desk
+from air_router.gossip.mapper import Mapper
 from air_router.live.ground import Ground
+from air_router.live.page import add_web, web_of
 from air_router.live.scene import MOST_NEWS, Scene
 from air_router.live.server import LivePage
-from air_router.mapper import Mapper
-from air_router.page import add_web, web_of
-from air_router.requests import HoldNow
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
-from mocha_link.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
+from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
 
 ROBOTS = {"callisto": Point(-150.0, 60.0), "europa": Point(75.0, -150.0), "io": Point(64.0, 0.0)}
 

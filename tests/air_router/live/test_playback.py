@@ -7,17 +7,17 @@ import aiohttp
 import numpy as np
 import pytest
 
-from air_router.behaviour import State
-from air_router.cli import main
+from air_router.cli.cli import main
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.behaviour import State
 from air_router.errors import ExitCode, RefusedError
-from air_router.flight_setup import FlightSetup
+from air_router.live.page_address import Web
 from air_router.live.playback import Film, Playback
 from air_router.live.server import LivePage
-from air_router.log import Entry, Note
-from air_router.page import Web
+from air_router.record.log import Entry, Note
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
-from mocha_link.metrics import LinkMetrics
+from mocha_link.links.metrics import LinkMetrics
 
 SEEK = ("callisto", "io")
 

@@ -15,10 +15,10 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
 from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, Bridge, Outbox
 from mocha_link.bridges.progress import Progress
-from mocha_link.metrics import MessageStored
-from mocha_link.ros import RosCodec
-from mocha_link.service_client import ServiceClient
-from mocha_link.service_server import ServiceServer
+from mocha_link.links.metrics import MessageStored
+from mocha_link.ros.ros import RosCodec
+from mocha_link.service.service_client import ServiceClient
+from mocha_link.service.service_server import ServiceServer
 
 POSE = "geometry_msgs/PoseStamped"
 CODEC = RosCodec()
@@ -113,7 +113,7 @@ def test_what_the_robot_says(server, one, stored, progress, caplog):
 
 def test_a_node_without_the_extra_for_ros(two, progress, caplog, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setitem(sys.modules, "mocha_link.ros", None)
+        patch.setitem(sys.modules, "mocha_link.ros.ros", None)
         bare = ServiceServer(two, "tcp://127.0.0.1:*")
     with bare, ServiceClient(bare.endpoint) as client:
         team = client.team()

@@ -25,8 +25,8 @@ from cyclonedds.util import duration
 from mocha_link.bridges.cdr import Cdr
 from mocha_link.bridges.dds import Dds
 from mocha_link.bridges.dds_types import DdsTypes
-from mocha_link.metrics import MessageStored
-from mocha_link.ros import RosCodec, RosError
+from mocha_link.links.metrics import MessageStored
+from mocha_link.ros.ros import RosCodec, RosError
 
 POINT = "geometry_msgs/PointStamped"
 VALUE = {
@@ -192,7 +192,7 @@ def test_text_that_is_none(data):
 
 
 def test_a_bridge_in_its_own_process(server, one, pulled, domain, tmp_path):
-    command = [sys.executable, "-m", "mocha_link.cli", "bridge", "ros2", "--dds"]
+    command = [sys.executable, "-m", "mocha_link.cli.cli", "bridge", "ros2", "--dds"]
     options = ["--node", server.endpoint, "--domain", str(domain), "--state", str(tmp_path / "s")]
     stored = queue.SimpleQueue()
     one.subscribe(lambda event: isinstance(event, MessageStored) and stored.put(event.topic))

@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
 from mocha_link.bridges.zeromq import ZeroMqBridge
-from mocha_link.service import _MODELS, Service
-from mocha_link.typed import Typed
+from mocha_link.ros.typed import Typed
+from mocha_link.service.service import _MODELS, Service
 
 DOCS = Path(__file__).parents[3] / "docs"
 

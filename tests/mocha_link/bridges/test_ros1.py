@@ -13,8 +13,8 @@ import pytest
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from mocha_link.metrics import MessageStored
-from mocha_link.ros import RosCodec
+from mocha_link.links.metrics import MessageStored
+from mocha_link.ros.ros import RosCodec
 
 PYTHON = "/usr/bin/python3"
 POSE = "geometry_msgs/PoseStamped"
@@ -97,7 +97,15 @@ def ros(tmp_path, field):
 
 
 def test_both_ways_and_a_restart(ros, server, one, pulled, tmp_path):
-    bridge = [sys.executable, "-m", "mocha_link.cli", "bridge", "ros1", "--node", server.endpoint]
+    bridge = [
+        sys.executable,
+        "-m",
+        "mocha_link.cli.cli",
+        "bridge",
+        "ros1",
+        "--node",
+        server.endpoint,
+    ]
     bridge += ["--python", PYTHON, "--state", str(tmp_path / "state")]
     stored = queue.SimpleQueue()
     one.subscribe(lambda event: isinstance(event, MessageStored) and stored.put(event.topic))
@@ -128,7 +136,15 @@ def test_both_ways_and_a_restart(ros, server, one, pulled, tmp_path):
 
 
 def test_without_ros(server):
-    command = [sys.executable, "-m", "mocha_link.cli", "bridge", "ros1", "--node", server.endpoint]
+    command = [
+        sys.executable,
+        "-m",
+        "mocha_link.cli.cli",
+        "bridge",
+        "ros1",
+        "--node",
+        server.endpoint,
+    ]
     for python, complaint in (
         (sys.executable, "has no rospy; name one"),
         ("/no/python", "no program"),

@@ -17,10 +17,10 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
 from mocha_link.bridges.values import ValueRequestError, Values, as_object
 from mocha_link.bridges.zeromq import ZeroMqBridge
-from mocha_link.endpoint_key import connect
-from mocha_link.ros import RosCodec
-from mocha_link.service_client import ServiceClient
-from mocha_link.service_server import ServiceServer
+from mocha_link.ros.ros import RosCodec
+from mocha_link.service.endpoint_key import connect
+from mocha_link.service.service_client import ServiceClient
+from mocha_link.service.service_server import ServiceServer
 
 TEAM = {
     "robot": "one",
@@ -162,7 +162,7 @@ def values():
 
 
 def test_without_the_extra_for_ros(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mocha_link.ros", None)
+    monkeypatch.setitem(sys.modules, "mocha_link.ros.ros", None)
     request = {"request": "publish", "topic": "/pose", "value": {"x": 1}}
     with pytest.raises(ValueRequestError, match="ROS messages need the extra 'ros' here"):
         Values(TEAM).request(request, [])
@@ -210,7 +210,7 @@ def test_real_processes(team, tmp_path, dial):
 
         def started(*command):
             process = subprocess.Popen(
-                [sys.executable, "-m", "mocha_link.cli", *command],
+                [sys.executable, "-m", "mocha_link.cli.cli", *command],
                 stderr=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 text=True,

@@ -1,6 +1,6 @@
 import pytest
 
-from sitl.experiment.agenda import Agenda
+from sitl.experiment.model.event_queue import Agenda
 
 
 def test_things_happen_in_order_of_time_and_then_of_asking():

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from mocha_link.link_events import MessageStored, SyncEnded, SyncTimedOut
-from sitl.experiment.account import Account
-from sitl.experiment.agenda import Agenda
-from sitl.experiment.air import Air
-from sitl.experiment.channel import Change, Stage
-from sitl.experiment.crowd import crowd_of
-from sitl.experiment.node import Node
+from mocha_link.links.link_events import MessageStored, SyncEnded, SyncTimedOut
+from sitl.experiment.channels.channel import Change, Stage
+from sitl.experiment.engine.airtime import Account
+from sitl.experiment.engine.channel_sim import Air
+from sitl.experiment.model.event_queue import Agenda
+from sitl.experiment.robots.fleet import crowd_of
+from sitl.experiment.robots.node import Node
 
 HEADER, DATA, END = Stage
 NOWHERE = np.zeros((0, 3))

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sitl.experiment.channel import Link, Load, Stage
-from sitl.experiment.channel_paper import PaperChannel
-from sitl.experiment.channel_path_loss import PathLossChannel
-from sitl.experiment.channel_trace import TraceChannel, TraceError
-from sitl.experiment.settings import PaperModel, PathLossModel, TraceModel
-from sitl.experiment.town_file import load_town
+from sitl.experiment.channels.channel import Link, Load, Stage
+from sitl.experiment.channels.paper import PaperChannel
+from sitl.experiment.channels.path_loss import PathLossChannel
+from sitl.experiment.channels.trace import TraceChannel, TraceError
+from sitl.experiment.model.settings import PaperModel, PathLossModel, TraceModel
+from sitl.experiment.towns.town_file import load_town
 
 TOWN = load_town(Path(__file__).parents[3] / "missions" / "urban" / "town.yaml")
 NAMES = ("base", "uav01", "ugv01", "ugv02")

@@ -12,17 +12,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import air_router.flight_setup
-from air_router.behaviour import State
-from air_router.controller import Controller
-from air_router.settings import Timers
+import air_router.controller.flight_setup
+from air_router.controller.controller import Controller
+from air_router.controller.model.behaviour import State
+from air_router.files.settings import Timers
 from geo.frame import Geodetic, LocalFrame, Point
-from sitl import camera
-from sitl.experiment import channel_paper, explorer, uav
-from sitl.experiment.engine import Run, run
-from sitl.experiment.replay import replay
-from sitl.experiment.result import STAGES
-from sitl.experiment.settings import PaperModel, RunSettings, TraceModel
+from sitl.experiment.channels import paper as channel_paper
+from sitl.experiment.engine.engine import Run, run
+from sitl.experiment.engine.replay import replay
+from sitl.experiment.engine.result import STAGES
+from sitl.experiment.model.settings import PaperModel, RunSettings, TraceModel
+from sitl.experiment.robots import explorer, uav
+from sitl.world import camera
 
 ROOT = Path(__file__).parents[3]
 URBAN = ROOT / "missions" / "urban"
@@ -129,7 +130,7 @@ def test_another_event_would_have_been_decided_on_otherwise(original):
 
 def test_the_same_seed_gives_the_same_log_in_another_process(original):
     program = (
-        "import pickle, sys; from sitl.experiment.engine import run;"
+        "import pickle, sys; from sitl.experiment.engine.engine import run;"
         "print(run(pickle.loads(bytes.fromhex(sys.argv[1])), int(sys.argv[2])).digest)"
     )
     answer = subprocess.run(
@@ -224,7 +225,7 @@ def test_places_are_the_town_s_or_the_seed_s():
 def test_the_controller_that_flies_here_is_the_one_that_flies_outside():
     flown = Run(dataclasses.replace(SMALL, duration_s=1.0), SEED).uavs
     assert [type(uav.controller) for uav in flown] == [Controller, Controller]
-    assert air_router.flight_setup.Controller is Controller
+    assert air_router.controller.flight_setup.Controller is Controller
 
 
 def test_nothing_in_the_simulation_is_a_copy_of_the_controller():

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from sitl.experiment import claims, pairs, trends
+from sitl.experiment.analysis import claims, pairs, trends
+from sitl.experiment.analysis.paper import TABLE
+from sitl.experiment.campaign.links import BUILDINGS_M, DISTANCES_M, judged, seen_links
+from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.document_part import NoMarksError, fill
-from sitl.experiment.links import BUILDINGS_M, DISTANCES_M, judged, seen_links
-from sitl.experiment.paper import TABLE
-from sitl.experiment.plan_file import load_experiment
-from sitl.experiment.result import CONTACT
-from sitl.terrain import Raster
+from sitl.experiment.engine.result import CONTACT
+from sitl.world.terrain import Raster
 
 stats = pytest.importorskip("scipy.stats", reason="SciPy is not installed (extra experiments)")
 

@@ -13,14 +13,14 @@ import light_work
 import pytest
 
 from air_router.errors import ExitCode, exit_code
-from sitl.experiment.crew import Failed, Finished, News, Tick
-from sitl.experiment.plan import Row, Task
+from sitl.experiment.campaign.plan import Row, Task
+from sitl.experiment.campaign.worker_pool import Failed, Finished, News, Tick
 
 pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)")
 
 from distributed.scheduler import KilledWorker
 
-from sitl.experiment.dask_crew import ClusterError, DaskCrew
+from sitl.experiment.campaign.dask_pool import ClusterError, DaskCrew
 
 pytestmark = pytest.mark.foreign_process
 

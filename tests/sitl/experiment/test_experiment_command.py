@@ -15,16 +15,23 @@ import numpy as np
 import pytest
 
 from air_router.errors import PictureError, UsageError
-from sitl.experiment import command, intervals, table
-from sitl.experiment.crew import Failed, Finished, Lost, News
+from sitl.experiment import command
+from sitl.experiment.analysis import intervals, table
+from sitl.experiment.analysis.intervals import interval, ratio, student_t
+from sitl.experiment.campaign.plan_file import load_experiment
+from sitl.experiment.campaign.program import program
+from sitl.experiment.campaign.progress import Progress, in_words
+from sitl.experiment.campaign.run_log import (
+    InUseError,
+    MixedRunsError,
+    RunLog,
+    RunLogError,
+    read_runs,
+)
+from sitl.experiment.campaign.running import UnfitSettingsError
+from sitl.experiment.campaign.worker_pool import Failed, Finished, Lost, News
 from sitl.experiment.document_part import NoMarksError
-from sitl.experiment.intervals import interval, ratio, student_t
-from sitl.experiment.plan_file import load_experiment
-from sitl.experiment.program import program
-from sitl.experiment.progress import Progress, in_words
-from sitl.experiment.run_log import InUseError, MixedRunsError, RunLog, RunLogError, read_runs
-from sitl.experiment.running import UnfitSettingsError
-from sitl.experiment.settings import RunSettings
+from sitl.experiment.model.settings import RunSettings
 
 ROOT = Path(__file__).parents[3]
 SMALL = """
@@ -216,7 +223,7 @@ def test_results_are_tidy(sitl, tmp_path, capsys):
 
 
 def test_every_figure_is_drawn(sitl, tmp_path, monkeypatch):
-    sheet = pytest.importorskip("sitl.experiment.figure_sheet", exc_type=PictureError)
+    sheet = pytest.importorskip("sitl.experiment.figures.figure_sheet", exc_type=PictureError)
     monkeypatch.setattr(sheet, "_DPI", 40)  # small ones are drawn sooner
     sitl("--seeds", "2", "--rows", "radius_m=5", figures=True)
     names = {path.stem for path in (tmp_path / "out" / "figures").iterdir()}
@@ -297,7 +304,7 @@ def test_other_commands_need_nothing_of_what_experiments_need():
     """All commands are there; only an experiment that is to run says what it lacks."""
     program = (
         "import sys; sys.modules['scipy'] = sys.modules['matplotlib'] = None;"
-        "from sitl.cli import main; sys.exit(main(['experiment', 'table1']))"
+        "from sitl.cli.cli import main; sys.exit(main(['experiment', 'table1']))"
     )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False

@@ -6,22 +6,22 @@ import re
 import pytest
 
 from air_router.errors import AirRouterError, ExitCode
-from air_router.settings import Timers
-from mocha_link.document import DocumentError
-from sitl.experiment import plan_file
+from air_router.files.settings import Timers
+from mocha_link.team.document import DocumentError
+from sitl.experiment.analysis.paper import TABLE
+from sitl.experiment.campaign import plan_file
+from sitl.experiment.campaign.plan import Task, seed_of
+from sitl.experiment.campaign.plan_file import load_experiment
+from sitl.experiment.campaign.running import OtherFilesError, put_together, run_settings
+from sitl.experiment.campaign.shipped import UnknownPlaceError, experiment_names
 from sitl.experiment.choice import NoSuchRowError, chosen_rows
-from sitl.experiment.paper import TABLE
-from sitl.experiment.plan import Task, seed_of
-from sitl.experiment.plan_file import load_experiment
-from sitl.experiment.running import OtherFilesError, put_together, run_settings
-from sitl.experiment.settings import (
+from sitl.experiment.model.settings import (
     ExplorerSettings,
     PaperModel,
     PathLossModel,
     RunSettings,
     TraceModel,
 )
-from sitl.experiment.shipped import UnknownPlaceError, experiment_names
 
 PAIRED = """
 name: pair

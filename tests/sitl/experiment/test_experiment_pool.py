@@ -7,10 +7,10 @@ from collections import Counter
 
 import light_work
 
-from sitl.experiment import pool
-from sitl.experiment.crew import Failed, Finished, Lost
-from sitl.experiment.plan import Row, Task
-from sitl.experiment.pool import ProcessPool
+from sitl.experiment.campaign import process_pool as pool
+from sitl.experiment.campaign.plan import Row, Task
+from sitl.experiment.campaign.process_pool import ProcessPool
+from sitl.experiment.campaign.worker_pool import Failed, Finished, Lost
 
 
 def tasks(folder, count=6):

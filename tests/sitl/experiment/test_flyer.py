@@ -3,12 +3,12 @@ from pathlib import Path
 
 import pytest
 
-from air_router.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.flight_plan import FlightPlan
-from air_router.mission import load_mission
-from air_router.vehicle import FlightMode
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.loading import load_mission
+from air_router.vehicle.vehicle import FlightMode
 from geo.frame import Point
-from sitl.experiment.flyer import Flyer
+from sitl.experiment.robots.flyer import Flyer
 
 MISSION = load_mission(Path(__file__).parents[3] / "missions" / "urban" / "mission.yaml")
 

@@ -14,8 +14,10 @@ from hypothesis import strategies as st
 from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC, PathMessage, PoseMessage
 from geo.frame import Geodetic, Point
 from geo.grid import SemanticGrid, Terrain
-from sitl.experiment.explorer import GroundRobot
-from sitl.experiment.explorer_messages import (
+from sitl.experiment.model.settings import ExplorerSettings
+from sitl.experiment.model.ways import PASSABLE, Ways
+from sitl.experiment.robots.explorer import GroundRobot
+from sitl.experiment.robots.explorer_messages import (
     CLAIMS_TOPIC,
     OBJECTS_TOPIC,
     REACHABILITY_TOPIC,
@@ -23,13 +25,11 @@ from sitl.experiment.explorer_messages import (
     ClaimedGoal,
     ClaimedGoalsMessage,
 )
-from sitl.experiment.explorer_post import read_claims, read_places, target_goals
-from sitl.experiment.goal_book import Claim, GoalBook, Status
-from sitl.experiment.map_reading import read_map
-from sitl.experiment.settings import ExplorerSettings
-from sitl.experiment.town_file import load_town
-from sitl.experiment.town_generator import generate
-from sitl.experiment.ways import PASSABLE, Ways
+from sitl.experiment.robots.explorer_post import read_claims, read_places, target_goals
+from sitl.experiment.robots.goal_book import Claim, GoalBook, Status
+from sitl.experiment.robots.map_reading import read_map
+from sitl.experiment.towns.town_file import load_town
+from sitl.experiment.towns.town_generator import generate
 
 URBAN = load_town(Path(__file__).parents[3] / "missions" / "urban" / "town.yaml")
 START = URBAN.starts[0]

@@ -10,20 +10,20 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from air_router.mission import load_mission
+from air_router.mission.loading import load_mission
 from geo.frame import Point
 from geo.grid import SemanticGrid, Terrain
-from mocha_link.document import DocumentError
-from sitl import cli
-from sitl.camera import Camera
-from sitl.experiment.lattice import Bounds, Lattice, coarse
-from sitl.experiment.painter import Painter
-from sitl.experiment.town_file import load_town
-from sitl.experiment.town_generator import APART_M, drawn_starts, generate, scatter
-from sitl.experiment.town_mission import mission_over
-from sitl.experiment.town_write import town_text
-from sitl.experiment.ways import PASSABLE, Ways
-from sitl.world_file import load_world
+from mocha_link.team.document import DocumentError
+from sitl.cli import cli
+from sitl.experiment.model.lattice import Bounds, Lattice, coarse
+from sitl.experiment.model.ways import PASSABLE, Ways
+from sitl.experiment.robots.painter import Painter
+from sitl.experiment.towns.town_file import load_town
+from sitl.experiment.towns.town_generator import APART_M, drawn_starts, generate, scatter
+from sitl.experiment.towns.town_mission import mission_over
+from sitl.experiment.towns.town_write import town_text
+from sitl.world.camera import Camera
+from sitl.world.world_file import load_world
 
 URBAN = Path(__file__).parents[3] / "missions" / "urban"
 CAMERA = Camera(60.0, 45.0, 5.0)

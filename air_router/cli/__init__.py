@@ -1,0 +1,1 @@
+"""The command line `air-router`: one module per command."""

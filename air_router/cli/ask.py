@@ -1,0 +1,102 @@
+"""`air-router ask`: has a flight on this machine do something, and says what became of it."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+import sys
+
+from air_router.control.command_request import MODELS, spoken
+from air_router.control.control import ControlClient
+from air_router.control.control_server import endpoint_of
+from air_router.errors import ExitCode, UsageError
+
+_EPILOG = """\
+examples:
+  air-router ask hold
+  air-router ask seek io
+  air-router ask goto 39.9415,-75.1990,39.9420,-75.1995 --hold-s 30
+  air-router ask 24700 status --json
+  air-router ask ipc:///tmp/uav resume
+
+exit codes: 0 accepted, 2 wrong usage, 4 no flight answers, 5 refused
+"""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `ask` to the command line."""
+    parser = commands.add_parser(
+        "ask",
+        help="have a flight hold, resume, seek a robot, explore, come home or fly to points",
+        description="Have a flight that runs with --control on this machine do something.",
+        usage="%(prog)s [-h] [ENDPOINT] VERB [WHAT ...] [options]",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "words",
+        nargs="+",
+        metavar="[ENDPOINT] VERB [WHAT]",
+        help="ENDPOINT: the flight's --control, if that has one; VERB: one of "
+        f"{', '.join(MODELS)}; WHAT: of seek NAME, of goto LAT,LON[,LAT,LON...], "
+        "of resume upload",
+    )
+    parser.add_argument(
+        "--hold-s", type=float, metavar="S", help="goto: hover at the last point for so long"
+    )
+    parser.add_argument("--by", metavar="WHO", help="who asks, for the flight's record")
+    parser.add_argument(
+        "--timeout", type=_seconds, default=5.0, metavar="S", help="for an answer (default 5 s)"
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Ask, and print the answer."""
+    endpoint, words = None, arguments.words
+    if len(words) > 1 and words[0] not in MODELS:
+        try:
+            endpoint, words = endpoint_of(words[0]), words[1:]
+        except argparse.ArgumentTypeError as error:
+            raise UsageError(str(error)) from None
+    wish = spoken(" ".join(words))
+    values = wish.model_dump(exclude_none=True)
+    if arguments.hold_s is not None:
+        values["hold_s"] = arguments.hold_s
+    values["by"] = arguments.by
+    with ControlClient(endpoint, by=arguments.by, timeout_s=arguments.timeout) as client:
+        if wish.request == "reload":  # it is read after the answer: what came of it?
+            answer = {"ok": True, "id": wish.id, **dataclasses.asdict(client.reload())}
+        else:
+            answer = client.request(values)
+    if arguments.json:
+        json.dump(answer, sys.stdout)
+        sys.stdout.write("\n")
+    elif "accepted" not in answer:
+        for key, value in answer.items():
+            if key not in {"ok", "id"}:
+                sys.stdout.write(f"{key:14} {json.dumps(value)}\n")
+    else:
+        _tell(answer)
+    return ExitCode.DONE if answer.get("accepted", True) is True else ExitCode.REFUSED
+
+
+def _tell(answer: dict[str, object]) -> None:
+    word = "accepted" if answer["accepted"] is True else f"refused [{answer.get('code')}]"
+    sys.stdout.write(f"{word}: {answer.get('why')}\n")
+    points = answer.get("points")
+    for point in points if isinstance(points, list) else ():
+        sys.stdout.write(f"  {','.join(map(str, point))}\n")
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value <= 3600:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of seconds")
+    return value

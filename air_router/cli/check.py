@@ -1,0 +1,111 @@
+"""`air-router check`: whether a mission can be flown as it is written, and what to expect."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from air_router.cli.arguments import add_start, add_uav
+from air_router.errors import ExitCode, MissionFileError
+from air_router.files.mission_document import Draft
+from air_router.mission.loading import choose, judge, read_draft
+from air_router.mission.mission import Mission
+from air_router.preflight.check_facts import facts_of, summary
+from air_router.preflight.survey import Survey
+from air_router.routing.graph import WaypointGraph
+from mocha_link.team.document import DocumentError, Problem
+
+_EPILOG = """\
+examples:
+  air-router check missions/pennovation/mission.yaml
+  air-router check broken.yaml --png broken.png       (what is wrong is drawn in red)
+  air-router check site.yaml --at 2026-11-21T06:30Z   (with the zones that apply then)
+
+exit codes: 0 it can be flown, 3 it cannot: every problem is listed with its place and code
+"""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `check` to the command line."""
+    parser = commands.add_parser(
+        "check",
+        help="check a mission file and say what to expect",
+        description="Check a mission: prints every error as file:line:column, or a summary.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.add_argument(
+        "--png", type=Path, metavar="F", help="draw the mission into F, right or wrong"
+    )
+    add_start(parser)
+    add_uav(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check, and print the summary."""
+    try:
+        draft = read_draft(arguments.mission)
+    except DocumentError as error:
+        refusal = MissionFileError(error.problems)
+        _print_problems(refusal.problems, (), as_json=arguments.json)
+        raise refusal from None
+    draft.start = arguments.at
+    if arguments.uav is not None:
+        choose(draft, arguments.uav)
+    mission = judge(draft)
+    if draft.problems or mission is None:
+        refusal = MissionFileError(draft.problems)
+        _print_problems(refusal.problems, draft.notes, as_json=arguments.json)
+        if arguments.png is not None and mission is not None:
+            _draw_wrong(draft, mission, arguments.png)
+        raise refusal
+    findings = Survey(WaypointGraph(mission))
+    if arguments.json:
+        _print_json(facts_of(findings))
+    else:
+        sys.stdout.write("\n".join(summary(findings)) + "\n")
+    if arguments.png is not None:
+        from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
+
+        legs = [
+            (findings.graph.position(step.start), findings.graph.position(step.end))
+            for step in findings.around
+        ]
+        draw_mission(mission, arguments.png, graph=findings.graph, around=legs)
+        sys.stderr.write(f"drawn: {arguments.png}\n")
+    for number, reason in findings.stranded:
+        sys.stderr.write(f"{mission.path}: no way home from waypoint {number}: {reason}\n")
+    return ExitCode.INVALID_FILE if findings.stranded else ExitCode.DONE
+
+
+def _draw_wrong(draft: Draft, mission: Mission, path: Path) -> None:
+    from air_router.mission.faults import faults_of  # noqa: PLC0415 - only for pictures
+    from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
+
+    graph = None if "planner" in draft.unread else WaypointGraph(mission)
+    draw_mission(mission, path, graph=graph, faults=faults_of(draft, mission))
+    sys.stderr.write(f"drawn: {path}\n")
+
+
+def _print_problems(
+    problems: tuple[Problem, ...], notes: tuple[Problem, ...] | list[Problem], *, as_json: bool
+) -> None:
+    if as_json:
+        _print_json(
+            {
+                "valid": False,
+                "problems": [problem.as_json() for problem in problems],
+                "notes": [note.as_json() for note in notes],
+            }
+        )
+
+
+def _print_json(answer: dict[str, Any]) -> None:
+    json.dump(answer, sys.stdout)
+    sys.stdout.write("\n")

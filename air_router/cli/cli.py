@@ -1,0 +1,68 @@
+"""The command line: `air-router check`, `plan`, `convert` ...; each command is a module."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from air_router.cli.command_line import Program
+from mocha_link.cli.command_table import Command
+
+_EXIT_CODES = """\
+exit codes:
+  0 done                      4 no vehicle
+  1 ended otherwise           5 refused before take-off
+  2 wrong usage               6 the pilot took over
+  3 invalid file            130 interrupted
+"""
+
+COMMANDS = (
+    Command("check", "air_router.cli.check", "check a mission file and say what to expect"),
+    Command("plan", "air_router.cli.plan", "plan a route between two waypoints or places"),
+    Command(
+        "cover", "air_router.cli.cover", "lawnmower waypoints over an area, no-fly zones cut out"
+    ),
+    Command("edit", "air_router.cli.edit", "edit a mission on a map"),
+    Command(
+        "convert",
+        "air_router.cli.convert",
+        "a mission or zones into another format (plan, YAML, GeoJSON, KML)",
+    ),
+    Command("preflight", "air_router.cli.preflight", "is this vehicle ready to fly this mission?"),
+    Command("fly", "air_router.cli.fly", "fly a mission with a vehicle that is already there"),
+    Command("sim", "air_router.sim.sim", "fly a mission in a simulated world"),
+    Command("watch", "air_router.cli.watch", "several flights on one map page"),
+    Command(
+        "ask",
+        "air_router.cli.ask",
+        "have a flight hold, resume, seek a robot, explore, come home or fly to points",
+    ),
+    Command(
+        "replay",
+        "air_router.cli.replay",
+        "run a recorded flight's decisions again, and compare",
+    ),
+    Command("report", "air_router.cli.report", "a recorded flight as one HTML page"),
+)
+
+PROGRAM = Program(
+    "air-router",
+    "Fly PX4 missions around no-fly zones, and seek robots to exchange data with.",
+    _EXIT_CODES,
+    COMMANDS,
+)
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command line can say."""
+    return PROGRAM.parser()
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns its exit code."""
+    return PROGRAM.run(argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

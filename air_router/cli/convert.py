@@ -1,0 +1,303 @@
+"""`air-router convert`: a mission or zones in another format, and what got lost on the way."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+from air_router.cli.arguments import place
+from air_router.counted import counted
+from air_router.errors import ExitCode, MissionFileError, UsageError
+from air_router.files.conversion_warnings import Losses
+from air_router.files.json_document import JsonDocument, json_text
+from air_router.files.maps.feature_set import (
+    Chart,
+    Line,
+    MapArea,
+    chart_of,
+    chart_of_zones,
+    degrees,
+    outline_of,
+)
+from air_router.files.maps.geojson_write import geojson_text
+from air_router.files.maps.kml_write import kml_text
+from air_router.files.mission_document import Draft
+from air_router.files.qgc.qgc_edit import PlanEdit
+from air_router.files.qgc.qgc_items import NOT_FLOWN
+from air_router.files.qgc.qgc_write import add_area, plan_of, tell_settings
+from air_router.files.whole_file import write_whole
+from air_router.files.yaml.mission_write import mission_text
+from air_router.files.yaml.sim_plan import SUFFIX, sim_plan_draft
+from air_router.files.zones.zone_files import add_zones, read_zones
+from air_router.mission.loading import judge, read_draft
+from air_router.mission.mission import Mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import NoRoute, Router
+from geo.airspace.zone import polygons_of
+from geo.frame import Point
+from mocha_link.team.document import Document, DocumentError, Problem
+
+_PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
+_KINDS: Final = {
+    ".plan": _PLAN,
+    ".yaml": _YAML,
+    ".yml": _YAML,
+    ".geojson": _GEOJSON,
+    ".json": _GEOJSON,
+    ".kml": _KML,
+}
+_MAP_WRITERS: Final[dict[str, Callable[[Chart], str]]] = {_GEOJSON: geojson_text, _KML: kml_text}
+
+_EPILOG = """\
+FROM is a mission (.yaml, .plan, .sim.yaml of the paper's authors) or a file of zones (.geojson,
+.kml, .json with ED-269 or ED-318 geozones). TO is .plan, .yaml, .geojson or .kml; zones alone
+become .geojson or .kml.
+
+examples:
+  air-router convert town.plan town.yaml
+  air-router convert mission.yaml map.kml --buffers --graph
+  air-router convert mission.yaml with_zones.plan --zones geozones.json --zones site.kml
+  air-router convert geozones.json geozones.geojson --allow CONDITIONAL
+
+exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no --force),
+3 a file is invalid
+"""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `convert` to the command line."""
+    parser = commands.add_parser(
+        "convert",
+        help="a mission or zones into another format (plan, YAML, GeoJSON, KML)",
+        description="Convert a mission or zones; says what could not be carried over.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("source", type=Path, metavar="FROM", help="a mission or a file of zones")
+    parser.add_argument("target", type=Path, metavar="TO", help="the file to write")
+    parser.add_argument(
+        "--zones", type=Path, action="append", default=[], metavar="F", help="add the zones of F"
+    )
+    parser.add_argument(
+        "--allow",
+        action="append",
+        default=[],
+        metavar="WORD",
+        help="leave out geozones of this restriction (CONDITIONAL, ...) or identifier",
+    )
+    parser.add_argument(
+        "--origin",
+        type=place,
+        metavar="LAT,LON",
+        help="where the origin of a FROM in metres (.sim.yaml) stands, in degrees",
+    )
+    parser.add_argument(
+        "--buffers", action="store_true", help="draw what is kept from zones (.geojson, .kml)"
+    )
+    parser.add_argument(
+        "--graph", action="store_true", help="draw the waypoint graph (.geojson, .kml)"
+    )
+    parser.add_argument(
+        "--route",
+        type=int,
+        nargs=2,
+        metavar=("A", "B"),
+        help="draw the route from waypoint A to B, 0 is home (.geojson, .kml)",
+    )
+    parser.add_argument("--force", action="store_true", help="replace TO if it is there")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Convert, and say what got lost."""
+    source, target = arguments.source, arguments.target
+    kind = _KINDS.get(target.suffix.lower())
+    if kind is None:
+        known = ", ".join(dict.fromkeys(_KINDS))
+        raise UsageError(f"{target}: unknown kind of file; TO ends with one of {known}")
+    if target.exists() and not arguments.force:
+        raise UsageError(f"{target} is already there; --force replaces it")
+    report = _Report(source, target)
+    read = _mission if source.suffix.lower() in (".plan", ".yaml", ".yml") else _zones
+    try:
+        text = read(arguments, kind, report)
+    except (MissionFileError, DocumentError) as error:
+        report.problems = error.problems
+        if arguments.json:
+            report.tell(as_json=True)
+        raise
+    write_whole(target, text, replace=arguments.force)
+    report.written = True
+    report.tell(as_json=arguments.json)
+    return ExitCode.DONE
+
+
+class _Report:
+    """What was written, what got lost, and what else there is to say."""
+
+    def __init__(self, source: Path, target: Path) -> None:
+        self.source, self.target = source, target
+        self.written = False
+        self.counts: dict[str, int] = {}
+        self.losses = Losses()
+        self.notes: Sequence[Problem] = ()
+        self.problems: Sequence[Problem] = ()
+
+    def tell(self, *, as_json: bool) -> None:
+        if as_json:
+            json.dump(self._facts(), sys.stdout)
+            sys.stdout.write("\n")
+            return
+        for note in self.notes:
+            sys.stderr.write(f"note: {note}\n")
+        for loss in self.losses.entries:
+            sys.stderr.write(f"not carried over: {loss}\n")
+        if self.problems:
+            sys.stderr.write(
+                f"it cannot be flown as it is: {counted(len(self.problems), 'problems')}; "
+                f"see `air-router check {self.source}`\n"
+            )
+        counts = ", ".join(counted(count, what) for what, count in self.counts.items() if count)
+        sys.stdout.write(f"{self.target}: {counts or 'nothing'}\n")
+
+    def _facts(self) -> dict[str, Any]:
+        return {
+            "from": str(self.source),
+            "to": str(self.target),
+            "written": self.written,
+            **{_json_name(what): count for what, count in self.counts.items()},
+            "not_carried_over": [asdict(loss) for loss in self.losses.entries],
+            "notes": [note.as_json() for note in self.notes],
+            "problems": [problem.as_json() for problem in self.problems],
+        }
+
+
+def _json_name(what: str) -> str:
+    return what.removeprefix("no-fly ").replace(" ", "_")
+
+
+def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
+    draft = _draft(arguments)
+    own_zones = len(draft.zones)
+    for path in arguments.zones:
+        add_zones(draft, path, (), allow=arguments.allow)
+    if draft.problems or draft.frame is None or draft.home is None:
+        raise MissionFileError(draft.problems)
+    _check_options(arguments, kind)
+    if kind != _PLAN:
+        for note in draft.notes:
+            if note.code == NOT_FLOWN:
+                report.losses.add(f"{note.path}:{note.line}", note.message, "item-lost")
+    report.counts = {
+        "waypoints": len(draft.waypoints),
+        "fences": len(draft.fences),
+        "no-fly zones": len(draft.zones),
+        "rally points": len(draft.rally_points),
+    }
+    text = _written(draft, own_zones, arguments, kind, report)
+    report.notes = draft.notes
+    report.problems = draft.problems
+    return text
+
+
+def _draft(arguments: argparse.Namespace) -> Draft:
+    in_metres = arguments.source.name.endswith(SUFFIX)
+    if in_metres and arguments.origin is None:
+        raise UsageError(f"{arguments.source} is in metres: say where it stands, --origin LAT,LON")
+    if in_metres:
+        return sim_plan_draft(Document.load(arguments.source), arguments.origin)
+    if arguments.origin is not None:
+        raise UsageError(f"--origin is for files in metres ({SUFFIX})")
+    return read_draft(arguments.source)
+
+
+def _written(
+    draft: Draft, own_zones: int, arguments: argparse.Namespace, kind: str, report: _Report
+) -> str:
+    document = draft.document
+    if kind in _MAP_WRITERS:
+        chart = chart_of(draft)
+        mission = judge(draft)
+        if mission is not None:
+            _draw(chart, mission, arguments, drawable=not draft.problems)
+        tell_settings(draft, report.losses, f"a {kind} file")
+        return _MAP_WRITERS[kind](chart)
+    if kind == _YAML:
+        text = mission_text(draft, arguments.target.parent)
+        if not isinstance(document, JsonDocument):
+            report.losses.add("comments", "they stay in the file that is read", "comments-lost")
+    elif isinstance(document, JsonDocument) and draft.frame is not None:
+        edit = PlanEdit(document.data)  # a plan stays what it is, and gets more zones
+        for area in draft.zones[own_zones:]:
+            add_area(edit, area, draft.frame, report.losses, inclusion=False)
+        text = edit.text()
+    else:
+        text = json_text(plan_of(draft, report.losses))
+    judge(draft)
+    return text
+
+
+def _check_options(arguments: argparse.Namespace, kind: str) -> None:
+    wanted = [name for name in ("buffers", "graph", "route") if getattr(arguments, name)]
+    if wanted and kind not in _MAP_WRITERS:
+        raise UsageError(f"--{wanted[0]} is drawn into .geojson and .kml only")
+
+
+def _draw(chart: Chart, mission: Mission, arguments: argparse.Namespace, *, drawable: bool) -> None:
+    if arguments.buffers:
+        chart.buffers = list(_buffers(mission))
+    if not arguments.graph and not arguments.route:
+        return
+    if not drawable:
+        raise UsageError("--graph and --route need a mission that can be flown; see check")
+    graph = WaypointGraph(mission)
+    if arguments.graph:
+        for start, end in graph.graph.edges:
+            points = [graph.position(start), *graph.via(start, end), graph.position(end)]
+            chart.edges.append((f"{start} - {end}", degrees(points, mission.frame)))
+    if arguments.route:
+        chart.route = _route(mission, graph, *arguments.route)
+
+
+def _buffers(mission: Mission) -> Iterator[MapArea]:
+    airspace = mission.airspace
+    for zone, grown in zip(airspace.zones, airspace.inflated(), strict=True):
+        for polygon in polygons_of(grown):
+            rings = [polygon.exterior, *polygon.interiors]
+            corners = [tuple(Point(x, y) for x, y in ring.coords[:-1]) for ring in rings]
+            yield MapArea(zone.name, outline_of(corners, mission.frame))
+
+
+def _route(mission: Mission, graph: WaypointGraph, start: int, end: int) -> Line:
+    if not {start, end} <= graph.positions.keys():
+        last = len(mission.waypoints)
+        raise UsageError(f"--route: {mission.name} has waypoints 1 to {last}, and 0 is home")
+    route = Router(graph).route(graph.position(start), end)
+    if isinstance(route, NoRoute):
+        raise UsageError(f"no route from {start} to {end}: {route.reason}")
+    return degrees([graph.position(start), *(leg.to for leg in route.legs)], mission.frame)
+
+
+def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
+    if kind not in _MAP_WRITERS:
+        raise UsageError(
+            "zones alone are no mission: give the mission as FROM and these with --zones"
+        )
+    if arguments.buffers or arguments.graph or arguments.route:
+        raise UsageError("--buffers, --graph and --route need a mission as FROM")
+    readings = [
+        read_zones(path, allow=arguments.allow) for path in (arguments.source, *arguments.zones)
+    ]
+    problems = [problem for reading in readings for problem in reading.problems]
+    chart, broken = chart_of_zones(readings, arguments.source.stem)
+    if problems or broken:
+        raise MissionFileError([*problems, *broken])
+    report.counts = {"no-fly zones": len(chart.zones)}
+    report.notes = [note for reading in readings for note in reading.notes]
+    return _MAP_WRITERS[kind](chart)

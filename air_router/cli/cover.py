@@ -1,0 +1,199 @@
+"""`air-router cover`: lawnmower waypoints over an area, its no-fly zones cut out."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Final
+
+from air_router.cli.arguments import place
+from air_router.coverage.camera import CAMERAS, Camera, camera_of
+from air_router.coverage.cover_area import Terms, read_field
+from air_router.coverage.cover_facts import facts_of, lines_of, place_of
+from air_router.coverage.cover_write import place_text, waypoints_of, written
+from air_router.errors import AirRouterError, ExitCode, UsageError
+from air_router.files.whole_file import write_whole
+from geo.coverage.coverage import CoverageError, Swath, cover
+
+_OVERLAP, _SIDELAP = 70.0, 60.0
+_ACCELERATION_M_S2: Final = 2.0
+
+_EPILOG = f"""\
+AREA is a mission (.yaml, .plan: its own fence is covered) or one or more polygons (.geojson, .kml,
+or .yaml with 'polygon' and 'holes', or 'circle', as in a mission; degrees).
+
+CAMERA is a name, a sensor and its lens in mm (13.2x8.8/10.4, with pixels 13.2x8.8/10.4@5472x3648),
+or the angles of view (60x45deg). It looks straight down, its longer side across the rows.
+names: {", ".join(CAMERAS)}
+
+Without --out the waypoints are printed as a section of a mission file. With --out a whole mission
+is written: that of AREA or of --mission with these waypoints (comments of a YAML file are kept), or
+a new one from --home.
+
+examples:
+  air-router cover missions/urban/mission.yaml --camera 60x45deg
+  air-router cover field.geojson --mission site.yaml --camera sony-rx100m2 --out survey.yaml
+  air-router cover field.kml --camera sony-a7r4-35mm --altitude 100 --zones geozones.json \\
+      --home 39.9421,-75.1997 --out survey.yaml
+"""
+
+
+class CoverError(AirRouterError):
+    """The area cannot be covered."""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `cover` to the command line."""
+    parser = commands.add_parser(
+        "cover",
+        help="lawnmower waypoints over an area, no-fly zones cut out",
+        description="Plan rows from which a camera sees an area, clear of no-fly zones.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("area", type=Path, metavar="AREA", help="what to cover")
+    parser.add_argument("--camera", required=True, metavar="CAMERA", help="what sees it; see below")
+    parser.add_argument("--portrait", action="store_true", help="longer side along the rows")
+    parser.add_argument(
+        "--overlap",
+        type=_percent,
+        default=_OVERLAP,
+        metavar="PERCENT",
+        help=f"of pictures on a row (default {_OVERLAP:g})",
+    )
+    parser.add_argument(
+        "--sidelap",
+        type=_percent,
+        default=_SIDELAP,
+        metavar="PERCENT",
+        help=f"of pictures of two rows (default {_SIDELAP:g})",
+    )
+    parser.add_argument(
+        "--altitude", type=_positive, metavar="M", help="above home (default: the mission's)"
+    )
+    parser.add_argument(
+        "--angle",
+        type=_angle,
+        metavar="DEG",
+        help="where rows lead, clockwise from north, or 'auto' (default): the quickest",
+    )
+    parser.add_argument("--mission", type=Path, metavar="F", help="whose airspace and home to use")
+    parser.add_argument("--home", type=place, metavar="LAT,LON", help="without a mission: home")
+    parser.add_argument(
+        "--zones", type=Path, action="append", default=[], metavar="F", help="without a mission"
+    )
+    parser.add_argument("--clearance", type=_distance, metavar="M", help="without a mission")
+    parser.add_argument("--inside", action="store_true", help="never fly beyond the area")
+    parser.add_argument("--speed", type=_positive, metavar="M_S", help="cruise speed")
+    parser.add_argument(
+        "--every", type=_positive, metavar="M", help="waypoints on rows at most so far apart"
+    )
+    parser.add_argument("--out", type=Path, metavar="F", help="write a whole mission (YAML)")
+    parser.add_argument("--force", action="store_true", help="let --out replace a file")
+    parser.add_argument("--png", type=Path, metavar="F", help="draw it into F")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Plan rows, and write what was asked for."""
+    if arguments.out is not None and arguments.out.suffix.lower() not in {".yaml", ".yml"}:
+        raise UsageError(
+            f"{arguments.out}: a mission file ends with .yaml; `air-router convert` writes plans"
+        )
+    camera = camera_of(arguments.camera)
+    camera = camera.turned if arguments.portrait else camera
+    field = read_field(arguments.area, arguments.mission, _terms(arguments))
+    swath = _swath(camera, field.altitude_m, arguments.sidelap)
+    try:
+        plan = cover(
+            field.area,
+            field.airspace,
+            swath,
+            bearing_deg=arguments.angle,
+            start=field.home,
+            stop_m=field.draft.speed_m_s**2 / _ACCELERATION_M_S2,
+        )
+    except CoverageError as error:
+        raise CoverError(f"{arguments.area}: {error}") from None
+    facts = facts_of(field, plan, camera, swath, arguments.overlap)
+    waypoints = waypoints_of(plan, field, arguments.every)
+    if arguments.out is not None:
+        source = arguments.mission or arguments.area
+        text = written(field, waypoints, source, arguments.out.parent)
+        write_whole(arguments.out, text, replace=arguments.force)
+    lines = lines_of(facts, field)
+    if arguments.json:
+        places = [place_of(field, point) for point in waypoints]
+        track = [place_of(field, point) for point in plan.track]
+        json.dump(facts | {"waypoints": places, "track": track}, sys.stdout)
+        sys.stdout.write("\n")
+    elif arguments.out is not None:
+        sys.stdout.write("\n".join(lines) + "\n")
+    else:
+        sys.stdout.write("\n".join(f"# {line}" for line in lines) + "\n")
+        sys.stdout.write(place_text(field, waypoints))
+    if arguments.png is not None:
+        from air_router.report.picture_coverage import draw_coverage  # noqa: PLC0415 - an extra
+
+        draw_coverage(field, plan, arguments.png, lines[0])
+        sys.stderr.write(f"drawn: {arguments.png}\n")
+    return ExitCode.DONE
+
+
+def _terms(arguments: argparse.Namespace) -> Terms:
+    return Terms(
+        home=arguments.home,
+        altitude_m=arguments.altitude,
+        speed_m_s=arguments.speed,
+        clearance_m=arguments.clearance,
+        zones=arguments.zones,
+        inside=arguments.inside,
+    )
+
+
+def _swath(camera: Camera, height_m: float, sidelap_percent: float) -> Swath:
+    across_m, along_m = camera.footprint_m(height_m)
+    return Swath(across_m, along_m, across_m * (1 - sidelap_percent / 100))
+
+
+def _percent(text: str) -> float:
+    value = _number(text)
+    if 0 < value < 1:
+        raise argparse.ArgumentTypeError(f"{text}: write percent, {100 * value:g}")
+    if not 0 <= value <= 95:
+        raise argparse.ArgumentTypeError(f"{text} is not within 0 to 95 percent")
+    return value
+
+
+def _positive(text: str) -> float:
+    value = _number(text)
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not more than 0")
+    return value
+
+
+def _distance(text: str) -> float:
+    value = _number(text)
+    if not 0 <= value <= 1000:
+        raise argparse.ArgumentTypeError(f"{text} is not within 0 to 1000 m")
+    return value
+
+
+def _angle(text: str) -> float | None:
+    if text == "auto":
+        return None
+    value = _number(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not an angle")
+    return value % 180.0
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not a number") from None

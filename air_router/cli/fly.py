@@ -1,0 +1,376 @@
+"""`air-router fly`: flies a mission with a vehicle that is already there."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import dataclasses
+import json
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final
+
+from air_router.cli.arguments import add_uav, moment
+from air_router.control.control import CONTROL_NAME
+from air_router.control.control_server import endpoint_of
+from air_router.errors import RefusedError, UsageError
+from air_router.files.settings import SEEK_POLICIES
+from air_router.flight.flight import Flight
+from air_router.flight.flight_result import FlightResult
+from air_router.flight.status import StatusLine
+from air_router.gossip.gossip import Gossip
+from air_router.gossip.mapper import Mapper
+from air_router.live.page import add_web, page_of, web_of
+from air_router.live.page_address import Web
+from air_router.mission.loading import load_mission
+from air_router.mission.mission import Mission
+from air_router.preflight.preflight_survey import Survey
+from air_router.record.recorder import Recorder
+from air_router.record.recording import Recording, add_recording, recording_of
+from air_router.report.report import write_report
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.pace import PaceClient, PaceSource
+from air_router.vehicle.px4.px4 import Px4Vehicle
+from mocha_link import ListenError, PortInUseError, RadioError, Team
+from mocha_link.team.keys import KeyFileError, KeyMismatchError, KeysUnavailableError
+
+DEFAULT_URL = "udpin://127.0.0.1:14540"
+AERIAL = "aerial_robot"
+PART: Final = "--part"
+_UNUSABLE = (  # the gossip node cannot begin, so the flight does not
+    PortInUseError,
+    ListenError,
+    RadioError,
+    KeyFileError,
+    KeyMismatchError,
+    KeysUnavailableError,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class FlyOptions:
+    """What a flight needs to know beside its mission.
+
+    Attributes:
+        url: MAVSDK connection URL of the vehicle.
+        team: Team file, None for the mission's own.
+        camera: Endpoint of the camera's patches; metrics: endpoint to serve the links' metrics at.
+        control: Endpoint at which other programs may ask for something.
+        web: Where the live page is served; None: nowhere.
+        keys: The folder with the UAV's secret, if the team has a key for it.
+        resume: Go on with a flight that is under way.
+        duration_s: Come home after so long in the air, None for the mission's own.
+        recording: Where the flight is recorded.
+        pace: Of a simulation that waits for this flight; None: nothing waits.
+    """
+
+    url: str = DEFAULT_URL
+    system_id: int = 1
+    team: Path | None = None
+    camera: str | None = None
+    metrics: str | None = None
+    control: str | None = None
+    web: Web | None = None
+    keys: Path | None = None
+    duration_s: float | None = None
+    arm: bool = False
+    resume: bool = False
+    recording: Recording = field(default_factory=Recording)
+    pace: PaceSource | None = None
+
+
+def fly(mission: Mission, options: FlyOptions) -> FlightResult:
+    """Fly a mission to its end; the exceptions say why one did not start."""
+    if options.duration_s is not None:
+        mission = dataclasses.replace(mission, duration_s=options.duration_s)
+    team, uav = team_of(mission, options.team)
+    mission = dataclasses.replace(mission, uav=uav)
+    try:
+        return _fly(mission, options, team, uav)
+    except _UNUSABLE as error:
+        raise RefusedError(str(error)) from None
+
+
+def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightResult:
+    clock = VehicleClock(ceiling=None if options.pace is None else options.pace.speed)
+    mapper = Mapper(mission)
+    gossip = Gossip(
+        mission.frame,
+        team,
+        uav,
+        clock,
+        mapper,
+        metrics=options.metrics,
+        keys=options.keys,
+        goals_from=mission.goals_from,
+    )
+    recording, status = options.recording, StatusLine()
+    with (
+        PaceClient(options.pace, uav) as pace,
+        Recorder(
+            recording.folder,
+            str(mission.path),
+            unix_s=clock.now_s,
+            stem=recording.stem,
+            name=uav,
+            must=recording.must and not options.resume,
+        ) as recorder,
+    ):
+        for path in (mission.path, team.path):
+            recorder.file(path)
+        vehicle = Px4Vehicle(mission, options.url, clock, system_id=options.system_id)
+        vehicle.telemetry.subscribe(pace.heard)
+        flight = Flight(
+            mission,
+            vehicle,
+            clock=clock,
+            gossip=gossip,
+            mapper=mapper,
+            seek=mission.seek or ground_robots(team, uav),
+            recorder=recorder,
+            status=status,
+            camera=options.camera,
+            control=options.control,
+            arm=options.arm,
+            resume=options.resume,
+            survey=lambda router: Survey(
+                mission,
+                router,
+                team=team,
+                uav=uav,
+                log_dir=recording.folder,
+                rate=lambda: clock.rate,
+            ),
+        )
+        flight.page = page_of(options.web, mission, flight, gossip, mapper)
+        result = asyncio.run(flight.run())
+    if recorder.path is not None:
+        result.report["record"] = str(recorder.path)
+    return result
+
+
+def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
+    """The team to talk to, and the name that the mission's UAV has in it."""
+    path = path or mission.team
+    if path is None:
+        raise RefusedError(
+            f"{mission.path}: names no team file, so there is nobody to talk to; "
+            "add `team: team.yaml` to it or say --team FILE"
+        )
+    team = Team.load(path)
+    return team, mission.uav or only_uav(team)
+
+
+def load_flown(
+    path: Path,
+    uav: str | None,
+    *,
+    start: datetime | None = None,
+    duration_s: float | None = None,
+    in_flight: bool = False,
+) -> Mission:
+    """A mission as one vehicle flies it, or has begun to fly it.
+
+    Raises:
+        MissionFileError: it cannot be flown.
+        UsageError: it is for several UAVs, and `uav` is none of them.
+    """
+    mission = load_mission(path, uav=uav, start=start, duration_s=duration_s, in_flight=in_flight)
+    if uav is None and len(mission.layers) > 1:
+        names = " or ".join(f"--uav {layer.uav}" for layer in mission.layers)
+        raise UsageError(f"{path}: is for several UAVs; say which one this is: {names}")
+    return mission
+
+
+def only_uav(team: Team) -> str:
+    """The team's UAV, for missions that do not say which robot they fly."""
+    uavs = [robot.name for robot in team.robots.values() if robot.kind == AERIAL]
+    if len(uavs) != 1:
+        raise RefusedError(
+            f"{team.path}: has {len(uavs)} robots of kind {AERIAL}; "
+            "say which one flies, --uav NAME or `uav: NAME` in the mission"
+        )
+    return uavs[0]
+
+
+def ground_robots(team: Team, uav: str) -> tuple[str, ...]:
+    """Everybody in the team that the UAV has a link with and that does not fly."""
+    return tuple(peer for peer in team.robot(uav).peers if team.robot(peer).kind != AERIAL)
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `fly` to the command line."""
+    parser = commands.add_parser(
+        "fly",
+        help="fly a mission with a vehicle that is already there",
+        description="Fly a mission with a PX4 that is already there. Waits for the pilot to arm "
+        "and to choose Mission mode, unless --arm is confirmed.",
+        epilog="example: air-router fly missions/pennovation/mission.yaml "
+        "--connect udpin://127.0.0.1:14540",
+    )
+    add_vehicle_arguments(parser)
+    add_uav(parser)
+    parser.add_argument(
+        "--camera", metavar="URL", help="ZeroMQ endpoint that publishes map patches, tcp://..."
+    )
+    begin = parser.add_mutually_exclusive_group()
+    begin.add_argument("--arm", action="store_true", help="arm and take off, once confirmed")
+    begin.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with a flight of this mission that is in the air",
+    )
+    parser.add_argument("--yes", action="store_true", help="confirm --arm without being asked")
+    parser.add_argument(
+        "--keys",
+        type=Path,
+        metavar="DIR",
+        help="the folder with the UAV's secret key, NAME.key, if the team has a key for it",
+    )
+    add_flight_arguments(parser)
+    # For `sim` with several UAVs: one of them, at a time that is pretended.
+    parser.add_argument(PART, action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--at", type=moment, help=argparse.SUPPRESS)
+    parser.add_argument("--pace-from", type=PaceSource.of, help=argparse.SUPPRESS)
+    parser.set_defaults(run=run)
+
+
+def add_vehicle_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `fly` and `preflight` have in common."""
+    parser.add_argument(
+        "--connect",
+        metavar="URL",
+        default=DEFAULT_URL,
+        help="the vehicle's link (default %(default)s); also serial:///dev/ttyACM0:57600",
+    )
+    parser.add_argument(
+        "--sysid", type=_system_id, default=1, metavar="N", help="its MAVLink system id (default 1)"
+    )
+    parser.add_argument("--team", type=Path, metavar="FILE", help="team file (the mission's)")
+
+
+def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
+    """What `fly` and `sim` have in common."""
+    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
+    parser.add_argument(
+        "--duration",
+        type=_positive,
+        metavar="S",
+        help="come home after so many seconds in the air, on the vehicle's clock",
+    )
+    add_recording(parser)
+    parser.add_argument(
+        "--png", type=Path, metavar="F", help="draw the flown track into F (track.png)"
+    )
+    parser.add_argument(
+        "--metrics",
+        metavar="ENDPOINT",
+        help="let your other programs watch the links there, e.g. tcp://127.0.0.1:24500 "
+        "(`mocha-link metrics ENDPOINT --follow`)",
+    )
+    parser.add_argument(
+        "--control",
+        type=endpoint_of,
+        nargs="?",
+        const=CONTROL_NAME,
+        metavar="ENDPOINT",
+        help="let your other programs on this machine ask for something (`air-router ask`, "
+        "docs/control.md); at another place than the usual: a name, ipc://PATH, a port or "
+        "tcp://127.0.0.1:PORT",
+    )
+    add_web(parser)
+    parser.add_argument("--json", action="store_true", help="end with one JSON object on stdout")
+    parser.add_argument(
+        "--seek", choices=SEEK_POLICIES, help="how the next robot is chosen (as the mission says)"
+    )
+
+
+def options_of(arguments: argparse.Namespace, stem: str, **others: Any) -> FlyOptions:
+    """What `add_flight_arguments` has read; a record's name begins with `stem`."""
+    return FlyOptions(
+        metrics=arguments.metrics,
+        control=arguments.control,
+        web=web_of(arguments),
+        duration_s=arguments.duration,
+        recording=recording_of(arguments, stem),
+        **others,
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fly, and report on stdout."""
+    mission = load_flown(
+        arguments.mission,
+        arguments.uav,
+        start=arguments.at,
+        duration_s=arguments.duration,
+        in_flight=arguments.resume,
+    )
+    mission = dataclasses.replace(mission, seek_policy=arguments.seek or mission.seek_policy)
+    if arguments.part:
+        # The simulated vehicle's clock is today's, whenever the flight is meant to be.
+        window = dataclasses.replace(mission.window, latest_start=None)
+        mission = dataclasses.replace(mission, window=window)
+    if arguments.arm and not arguments.yes and not _confirmed(mission):
+        raise RefusedError("not confirmed: the vehicle stays disarmed")
+    result = fly(
+        mission,
+        options_of(
+            arguments,
+            "sim" if arguments.part else "flight",
+            url=arguments.connect,
+            system_id=arguments.sysid,
+            team=arguments.team,
+            camera=arguments.camera,
+            keys=arguments.keys,
+            arm=arguments.arm,
+            resume=arguments.resume,
+            pace=arguments.pace_from,
+        ),
+    )
+    return finish(mission, result, arguments)
+
+
+def finish(mission: Mission, result: FlightResult, arguments: argparse.Namespace) -> int:
+    """Print a flight's result as asked, draw its track, and give its exit code."""
+    part = getattr(arguments, "part", False)
+    picture = arguments.png or (arguments.log_dir or Path()) / "track.png"
+    if part and arguments.png is None and arguments.log_dir is None:
+        picture = None
+    if arguments.json:
+        json.dump(result.report, sys.stdout)
+        sys.stdout.write("\n")
+        sys.stdout.flush()
+    write_report(mission, result, picture, with_table=not part)
+    return result.exit_code
+
+
+def _confirmed(mission: Mission, ask: Callable[[], str] = input) -> bool:
+    sys.stderr.write(
+        f"The vehicle will arm, take off and fly {mission.name} by itself. Propellers clear?\n"
+    )
+    try:
+        sys.stderr.write("type 'fly' to go: ")
+        return ask().strip().lower() == "fly"
+    except EOFError:
+        return False
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number of seconds")
+    return value
+
+
+def _system_id(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 250:
+        raise argparse.ArgumentTypeError(f"{text} is not a system id of a vehicle, 1 to 250")
+    return int(text)

@@ -1,0 +1,205 @@
+"""`air-router plan`: the route between two waypoints, or any places, as it would be flown."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from itertools import pairwise, product
+from pathlib import Path
+from typing import Any
+
+from air_router.cli.arguments import add_start, add_uav
+from air_router.errors import ExitCode, UsageError
+from air_router.mission.loading import load_mission
+from air_router.mission.mission import Mission
+from air_router.preflight.survey import closest_approach, route_time_s
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Leg, NoRoute, Route, Router
+from geo.frame import FrameError, Geodetic, Point
+
+_EPILOG = """\
+examples:
+  air-router plan missions/pennovation/mission.yaml --from 1 --to 34
+  air-router plan missions/pennovation/mission.yaml --from 0 --to 39.9412,-75.2001
+"""
+
+_STEPS = (0, -1, 1)
+"""Around a place, in the last digit that is printed of a degree: a centimetre."""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `plan` to the command line."""
+    parser = commands.add_parser(
+        "plan",
+        help="plan a route between two waypoints or places",
+        description="Plan the route between two waypoints (0 is home) or places in degrees.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
+    add_start(parser)
+    add_uav(parser)
+    for option, name, text in (("--from", "start", "start"), ("--to", "end", "goal")):
+        parser.add_argument(
+            option, type=_stop, required=True, metavar="N|LAT,LON", dest=name, help=text
+        )
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.add_argument("--png", type=Path, metavar="F", help="draw mission and route into F")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Plan, and print the route's legs."""
+    mission = load_mission(arguments.mission, uav=arguments.uav, start=arguments.at)
+    graph = WaypointGraph(mission)
+    begin = _leg(arguments.start, graph, "--from")
+    end = _leg(arguments.end, graph, "--to")
+    start = begin.to
+    route = Router(graph).route(start, end.to if end.node is None else end.node)
+    if isinstance(route, NoRoute):
+        sys.stderr.write(f"no route from {_words(arguments.start)} to {_words(arguments.end)}: ")
+        sys.stderr.write(f"{route.reason}{_instead(graph, start, end.to)}\n")
+        return ExitCode.ENDED_OTHERWISE
+    for warning in route.warnings:
+        sys.stderr.write(f"{warning}\n")
+    if arguments.json:
+        json.dump(_facts(mission, arguments.start, arguments.end, route, start), sys.stdout)
+        sys.stdout.write("\n")
+    else:
+        sys.stdout.write("\n".join(_lines(mission, begin, route)) + "\n")
+    if arguments.png is not None:
+        from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
+
+        draw_mission(mission, arguments.png, graph=graph, route=(start, route))
+        sys.stderr.write(f"drawn: {arguments.png}\n")
+    return ExitCode.DONE
+
+
+Stop = int | Geodetic
+"""Where a route begins or ends: a waypoint (0: home), or any place."""
+
+
+def _stop(text: str) -> Stop:
+    try:
+        if "," not in text:
+            return int(text)
+        latitude, longitude = map(float, text.split(","))
+    except ValueError:
+        message = f"{text} is neither a waypoint's number nor LATITUDE,LONGITUDE"
+        raise argparse.ArgumentTypeError(message) from None
+    return Geodetic(latitude, longitude)
+
+
+def _leg(stop: Stop, graph: WaypointGraph, option: str) -> Leg:
+    """A stop as the end of a leg."""
+    mission = graph.mission
+    if isinstance(stop, Geodetic):
+        try:
+            return Leg(mission.frame.to_local(*stop))
+        except FrameError as error:
+            raise UsageError(f"{option}: {error}") from None
+    if stop not in graph.positions:
+        last = len(mission.waypoints)
+        raise UsageError(f"no waypoint {stop}; {mission.name} has 1 to {last}, and 0 is home")
+    return Leg(graph.position(stop), stop)
+
+
+def _instead(graph: WaypointGraph, start: Point, goal: Point) -> str:
+    """The place to hover that a flight would choose for a goal that is not clear, in words.
+
+    In the digits that are printed it is clear too: they can be copied into `--to`.
+    """
+    mission, airspace = graph.mission, graph.mission.planning_airspace
+    place = None if airspace.point_clear(goal) else graph.paths.nearest(goal, reachable_from=start)
+    if place is None:
+        return ""
+    latitude_deg, longitude_deg = mission.frame.to_geodetic(place)
+    printed = [
+        Geodetic(round(latitude_deg + north / 1e7, 7), round(longitude_deg + east / 1e7, 7))
+        for north, east in product(_STEPS, _STEPS)
+    ]
+    away_m = {at: math.dist(mission.frame.to_local(*at), goal) for at in printed}
+    clear = [at for at in printed if airspace.point_clear(mission.frame.to_local(*at))]
+    best = min(clear or printed[:1], key=lambda at: away_m[at])
+    return (
+        f"; the nearest place to hover is {best.latitude_deg:.7f},{best.longitude_deg:.7f}, "
+        f"{away_m[best]:.1f} m away"
+    )
+
+
+def _words(stop: Stop) -> str:
+    return str(stop) if isinstance(stop, int) else f"{stop[0]:g},{stop[1]:g}"
+
+
+def _lines(mission: Mission, begin: Leg, route: Route) -> list[str]:
+    start = begin.to
+    names = ["start" if begin.node is None else _name(begin), *map(_name, route.legs)]
+    if route.legs and route.legs[-1].node is None:
+        names[-1] = "goal"
+    lines = [f"{'from':>10}  {'to':>10}  {'length':>8}  {'east':>8}  {'north':>8}  closest"]
+    legs = zip(pairwise([begin, *route.legs]), pairwise(names), strict=True)
+    for ((before, leg), (here, there)), (near_m, what) in zip(
+        legs, _approaches(mission, start, route), strict=True
+    ):
+        lines.append(
+            f"{here:>10}  {there:>10}  {math.dist(before.to, leg.to):6.1f} m  "
+            f"{leg.to.east_m:6.1f} m  {leg.to.north_m:6.1f} m  {_near(near_m, what, 'from')}"
+        )
+    closest_m, closest_to = closest_approach(mission, start, route)
+    lines.append(
+        f"{route.length_m:.1f} m, about {route_time_s(route, mission.speed_m_s):.0f} s; "
+        f"closest approach {_near(closest_m, closest_to, 'to')}"
+    )
+    return lines
+
+
+def _near(distance_m: float, what: str, word: str) -> str:
+    return f"{distance_m:.1f} m {word} {what}" if what else "nothing near"
+
+
+def _name(leg: Leg) -> str:
+    if leg.node is None:
+        return "corner"
+    return str(leg.node) if leg.node else "home"
+
+
+def _approaches(mission: Mission, start: Point, route: Route) -> list[tuple[float, str]]:
+    points = [start, *(leg.to for leg in route.legs)]
+    return [mission.airspace.track_distance_m(pair) for pair in pairwise(points)]
+
+
+def _facts(mission: Mission, begin: Stop, end: Stop, route: Route, start: Point) -> dict[str, Any]:
+    closest_m, closest_to = closest_approach(mission, start, route)
+    legs = []
+    before = start
+    for leg, (near_m, what) in zip(route.legs, _approaches(mission, start, route), strict=True):
+        latitude_deg, longitude_deg = mission.frame.to_geodetic(leg.to)
+        legs.append(
+            {
+                "node": leg.node,
+                "latitude_deg": round(latitude_deg, 7),
+                "longitude_deg": round(longitude_deg, 7),
+                "east_m": round(leg.to.east_m, 3),
+                "north_m": round(leg.to.north_m, 3),
+                "length_m": round(math.dist(before, leg.to), 3),
+                "closest_m": _finite(near_m),
+                "closest_to": what or None,
+            }
+        )
+        before = leg.to
+    return {
+        "from": begin,
+        "to": end,
+        "length_m": round(route.length_m, 3),
+        "flight_time_s": round(route_time_s(route, mission.speed_m_s), 1),
+        "clearance_m": mission.planner.clearance_m,
+        "closest_approach_m": _finite(closest_m),
+        "closest_approach_to": closest_to or None,
+        "legs": legs,
+    }
+
+
+def _finite(distance_m: float) -> float | None:
+    return round(distance_m, 3) if math.isfinite(distance_m) else None

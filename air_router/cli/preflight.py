@@ -1,0 +1,143 @@
+"""`air-router preflight`: is this vehicle ready to fly this mission, and if not, what to do."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from air_router.cli.arguments import add_uav
+from air_router.cli.fly import add_vehicle_arguments, load_flown, team_of
+from air_router.errors import ExitCode, NotConfirmedError, NoVehicleError, PlanRefusedError
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.mission import Mission
+from air_router.preflight.preflight import Card, Check, Verdict
+from air_router.preflight.preflight_survey import Survey
+from air_router.record.recording import add_recording, recording_of
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.px4.px4 import Px4Vehicle
+from air_router.vehicle.vehicle import Telemetry, Vehicle, VehicleEvent
+from mocha_link.cli.command_help import coloured
+
+TELEMETRY_S: Final = 4.0
+"""Wall-clock limit for the first position after the vehicle was found; they come at 10 Hz."""
+
+
+@dataclass(frozen=True, slots=True)
+class PreflightOptions:
+    """What to look at; `upload`: put the plan on board, as a flight would."""
+
+    url: str
+    system_id: int
+    team: Path | None
+    log_dir: Path | None
+    upload: bool
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `preflight` to the command line."""
+    parser = commands.add_parser(
+        "preflight",
+        help="is this vehicle ready to fly this mission?",
+        description="Look at everything that a flight rests on and print one card. Puts mission "
+        "and fence on board, reads them back and has PX4 judge them, unless --look is given. "
+        "Nothing is armed, and no parameter is changed.",
+        epilog="example: air-router preflight missions/pennovation/mission.yaml "
+        "--connect udpin://127.0.0.1:14540",
+    )
+    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
+    add_vehicle_arguments(parser)
+    add_uav(parser)
+    parser.add_argument(
+        "--look", action="store_true", help="change nothing: only compare the plan on board"
+    )
+    add_recording(parser)
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Look, and print the card on stdout."""
+    mission = load_flown(arguments.mission, arguments.uav)
+    options = PreflightOptions(
+        url=arguments.connect,
+        system_id=arguments.sysid,
+        team=arguments.team,
+        log_dir=recording_of(arguments).folder,
+        upload=not arguments.look,
+    )
+    card = asyncio.run(preflight(mission, options))
+    if arguments.json:
+        json.dump(card.as_json(), sys.stdout)
+        sys.stdout.write("\n")
+    else:
+        lines = card.lines(coloured=coloured(sys.stdout))
+        sys.stdout.write("\n".join(lines) + "\n")
+    return ExitCode.DONE if card.ready else ExitCode.REFUSED
+
+
+async def preflight(mission: Mission, options: PreflightOptions) -> Card:
+    """Connect, look, and let go.
+
+    Raises:
+        NoVehicleError: with a diagnosis.
+    """
+    team, uav = (None, "") if _alone(mission, options) else team_of(mission, options.team)
+    clock = VehicleClock()
+    survey = Survey(
+        mission,
+        Router(WaypointGraph(mission)),
+        team=team,
+        uav=uav,
+        log_dir=options.log_dir,
+        rate=lambda: clock.rate,
+    )
+    vehicle = Px4Vehicle(mission, options.url, clock, system_id=options.system_id)
+    try:
+        info = await vehicle.connect()
+        telemetry = await _first_telemetry(vehicle, options.url)
+        card = await survey.card(vehicle, info, telemetry)
+        if not (telemetry.armed or telemetry.in_air):
+            check = await _plan(vehicle, FlightPlan.of(mission), upload=options.upload)
+            card = Card((*card.checks, check))
+        return card
+    finally:
+        await vehicle.close()
+
+
+def _alone(mission: Mission, options: PreflightOptions) -> bool:
+    return options.team is None and mission.team is None
+
+
+async def _first_telemetry(vehicle: Vehicle, url: str) -> Telemetry:
+    first: asyncio.Future[Telemetry] = asyncio.get_running_loop().create_future()
+
+    def take(event: VehicleEvent) -> None:
+        if isinstance(event, Telemetry) and not first.done():
+            first.set_result(event)
+
+    vehicle.subscribe(take)
+    try:
+        async with asyncio.timeout(TELEMETRY_S):
+            return await first
+    except TimeoutError:
+        raise NoVehicleError(f"{url}: the vehicle has stopped sending positions") from None
+
+
+async def _plan(vehicle: Vehicle, plan: FlightPlan, *, upload: bool) -> Check:
+    """The whole plan: put on board, read back, equal, and found fit to be flown."""
+    try:
+        await (vehicle.upload(plan) if upload else vehicle.recognise(plan))
+    except (PlanRefusedError, NotConfirmedError) as error:
+        if upload:
+            return Check("plan", Verdict.BAD, str(error), "change the mission, or the vehicle")
+        advice = "a flight will put the mission on board"
+        return Check("plan", Verdict.LOOK, f"another one is on board: {error}", advice)
+    done = "on board, read back, equal, can be flown" if upload else "on board already"
+    return Check("plan", Verdict.GOOD, f"{done}: {plan.size}")

@@ -1,0 +1,77 @@
+"""`air-router replay`: does the program decide today as it did in a recorded flight?"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from air_router.errors import ExitCode
+from air_router.live.page import add_web, show_record, web_of
+from air_router.record.log import Log
+from air_router.record.recording import add_record, record_of
+from air_router.record.replay import replay
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `replay` to the command line."""
+    parser = commands.add_parser(
+        "replay",
+        help="run a recorded flight's decisions again, and compare",
+        description="Give the events of a recorded flight to a new controller and compare what it "
+        "decides. Exit code 0: the same; 1: otherwise, the first difference is told; 3: the "
+        "record is damaged or holds no decision, so the comparison is not complete.",
+        epilog="examples:\n"
+        "  air-router replay flight-20261120T234403Z-titan.mcap\n"
+        "  air-router replay LOG --web --speed 10    (on a map page)",
+    )
+    add_record(parser)
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    add_web(parser)
+    parser.add_argument(
+        "--speed", type=_speed, default=1.0, metavar="X", help="of --web: times real time"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Replay, and print what came of it."""
+    web = web_of(arguments)
+    if web is not None:
+        show_record(record_of(arguments), web, arguments.speed, _say)
+        return ExitCode.DONE
+    log = Log(record_of(arguments))
+    result = replay(log)
+    found = result.difference
+    if arguments.json:
+        json.dump({**result.as_json(), "ending": log.ending}, sys.stdout)
+        sys.stdout.write("\n")
+    else:
+        if log.ending is not None:
+            result.notes.append(f"the record is not whole: {log.ending}")
+        for note in result.notes:
+            print(f"note: {note}")
+        if found is not None:
+            print("\n".join(found.lines()))
+        else:
+            print(
+                f"{log.path.name}: the same {result.actions} decisions on {result.events} events, "
+                f"up to {result.until_s:.1f} s"
+            )
+    if found is not None:
+        return ExitCode.ENDED_OTHERWISE
+    return ExitCode.INVALID_FILE if log.damaged else ExitCode.DONE
+
+
+def _say(text: str) -> None:
+    print(f"{text}; Ctrl-C ends", file=sys.stderr, flush=True)
+
+
+def _speed(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.1 <= value <= 100:
+        raise argparse.ArgumentTypeError(f"{text} is not a speed between 0.1 and 100")
+    return value

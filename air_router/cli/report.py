@@ -1,0 +1,54 @@
+"""`air-router report`: a recorded flight as one HTML page, or as JSON."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from air_router.errors import ExitCode, UsageError
+from air_router.files.whole_file import write_whole
+from air_router.record.log import Log
+from air_router.record.record_channels import json_of
+from air_router.record.recording import add_record, record_of
+from air_router.report.flight.flight_summary import story_of
+from air_router.report.flight.page import page_of
+from air_router.report.flight.ulog import read_ulog
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `report` to the command line."""
+    parser = commands.add_parser(
+        "report",
+        help="a recorded flight as one HTML page",
+        description="Draw a recorded flight: track, states, contacts and syncs, bandwidth, age of "
+        "information, map coverage, requests. One HTML file that needs nothing else.",
+        epilog="example: air-router report flight-20261120T234403Z-titan.mcap -o flight.html",
+    )
+    add_record(parser)
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="F", help="the page (default: LOG with .html)"
+    )
+    parser.add_argument("--ulog", type=Path, metavar="F", help="PX4's own log of the same flight")
+    parser.add_argument(
+        "--json", action="store_true", help="the same as JSON on stdout, and no page without -o"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Draw it."""
+    log = Log(record_of(arguments))
+    story = story_of(log)
+    story.end(log.ending)
+    ulog = None if arguments.ulog is None else read_ulog(arguments.ulog, story)
+    output = arguments.output or (None if arguments.json else log.path.with_suffix(".html"))
+    if output is not None:
+        if output.resolve() == log.path.resolve():
+            raise UsageError(f"{output}: is the record itself; write the page elsewhere, -o F")
+        write_whole(output, page_of(story, log.path.name, ulog), replace=True)
+        print(f"the report: {output}", file=sys.stderr)
+    if arguments.json:
+        facts = {**story.as_json(), "ulog": None if ulog is None else ulog.as_json()}
+        sys.stdout.write(json_of(facts) + "\n")
+    return ExitCode.DONE

@@ -1,0 +1,52 @@
+"""`air-router watch`: several flights on one map page."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from air_router.errors import ExitCode, UsageError
+from air_router.live.page import add_joint_web, joint_page, show_flights, web_of
+from air_router.live.page_address import PageAddress
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `watch` to the command line."""
+    parser = commands.add_parser(
+        "watch",
+        help="several flights on one map page",
+        description="Serve one map page for several flights, each flown with --web on a machine "
+        "of its own. They need not be there yet: the page finds each when it begins, and again "
+        "when it was lost. Ctrl-C ends the page, not the flights.",
+        epilog="examples:\n"
+        "  air-router watch 'http://192.168.1.11:8425/?token=aTbZ' 192.168.1.12:8425\n"
+        "  air-router watch titan.local atlas.local --web 0    (any free port)",
+    )
+    parser.add_argument(
+        "addresses",
+        nargs="+",
+        metavar="ADDRESS",
+        help="what `fly --web` prints there; HOST or HOST:PORT for a page without a token",
+    )
+    add_joint_web(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serve the page until Ctrl-C."""
+    web = web_of(arguments)
+    assert web is not None  # noqa: S101 - there always is a port
+    flights = [PageAddress.of(text) for text in arguments.addresses]
+    places = [flight.place for flight in flights]
+    twice = next((place for place in places if places.count(place) > 1), None)
+    if twice is not None:
+        raise UsageError(f"{twice} is given twice; leave one out")
+    page = joint_page(places, web)
+    for flight in flights:
+        page.found(flight.place, flight)
+    show_flights(page, _say)
+    return ExitCode.DONE
+
+
+def _say(text: str) -> None:
+    print(f"{text}; Ctrl-C ends", file=sys.stderr, flush=True)

@@ -1,0 +1,1 @@
+"""Requests of the operator and of other programs: read, limited, served."""

@@ -1,0 +1,231 @@
+"""What somebody asks for, as JSON or in words, places in degrees; nothing of it is believed.
+
+docs/control.md describes both. Whether it is done is for the controller to say.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Annotated, Any, Final, Protocol
+
+from pydantic import BaseModel, Field, ValidationError
+
+from air_router.controller.model.requests import (
+    OPERATOR,
+    AnyRequest,
+    ComeHome,
+    ExploreNow,
+    GoOn,
+    GoTo,
+    HoldNow,
+    Reload,
+    SeekNow,
+)
+from air_router.errors import AirRouterError, ExitCode
+from air_router.messages import MOST_POINTS
+from geo.frame import FrameError, LocalFrame
+from mocha_link.printable import printable
+
+MAX_BYTES: Final = 64 * 1024
+
+Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
+Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
+
+
+class WishError(AirRouterError, ValueError):
+    """What was asked for is nothing that can be asked; the message says why."""
+
+    exit_code = ExitCode.USAGE
+
+
+class Wish(BaseModel, extra="forbid", strict=True):
+    """A request as it comes.
+
+    Attributes:
+        request: Its verb.
+        id: Comes back with the answer.
+        by: Who asks, for the record and the pilot.
+    """
+
+    request: str
+    id: (
+        Annotated[str, Field(max_length=64)] | Annotated[int, Field(ge=-(2**63), lt=2**63)] | None
+    ) = None
+    by: Annotated[str, Field(max_length=60)] | None = None
+
+    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> AnyRequest | None:
+        """The request for a mission; None for one that only wants to know something.
+
+        Args:
+            frame: The mission's.
+            by: Who asks, if the wish does not say.
+
+        Raises:
+            WishError: a place cannot be told in the mission's frame.
+        """
+        del frame, by
+        return None
+
+    def who(self, by: str) -> str:
+        """Who asks, in letters that a terminal shows."""
+        return printable(self.by or "").strip() or by
+
+
+class _Hold(Wish):
+    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> HoldNow:
+        del frame
+        return HoldNow(by=self.who(by))
+
+
+class _Resume(Wish):
+    upload: bool = False
+
+    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> GoOn:
+        del frame
+        return GoOn(self.upload, by=self.who(by))
+
+
+class _Seek(Wish):
+    robot: Annotated[str, Field(min_length=1, max_length=255)]
+
+    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> SeekNow:
+        del frame
+        return SeekNow(printable(self.robot), by=self.who(by))
+
+
+class _Explore(Wish):
+    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> ExploreNow:
+        del frame
+        return ExploreNow(by=self.who(by))
+
+
+class _Home(Wish):
+    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> ComeHome:
+        del frame
+        return ComeHome(by=self.who(by))
+
+
+class _Reload(Wish):
+    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> Reload:
+        del frame
+        return Reload(by=self.who(by))
+
+
+class _GoTo(Wish):
+    points: Annotated[
+        list[Annotated[tuple[Latitude, Longitude], Field(strict=False)]],
+        Field(min_length=1, max_length=MOST_POINTS),
+    ]
+    hold_s: Annotated[float, Field(ge=0, le=3600, allow_inf_nan=False)] | None = None
+
+    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> GoTo:
+        try:
+            points = tuple(frame.to_local(*point) for point in self.points)
+        except FrameError as error:
+            raise WishError(f"goto: {error}") from None
+        return GoTo(points, self.hold_s, by=self.who(by))
+
+
+class _Status(Wish):
+    pass
+
+
+MODELS: Final[Mapping[str, type[Wish]]] = MappingProxyType(
+    {
+        "hold": _Hold,
+        "resume": _Resume,
+        "seek": _Seek,
+        "explore": _Explore,
+        "home": _Home,
+        "goto": _GoTo,
+        "reload": _Reload,
+        "status": _Status,
+    }
+)
+"""The model of every verb."""
+
+VERBS: Final = ", ".join(MODELS)
+
+
+def wish_of(values: Any) -> Wish:
+    """A request from a JSON object.
+
+    Raises:
+        WishError: what is wrong with it, first things first.
+    """
+    if not isinstance(values, dict):
+        raise WishError("a request is a JSON object")
+    name = values.get("request")
+    if not isinstance(name, str) or name not in MODELS:
+        raise WishError(f"no request '{printable(str(name)[:40])}'; use one of {VERBS}")
+    model = MODELS[name]
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise WishError(f"{name}: {_complaint(error, model)}") from None
+
+
+def parse(frames: Sequence[bytes]) -> Any:
+    """JSON from somebody, in one frame.
+
+    Raises:
+        WishError: it is none, or too much of it.
+    """
+    if len(frames) != 1 or len(frames[0]) > MAX_BYTES:
+        raise WishError(f"a request is one frame with a JSON object of up to {MAX_BYTES} bytes")
+    try:
+        return json.loads(frames[0])
+    except (ValueError, RecursionError):
+        raise WishError("a request is a JSON object, in UTF-8") from None
+
+
+def spoken(text: str) -> Wish:
+    """A request in words: `hold`, `resume upload`, `seek NAME`, `goto LAT,LON LAT,LON`.
+
+    Raises:
+        WishError: what is wrong with it.
+    """
+    name, _, rest = text.strip().partition(" ")
+    values: dict[str, Any] = {"request": name.lower()}
+    if values["request"] == "seek":
+        values["robot"] = rest.strip()
+        if not values["robot"]:
+            raise WishError("seek whom? type 'seek NAME'")
+    elif values["request"] == "goto":
+        values["points"] = _places(rest)
+    elif values["request"] == "resume" and rest.strip().lower() == "upload":
+        values["upload"] = True
+    elif rest.strip() and values["request"] in MODELS:
+        raise WishError(f"'{name}' stands alone")
+    return wish_of(values)
+
+
+def _places(text: str) -> list[list[float]]:
+    try:
+        numbers = [float(word) for word in re.split(r"[\s,;]+", text.strip())]
+    except ValueError:
+        numbers = []
+    if not numbers or len(numbers) % 2:
+        raise WishError("goto where? type 'goto LAT,LON', more places behind it, in degrees")
+    return [[*pair] for pair in zip(numbers[::2], numbers[1::2], strict=True)]
+
+
+def _complaint(error: ValidationError, model: type[Wish]) -> str:
+    """The first thing that is wrong with a request."""
+    detail = error.errors(include_url=False, include_input=False)[0]
+    where = printable(".".join(map(str, detail["loc"]))[:60])
+    if detail["type"] == "extra_forbidden":
+        return f"unknown field '{where}'; use {', '.join(model.model_fields)}"
+    if detail["type"] == "missing":
+        return f"'{where}' is missing"
+    return f"'{where}': {detail['msg']}"
+
+
+class Grants(Protocol):
+    """Where requests are handed in."""
+
+    def grant(self, wish: Wish, by: str) -> dict[str, Any]:
+        """Ask for something; what became of it. Raises WishError."""

@@ -1,0 +1,174 @@
+"""Asks a flight (`air-router fly --control`, `air-router sim --control`) from another program.
+
+from air_router.control.control import ControlClient
+
+with ControlClient() as uav:
+    answer = uav.goto([(39.9415, -75.1990), (39.9420, -75.1995)], hold_s=30)
+    print(answer.accepted, answer.why, answer.points)
+    if not answer.accepted:
+        uav.seek("io")
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from air_router.errors import AirRouterError, ExitCode
+from mocha_link.service.asking import Asker
+from mocha_link.service.endpoint_key import EndpointKeyError, named
+
+CONTROL_NAME: Final = "flight"
+"""The name of the endpoint of `--control` without an endpoint."""
+
+NOT_RELOADED: Final = "not-reloaded"
+
+_LOOK_S: Final = 0.1
+"""So often it is looked whether the mission file has been read."""
+
+Place = tuple[float, float]
+"""Latitude and longitude, in degrees."""
+
+
+class ControlError(AirRouterError):
+    """The flight understood nothing of a request, or has too many; the message says what."""
+
+    exit_code = ExitCode.USAGE
+
+    def __init__(self, message: str, *, again: bool = False) -> None:
+        super().__init__(message)
+        self.again = again
+
+
+class ControlUnreachableError(AirRouterError):
+    """No program answers at the endpoint, or one that is no flight."""
+
+    exit_code = ExitCode.NO_VEHICLE
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What became of a request.
+
+    Attributes:
+        accepted: Whether it is done.
+        why: A sentence: what is done, or why not.
+        code: The reason for a refusal, for programs (docs/errors.md); None if accepted.
+        state: The state of the flight now.
+        points: Where the vehicle will hover, of a `goto`.
+    """
+
+    accepted: bool
+    why: str
+    code: str | None
+    state: str
+    points: tuple[Place, ...] = ()
+
+
+class ControlClient(Asker):
+    """Asks one flight. One thread may use it; a context manager.
+
+    A flight that does not answer may come back: every request tries anew.
+
+    Args:
+        endpoint: What the flight says that it takes requests at; None: that of `--control` alone.
+        by: Who asks, for its record.
+        timeout_s: How long to wait for an answer.
+
+    Raises:
+        ControlUnreachableError: the endpoint is none; from requests: no answer in time.
+        ControlError: from requests: it is none that can be asked.
+    """
+
+    whom, option = "flight", "--control"
+
+    def __init__(
+        self, endpoint: str | None = None, *, by: str | None = None, timeout_s: float = 5.0
+    ) -> None:
+        self._by = by
+        try:
+            endpoint = endpoint or named(CONTROL_NAME)
+        except EndpointKeyError as error:
+            raise self.unreachable(str(error)) from None
+        super().__init__(endpoint, timeout_s=timeout_s)
+
+    def refused(self, message: str, *, again: bool) -> ControlError:
+        """See `Asker`."""
+        return ControlError(message, again=again)
+
+    def unreachable(self, message: str) -> ControlUnreachableError:
+        """See `Asker`."""
+        return ControlUnreachableError(message)
+
+    def hold(self) -> Answer:
+        """Stop and hover."""
+        return self._answer("hold")
+
+    def resume(self, *, upload: bool = False) -> Answer:
+        """Go on with what was held, or take the flight back from the pilot.
+
+        `upload`: another plan may be on board; the mission's is put there first.
+        """
+        return self._answer("resume", upload=upload)
+
+    def seek(self, robot: str) -> Answer:
+        """Seek this robot next, at once."""
+        return self._answer("seek", robot=robot)
+
+    def explore(self) -> Answer:
+        """Explore on."""
+        return self._answer("explore")
+
+    def home(self) -> Answer:
+        """End the mission: come home, and land."""
+        return self._answer("home")
+
+    def reload(self, *, wait_s: float = 60.0) -> Answer:
+        """Read the mission file again: its zones and fences have changed.
+
+        Waits until it was read: `accepted` says whether the flight keeps to what it says now.
+        After `wait_s` the answer says that it is still being read.
+        """
+        answer = self._answer("reload")
+        limit_s = time.monotonic() + wait_s
+        while answer.accepted:
+            reading = self.status().get("reload")
+            if not isinstance(reading, dict):
+                raise self.another()
+            answer = dataclasses.replace(answer, why=str(reading.get("why")))
+            if reading.get("under_way") is False:
+                if reading.get("good") is not True:
+                    answer = dataclasses.replace(answer, accepted=False, code=NOT_RELOADED)
+                break
+            if time.monotonic() > limit_s:
+                break
+            time.sleep(_LOOK_S)
+        return answer
+
+    def goto(self, points: Iterable[Place], *, hold_s: float | None = None) -> Answer:
+        """Fly to points, one after the other, and hover at the last for `hold_s`."""
+        return self._answer("goto", points=[list(point) for point in points], hold_s=hold_s)
+
+    def status(self) -> dict[str, Any]:
+        """What the flight is doing; docs/control.md has the keys."""
+        return self.request({"request": "status"})
+
+    def request(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Send a request as it is; returns the answer as it came."""
+        return self.ask(values)[0]
+
+    def _answer(self, request: str, **fields: Any) -> Answer:
+        values = self.request({"request": request, "by": self._by, **fields})
+        try:
+            return Answer(
+                accepted=values["accepted"] is True,
+                why=str(values["why"]),
+                code=None if values["code"] is None else str(values["code"]),
+                state=str(values["state"]),
+                points=tuple((float(a), float(b)) for a, b in values.get("points", ())),
+            )
+        except (LookupError, TypeError, ValueError):
+            raise self.another() from None

@@ -1,0 +1,1 @@
+"""The mission controller: telemetry and events in, actions out. Pure."""

@@ -1,0 +1,309 @@
+"""Zones and fences that change in flight: held for, left, put on board, and flown on among.
+
+What counts changes at once. Then, in this order: a leg that is not clear any more is held for; a
+vehicle that is in a new zone leaves it; the autopilot gets its new fence, which would act at once
+on a vehicle inside; and only when that is read back the mission goes on, by ways planned anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import Enum
+from typing import Final
+
+from air_router.controller.control_authority import Handing
+from air_router.controller.model.actions import HoldHere, Motion, RenewPlan
+from air_router.controller.model.behaviour import Signal, State, knows
+from air_router.controller.model.events import AirspaceChanged, PlanRenewed
+from air_router.controller.model.mission_context import Cockpit
+from air_router.controller.motion.command_gate import Helm
+from air_router.controller.motion.navigator import BRAKING_M_S2, STANDING_M_S, Goal, Progress
+from air_router.controller.states.return_state import Homecoming
+from air_router.controller.targets.exploration import Exploration
+from air_router.mission.mission import Mission
+from air_router.routing.departure import names_of
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
+from air_router.vehicle.vehicle import Telemetry
+from geo.airspace.airspace import FENCE, Airspace
+from geo.airspace.zone import Zone
+from geo.frame import Point
+
+STUCK_S: Final = 3.0
+"""How long after no way led out of a new zone it is looked for again."""
+
+_OVERSHOOT: Final = 1.5
+"""A vehicle that brakes may come so much farther than is reckoned with."""
+
+
+class Phase(Enum):
+    """How far a change is."""
+
+    CLEARING = "the vehicle stops, or leaves, where it may not be any more"
+    BOARDING = "the new fence is being put on board"
+
+
+class Renewal:
+    """Takes other zones and fences in, and keeps everything else waiting until they count.
+
+    Args:
+        cockpit: The vehicle, and the mission and router that are replaced.
+        helm: Stops the vehicle, and leads it out of a new zone.
+        exploration: Waypoints in a zone, or behind one, are left out of it.
+        handing: A vehicle that is about to be given away is left alone.
+        homecoming: Flies home if the new fence cannot be put on board.
+        heed: Has everything else heed these zones, at once.
+
+    Attributes:
+        phase: How far a change is; None if none is under way.
+        leaving: The zones that it is no breach to be in: they were drawn over the vehicle.
+    """
+
+    def __init__(  # noqa: PLR0913 - a change of zones concerns nearly everything
+        self,
+        cockpit: Cockpit,
+        helm: Helm,
+        exploration: Exploration,
+        handing: Handing,
+        homecoming: Homecoming,
+        *,
+        heed: Callable[[Mission, Router], None],
+    ) -> None:
+        self.phase: Phase | None = None
+        self.leaving: frozenset[str] = frozenset()
+        self._cockpit = cockpit
+        self._helm = helm
+        self._exploration = exploration
+        self._handing = handing
+        self._homecoming = homecoming
+        self._heed = heed
+        self._prepared: Router | None = None
+        self._new: frozenset[str] = frozenset()  # areas that the fence on board does not have yet
+        self._way_out: Goal | None = None
+        self._has_to_stop = False
+        self._what = ""
+        self._stuck_until_s = -math.inf
+
+    def only_hold(self, motion: Motion) -> Motion | None:
+        """A guard: while zones change, nothing is begun. How to leave one is no guard's matter."""
+        if self.phase is None:
+            return motion
+        if self.phase is Phase.BOARDING:
+            # It is wanted elsewhere than its leg leads, and waits: there, it would not be watched.
+            self._helm.navigator.stop()
+            self._has_to_stop = True
+            self._helm.hold("zones are being changed")
+        return None
+
+    # Other zones.
+
+    def prepare(self, router: Router) -> None:
+        """The router among changed zones, made elsewhere because it takes a while.
+
+        The same is made here if there is none when the change comes.
+        """
+        self._prepared = router
+
+    def airspace_changed(self, event: AirspaceChanged) -> None:
+        """Heed other zones and fences at once."""
+        cockpit = self._cockpit
+        if cockpit.state is State.DONE:
+            cockpit.say("zones not changed: the flight is over")
+            return
+        if self.phase is Phase.BOARDING:
+            cockpit.say("zones not changed: others are being put on board just now; ask again")
+            return
+        before, mission = cockpit.mission, cockpit.mission.with_areas(event.fences, event.zones)
+        router, self._prepared = self._prepared, None
+        if router is None or not _same_areas(router.graph.mission, mission):
+            router = Router(WaypointGraph(mission))
+        mission = router.graph.mission  # with what was worked out of its airspace elsewhere
+        self._heed(mission, router)
+        self.phase = Phase.CLEARING
+        self._what = "the changed fence"
+        self._way_out = None
+        when = "; they go on board when the mission is resumed" if self._put_off else ""
+        cockpit.say(f"zones changed: {_difference(before, mission)}{when}")
+        self._bar_waypoints(mission, router)
+        self._begin(before, mission)
+
+    @property
+    def _put_off(self) -> bool:
+        """Whether the vehicle is not ours, or not for long."""
+        return self._cockpit.state is State.PASSIVE or self._handing.giving_up is not None
+
+    def _bar_waypoints(self, mission: Mission, router: Router) -> None:
+        """Leave out what lies in a zone, or behind one, and say so."""
+        paths, home, say = router.graph.paths, mission.home, self._cockpit.say
+        barred = {
+            waypoint.number
+            for waypoint in mission.waypoints
+            if not paths.connected(home, waypoint.position)
+        }
+        out, back = self._exploration.bar(barred | mission.barred)
+        for numbers, what in ((out, "left out: no clear way leads there"), (back, "flown again")):
+            if numbers:
+                word = "waypoint" if len(numbers) == 1 else "waypoints"
+                say(f"{word} {', '.join(map(str, numbers))} {what}")
+        off = len(mission.rally_points) - len(mission.landings)
+        if off:
+            say(f"{off} rally points that zones were drawn over are taken off")
+
+    def _begin(self, before: Mission, now: Mission) -> None:
+        """What is done at once, wherever the vehicle is."""
+        telemetry, state = self._cockpit.telemetry, self._cockpit.state
+        if state is State.READY and (telemetry is None or not telemetry.armed):
+            self._board()
+        if telemetry is None or state in {State.READY, State.PASSIVE}:
+            return
+        if self._handing.giving_up is not None:
+            return  # it is told to hold, and given away then
+        self._new |= _names_of_new(before, now)
+        self.leaving |= self._reached(before, now, telemetry)
+        inside = now.airspace_at(telemetry.altitude_m).holders(telemetry.position)
+        if before.barred != now.barred and state is not State.LAND:
+            self._stop("waypoints go off the plan on board, or back on it")
+        elif not inside and not self._clear_onward(telemetry):
+            self._stop("the leg under way is not clear any more")
+
+    def _clear_onward(self, telemetry: Telemetry) -> bool:
+        """Whether it may fly on to wherever it was sent, also by what it did not confirm."""
+        navigator = self._helm.navigator
+        places = {onward.place for onward in navigator.commanded.bound(telemetry)}
+        if navigator.leg is not None and navigator.progress is Progress.FLYING:
+            places.add(navigator.leg.to)
+        return all(navigator.clear(telemetry, place) for place in places)
+
+    def _stop(self, why: str) -> None:
+        self._helm.navigator.stop()
+        self._has_to_stop = True
+        self.leaving |= self._new  # what it comes into because the hold is late, it leaves
+        self._helm.hold(why)
+        self._cockpit.say(f"holding: {why}")
+
+    def _reached(self, before: Mission, now: Mission, telemetry: Telemetry) -> frozenset[str]:
+        """The new zones that the vehicle is in, or may come into before it stands."""
+        speed_m_s = max(now.speed_m_s, math.hypot(*telemetry.velocity_m_s))
+        reaction_s = self._helm.navigator.reaction_s
+        reach_m = _OVERSHOOT * speed_m_s * (reaction_s + speed_m_s / (2 * BRAKING_M_S2))
+        known = set(before.zones)
+        new = [z for z in now.airspace_at(telemetry.altitude_m).zones if z not in known]
+        near = {z.name for z in new if _distance_m(z, telemetry.position) <= reach_m}
+        return frozenset(near | ({FENCE} if before.fences != now.fences else set()))
+
+    # Until they count.
+
+    def go_on(self, telemetry: Telemetry) -> bool:
+        """Go on with a change; whether one is under way, and everything else waits."""
+        helm, custody = self._helm, self._helm.custody
+        if self.phase is None:
+            return False
+        if custody.pending is not None:
+            return True
+        if self._has_to_stop and custody.last is None:
+            helm.hold("it did not stop")  # it flies on to where zones are now
+            return True
+        if self.phase is Phase.BOARDING:
+            if helm.navigator.off_its_leg(telemetry):
+                self._stop("off the leg, and the rest of it is not clear")
+            return True
+        airspace = self._cockpit.mission.airspace_at(telemetry.altitude_m)
+        inside = airspace.holders(telemetry.position)
+        if inside or self._way_out is not None:
+            self._leave(telemetry, inside)
+            return True
+        stopping = isinstance(custody.last, HoldHere)
+        if not (stopping and math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S):
+            self._board()
+        return True
+
+    def board_again(self) -> None:
+        """Put the plan on board as it is, once the vehicle is ours: another is there."""
+        if self.phase is not Phase.BOARDING:
+            self.phase = Phase.CLEARING
+            self._what = "this mission's plan"
+            self._way_out = None
+            self._has_to_stop = True
+
+    def _board(self) -> None:
+        self.phase = Phase.BOARDING
+        self._cockpit.do(RenewPlan())
+
+    def _leave(self, telemetry: Telemetry, inside: tuple[str, ...]) -> None:
+        """The shortest way out of the zone that was drawn over the vehicle."""
+        cockpit, helm, navigator = self._cockpit, self._helm, self._helm.navigator
+        if self._way_out is None or navigator.goal is not self._way_out:
+            if telemetry.time_s < self._stuck_until_s:
+                return
+            paths, here = cockpit.router.graph.paths, telemetry.position
+            place = paths.nearest(here, reachable_from=cockpit.mission.home)
+            if self._way_out is None:
+                cockpit.say(f"leaving {names_of(inside)}")
+            self._way_out = Goal(here if place is None else place)
+            self._has_to_stop = False
+            motion = navigator.go(self._way_out, telemetry)
+        elif helm.custody.last is None and cockpit.schedule.take_retry():
+            motion = navigator.again(telemetry)  # it did not follow
+        else:
+            motion = navigator.update(telemetry)
+        if motion is not None:
+            helm.send(motion)
+        if navigator.progress is Progress.STRANDED:
+            cockpit.say(f"no way out of {names_of(inside)}: {helm.refusal}; fly it out by hand")
+            navigator.stop()
+            helm.hold("no way out")
+            self._stuck_until_s = telemetry.time_s + STUCK_S
+            self._way_out = None
+        elif navigator.progress is Progress.ARRIVED and not inside:
+            self._way_out = None
+            navigator.stop()
+
+    def plan_renewed(self, event: PlanRenewed) -> None:
+        """Go on, or home where the autopilot has no such fence."""
+        if self.phase is not Phase.BOARDING:
+            return
+        self.phase = None
+        self.leaving = self._new = frozenset()
+        self._has_to_stop = False
+        # Who knows what plan is on board if it was not renewed.
+        self._helm.navigator.by_points = event.why_not is not None
+        if event.why_not is None:
+            self._handing.boarded()
+            self._cockpit.say(f"{self._what} is on board")
+        else:
+            self._cockpit.say(f"{self._what} is not on board: {event.why_not}")
+            if self._put_off:
+                self.phase = Phase.CLEARING  # once more when the mission is resumed
+                return
+            if knows(self._cockpit.state, Signal.COME_HOME):
+                self._homecoming.come_home(f"{self._what} is not on board")
+                return
+        if self._cockpit.in_air:
+            self._cockpit.journey.fly_on()
+
+
+def _same_areas(one: Mission, other: Mission) -> bool:
+    return (one.fences, one.zones) == (other.fences, other.zones)
+
+
+def _names_of_new(before: Mission, now: Mission) -> frozenset[str]:
+    fence = {FENCE} if before.fences != now.fences else set()
+    return frozenset({zone.name for zone in set(now.zones) - set(before.zones)} | fence)
+
+
+def _distance_m(zone: Zone, point: Point) -> float:
+    return Airspace(None, [zone], 0.0).distance_m(point)
+
+
+def _difference(before: Mission, now: Mission) -> str:
+    """What has changed, in words."""
+    old, new = set(before.zones), set(now.zones)
+    names = {"new": new - old, "gone": old - new}
+    changed = {zone.name for zone in new - old} & {zone.name for zone in old - new}
+    words = [f"'{name}' is another" for name in sorted(changed)]
+    for word, zones in names.items():
+        words += [f"'{name}' is {word}" for name in sorted({z.name for z in zones} - changed)]
+    if before.fences != now.fences:
+        words.append("the fence is another")
+    return ", ".join(words)

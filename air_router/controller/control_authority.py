@@ -1,0 +1,252 @@
+"""Giving the vehicle away, to a pilot or a failsafe, and taking it back when the operator asks.
+
+Before hands are off for a reason of ours (it is in a zone, the plan on board is another) it is
+told to hold, because it flies a leg of ours; and again, until it does, or the pilot takes it. So it
+is while a plan that a ground station uploaded is compared with ours.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Final
+
+from air_router.controller.model.actions import HoldHere, Motion, Taker
+from air_router.controller.model.behaviour import Signal, State, knows
+from air_router.controller.model.mission_context import Cockpit
+from air_router.controller.monitor.flight_phase import Launch
+from air_router.controller.monitor.levelling import Levelling
+from air_router.controller.monitor.safety_monitor import why_not_resumed
+from air_router.controller.motion.command_gate import RETRY_S, Helm
+from air_router.vehicle.vehicle import PlanCompared, PlanReplaced
+
+HOLDS: Final = 6
+"""How often a vehicle is told to hold before hands are off though it does not."""
+
+COMPARED_S: Final = 60.0
+"""A plan that was not compared within this time counts as another: the link is too poor."""
+
+
+class OnBoard(Enum):
+    """Whose the plan on board is."""
+
+    OURS = "this mission's"
+    REPLACED = "uploaded by a ground station, and not yet compared with this mission's"
+    ANOTHER = "another"
+
+
+class Handing:
+    """Knows whose the vehicle is.
+
+    Args:
+        cockpit: Where it signals that somebody else flies, and that we do again.
+        helm: Has it hold.
+        launch: Whether it was handed over to us on the ground.
+        levelling: Whether, and how, a vehicle that is taken back gets to the mission's altitude.
+
+    Attributes:
+        giving_up: Why hands will be off as soon as it holds; None if they will not.
+        taken_by: Who has, or had, the vehicle; None if nobody else.
+        on_board: Whose the plan on board is.
+    """
+
+    def __init__(self, cockpit: Cockpit, helm: Helm, launch: Launch, levelling: Levelling) -> None:
+        self.giving_up: str | None = None
+        self.taken_by: Taker | None = None
+        self.on_board = OnBoard.OURS
+        self._cockpit = cockpit
+        self._helm = helm
+        self._launch = launch
+        self._levelling = levelling
+        self._compares: str | None = None  # what was replaced, while it holds for that
+        self._compared_by_s = 0.0
+        self._holds = 0
+        self._hold_again_s = 0.0
+
+    @property
+    def in_charge(self) -> bool:
+        """Whether the vehicle in the air flies by our commands."""
+        if self._cockpit.state is State.READY:
+            return self._launch.handed_over
+        return self._cockpit.state not in {State.PASSIVE, State.DONE}
+
+    @property
+    def waits(self) -> bool:
+        """Whether it only holds: it is about to be given away, or the plan on board is compared."""
+        return self.giving_up is not None or self._compares is not None
+
+    def only_hold(self, motion: Motion) -> Motion | None:
+        """A guard: what is about to be given away, or may follow another plan, is sent nowhere."""
+        return None if self.waits else motion
+
+    # Away.
+
+    def give_up(self, why: str) -> None:
+        """Have it hold, then hands off."""
+        self.giving_up = why
+        self._compares = None
+        self._holds = 0
+        self._hold_at_last(why)
+
+    def _hold_at_last(self, why: str) -> None:
+        self._holds += 1
+        self._hold_again_s = self._cockpit.now_s + RETRY_S
+        self._helm.command(HoldHere(why))
+
+    def check(self) -> None:
+        """Say the hold again that was lost, or let go at last."""
+        custody, now_s = self._helm.custody, self._cockpit.now_s
+        if not self.waits or custody.pending is not None:
+            return
+        holds = isinstance(custody.last, HoldHere)
+        if self._compares is not None:
+            if now_s >= self._compared_by_s:
+                self._differs(f"{self._compares}, and cannot be read")
+            elif not holds and now_s >= self._hold_again_s:
+                self._hold_at_last(self._compares)
+        elif self.giving_up is not None:
+            if holds:
+                self._let_go(self.giving_up)
+            elif self._holds >= HOLDS:
+                self._let_go(f"{self.giving_up}; it was told to hold and did not")
+            elif now_s >= self._hold_again_s:
+                self._hold_at_last(self.giving_up)
+
+    def _let_go(self, why: str) -> None:
+        self.giving_up = None
+        self.take_over(Taker.PILOT, why)
+
+    def take_over(self, who: Taker, why: str) -> None:
+        """Somebody else flies from now on."""
+        if knows(self._cockpit.state, Signal.TAKEN_OVER):
+            self.taken_by = who
+            self._cockpit.say(f"hands off: {why}")
+            self._cockpit.signal(Signal.TAKEN_OVER)
+
+    def fallen(self, why: str) -> None:
+        """Its motors were stopped in the air: nothing can be done for it."""
+        self.taken_by = None
+        self._cockpit.say(f"hands off: {why}")
+        if knows(self._cockpit.state, Signal.TAKEN_OVER):
+            self._cockpit.signal(Signal.TAKEN_OVER)
+
+    def settled(self) -> None:
+        """Hands are off, or the flight is over: nothing is left to give up."""
+        self.giving_up = self._compares = None
+
+    # The plan on board.
+
+    def plan_replaced(self, event: PlanReplaced) -> None:
+        """A ground station has put a plan, or a fence, on board: hold until it was compared.
+
+        The leg under way may lead where a zone is now, and PX4 goes to the item that it likes. A
+        landing needs no plan.
+        """
+        self.on_board = OnBoard.REPLACED
+        what = f"the {'fence' if event.only_fence else 'plan'} on board was replaced"
+        self._cockpit.say(f"{what}; comparing it with this mission's")
+        if self.in_charge and self._cockpit.state is not State.LAND and self.giving_up is None:
+            self._compares = what
+            self._compared_by_s = self._cockpit.now_s + COMPARED_S
+            self._hold_again_s = self._cockpit.now_s + RETRY_S
+            self._helm.navigator.stop()
+            self._helm.hold(what)
+
+    def plan_compared(self, event: PlanCompared) -> None:
+        """Go on if it flies as ours does; otherwise hands off."""
+        if event.difference is not None:
+            self._differs(f"another plan is on board ({event.difference})")
+            return
+        self.on_board = OnBoard.OURS
+        again = "the plan on board flies as this mission's does"
+        if self._compares is None:
+            self._cockpit.say(again)
+            return
+        self._compares = None
+        self._cockpit.say(f"{again}: going on")
+        self._levelling.wanted = True  # it may have sunk, or have been stopped in its climb
+        if not self._cockpit.in_air:
+            return
+        if self._cockpit.state is State.READY:  # it hovers, stopped in its climb
+            self._launch.resumed(self._cockpit.now_s)
+            self._cockpit.signal(Signal.AIRBORNE)
+        else:
+            self._cockpit.journey.fly_on()
+
+    def _differs(self, why: str) -> None:
+        """Another plan is on board."""
+        self.on_board = OnBoard.ANOTHER
+        cockpit, telemetry = self._cockpit, self._cockpit.telemetry
+        if cockpit.state is State.READY and telemetry is not None and not telemetry.armed:
+            self._launch.stayed_why = why
+            cockpit.signal(Signal.GROUNDED)
+        elif cockpit.state is State.READY and not self.in_charge:
+            self.take_over(Taker.PILOT, why)
+        elif cockpit.state in {State.LAND, State.PASSIVE}:
+            cockpit.say(why)
+        elif self.in_charge and self.giving_up is None:
+            self.give_up(why)
+
+    def boarded(self) -> None:
+        """Our plan was put on board again and read back."""
+        self.on_board = OnBoard.OURS
+
+    # And back.
+
+    def why_not_back(self, *, flies_plan: bool = True) -> str | None:
+        """What has to be done before the vehicle can be taken back; None if nothing.
+
+        Args:
+            flies_plan: It is to fly by the plan on board; otherwise it is sent to points.
+        """
+        telemetry = self._cockpit.telemetry
+        if telemetry is None:
+            return "nothing was heard of the vehicle: wait for it"
+        why = why_not_resumed(self._cockpit.mission, telemetry)
+        why = why or self._levelling.why_not(telemetry)
+        if why is not None or not flies_plan:
+            return why
+        if self.on_board is OnBoard.REPLACED:
+            return "the plan on board is being read: ask again in a moment"
+        if self.on_board is OnBoard.ANOTHER:
+            return (
+                "another plan is on board: 'resume upload' puts this mission's there and goes on, "
+                "'home' comes home without it"
+            )
+        return None
+
+    @property
+    def way_back(self) -> str:
+        """What the operator can do about a vehicle that is not ours."""
+        return self.why_not_back() or "'resume' takes it back, 'home' brings it home"
+
+    def resume(self, *, upload: bool = False) -> str | None:
+        """Go on with a flight that was given away, or that a companion before us has left.
+
+        Args:
+            upload: Another plan may be on board: ours is put there.
+
+        Returns why not, if not.
+        """
+        why = self.why_not_back(flies_plan=not upload)
+        if why is not None:
+            self._cockpit.say(f"not resumed: {why}")
+            return why
+        self._cockpit.say("resumed: the mission goes on from here")
+        self._take_back()
+        ready = self._cockpit.state is State.READY
+        self._cockpit.signal(Signal.AIRBORNE if ready else Signal.RESUMED)
+        return None
+
+    def take_home(self) -> str | None:
+        """Take it back to come home, whatever plan is on board; returns why not, if not."""
+        why = self.why_not_back(flies_plan=False)
+        if why is None:
+            self._helm.navigator.by_points |= self.on_board is not OnBoard.OURS
+            self._take_back()
+        return why
+
+    def _take_back(self) -> None:
+        self._launch.resumed(self._cockpit.now_s)
+        self.taken_by = None
+        self._helm.custody.assume(self._cockpit.heard.mode)
+        self._levelling.wanted = True

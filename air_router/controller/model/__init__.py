@@ -1,0 +1,1 @@
+"""What the controller decides on and in: events, actions, states, requests, context."""

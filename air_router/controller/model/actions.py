@@ -1,0 +1,149 @@
+"""Everything that the controller can ask for. Data only: the flight shell carries it out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, StrEnum
+
+from air_router.controller.model.behaviour import Signal, State
+from geo.frame import Point
+
+
+@dataclass(frozen=True, slots=True)
+class FlyToNode:
+    """Jump to a node of the plan: a straight leg in Mission mode, checked before it was asked."""
+
+    node: int
+    position: Point
+
+
+@dataclass(frozen=True, slots=True)
+class FlyToPoint:
+    """Fly a checked straight leg to a point and hover there, at an altitude above home."""
+
+    position: Point
+    altitude_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class HoldHere:
+    """Stop and hover."""
+
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class LandHere:
+    """Descend and touch down here."""
+
+
+Motion = FlyToNode | FlyToPoint | HoldHere | LandHere
+
+
+@dataclass(frozen=True, slots=True)
+class PublishMap:
+    """Put the newest map into the gossip database now: somebody is about to fetch it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seeking:
+    """Tell the team whom this UAV seeks, or hovers over, from now on; None: nobody."""
+
+    robot: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ReadAgain:
+    """Read the mission file again, and tell what has changed in it."""
+
+
+@dataclass(frozen=True, slots=True)
+class RenewPlan:
+    """Put the mission on board with the fence as it is now, and tell when it is there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Announce:
+    """Say something to the pilot and the operator."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class StateChanged:
+    """The mission entered another state; for logs and displays."""
+
+    source: State
+    signal: Signal
+    target: State
+    robot: str | None
+
+
+class Refusal(StrEnum):
+    """Why what somebody asked for is not done, as a word for programs."""
+
+    NOT_FLYING = "not-flying"
+    FLIGHT_OVER = "flight-over"
+    NOT_OURS = "not-ours"
+    OTHER_PLAN = "other-plan"
+    HANDS_OFF = "hands-off"
+    COMING_HOME = "coming-home"
+    NO_FIX = "no-fix"
+    NOT_HEARD = "not-heard"
+    NO_WAY = "no-way"
+    OUTSIDE_FENCE = "outside-fence"
+    RESERVE = "battery-reserve"
+    UNKNOWN_ROBOT = "unknown-robot"
+    ONLY_SEARCHES = "only-searches"
+    NOTHING_TO_DO = "nothing-to-do"
+    REPLACED = "replaced-by-newer"
+    BUSY = "busy"
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """Somebody asked for something: whether it is done, and what, or why not.
+
+    Attributes:
+        request_id: The request's; `by`: who asked.
+        accepted: Whether it is done.
+        why: A sentence for people.
+        code: The reason, for programs; None if accepted.
+        points: Where the vehicle will hover, metres east/north, if it was sent to points.
+    """
+
+    request_id: str
+    by: str
+    accepted: bool
+    why: str
+    code: Refusal | None = None
+    points: tuple[Point, ...] = ()
+
+
+class Taker(Enum):
+    """Who else may have the vehicle."""
+
+    PILOT = "the pilot"
+    FAILSAFE = "an autopilot failsafe"
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """The flight is over: landed by us, or by whoever took the vehicle over (None: nobody did)."""
+
+    landed_by_us: bool
+    why: str
+    taken_by: Taker | None = None
+
+
+Action = (
+    Motion
+    | PublishMap
+    | Seeking
+    | ReadAgain
+    | RenewPlan
+    | Announce
+    | StateChanged
+    | Answered
+    | Finish
+)

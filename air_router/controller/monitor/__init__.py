@@ -1,0 +1,1 @@
+"""What telemetry shows that was not decided: breaches, deviations, phases, home out of reach."""

@@ -1,0 +1,168 @@
+"""What telemetry shows that we have not decided: breaches, another's orders.
+
+Pure; each sentence that comes back is for the pilot and the operator.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from enum import Enum
+from typing import Final, NamedTuple
+
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.monitor.triggers import ALTITUDE_M
+from air_router.controller.motion.commanded_mode import Custody
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.mission import Mission
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+
+STRANGE_S: Final = 1.5
+"""How long an order that is not ours has to show: our own shows late on a slow link."""
+
+STRANGE_M: Final = 4.0
+"""A target so far from ours is not ours; the autopilot's position estimate wanders less."""
+
+BRAKED_S: Final = 3.0
+"""After so long in Hold the place that it hovers at is where we stopped it."""
+
+BRAKING_M: Final = 15.0
+"""It stops nearer than this to where it is then; a place farther off is somebody else's."""
+
+_ELSEWHERE: Final = "somebody gave it another place to go to"
+
+
+class Sign(Enum):
+    """What was found."""
+
+    GOOD = "the mission may go on"
+    STRANGER = "the vehicle follows somebody else"
+    BREACH = "in a no-fly zone or outside a fence"
+
+
+class Finding(NamedTuple):
+    """A sign, and what to say about it."""
+
+    sign: Sign
+    words: str = ""
+
+
+_GOOD: Final = Finding(Sign.GOOD)
+
+
+class Watch:
+    """Looks at every telemetry of a vehicle that flies by our commands."""
+
+    def __init__(self, mission: Mission, plan: FlightPlan) -> None:
+        self._mission = mission
+        self._plan = plan
+        self._strange_since_s: float | None = None
+        self._held: tuple[HoldHere, float, Point | None] | None = None
+        self._inside = (mission.home, 0.0)
+
+    def renew(self, mission: Mission) -> None:
+        """The mission's zones are others now."""
+        self._mission = mission
+        self._inside = (mission.home, 0.0)
+
+    def look(
+        self, telemetry: Telemetry, custody: Custody, leaving: Collection[str] = ()
+    ) -> Finding:
+        """What keeps the mission from going on now, the gravest first.
+
+        To be in a zone of `leaving` is no breach: it was drawn over the vehicle, which leaves it.
+        """
+        stranger = self._stranger(telemetry, custody)
+        if stranger is not None:
+            return Finding(Sign.STRANGER, stranger)
+        breach = self.breach(telemetry, leaving)
+        return _GOOD if breach is None else Finding(Sign.BREACH, breach)
+
+    def breach(self, telemetry: Telemetry, leaving: Collection[str] = ()) -> str | None:
+        """Whether the vehicle in the air is in a no-fly zone or outside a fence, whoever did it."""
+        here, (place, spare_m) = telemetry.position, self._inside
+        if not telemetry.in_air or math.dist(here, place) < spare_m:
+            return None
+        mission = self._mission
+        # What is near neither below nor above is near at no altitude.
+        everywhere = (mission.column_airspace, mission.above_airspace)
+        self._inside = (here, min(airspace.distance_m(here) for airspace in everywhere))
+        inside = mission.airspace_at(telemetry.altitude_m).holders(here)
+        holders = [name for name in inside if name not in leaving]
+        return f"breach of {', '.join(holders)}" if holders else None
+
+    def _stranger(self, telemetry: Telemetry, custody: Custody) -> str | None:
+        """Whether the vehicle follows an order of somebody else that needed no other mode.
+
+        A pilot who pauses or sends the vehicle elsewhere while it hovers in Hold by our command
+        changes no mode, and one who jumps to another plan item in Mission mode neither.
+        """
+        strange = self._strange_order(telemetry, custody)
+        if strange is None:
+            self._strange_since_s = None
+            return None
+        order, told_s = strange
+        if self._strange_since_s is None:
+            self._strange_since_s = telemetry.told_s
+        shown_s = telemetry.told_s - self._strange_since_s
+        again = told_s < shown_s  # one message, that may be of before our own order, is no proof
+        return order if again and shown_s >= STRANGE_S else None
+
+    def _strange_order(self, telemetry: Telemetry, custody: Custody) -> tuple[str, float] | None:
+        """An order that is not ours, and how old the message is that shows it."""
+        if custody.pending is not None or not telemetry.in_air:
+            return None
+        order, ages = None, telemetry.ages
+        match custody.last:
+            case FlyToNode(node=node) if telemetry.mode is FlightMode.MISSION:
+                if telemetry.item not in {None, self._plan.item_of(node)}:
+                    return "somebody chose another plan item", ages.item_s
+            case FlyToPoint(position=position) if telemetry.mode is FlightMode.HOLD:
+                order = _elsewhere(telemetry, position)
+            case HoldHere() as hold if telemetry.mode is FlightMode.HOLD:
+                order = self._moved_from_hold(hold, telemetry)
+        return None if order is None else (order, ages.target_s)
+
+    def _moved_from_hold(self, hold: HoldHere, telemetry: Telemetry) -> str | None:
+        if self._held is None or self._held[0] is not hold:
+            self._held = (hold, telemetry.told_s, None)
+        _, since_s, place = self._held
+        if place is not None:
+            return _elsewhere(telemetry, place)
+        if telemetry.told_s - since_s >= BRAKED_S:
+            target = telemetry.target
+            if target is not None and math.dist(target, telemetry.position) > BRAKING_M:
+                return _ELSEWHERE
+            self._held = (hold, since_s, telemetry.target)
+        return None
+
+
+def _elsewhere(telemetry: Telemetry, ours: Point) -> str | None:
+    target = telemetry.target
+    if target is None or math.dist(target, ours) <= STRANGE_M:
+        return None
+    return _ELSEWHERE
+
+
+def low(mission: Mission, telemetry: Telemetry) -> bool:
+    """Whether the vehicle is below the mission's altitude, where no leg was checked."""
+    altitude_m = mission.altitude_above_home_m
+    return telemetry.altitude_m < altitude_m - min(ALTITUDE_M, altitude_m / 2)
+
+
+def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None:
+    """Why a flight that somebody asks to be resumed cannot be, as it is now; None if it can."""
+    if telemetry is None or not telemetry.in_air:
+        return "the vehicle is on the ground: start the mission anew"
+    holders = mission.airspace_at(telemetry.altitude_m).holders(telemetry.position)
+    reasons = {
+        "a failsafe of the autopilot acts: choose Hold first": telemetry.failsafe,
+        f"it flies in {telemetry.mode.value} mode: choose Hold first": telemetry.mode
+        not in {FlightMode.HOLD, FlightMode.MISSION},
+        "GPS has no fix: wait for it": not telemetry.fix,
+        f"it is in {', '.join(holders)}: fly it out by hand first": bool(holders),
+        f"it is {telemetry.altitude_m:.0f} m above home, in the layer of another UAV: descend to "
+        f"{mission.altitude_above_home_m:.0f} m first": telemetry.altitude_m > mission.layer_top_m,
+    }
+    return next((reason for reason, holds in reasons.items() if holds), None)

@@ -1,0 +1,1 @@
+"""The one way to move the vehicle: legs checked, commanded, and watched until they show."""

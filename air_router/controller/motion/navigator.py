@@ -1,0 +1,383 @@
+"""Flies a route leg by leg: every leg is checked from where the vehicle is, then commanded.
+
+Pure: telemetry in, one motion (or none) out. The vehicle hovers at the end of each leg until
+the next one is commanded, so a late companion costs time and never a metre off the route.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from enum import Enum
+
+from shapely import MultiPoint
+from shapely import Point as ShapelyPoint
+
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
+from air_router.controller.motion.pending_setpoints import Commanded
+from air_router.mission.mission import Mission
+from air_router.routing.router import Leg, NoRoute, Route, Router
+from air_router.vehicle.vehicle import Telemetry
+from geo.airspace.airspace import Airspace
+from geo.frame import Point
+
+BRAKING_M_S2 = 2.0
+"""Deceleration to count on. PX4 brakes with MPC_ACC_HOR 3 m/s2, but jerk-limited, so later."""
+
+REACTION_S = 0.6
+"""Flight time between the telemetry that a decision rests on and the vehicle braking: a PX4 takes
+half a second to build its deceleration up, and the link its time."""
+
+STOP_S = 4.0
+"""What stopping and setting out again takes: a way that avoids it may be longer by so much."""
+
+SETTLE_S = 2.0
+SETTLES = 5
+"""How long apart, and how often, a vehicle that stands looks again for a clear leg on."""
+
+STALL_S = 15.0
+"""A vehicle that was sent somewhere and stands for so long did not understand, or may not go."""
+
+ASTRAY_M = 2.0
+"""Farther than this from what was checked for a leg, it is checked again from there."""
+
+STANDING_M_S = 0.5
+"""Slower than this counts as hovering: estimates and gusts never read exactly zero."""
+
+
+class Progress(Enum):
+    """How far a journey is."""
+
+    IDLE = "nowhere to go"
+    FLYING = "on the way"
+    ARRIVED = "there"
+    STRANDED = "no clear way from here"
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Where to: a node of the plan, or any point."""
+
+    position: Point
+    node: int | None = None
+
+
+class Navigator:
+    """Takes the vehicle to one goal at a time.
+
+    `by_points`: nodes are flown to as any other point, because the vehicle does not fly its plan.
+    So they are while home is higher or lower than at take-off, and with it the items of the plan.
+
+    Args:
+        mission: Altitudes, acceptance radius, and the airspace that every leg must keep to.
+        router: Plans routes; its answers are checked again from the true position.
+        reaction_s: For how long the vehicle flies on as it does before it follows a command.
+    """
+
+    def __init__(self, mission: Mission, router: Router, *, reaction_s: float = REACTION_S) -> None:
+        self.reaction_s = reaction_s
+        self.by_points = False
+        self.commanded = Commanded(mission.planner.acceptance_radius_m, mission.speed_m_s)
+        self._mission = mission
+        self._router = router
+        self._legs: deque[Leg] = deque()
+        self.goal: Goal | None = None
+        self.leg: Leg | None = None
+        self.progress = Progress.IDLE
+        self.refusal: NoRoute | None = None
+        self._braking = False
+        self._settled = 0
+        self._settle_until_s = -math.inf
+        self._stands_since_s: float | None = None
+        self._swept: tuple[Point, ...] = ()
+        self._column = self._with_more_zones(mission.column_airspace)
+        self._above = self._with_more_zones(mission.above_airspace)
+
+    def renew(self, mission: Mission, router: Router) -> None:
+        """Zones and fences are others now; what was commanded is as it was."""
+        self._mission = mission
+        self._router = router
+        self._column = self._with_more_zones(mission.column_airspace)
+        self._above = self._with_more_zones(mission.above_airspace)
+
+    def go(self, goal: Goal, telemetry: Telemetry) -> Motion | None:
+        """Set out for a goal from where the vehicle is, however fast it moves.
+
+        Returns the motion to command; None with `progress` ARRIVED when there is nothing to fly.
+        When no way is clear at the present speed the vehicle is stopped first and asked again
+        when it stands; STRANDED, with `refusal` saying why, when it stands and still has no way.
+        """
+        self.goal = goal
+        self.leg = None
+        self._legs.clear()
+        self._braking = False
+        self._settled = 0
+        self._stands_since_s = None
+        self.refusal = None
+        return self._plan(telemetry)
+
+    @property
+    def ahead(self) -> tuple[Leg, ...]:
+        """The legs that are still to be flown, the one under way first."""
+        return () if self.leg is None else (self.leg, *self._legs)
+
+    def stop(self) -> None:
+        """Forget the goal."""
+        self.goal = None
+        self.leg = None
+        self._legs.clear()
+        self._braking = False
+        self.progress = Progress.IDLE
+
+    def update(self, telemetry: Telemetry, reached_node: int | None = None) -> Motion | None:
+        """Follow the vehicle; returns the next leg's motion when it is time for it.
+
+        A leg's end is reached when the vehicle is within the acceptance radius, or when the
+        autopilot says so (`reached_node`): either alone is enough, so none is missed.
+        """
+        if self.progress is not Progress.FLYING:
+            return None
+        standing = _speed_m_s(telemetry) < STANDING_M_S
+        if self._braking or self.leg is None:
+            stopped = standing and not self.commanded.open(telemetry)
+            return self._plan(telemetry) if stopped else None
+        if not self._at_end(self.leg, telemetry, reached_node):
+            return self._on_the_way(self.leg, telemetry, standing=standing)
+        self._stands_since_s = None
+        if not self._legs:
+            self.leg = None
+            self.progress = Progress.ARRIVED
+            return None
+        if self.clear(telemetry, self._legs[0].to):
+            return self._command(self._legs.popleft(), telemetry)
+        refusal = "no leg on from here is clear, wherever it settles"
+        return self._settle(telemetry, refusal) if standing else None
+
+    def again(self, telemetry: Telemetry) -> Motion | None:
+        """Plan anew to the same goal: the vehicle did not follow, or something has changed."""
+        return self._plan(telemetry) if self.goal is not None else None
+
+    def hold_first(self) -> HoldHere:
+        """The leg just planned is not begun: the vehicle stops, and it is planned anew."""
+        self.leg = None
+        self._legs.clear()
+        self._braking = True
+        self.progress = Progress.FLYING
+        return HoldHere("an order from before may be under way; stopping to look again")
+
+    @property
+    def _radius_m(self) -> float:
+        return self._mission.planner.acceptance_radius_m
+
+    def _on_the_way(self, leg: Leg, telemetry: Telemetry, *, standing: bool) -> Motion | None:
+        if self._astray(telemetry):
+            return self._look_again(leg, telemetry)
+        stalled = self._stalled(telemetry, standing=standing)
+        return self._settle(telemetry, "the vehicle stands and does not go") if stalled else None
+
+    def _astray(self, telemetry: Telemetry) -> bool:
+        """Whether a gust, or a jump of the position estimate, took it out of what was checked."""
+        here = telemetry.position
+        if not self._swept or _off_line_m(here, self._swept[0], self._swept[-1]) <= ASTRAY_M:
+            return False
+        swept = MultiPoint(self._swept).convex_hull
+        return bool(swept.distance(ShapelyPoint(here)) > ASTRAY_M)
+
+    def off_its_leg(self, telemetry: Telemetry) -> bool:
+        """Whether the vehicle is out of what was checked, and the rest of its leg is not clear."""
+        leg = self.leg if self.progress is Progress.FLYING else None
+        return leg is not None and self._astray(telemetry) and not self.clear(telemetry, leg.to)
+
+    def _look_again(self, leg: Leg, telemetry: Telemetry) -> Motion | None:
+        """The rest of the leg from where the vehicle is now; another way if that is not clear."""
+        if self.clear(telemetry, leg.to):
+            self._sweep(leg, telemetry)
+            return None
+        return self._plan(telemetry)
+
+    def _sweep(self, leg: Leg, telemetry: Telemetry) -> None:
+        stopping = stopping_point(telemetry, self.reaction_s)
+        onward = (on.reach for on in self.commanded.bound(telemetry))
+        self._swept = (telemetry.position, stopping, *onward, leg.to)
+
+    def _stalled(self, telemetry: Telemetry, *, standing: bool) -> bool:
+        """Whether the vehicle stands far from its leg's end, and not only for a moment."""
+        if not standing:
+            self._stands_since_s = None
+        elif self._stands_since_s is None:
+            self._stands_since_s = telemetry.time_s
+        return (
+            self._stands_since_s is not None and telemetry.time_s - self._stands_since_s >= STALL_S
+        )
+
+    def _settle(self, telemetry: Telemetry, refusal: str) -> Motion | None:
+        """Look again now and then where no leg on is clear, or none is followed; then give up."""
+        if telemetry.time_s < self._settle_until_s:
+            return None
+        self._settle_until_s = telemetry.time_s + SETTLE_S
+        self._settled += 1
+        if self._settled <= SETTLES:
+            self._stands_since_s = None
+            return self._plan(telemetry)
+        self.refusal = NoRoute(refusal)
+        self.progress = Progress.STRANDED
+        return None
+
+    def _at_end(self, leg: Leg, telemetry: Telemetry, reached_node: int | None) -> bool:
+        if reached_node is not None and reached_node == leg.node:
+            return True
+        return _distance_m(telemetry.position, leg.to) <= self._radius_m
+
+    def _passed(self, leg: Leg, following: Leg, telemetry: Telemetry) -> bool:
+        """Whether a leg's end is so near that the vehicle may as well go for the next one."""
+        near = _distance_m(telemetry.position, leg.to) <= self._radius_m
+        return near and self.clear(telemetry, following.to)
+
+    def _plan(self, telemetry: Telemetry) -> Motion | None:
+        assert self.goal is not None  # noqa: S101 - every caller has set one
+        target = self.goal.position if self.goal.node is None else self.goal.node
+        stopping = stopping_point(telemetry, self.reaction_s)
+        bound = self.commanded.bound(telemetry)
+        route = self._router.route(telemetry.position, target, stopping=stopping, bound=bound)
+        if isinstance(route, Route) and bound and self._longer_than_a_stop(route, stopping, target):
+            route = NoRoute("stopping first is quicker")
+        if isinstance(route, Route):
+            legs = deque(route.legs)
+            while len(legs) > 1 and self._passed(legs[0], legs[1], telemetry):
+                legs.popleft()
+            if not legs or (
+                len(legs) == 1 and _distance_m(telemetry.position, legs[0].to) <= self._radius_m
+            ):
+                self._legs.clear()
+                self.leg = None
+                self.progress = Progress.ARRIVED
+                # Near, but perhaps fast, or bound elsewhere: let it settle on the point itself.
+                if legs or bound:
+                    return self._motion(Leg(self.goal.position, self.goal.node), telemetry)
+                return None
+            self._legs = legs
+            if self.clear(telemetry, self._legs[0].to):
+                return self._command(self._legs.popleft(), telemetry)
+            route = self._height_refusal(telemetry, self._legs[0].to) or NoRoute(
+                "the first leg is not clear from here", ()
+            )
+        moves = _speed_m_s(telemetry) >= STANDING_M_S or bool(bound)
+        if (moves and not self._braking) or self.commanded.open(telemetry):
+            self._braking = True
+            self.progress = Progress.FLYING
+            return HoldHere("no clear way at this speed; stopping to look again")
+        self.refusal = route
+        self.progress = Progress.STRANDED
+        return None
+
+    def _longer_than_a_stop(self, route: Route, stopping: Point, target: Point | int) -> bool:
+        """Whether it goes such a long way round, for the way it is on, that stopping is quicker."""
+        if len(route.legs) == 1:
+            return False
+        after = self._router.route(stopping, target)
+        spare_m = STOP_S * self._mission.speed_m_s
+        return isinstance(after, Route) and route.length_m > after.length_m + spare_m
+
+    def _command(self, leg: Leg, telemetry: Telemetry) -> Motion:
+        self.leg = leg
+        self._sweep(leg, telemetry)
+        self._braking = False
+        self.progress = Progress.FLYING
+        return self._motion(leg, telemetry)
+
+    def _motion(self, leg: Leg, telemetry: Telemetry) -> Motion:
+        if leg.node is not None and not (self.by_points or _items_moved(telemetry)):
+            return FlyToNode(leg.node, leg.to)
+        return FlyToPoint(leg.to, self._mission.altitude_of(leg.node))
+
+    def objection(self, motion: Motion, telemetry: Telemetry, now_s: float) -> str | None:
+        """Why a motion decided a moment ago must not be commanded any more; None if it may."""
+        if isinstance(motion, HoldHere | LandHere):
+            return None
+        age_s = max(0.0, now_s - telemetry.time_s)
+        if age_s > self.reaction_s:
+            return "the vehicle's position is too old to check the leg from"
+        if isinstance(motion, FlyToNode) and _items_moved(telemetry):
+            return "home was moved, and the plan's items with it"
+        if not self.clear(telemetry, motion.position, age_s):
+            return "the leg was no longer clear in its turn"
+        return None
+
+    def clear(self, telemetry: Telemetry, target: Point, age_s: float = 0.0) -> bool:
+        """Whether a straight leg from where the vehicle is, at its speed, keeps the clearance.
+
+        However late the command arrives: until then it may fly all the rest of its present leg.
+        In `age_s` it has flown on from where it was when it said so.
+        """
+        stopping = stopping_point(telemetry, self.reaction_s + age_s)
+        bound = self.commanded.bound(telemetry)
+        return (
+            self._router.check_leg(telemetry.position, target, stopping=stopping, bound=bound)
+            and self._height_refusal(telemetry, target, age_s) is None
+        )
+
+    def _with_more_zones(self, airspace: Airspace) -> Airspace | None:
+        """What legs are checked with off the cruise altitudes; None where that is the same."""
+        if len(airspace.zones) == len(self._mission.airspace.zones):
+            return None
+        return airspace.with_margin(self._mission.planner.departure_margin_m)
+
+    def _height_refusal(
+        self, telemetry: Telemetry, target: Point, age_s: float = 0.0
+    ) -> NoRoute | None:
+        """Why a leg is not clear that begins off the cruise altitudes, where other zones count.
+
+        The vehicle climbs or sinks on its way: which part of it is low, or high, is not known, so
+        all of it counts.
+        """
+        cruise, altitude_m = self._mission.cruise, telemetry.altitude_m
+        low, high = altitude_m < cruise.lower_m, altitude_m > cruise.upper_m
+        airspace = self._column if low else self._above if high else None
+        if airspace is None:
+            return None
+        stopping = stopping_point(telemetry, self.reaction_s + age_s)
+        onward = (on.place for on in self.commanded.bound(telemetry))
+        if airspace.swept_clear([telemetry.position, stopping, *onward, target]):
+            return None
+        names = airspace.blockers(telemetry.position, target)
+        where, way_out = ("lower", "climb") if low else ("higher", "descend")
+        return NoRoute(
+            f"the vehicle is {altitude_m:.0f} m above home, {where} than the mission "
+            f"flies, where {' and '.join(names) or 'a zone'} is in the way; {way_out} first",
+            names,
+        )
+
+
+def stopping_point(telemetry: Telemetry, reaction_s: float = REACTION_S) -> Point:
+    """Where the vehicle comes to rest if it is told now to brake.
+
+    Told in time it sweeps at most the triangle of its position, this point and its new target.
+    """
+    east_m_s, north_m_s = telemetry.velocity_m_s
+    speed_m_s = math.hypot(east_m_s, north_m_s)
+    travel_s = reaction_s + speed_m_s / (2 * BRAKING_M_S2)
+    east_m, north_m = telemetry.position
+    return Point(east_m + east_m_s * travel_s, north_m + north_m_s * travel_s)
+
+
+def _items_moved(telemetry: Telemetry) -> bool:
+    """Whether the plan's items lie higher or lower than planned, because home does."""
+    return telemetry.home_moved is not None and telemetry.home_moved.changes_heights
+
+
+def _speed_m_s(telemetry: Telemetry) -> float:
+    return math.hypot(*telemetry.velocity_m_s)
+
+
+def _distance_m(a: Point, b: Point) -> float:
+    return math.hypot(a[0] - b[0], a[1] - b[1])
+
+
+def _off_line_m(point: Point, start: Point, end: Point) -> float:
+    """Distance of a point from a straight line between two."""
+    east_m, north_m = end[0] - start[0], end[1] - start[1]
+    length_2 = east_m**2 + north_m**2
+    along = (point[0] - start[0]) * east_m + (point[1] - start[1]) * north_m
+    share = min(max(along / length_2, 0.0), 1.0) if length_2 > 0 else 0.0
+    return _distance_m(point, Point(start[0] + share * east_m, start[1] + share * north_m))

@@ -1,0 +1,99 @@
+"""Whether the vehicle may be told anything just now."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from air_router.controller.control_authority import Handing
+from air_router.controller.model.actions import Refusal
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.mission_context import Cockpit
+from air_router.controller.states.goto_task import Refused
+from air_router.controller.states.return_state import Homecoming
+from air_router.vehicle.input_limits import InputWatch
+
+NOT_HEARD_S: Final = 3.0
+"""A vehicle that was not heard for so long is not sent anywhere: nobody knows where it is."""
+
+_SENDABLE: Final = frozenset(
+    {State.INIT, State.SEARCH, State.COMM, State.EXPL, State.GOTO, State.HOLD}
+)
+"""States in which the vehicle may be sent elsewhere."""
+
+
+class Permission:
+    """Looks at a request before what is asked for is looked at; None: nothing stands against it.
+
+    Args:
+        cockpit: What the mission is doing, and when the vehicle was heard.
+        inputs: Whether it has a position, and whose it is.
+        homecoming: Whether a way home may be called off.
+        handing: Whose it is, and for how long.
+    """
+
+    def __init__(
+        self, cockpit: Cockpit, inputs: InputWatch, homecoming: Homecoming, handing: Handing
+    ) -> None:
+        self._cockpit = cockpit
+        self._inputs = inputs
+        self._homecoming = homecoming
+        self._handing = handing
+
+    def to_stop(self) -> Refused | None:
+        """It is ours, in the air, and not on a way home that nobody may call off."""
+        return self.to_decide() or self.in_the_air() or self._not_bound_home()
+
+    def to_move(self) -> Refused | None:
+        """And beside that it is known where it is."""
+        return self.to_stop() or self.without_position()
+
+    def without_position(self) -> Refused | None:
+        """It is known where it is: legs are checked from there."""
+        telemetry = self._cockpit.heard
+        missing = self._inputs.why_no_leg(telemetry)
+        if missing is not None:
+            return Refused(Refusal.NOT_HEARD if telemetry.fix else Refusal.NO_FIX, missing)
+        return self.not_heard()
+
+    def not_heard(self) -> Refused | None:
+        """It was heard just now."""
+        telemetry = self._cockpit.heard
+        # Its clock stands still while nothing is heard of it: then the link says for how long.
+        silent_s = max(self._cockpit.now_s - telemetry.time_s, self._cockpit.silent_s)
+        if silent_s <= NOT_HEARD_S:
+            return None
+        what = "no position" if telemetry.told_s > telemetry.time_s else "nothing"
+        return Refused(Refusal.NOT_HEARD, f"{what} heard from it for {silent_s:.0f} s")
+
+    def to_decide(self) -> Refused | None:
+        """It is not about to be given away."""
+        why = self._handing.giving_up
+        if why is None:
+            return None
+        return Refused(Refusal.HANDS_OFF, f"hands off in a moment: {why}")
+
+    def in_the_air(self) -> Refused | None:
+        """It flies this mission."""
+        match self._cockpit.state:
+            case State.READY:
+                return Refused(Refusal.NOT_FLYING, "the mission has not begun in the air yet")
+            case State.DONE:
+                return Refused(Refusal.FLIGHT_OVER, "the flight is over")
+            case State.PASSIVE:
+                taker = self._handing.taken_by
+                who = taker.value if taker else "somebody else"
+                return Refused(Refusal.NOT_OURS, f"{who} has the vehicle; {self._handing.way_back}")
+            case _:
+                return None
+
+    def _not_bound_home(self) -> Refused | None:
+        """A way home is only called off by whoever asked for it, and if nothing else does."""
+        if self._cockpit.state in _SENDABLE:
+            return None
+        why = self._homecoming.objection()
+        return None if why is None else comes_home(why)
+
+
+def comes_home(why: str | None) -> Refused:
+    """Somebody or something had it come home, and that counts."""
+    return Refused(Refusal.COMING_HOME, f"it comes home: {why}")

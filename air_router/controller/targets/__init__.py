@@ -1,0 +1,1 @@
+"""Whom and what to seek next, and where: robots, waypoints, search points."""

@@ -1,0 +1,108 @@
+"""Which waypoint is next, which were left out, and when each was last passed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+from air_router.controller.motion.navigator import Goal
+from air_router.mission.mission import Waypoint
+from geo.frame import Point
+
+PASSING_M = 15.0
+"""Passing a waypoint so closely counts as having been there when we look for a lost robot."""
+
+
+@dataclass(slots=True)
+class Exploration:
+    """The waypoints in the operator's order, explored once; resumes where it stopped.
+
+    Attributes:
+        waypoints: All of them.
+        left_out: Numbers of those that could not be visited.
+        here: Where the vehicle was last told to be; None before it flies.
+        began_s: When that was told first.
+    """
+
+    waypoints: Sequence[Waypoint]
+    left_out: list[int] = field(default_factory=list)
+    here: Point | None = None
+    began_s: float | None = None
+    _next: int = 0
+    _barred: frozenset[int] = frozenset()
+    _passed_s: dict[int, float] = field(default_factory=dict)
+
+    @property
+    def remaining(self) -> int:
+        """How many waypoints are still to be visited."""
+        return sum(w.number not in self._barred for w in self.waypoints[self._next :])
+
+    @property
+    def goal(self) -> Goal:
+        """The waypoint whose turn it is; only while some remain."""
+        waypoint = self.waypoints[self._turn]
+        return Goal(waypoint.position, waypoint.number)
+
+    @property
+    def _turn(self) -> int:
+        later = range(self._next, len(self.waypoints))
+        return next(index for index in later if self.waypoints[index].number not in self._barred)
+
+    def bar(self, numbers: Collection[int]) -> tuple[list[int], list[int]]:
+        """Leave these waypoints out from now on, and no others; which are new, and which are back.
+
+        One that is back is visited if its turn is still to come.
+        """
+        before, self._barred = self._barred, frozenset(numbers)
+        return sorted(self._barred - before), sorted(before - self._barred)
+
+    def visited(self) -> None:
+        """The waypoint whose turn it was is done."""
+        self._next = self._turn + 1
+
+    def leave_out(self) -> int:
+        """Give the waypoint whose turn it was up; returns its number."""
+        index = self._turn
+        number = self.waypoints[index].number
+        self.left_out.append(number)
+        self._next = index + 1
+        return number
+
+    def go_on(self, visited: int, left_out: Collection[int]) -> None:
+        """Another companion has visited so many, and left these of them out."""
+        self._next = visited
+        self.left_out = list(left_out)
+
+    def mark(self) -> tuple[int, int]:
+        """Where exploration stands, to come `back_to`."""
+        return self._next, len(self.left_out)
+
+    def back_to(self, mark: tuple[int, int]) -> None:
+        """Take back what was left out since a mark, which lies after the last visit."""
+        self._next, left_out = mark
+        del self.left_out[left_out:]
+
+    def passing(self, position: Point, now_s: float) -> None:
+        """Note where the vehicle is, and which waypoints it is near."""
+        self.here = position
+        if self.began_s is None:
+            self.began_s = now_s
+        for waypoint in self.waypoints:
+            if math.dist(position, waypoint.position) <= PASSING_M:
+                self._passed_s[waypoint.number] = now_s
+
+    def longest_unseen(self) -> Goal:
+        """Where a robot may be that was never heard: the waypoint passed longest ago.
+
+        Of those never passed the one farthest from all that were, in the middle of the unknown.
+        """
+        passed = [w.position for w in self.waypoints if w.number in self._passed_s]
+
+        def rank(waypoint: Waypoint) -> tuple[float, float]:
+            away_m = min((math.dist(waypoint.position, p) for p in passed), default=0.0)
+            return self._passed_s.get(waypoint.number, -math.inf), -away_m
+
+        open_to_us = [w for w in self.waypoints if w.number not in self._barred]
+        waypoint = min(open_to_us or self.waypoints, key=rank)
+        return Goal(waypoint.position, waypoint.number)

@@ -1,0 +1,161 @@
+"""Where to fly for each robot: the roster's best guess, where hovering keeps the clearance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from air_router.controller.motion.navigator import Goal
+from air_router.controller.targets.exploration import Exploration
+from air_router.controller.targets.seeking import Outlook, policy_of
+from air_router.controller.targets.target_list import Roster, SearchPlace
+from air_router.mission.mission import Mission
+from air_router.routing.departure import names_of
+from air_router.routing.return_planner import Pace, Way
+from air_router.routing.router import NoRoute, Router
+from geo.airspace.airspace import FENCE
+from geo.frame import Point
+from geo.paths.shortest import shortest_paths
+from mocha_link.links.metrics import ContactBegan, ContactEnded, SyncEnded, SyncStarted
+
+RadioEvent = ContactBegan | ContactEnded | SyncStarted | SyncEnded
+"""What tells that a robot's radio is heard where the vehicle is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """A robot that could be sought now, where, and why there.
+
+    Attributes:
+        robot: Its name.
+        goal: Where to hover.
+        reason: What is known there of the robot, and what keeps the vehicle beside it.
+        beside_m: How far from the robot's place the vehicle will hover.
+    """
+
+    robot: str
+    goal: Goal
+    reason: str
+    beside_m: float = 0.0
+
+
+class Search:
+    """Knows the robots, and the places from which to look for them.
+
+    Args:
+        mission: Its airspace.
+        seek: Names of the robots to seek, in order.
+        exploration: Tells where the vehicle is, and where a robot may be that was never heard.
+        router: Tells how long the vehicle would fly.
+        explore: Whether it explores between two searches.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        seek: tuple[str, ...],
+        exploration: Exploration,
+        router: Router,
+        *,
+        explore: bool = True,
+    ) -> None:
+        self.roster = Roster(seek)
+        self._policy = policy_of(mission.seek_policy)
+        self._exploration = exploration
+        self._router = router
+        self._pace = Pace.of(mission)
+        timers = mission.timers
+        self._round_s = timers.search_s + timers.communicate_s + explore * timers.explore_s
+        self._airspace = mission.planning_airspace
+        self._paths = shortest_paths(mission.planning_airspace)
+        self._home = mission.home
+
+    def renew(self, mission: Mission, router: Router) -> None:
+        """Zones and fences are others now."""
+        self._router = router
+        self._airspace = mission.planning_airspace
+        self._paths = shortest_paths(mission.planning_airspace)
+
+    def heard(self, event: RadioEvent, now_s: float) -> None:
+        """A robot's radio was heard: it is near."""
+        if self._exploration.here is not None:
+            self.roster.radio_heard(event.peer, self._exploration.here, now_s)
+        if isinstance(event, SyncEnded) and event.complete:
+            self.roster.synced(event.peer, event.direction, now_s)
+
+    def aims(self, now_s: float) -> Iterator[Aim]:
+        """The robots in the order in which they are to be tried."""
+        for place in self._policy.order(self.roster, self._outlook(now_s)):
+            yield self._aim(place)
+
+    def aim(self, robot: str, now_s: float) -> Aim:
+        """Where one of the robots would be sought now."""
+        return self._aim(self._policy.place(robot, self.roster, self._outlook(now_s)))
+
+    @property
+    def foresees(self) -> bool:
+        """Whether a robot is sought where it will be, so that news of its path matters too."""
+        return self._policy.foresees
+
+    def _outlook(self, now_s: float) -> Outlook:
+        exploration = self._exploration
+        began_s = now_s if exploration.began_s is None else exploration.began_s
+        return Outlook(
+            now_s,
+            began_s,
+            self._flight_s,
+            unseen=exploration.longest_unseen().position,
+            round_s=self._round_s,
+        )
+
+    def _flight_s(self, place: Point) -> float:
+        here = self._exploration.here
+        if here is None:
+            return 0.0
+        route = self._router.route(here, self._hover_point(place))
+        if isinstance(route, NoRoute):
+            return math.inf
+        return self._pace.time_s(Way(route.length_m, len(route.legs)))
+
+    def _aim(self, place: SearchPlace) -> Aim:
+        robot = place.robot
+        if place.position is None:
+            return Aim(robot, self._exploration.longest_unseen(), place.reason)
+        hover, why = self.hover(place.position)
+        beside_m = math.dist(place.position, hover)
+        reason = place.reason + (f"; {why}, so {max(beside_m, 0.1):.1f} m beside it" if why else "")
+        return Aim(robot, Goal(hover), reason, beside_m)
+
+    def hover(self, position: Point) -> tuple[Point, str]:
+        """Where to hover for a place, and why not there; nothing if it is the place itself."""
+        place = self._hover_point(position)
+        return place, self._why_not_there(position) if place != position else ""
+
+    def ahead_of(self, robot: str, now_s: float) -> tuple[Goal, float] | None:
+        """Where a robot is to be met from here, and how far beside it; None if never heard of."""
+        aim = self.aim(robot, now_s)
+        return None if self.roster.position_of(robot) is None else (aim.goal, aim.beside_m)
+
+    def over(self, robot: str) -> tuple[Goal, float] | None:
+        """The hovering place nearest to a robot, and how far beside it; None if never heard of."""
+        position = self.roster.position_of(robot)
+        if position is None:
+            return None
+        place = self._hover_point(position)
+        return Goal(place), math.dist(position, place)
+
+    def _hover_point(self, position: Point) -> Point:
+        """The place itself, or the nearest clear one that a clear way leads to from home."""
+        place = self._paths.nearest(position, reachable_from=self._home)
+        return place or position  # the router says why not
+
+    def _why_not_there(self, position: Point) -> str:
+        holders = self._airspace.holders(position)
+        if FENCE in holders:
+            return "it is outside of the fence"
+        if holders:
+            return f"it is inside {names_of(holders)}"
+        if self._airspace.point_clear(position):
+            return "no clear way leads there"
+        return f"it is too close to {names_of((self._airspace.spare_m(position)[1],))}"

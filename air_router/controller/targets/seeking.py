@@ -1,0 +1,233 @@
+"""Seek policies: which robot is sought next, and where it is met. docs/seeking.md compares them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+from air_router.controller.targets.target_list import RECENT_POSE_S, Roster, SearchPlace
+from air_router.controller.targets.target_track import Course
+from air_router.files.settings import SeekPolicy
+from geo.frame import Point
+
+_UNHEARD: Final = "never heard of, so where it is longest since we passed"
+
+MEETING_M: Final = 1.0
+"""How exactly a meeting point is found along a robot's path."""
+
+EARLY_SHARE: Final = 0.2
+"""A robot may come so much of its way's time sooner than its path and speed say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """What a policy can see beside the robots.
+
+    Attributes:
+        now_s: Time on the vehicle's clock.
+        began_s: When the flight began, before which nobody could be heard.
+        flight_s: How long the vehicle would fly to a place; infinite where no way leads.
+        unseen: The waypoint that the vehicle has not passed for longest.
+        round_s: What a round of exploring, waiting and communicating takes beside the flight.
+    """
+
+    now_s: float
+    began_s: float
+    flight_s: Callable[[Point], float]
+    unseen: Point
+    round_s: float
+
+
+class Policy(Protocol):
+    """Ranks robots, and says where to look for each."""
+
+    foresees: bool
+    """Whether it matters where a robot goes, and not only where it is."""
+
+    def order(self, roster: Roster, outlook: Outlook) -> tuple[SearchPlace, ...]:
+        """Every robot of the roster once, best first.
+
+        Robots that another UAV seeks come last, before them those that count as lost.
+        """
+
+    def place(self, robot: str, roster: Roster, outlook: Outlook) -> SearchPlace:
+        """Where to look for one robot."""
+
+
+def policy_of(word: SeekPolicy) -> Policy:
+    """The policy that a mission chose."""
+    policies: dict[SeekPolicy, Policy] = {
+        "round_robin": RoundRobin(),
+        "freshest": Freshest(),
+        "rendezvous": Rendezvous(),
+    }
+    return policies[word]
+
+
+class RoundRobin:
+    """Robots take turns in the mission's order, as in the paper."""
+
+    foresees = False
+
+    def order(self, roster: Roster, outlook: Outlook) -> tuple[SearchPlace, ...]:
+        """As `Policy.order`."""
+        return tuple(self.place(name, roster, outlook) for name in roster.candidates(outlook.now_s))
+
+    def place(self, robot: str, roster: Roster, outlook: Outlook) -> SearchPlace:
+        """The last pose while it is recent, else the end of the path, else the last pose."""
+        return roster.place(robot, outlook.now_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """Where a robot would be met, and how long the vehicle flies there."""
+
+    place: SearchPlace
+    flight_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Prospect:
+    """A robot that could be sought: where, how old what we hold of it is, and what it is worth."""
+
+    place: SearchPlace
+    age_s: float
+    flight_s: float
+    benefit: float
+
+    def told(self, oldest_s: float) -> SearchPlace:
+        """The place, with the reason why this robot."""
+        oldest = "oldest data" if self.age_s >= oldest_s else "data"
+        flight = f"{self.flight_s:.0f} s away" if math.isfinite(self.flight_s) else "no way there"
+        why = f"{oldest}, {self.age_s:.0f} s; {flight}; {self.place.reason}"
+        return replace(self.place, reason=why)
+
+
+class Freshest:
+    """Seeks the robot whose exchange brings most for the time that it takes.
+
+    With the time on the vehicle's clock, of each robot
+
+        benefit = (held + given) * chance / (flight + round)
+        chance  = round / (round + doubt) / (1 + tries)
+
+    held    age of what we hold of it: since its newest word, or since we had all from it;
+    given   age of what it holds of us (and of what we carry from others): since it had all from
+            us. Both count from the beginning while there was nothing;
+    flight  time to the place along the router's way, at cruise speed;
+    round   exploring, waiting and communicating, which every search costs beside the flight;
+    doubt   for how long its path (or without one its last pose) has been over on our arrival;
+    tries   searches for it since the last news of it.
+
+    So it is the age of information that a search is expected to remove, per second spent. Ages of
+    information are those of Kaul, Yates and Gruteser (Real-time status: how often should one
+    update?, INFOCOM 2012). To serve the largest age times the chance of success is the max-weight
+    policy of Kadota, Sinha, Uysal-Biyikoglu, Singh and Modiano (Scheduling policies for minimizing
+    age of information in broadcast wireless networks, IEEE/ACM Trans. Networking 2018); that the
+    carrier has to travel, as in Tripathi, Talak and Modiano (Age optimal information
+    gathering and dissemination on graphs, INFOCOM 2019), is the division by the time. The
+    formula has no parameter: with all times doubled the order is the same.
+    """
+
+    foresees = False
+
+    def order(self, roster: Roster, outlook: Outlook) -> tuple[SearchPlace, ...]:
+        """As `Policy.order`; of equals the one whose turn it is."""
+        groups = [
+            sorted(
+                (self._prospect(name, roster, outlook) for name in group),
+                key=lambda prospect: -prospect.benefit,
+            )
+            for group in roster.groups(outlook.now_s)
+        ]
+        prospects = [prospect for group in groups for prospect in group]
+        oldest_s = max((prospect.age_s for prospect in prospects), default=0.0)
+        return tuple(prospect.told(oldest_s) for prospect in prospects)
+
+    def place(self, robot: str, roster: Roster, outlook: Outlook) -> SearchPlace:
+        """As `Policy.place`."""
+        return self._meeting(robot, roster, outlook).place
+
+    def _prospect(self, robot: str, roster: Roster, outlook: Outlook) -> _Prospect:
+        known = roster[robot]
+        meeting = self._meeting(robot, roster, outlook)
+        arrival_s = outlook.now_s + meeting.flight_s
+        course = roster.course(robot)
+        doubt_s = max(arrival_s - (outlook.began_s if course is None else course.end_s), 0.0)
+        age_s = _since_s(outlook.now_s, outlook.began_s, known.word_s, known.taken_s)
+        ages_s = age_s + _since_s(outlook.now_s, outlook.began_s, known.given_s)
+        round_s = outlook.round_s
+        # Multiplied by what may be infinite, not divided: where no way leads, nothing is gained.
+        chance = 1 / (1 + doubt_s / round_s) / (1 + known.tries)
+        benefit = ages_s * chance / (meeting.flight_s + round_s)
+        return _Prospect(meeting.place, age_s, meeting.flight_s, benefit)
+
+    def _meeting(self, robot: str, roster: Roster, outlook: Outlook) -> Meeting:
+        course = roster.course(robot)
+        if course is None:
+            return Meeting(SearchPlace(robot, None, _UNHEARD), outlook.flight_s(outlook.unseen))
+        along_m, flight_s = self._aim(course, outlook)
+        words = _words(course, along_m, outlook)
+        return Meeting(SearchPlace(robot, course.place(along_m), words), flight_s)
+
+    def _aim(self, course: Course, outlook: Outlook) -> tuple[float, float]:
+        """How far along a course the robot is sought, and the flight there."""
+        recent = outlook.now_s - course.start_s <= RECENT_POSE_S
+        along_m = 0.0 if recent else course.length_m
+        return along_m, outlook.flight_s(course.place(along_m))
+
+
+class Rendezvous(Freshest):
+    """Seeks whom `Freshest` would, and meets it where it will be.
+
+    The meeting point is the first place on the robot's path that the vehicle reaches before the
+    robot does (early by a share of the robot's way there, since it may be quicker than it was): a
+    fixed point of the vehicle's flying time and the robot's progress, found by bisection. As long
+    as the robot is slower than the vehicle there is one such place and no other. Where the robot is
+    at the end of its path sooner than the vehicle can be, that end is the place. A robot without a
+    path is sought where it was last.
+    """
+
+    foresees = True
+
+    def _aim(self, course: Course, outlook: Outlook) -> tuple[float, float]:
+        return meet(course, outlook)
+
+
+def meet(course: Course, outlook: Outlook) -> tuple[float, float]:
+    """How far along a course a robot can be met soonest, and how long the vehicle flies there.
+
+    The vehicle is there before the robot, and `MEETING_M` sooner on the way it would not be; or it
+    is the course's end (or where the robot is now, if the vehicle is there).
+    """
+
+    def in_time(along_m: float) -> bool:
+        way_s = course.due_s(along_m) - outlook.now_s
+        return outlook.flight_s(course.place(along_m)) <= (1 - EARLY_SHARE) * way_s
+
+    low_m, high_m = course.along_m(outlook.now_s), course.length_m
+    if in_time(low_m):
+        high_m = low_m
+    elif in_time(high_m):
+        while high_m - low_m > MEETING_M:
+            middle_m = (low_m + high_m) / 2
+            if in_time(middle_m):
+                high_m = middle_m
+            else:
+                low_m = middle_m
+    return high_m, outlook.flight_s(course.place(high_m))
+
+
+def _words(course: Course, along_m: float, outlook: Outlook) -> str:
+    if along_m <= 0 or len(course.points) == 1:
+        return "its last position"
+    if along_m >= course.length_m:
+        return "where its path ends"
+    return f"where its path leads it in {course.due_s(along_m) - outlook.now_s:.0f} s"
+
+
+def _since_s(now_s: float, *moments_s: float | None) -> float:
+    """Seconds since the last of some moments."""
+    return max(0.0, now_s - max(moment_s for moment_s in moments_s if moment_s is not None))

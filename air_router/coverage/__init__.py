@@ -1,0 +1,1 @@
+"""Survey lines over an area, from files and for cameras."""

@@ -1,0 +1,224 @@
+"""What is to be covered, and where the vehicle may be meanwhile: read from files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from air_router.errors import MissionFileError, UsageError
+from air_router.files.mission_document import Area, Draft, Spot
+from air_router.files.settings import DEFAULT_SPEED_M_S, PlannerSettings
+from air_router.files.yaml.mission_form import AreaForm
+from air_router.files.zones.reading import FileZone, MapCircle, MapOutline
+from air_router.files.zones.zone_files import add_zones, place_zone, read_zones
+from air_router.mission.airspaces import FlightWindow, airspaces_of
+from air_router.mission.loading import judge, read_draft
+from geo.airspace.airspace import FENCE, Airspace
+from geo.airspace.zone import Outline, ZoneError
+from geo.frame import FrameError, Geodetic, LocalFrame, Point
+from mocha_link.team.document import Document, DocumentError
+
+_MISSION_KEYS = frozenset({"home", "waypoints", "no_fly_zones", "fence", "fences", "altitude_m"})
+_ABOUT_WAYPOINTS = ("waypoint-", "no-waypoints", "same-place")
+"""Codes of problems with waypoints, which a coverage replaces."""
+_FAR_M = 50_000.0
+"""Farther from home than this is a typing error, as in a mission."""
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What a coverage that has no mission goes by; `inside`: the area is the fence as well."""
+
+    home: Geodetic | None
+    altitude_m: float | None
+    speed_m_s: float | None
+    clearance_m: float | None
+    zones: Sequence[Path]
+    inside: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """An area and its airspace.
+
+    Attributes:
+        area: what is to be seen, in metres east and north of the frame's origin.
+        draft: the mission that the waypoints are for, without its own.
+        frame: its frame.
+        airspace: what rows and the ways between them keep away from.
+        home: where the vehicle sets out; None if that is open.
+        altitude_m: how high above home it flies.
+    """
+
+    area: BaseGeometry
+    draft: Draft
+    frame: LocalFrame
+    airspace: Airspace
+    home: Point | None
+    altitude_m: float
+
+
+def read_field(area: Path, mission: Path | None, terms: Terms) -> Field:
+    """The area of a file, in a mission's airspace (or in that of the zones that are named).
+
+    Raises:
+        MissionFileError: the mission cannot be flown, or the area is none; every problem at once.
+        UsageError: something that has to be known is missing, or home is far from the area.
+    """
+    try:
+        if mission is None and _is_mission(area):
+            field = _of_mission(area, None, terms)
+        elif mission is not None:
+            field = _of_mission(mission, area, terms)
+        else:
+            field = _of_area(area, terms)
+    except DocumentError as error:
+        raise MissionFileError(error.problems) from None
+    far_m = 0.0 if field.home is None else field.area.distance(shapely.Point(field.home))
+    if far_m > _FAR_M:
+        message = (
+            f"the area is {far_m / 1000:,.0f} km from home; correct one (latitude comes first)"
+        )
+        raise UsageError(message)
+    return field
+
+
+def _is_mission(path: Path) -> bool:
+    if path.suffix.lower() == ".plan":
+        return True
+    if path.suffix.lower() not in {".yaml", ".yml"}:
+        return False
+    data = Document.load(path).data
+    return isinstance(data, dict) and bool(_MISSION_KEYS & data.keys())
+
+
+def _of_mission(path: Path, area: Path | None, terms: Terms) -> Field:
+    told = {"--home": terms.home, "--clearance": terms.clearance_m, "--zones": terms.zones or None}
+    for option, value in told.items():
+        if value is not None:
+            raise UsageError(f"{option} is the mission's to say; write it into {path}")
+    draft = read_draft(path)
+    if draft.home is None or draft.frame is None:
+        judge(draft)
+        raise MissionFileError(draft.problems)
+    if draft.uavs and terms.altitude_m is not None:
+        raise UsageError(f"--altitude is that of a UAV's layer: write it into {path}")
+    altitude_m = terms.altitude_m or draft.altitude_m
+    own_m = None if draft.uavs else altitude_m  # of several UAVs each flies its own layer
+    draft.waypoints = [Spot("waypoint 1", draft.home.position, draft.home.keys, own_m)]
+    draft.speed_m_s = terms.speed_m_s or draft.speed_m_s
+    mission = judge(draft)
+    problems = [p for p in draft.problems if not p.code.startswith(_ABOUT_WAYPOINTS)]
+    if problems or mission is None:
+        raise MissionFileError(problems)
+    draft.problems.clear()
+    if area is not None:
+        shape = _shape(_drawn(area), draft.frame)
+    elif draft.fences:
+        shape = shapely.intersection_all([fence.polygon for fence in mission.fences])
+    else:
+        raise UsageError(f"{path} has no fence, so it is not known what to cover; name an area")
+    altitude_m = altitude_m if own_m else mission.altitude_above_home_m
+    airspace = mission.planning_airspace
+    if terms.inside:
+        airspace = _fenced(airspace, shape)
+    return Field(shape, draft, draft.frame, airspace, mission.home, altitude_m)
+
+
+def _of_area(path: Path, terms: Terms) -> Field:
+    if terms.altitude_m is None:
+        raise UsageError("without a mission give the height above home: --altitude M")
+    zones = _drawn(path)
+    first = zones[0].shape
+    origin = first.centre if isinstance(first, MapCircle) else first.ring[0]
+    try:
+        frame = LocalFrame(terms.home or origin)
+    except FrameError as error:
+        raise UsageError(f"--home: {error}") from None
+    settings = PlannerSettings(kind="shortest")  # from row to row, not over other rows' ends
+    if terms.clearance_m is not None:
+        settings = replace(settings, clearance_m=terms.clearance_m)
+    draft = Draft(
+        document=zones[0].source,
+        name=path.stem,
+        frame=frame,
+        altitude_m=terms.altitude_m,
+        speed_m_s=terms.speed_m_s or DEFAULT_SPEED_M_S,
+        planner=settings,
+    )
+    if terms.home is not None:
+        draft.home = Spot("home", frame.to_local(*terms.home), ())
+    for file in terms.zones:
+        add_zones(draft, file, ())
+    if draft.problems:
+        raise MissionFileError(draft.problems)
+    shape = _shape(zones, frame)
+    if terms.inside:
+        draft.fences.append(Area(FENCE, _outline(shape), ()))
+    airspaces = airspaces_of(draft, FlightWindow.of(datetime.now(UTC), None, None))
+    airspace = airspaces.cruise.with_margin(settings.tracking_margin_m)
+    home = None if draft.home is None else draft.home.position
+    return Field(shape, draft, frame, airspace, home, terms.altitude_m)
+
+
+def _drawn(path: Path) -> list[FileZone]:
+    """The areas that a file draws, in degrees; at least one."""
+    if path.suffix.lower() in {".yaml", ".yml"}:
+        return [_yaml_area(path)]
+    reading = read_zones(path)
+    if reading.problems:
+        raise MissionFileError(reading.problems)
+    if not reading.zones:
+        message = "there is no polygon and no circle in it; draw the area to cover"
+        raise MissionFileError([reading.source.problem((), message, "no-area")])
+    return reading.zones
+
+
+def _yaml_area(path: Path) -> FileZone:
+    """`polygon` (with `holes`) or `circle`, as in a mission; or a list of corners."""
+    document = Document.load(path)
+    if isinstance(document.data, list):
+        document.data = {"polygon": document.data}
+    form = document.parse(AreaForm)
+    if form.circle is not None:
+        circle = MapCircle(Geodetic(*form.circle.centre), form.circle.radius_m)
+        return FileZone("area", circle, document, ())
+    ring, *holes = (
+        tuple(Geodetic(*corner) for corner in ring) for ring in (form.polygon or [], *form.holes)
+    )
+    return FileZone("area", MapOutline(ring, tuple(holes)), document, ())
+
+
+def _shape(zones: Sequence[FileZone], frame: LocalFrame) -> BaseGeometry:
+    """The areas in the frame, as one."""
+    problems, shapes = [], []
+    for zone in zones:
+        try:
+            shapes.append(place_zone(zone, frame).polygon)
+        except (ZoneError, FrameError) as error:
+            code = error.code if isinstance(error, ZoneError) else "not-on-earth"
+            message = f"'{zone.name}' cannot be an area: {error}; draw it again"
+            problems.append(zone.source.problem(zone.keys, message, code))
+    if problems:
+        raise MissionFileError(problems)
+    return shapely.union_all(shapes)
+
+
+def _fenced(airspace: Airspace, shape: BaseGeometry) -> Airspace:
+    """The airspace with the area as another fence."""
+    fences = (*airspace.fences, _outline(shape))
+    return Airspace(fences, airspace.zones, airspace.clearance_m, airspace.margin_m)
+
+
+def _outline(shape: BaseGeometry) -> Outline:
+    """An area as a fence; its holes are kept out of too."""
+    if not isinstance(shape, Polygon):
+        raise UsageError("--inside wants an area of one piece")
+    rings = [tuple(Point(*corner) for corner in ring.coords) for ring in shape.interiors]
+    return Outline(tuple(Point(*corner) for corner in shape.exterior.coords), tuple(rings))

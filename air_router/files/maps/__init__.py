@@ -1,0 +1,1 @@
+"""A mission as map programs show it: features in degrees, GeoJSON and KML."""

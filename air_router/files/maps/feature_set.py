@@ -1,0 +1,183 @@
+"""What map programs are shown of a mission or of a file of zones: everything in degrees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from air_router.files.altitudes import Altitudes
+from air_router.files.mission_document import Area, Draft
+from air_router.files.zones.reading import FileZone, MapCircle, MapOutline, MapRing, ZoneReading
+from air_router.files.zones.zone_files import place_zone, unique_names
+from geo.airspace.zone import Circle, Ring, Shape, ZoneError
+from geo.frame import FrameError, Geodetic, LocalFrame, Point
+from geo.validity import Validity
+from mocha_link.printable import printable
+from mocha_link.team.document import Problem
+
+Line = tuple[Geodetic, ...]
+
+_ON_LINE_DEG = 2e-9
+_FRAME_STEP_DEG = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class MapArea:
+    """A fence or a zone on the map; as `FileZone`, wherever it came from."""
+
+    name: str
+    shape: MapOutline | MapCircle
+    clearance_m: float | None = None
+    altitudes: Altitudes | None = None
+    validity: Validity | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MapSpot:
+    """A named place, and how high above home the vehicle is there."""
+
+    name: str
+    place: Geodetic
+    altitude_above_home_m: float | None = None
+
+
+@dataclass(slots=True)
+class Chart:
+    """Everything that can be drawn. Altitudes are metres above home.
+
+    Attributes:
+        name: of the mission or the file.
+        home: None for a file of zones.
+        home_altitude_amsl_m: None if it is not known.
+        fences: what the vehicle stays inside of.
+        zones: what it stays outside of.
+        buffers: each zone with what is kept from it.
+        waypoints: in order.
+        rally_points: in order.
+        edges: clear connections of the waypoint graph, with the names of both ends.
+        route: a planned way.
+    """
+
+    name: str
+    home: MapSpot | None = None
+    home_altitude_amsl_m: float | None = None
+    fences: list[MapArea] = field(default_factory=list)
+    zones: list[MapArea] = field(default_factory=list)
+    buffers: list[MapArea] = field(default_factory=list)
+    waypoints: list[MapSpot] = field(default_factory=list)
+    rally_points: list[MapSpot] = field(default_factory=list)
+    edges: list[tuple[str, Line]] = field(default_factory=list)
+    route: Line | None = None
+
+
+def chart_of(draft: Draft) -> Chart:
+    """The chart of a mission. The draft has a frame."""
+    frame = draft.frame
+    if frame is None:
+        raise ValueError("a mission without a frame has no chart")
+    chart = Chart(printable(draft.name), home_altitude_amsl_m=draft.home_altitude_amsl_m)
+    if draft.home is not None:
+        chart.home = MapSpot("home", frame.to_geodetic(draft.home.position), 0.0)
+    chart.fences = [_area(area, frame) for area in draft.fences]
+    chart.zones = [_area(area, frame) for area in draft.zones]
+    for number, spot in enumerate(draft.waypoints, start=1):
+        place = frame.to_geodetic(spot.position)
+        chart.waypoints.append(MapSpot(str(number), place, spot.altitude_m or draft.altitude_m))
+    for number, spot in enumerate(draft.rally_points, start=1):
+        place = frame.to_geodetic(spot.position)
+        chart.rally_points.append(MapSpot(f"rally point {number}", place))
+    return chart
+
+
+def chart_of_zones(readings: Iterable[ZoneReading], name: str) -> tuple[Chart, list[Problem]]:
+    """The chart of files of zones, and the problems of zones that are no areas."""
+    zones = [zone for reading in readings for zone in reading.zones]
+    problems: list[Problem] = []
+    names = unique_names(zone.name for zone in zones)
+    areas: list[MapArea] = []
+    for unique, zone in zip(names, zones, strict=True):
+        problem = _problem(zone)
+        problems += [problem] if problem else []
+        areas.append(MapArea(unique, zone.shape, zone.clearance_m, zone.altitudes, zone.validity))
+    return Chart(name, zones=areas), problems
+
+
+def outline_of(polygon_rings: list[Ring], frame: LocalFrame) -> MapOutline:
+    """A polygon's rings in degrees, the outer one first."""
+    ring, *holes = (corners_of(ring, frame) for ring in polygon_rings)
+    return MapOutline(ring, tuple(holes))
+
+
+def corners_of(ring: Ring, frame: LocalFrame) -> MapRing:
+    """A ring's corners in degrees, without those that lie on a straight line of the map.
+
+    Long sides have such corners, because what is straight on the map is bent on the ground.
+    """
+    places = degrees(ring, frame)
+    kept: list[Geodetic] = []
+    for index, place in enumerate(places):
+        before = kept[-1] if kept else places[-1]
+        if not _between(before, place, places[(index + 1) % len(places)]):
+            kept.append(place)
+    return tuple(kept) if len(kept) >= 3 else places
+
+
+def counterclockwise(ring: MapRing) -> MapRing:
+    """The ring in the order that KML wants around an area; the same the other way for holes."""
+    twice = 0.0
+    for start, end in zip(ring, (*ring[1:], ring[0]), strict=True):
+        lon_deg = (end.longitude_deg - start.longitude_deg + 180) % 360 - 180
+        twice += lon_deg * (start.latitude_deg + end.latitude_deg)
+    return ring if twice <= 0 else ring[::-1]
+
+
+def degrees(points: Iterable[Point], frame: LocalFrame) -> MapRing:
+    """Places of a local frame in degrees."""
+    return tuple(Geodetic(*place) for place in frame.to_geodetic_many(list(points)).tolist())
+
+
+def _between(before: Geodetic, place: Geodetic, after: Geodetic) -> bool:
+    """Whether a place lies on the straight line in degrees between two others."""
+    (lat, lon), (to_lat, to_lon) = (
+        (
+            other.latitude_deg - before.latitude_deg,
+            (other.longitude_deg - before.longitude_deg + 180) % 360 - 180,
+        )
+        for other in (place, after)
+    )
+    length = math.hypot(to_lat, to_lon)
+    if length == 0:
+        return False
+    along, across = (lat * to_lat + lon * to_lon), (lat * to_lon - lon * to_lat)
+    return 0 < along < length**2 and abs(across) < _ON_LINE_DEG * length
+
+
+def _area(area: Area, frame: LocalFrame) -> MapArea:
+    shape = _shape(area.shape, frame)
+    return MapArea(area.name, shape, area.clearance_m, area.altitudes, area.validity)
+
+
+def _shape(shape: Shape, frame: LocalFrame) -> MapOutline | MapCircle:
+    if isinstance(shape, Circle):
+        return MapCircle(frame.to_geodetic(shape.centre), shape.radius_m)
+    return outline_of([shape.ring, *shape.holes], frame)
+
+
+def _problem(zone: FileZone) -> Problem | None:
+    try:
+        place_zone(zone, _frame_near(zone))
+    except (ZoneError, FrameError) as error:
+        code = error.code if isinstance(error, ZoneError) else "not-on-earth"
+        message = f"no-fly zone '{zone.name}' cannot be an area: {error}; draw it again"
+        return zone.source.problem(zone.keys, message, code)
+    return None
+
+
+def _frame_near(zone: FileZone) -> LocalFrame:
+    """One of a few frames all over the Earth: making one takes longer than reading a zone."""
+    shape = zone.shape
+    place = shape.centre if isinstance(shape, MapCircle) else shape.ring[0]
+    return LocalFrame(
+        Geodetic(*(_FRAME_STEP_DEG * round(part / _FRAME_STEP_DEG) for part in place))
+    )

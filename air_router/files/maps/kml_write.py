@@ -1,0 +1,156 @@
+"""Writes a chart as KML for Google Earth and others. Zones with an upper limit stand as high.
+
+What KML cannot say (circles, clearances, lower limits, schedules) is in `ExtendedData`, and is read
+back from there.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from typing import Any, Final
+
+from air_router.files.altitudes import Limit, Reference
+from air_router.files.maps.feature_set import Chart, Line, MapArea, MapSpot, counterclockwise
+from air_router.files.maps.geojson_write import terms_properties
+from air_router.files.zones.reading import MapCircle, MapRing
+from geo.geodesic import circle_around
+
+_NAMESPACE: Final = "http://www.opengis.net/kml/2.2"
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_STYLES: Final = {  # line and fill as KML has them: alpha, blue, green, red
+    "fence": ("ff2a7f2a", "00ffffff"),
+    "zone": ("ff0000c0", "600000c0"),
+    "buffer": ("ff3080e0", "003080e0"),
+    "edge": ("807f7f7f", "00ffffff"),
+    "route": ("ffc05000", "00ffffff"),
+}
+
+
+def kml_text(chart: Chart) -> str:
+    """The chart as text."""
+    root = ET.Element("kml", xmlns=_NAMESPACE)
+    document = _add(root, "Document")
+    _add(document, "name", chart.name)
+    for kind, (line, fill) in _STYLES.items():
+        style = _add(document, "Style", id=kind)
+        _add(_add(style, "LineStyle"), "color", line)
+        _add(_add(style, "PolyStyle"), "color", fill)
+    for title, kind, areas in (
+        ("Fence", "fence", chart.fences),
+        ("No-fly zones", "zone", chart.zones),
+        ("Distances to keep", "buffer", chart.buffers),
+    ):
+        folder = _folder(document, title, bool(areas))
+        for area in areas:
+            _area(folder, kind, area, chart)
+    folder = _folder(document, "Connections", bool(chart.edges))
+    for name, line_ in chart.edges:
+        _line(folder, "edge", name, line_)
+    if chart.route:
+        _line(document, "route", "route", chart.route)
+    spots = [("home", chart.home)] if chart.home else []
+    spots += [("waypoint", spot) for spot in chart.waypoints]
+    folder = _folder(document, "Waypoints", bool(spots))
+    for kind, spot in spots:
+        _spot(folder, kind, spot, chart.home_altitude_amsl_m)
+    folder = _folder(document, "Rally points", bool(chart.rally_points))
+    for spot in chart.rally_points:
+        _spot(folder, "rally_point", spot, chart.home_altitude_amsl_m)
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _area(folder: ET.Element, kind: str, area: MapArea, chart: Chart) -> None:
+    data: dict[str, Any] = {"kind": kind, **terms_properties(area)}
+    ring: MapRing
+    holes: tuple[MapRing, ...] = ()
+    if isinstance(area.shape, MapCircle):
+        ring = circle_around(area.shape.centre, area.shape.radius_m)
+        data["radius_m"] = area.shape.radius_m
+        data["centre_latitude_deg"] = round(area.shape.centre.latitude_deg, 10)
+        data["centre_longitude_deg"] = round(area.shape.centre.longitude_deg, 10)
+    else:
+        ring, holes = area.shape.ring, area.shape.holes
+    placemark = _placemark(folder, kind, area.name, data)
+    upper = area.altitudes.upper if area.altitudes else None
+    height = None if upper is None or kind != "zone" else _height(upper, chart)
+    polygon = _add(placemark, "Polygon")
+    if height is not None:
+        _add(polygon, "extrude", "1")
+        _add(polygon, "altitudeMode", height[0])
+    altitude_m = None if height is None else height[1]
+    _ring(_add(polygon, "outerBoundaryIs"), counterclockwise(ring), altitude_m)
+    for hole in holes:
+        _ring(_add(polygon, "innerBoundaryIs"), counterclockwise(hole), altitude_m)
+
+
+def _height(upper: Limit, chart: Chart) -> tuple[str, float] | None:
+    """How high a zone is drawn; None: it would not stand above the ground."""
+    mode, metres = "relativeToGround", upper.metres
+    if upper.reference is Reference.AMSL:
+        mode = "absolute"
+    elif upper.reference is Reference.HOME and chart.home_altitude_amsl_m is not None:
+        mode, metres = "absolute", metres + chart.home_altitude_amsl_m
+    return (mode, metres) if metres > 0 else None
+
+
+def _line(folder: ET.Element, kind: str, name: str, line: Line) -> None:
+    string = _add(_placemark(folder, kind, name, {"kind": kind}), "LineString")
+    _add(string, "tessellate", "1")
+    _add(string, "coordinates", _coordinates(line, None))
+
+
+def _spot(folder: ET.Element, kind: str, spot: MapSpot, home_amsl_m: float | None) -> None:
+    data: dict[str, Any] = {"kind": kind}
+    altitude_m = spot.altitude_above_home_m
+    if altitude_m is not None:
+        data["altitude_above_home_m"] = altitude_m
+    point = _add(_placemark(folder, kind, spot.name, data), "Point")
+    if altitude_m:
+        mode = "relativeToGround" if home_amsl_m is None else "absolute"
+        _add(point, "altitudeMode", mode)
+        altitude_m += home_amsl_m or 0.0
+    _add(point, "coordinates", _coordinates((spot.place,), altitude_m or None))
+
+
+def _placemark(folder: ET.Element, kind: str, name: str, data: dict[str, Any]) -> ET.Element:
+    placemark = _add(folder, "Placemark")
+    _add(placemark, "name", name)
+    if kind in _STYLES:
+        _add(placemark, "styleUrl", f"#{kind}")
+    extended = _add(placemark, "ExtendedData")
+    for key, value in data.items():
+        text = value if isinstance(value, str) else json.dumps(value)
+        _add(_add(extended, "Data", name=key), "value", text)
+    return placemark
+
+
+def _ring(boundary: ET.Element, ring: MapRing, altitude_m: float | None) -> None:
+    text = _coordinates((*ring, ring[0]), altitude_m)
+    _add(_add(boundary, "LinearRing"), "coordinates", text)
+
+
+def _coordinates(places: MapRing, altitude_m: float | None) -> str:
+    height = "" if altitude_m is None else f",{_number(altitude_m, 3)}"
+    return " ".join(
+        f"{_number(place.longitude_deg, 9)},{_number(place.latitude_deg, 9)}{height}"
+        for place in places
+    )
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}".rstrip("0").rstrip(".")
+
+
+def _folder(document: ET.Element, title: str, wanted: bool) -> ET.Element:
+    folder = _add(document, "Folder") if wanted else ET.Element("Folder")
+    _add(folder, "name", title)
+    return folder
+
+
+def _add(parent: ET.Element, tag: str, text: str | None = None, /, **attributes: str) -> ET.Element:
+    element = ET.SubElement(parent, tag, attributes)
+    element.text = None if text is None else _NOT_XML.sub("?", text)
+    return element

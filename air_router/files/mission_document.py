@@ -1,0 +1,270 @@
+"""A mission as a file has it: read, but not yet judged; every part knows its place in the file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from air_router.files.altitudes import Altitudes
+from air_router.files.settings import (
+    DEFAULT_BATTERY_RESERVE,
+    DEFAULT_SEEK_POLICY,
+    Accepted,
+    PlannerSettings,
+    SeekPolicy,
+    Timers,
+)
+from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError
+from geo.degree_lines import dense_ring
+from geo.frame import FrameError, Geodetic, LocalFrame, Point
+from geo.validity import Validity
+from mocha_link.printable import printable
+from mocha_link.team.document import Problem
+
+Keys = tuple[str | int, ...]
+"""The way to a value in a document."""
+
+
+_EARTH_M = 2e7
+"""No two places are farther from each other."""
+
+
+class Source(Protocol):
+    """The file that a draft is made from: it knows where its values stand."""
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+
+    def problem(self, keys: Sequence[str | int], message: str, code: str) -> Problem:
+        """A problem with the value at these keys."""
+
+
+class Place(NamedTuple):
+    """A place in a file; line and column count from 1."""
+
+    path: Path
+    line: int
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A named place of a mission: home, a waypoint, a rally point."""
+
+    label: str
+    position: Point
+    keys: Keys
+    altitude_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Uav:
+    """One of several UAVs that fly a mission.
+
+    Attributes:
+        name: In the team.
+        keys: Where it stands in the file.
+        altitude_m: Where it flies, above its home; None: at the mission's altitude.
+        explore: It explores, and does not only search.
+        home: Where it takes off and lands; None: at the mission's home.
+        home_altitude_amsl_m: Height of the ground there above sea level, if the file says so.
+    """
+
+    name: str
+    keys: Keys
+    altitude_m: float | None = None
+    explore: bool = True
+    home: Spot | None = None
+    home_altitude_amsl_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A fence or a no-fly zone.
+
+    Attributes:
+        name: What people call it.
+        shape: Where it is, in the local frame.
+        keys: Where it stands in the draft's own document.
+        crosses_fence: It is meant to reach beyond the fence.
+        clearance_m: What to keep away from it; None: what the mission keeps from all.
+        altitudes: Where it applies; None: at every altitude.
+        validity: When it applies; None: always.
+        place: Where it stands, if that is in another file than the draft's.
+    """
+
+    name: str
+    shape: Shape
+    keys: Keys
+    crosses_fence: bool = False
+    clearance_m: float | None = None
+    altitudes: Altitudes | None = None
+    validity: Validity | None = None
+    place: Place | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", printable(self.name))
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """A ring that bounds no area, for pictures; `place` is where its border is wrong."""
+
+    name: str
+    ring: Ring
+    place: Point | None
+
+
+@dataclass(slots=True)
+class Draft:
+    """Everything that a mission file says.
+
+    What could not be read is missing here and has its problem noted; `unread` holds the names of
+    such sections, so that nothing is concluded from their absence. Altitudes are above home.
+    `in_metres` says that pairs are metres east and north of the frame's origin, not degrees.
+    `notes` are what the operator should know, though the mission may be flown all the same.
+    Problems are found by `legality`, and noted here in the same way. `refused` are the rings that
+    are no areas. `uavs` are those of a mission for several, `columns` what one of them keeps away
+    from because of the others; `uav` and `explore` are those of the one that is meant.
+    """
+
+    document: Source
+    name: str = ""
+    frame: LocalFrame | None = None
+    in_metres: bool = False
+    home: Spot | None = None
+    home_altitude_amsl_m: float | None = None
+    waypoints: list[Spot] = field(default_factory=list)
+    rally_points: list[Spot] = field(default_factory=list)
+    fences: list[Area] = field(default_factory=list)
+    zones: list[Area] = field(default_factory=list)
+    altitude_m: float = 0.0
+    speed_m_s: float = 0.0
+    timers: Timers = field(default_factory=Timers)
+    planner: PlannerSettings = field(default_factory=PlannerSettings)
+    seek: tuple[str, ...] = ()
+    seek_policy: SeekPolicy = DEFAULT_SEEK_POLICY
+    goals_from: tuple[str, ...] = ()
+    uav: str | None = None
+    uavs: tuple[Uav, ...] = ()
+    explore: bool = True
+    columns: list[Area] = field(default_factory=list)
+    team: Path | None = None
+    world: Path | None = None
+    battery_reserve: float = DEFAULT_BATTERY_RESERVE
+    accepts: tuple[Accepted, ...] = ()
+    endurance_s: float | None = None
+    duration_s: float | None = None
+    start: datetime | None = None
+    unread: set[str] = field(default_factory=set)
+    problems: list[Problem] = field(default_factory=list)
+    notes: list[Problem] = field(default_factory=list)
+    refused: list[Refused] = field(default_factory=list)
+
+    def complain(self, keys: Keys, message: str, code: str) -> None:
+        """Note a problem with the value at these keys."""
+        self.problems.append(self.document.problem(keys, message, code))
+
+    def note(self, keys: Keys, message: str, code: str) -> None:
+        """Note something that the operator should know about the value at these keys."""
+        self.notes.append(self.document.problem(keys, message, code))
+
+    def complain_area(self, area: Area, message: str, code: str) -> None:
+        """Note a problem with an area, in the file that it comes from."""
+        if area.place is None:
+            self.complain(area.keys, message, code)
+        else:
+            self.problems.append(Problem(*area.place, message, code))
+
+    def note_area(self, area: Area, message: str, code: str) -> None:
+        """Note something about an area, in the file that it comes from."""
+        if area.place is None:
+            self.note(area.keys, message, code)
+        else:
+            self.notes.append(Problem(*area.place, message, code))
+
+    def spot(
+        self, label: str, pair: Sequence[float], keys: Keys, altitude_m: float | None = None
+    ) -> Spot | None:
+        """A place in the local frame; None, with a problem noted, if it is not on Earth."""
+        try:
+            return Spot(label, self._to_local(pair), keys, altitude_m)
+        except FrameError as error:
+            order = "" if self.in_metres else " (latitude comes first)"
+            self.complain(keys, f"{label}: {error}; correct it{order}", "not-on-earth")
+            return None
+
+    def polygon(
+        self,
+        name: str,
+        corners: Sequence[Sequence[float]],
+        keys: Keys,
+        holes: Sequence[Sequence[Sequence[float]]] = (),
+        holes_keys: Keys = (),
+    ) -> Outline | None:
+        """An outline in the local frame; None, with a problem noted, if it bounds no area."""
+        ring = self._ring(name, corners, keys)
+        rings = [
+            self._ring(f"{name}, hole {index + 1}", hole, (*holes_keys, index))
+            for index, hole in enumerate(holes)
+        ]
+        read = tuple(hole for hole in rings if hole is not None)
+        if ring is None or len(read) < len(rings):
+            return None
+        try:
+            return Outline(ring, read)
+        except ZoneError as error:
+            where = "" if error.place is None else f" near {self._words(error.place)}"
+            message = f"{name} cannot be an area: {error}{where}; draw it again"
+            self.complain(holes_keys if "hole" in str(error) else keys, message, error.code)
+            self.refused.append(Refused(name, ring, error.place))
+            return None
+
+    def circle(
+        self, name: str, centre: Sequence[float], radius_m: float, keys: Keys
+    ) -> Circle | None:
+        """A circle in the local frame; None, with a problem noted, if it is none."""
+        spot = self.spot(f"{name}, centre", centre, keys)
+        if spot is None:
+            return None
+        try:
+            return Circle(spot.position, radius_m)
+        except ZoneError as error:
+            self.complain(keys, f"{name} cannot be an area: {error}; correct it", error.code)
+            return None
+
+    def _ring(self, name: str, corners: Sequence[Sequence[float]], keys: Keys) -> Ring | None:
+        if not self.in_metres and self.frame is not None and corners:
+            places = [Geodetic(float(corner[0]), float(corner[1])) for corner in corners]
+            try:
+                points = self.frame.to_local_many(*zip(*dense_ring(places), strict=True))
+                return tuple(Point(east_m, north_m) for east_m, north_m in points.tolist())
+            except FrameError:
+                pass  # the corner that is wrong is told below
+        spots = []
+        for index, corner in enumerate(corners):
+            spot = self.spot(f"{name}, corner {index + 1}", corner, (*keys, index))
+            if spot is None:
+                return None
+            spots.append(spot)
+        return tuple(spot.position for spot in spots)
+
+    def _words(self, place: Point) -> str:
+        if self.in_metres or self.frame is None:
+            return f"{place.east_m:.2f}, {place.north_m:.2f}"
+        return "{:.7f}, {:.7f}".format(*self.frame.to_geodetic(place))
+
+    def _to_local(self, pair: Sequence[float]) -> Point:
+        if self.in_metres:
+            place = Point(float(pair[0]), float(pair[1]))
+            if not math.hypot(*place) < _EARTH_M:
+                raise FrameError(f"{pair[0]:g}, {pair[1]:g} metres is not a place on Earth")
+            return place
+        if self.frame is None:
+            raise FrameError("the mission's frame is not known")
+        return self.frame.to_local(pair[0], pair[1])

@@ -1,0 +1,1 @@
+"""QGroundControl plans: read, edited in place, and written."""

@@ -1,0 +1,140 @@
+"""XML files as trees whose elements know their place; without entities, and bounded.
+
+A document type can define entities that expand without end or that read other files. Nothing that
+we read needs one, so a file that has one is refused before anything in it takes effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+from xml.parsers import expat
+
+from mocha_link.team.complaint import Key
+from mocha_link.team.document import DocumentError, Problem
+
+MAX_DEPTH: Final = 60
+MAX_ELEMENTS: Final = 500_000
+
+
+@dataclass(slots=True)
+class Element:
+    """An XML element. `name` is without its namespace; `text` is what stands directly in it."""
+
+    name: str
+    line: int
+    column: int
+    attributes: dict[str, str]
+    text: str = ""
+    children: list[Element] = field(default_factory=list)
+
+    @property
+    def keys(self) -> tuple[int, int]:
+        """What names the element's place in its file (`XmlSource.problem`)."""
+        return self.line, self.column
+
+    def child(self, *names: str) -> Element | None:
+        """The first child of this name, then of the next name in it, and so on."""
+        element: Element | None = self
+        for name in names:
+            inner = element.children if element is not None else []
+            element = next((child for child in inner if child.name == name), None)
+        return element
+
+    def all(self, name: str) -> Iterator[Element]:
+        """The children of this name."""
+        return (child for child in self.children if child.name == name)
+
+    def text_of(self, *names: str) -> str:
+        """The text of `child(*names)`, without blanks around it; "" if there is none."""
+        element = self.child(*names)
+        return "" if element is None else element.text.strip()
+
+
+@dataclass(frozen=True, slots=True)
+class XmlSource:
+    """An XML file that problems are told of; keys are line and column."""
+
+    path: Path
+
+    def problem(self, keys: Sequence[Key], message: str, code: str) -> Problem:
+        """A problem at a line and column."""
+        line, column = (int(key) for key in keys) if len(keys) == 2 else (1, 1)
+        return Problem(self.path, line, column, message, code)
+
+
+def parse_xml(raw: bytes, path: Path) -> Element:
+    """The root element; `path` only names the file in messages.
+
+    Raises:
+        DocumentError: it is not XML, has a document type, or is deeper or larger than any map.
+    """
+    builder = _Builder(path)
+    try:
+        builder.parser.Parse(raw, True)
+    except expat.ExpatError as error:
+        words = expat.errors.messages.get(error.code, "not readable")
+        message = f"not valid XML: {words}; export the file again"
+        raise _one(path, error.lineno, error.offset + 1, message, "not-xml") from None
+    except (LookupError, ValueError):  # an encoding that Python does not know, or not for XML
+        message = "the file's encoding is not read; save it as UTF-8"
+        raise _one(path, 1, 1, message, "not-utf8") from None
+    return builder.root
+
+
+class _Builder:
+    """Builds the tree from expat's events."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._top = Element("", 1, 1, {})
+        self._open = [self._top]
+        self._texts: list[list[str]] = [[]]
+        self._count = 0
+        self.parser = expat.ParserCreate(namespace_separator="}")
+        self.parser.buffer_text = True
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._characters
+        self.parser.StartDoctypeDeclHandler = self._refuse
+        self.parser.EntityDeclHandler = self._refuse
+        self.parser.UnparsedEntityDeclHandler = self._refuse
+        self.parser.ExternalEntityRefHandler = self._refuse
+
+    @property
+    def root(self) -> Element:
+        return self._top.children[0]
+
+    def _start(self, name: str, attributes: dict[str, str]) -> None:
+        self._count += 1
+        line, column = self._place()
+        if len(self._open) > MAX_DEPTH:
+            message = f"nested more than {MAX_DEPTH} deep; flatten it"
+            raise _one(self._path, line, column, message, "too-deep")
+        if self._count > MAX_ELEMENTS:
+            message = f"more than {MAX_ELEMENTS} elements; cut out what the mission needs"
+            raise _one(self._path, line, column, message, "too-large")
+        element = Element(name.rpartition("}")[2], line, column, attributes)
+        self._open[-1].children.append(element)
+        self._open.append(element)
+        self._texts.append([])
+
+    def _end(self, _name: str) -> None:
+        self._open.pop().text = "".join(self._texts.pop())
+
+    def _characters(self, text: str) -> None:
+        self._texts[-1].append(text)
+
+    def _refuse(self, *_: object) -> int:
+        line, column = self._place()
+        message = "a document type (DOCTYPE, ENTITY) is not read; remove it"
+        raise _one(self._path, line, column, message, "xml-doctype")
+
+    def _place(self) -> tuple[int, int]:
+        return self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1
+
+
+def _one(path: Path, line: int, column: int, message: str, code: str) -> DocumentError:
+    return DocumentError([Problem(path, line, column, message, code)])

@@ -1,0 +1,1 @@
+"""Mission files in YAML: their form, read and written."""

@@ -1,0 +1,238 @@
+"""The form of a mission file in YAML: keys, types, limits. See docs/mission-file.md."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime, time
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, Field, PlainValidator, model_validator
+from pydantic_core import PydanticCustomError
+
+from air_router.files.altitudes import Reference
+from air_router.files.settings import (
+    DEFAULT_BATTERY_RESERVE,
+    DEFAULT_SEEK_POLICY,
+    DEFAULT_SPEED_M_S,
+    Accepted,
+    PlannerKind,
+    PlannerSettings,
+    SeekPolicy,
+    Timers,
+)
+from geo.validity import DAYS
+
+_TIMERS, _PLANNER = Timers(), PlannerSettings()
+_YEARS = range(1970, 2200)
+
+
+def _moment(value: Any) -> datetime:
+    """A moment in UTC, from ISO 8601 text that says its time zone."""
+    try:
+        moment = datetime.fromisoformat(value)
+        if moment.tzinfo is not None and moment.year in _YEARS:
+            return moment.astimezone(UTC)
+    except (TypeError, ValueError):
+        pass
+    raise PydanticCustomError(
+        "not-a-time",
+        "not a time with its time zone; write it like 2026-11-20T08:00:00Z (Z is UTC)",
+    )
+
+
+def _time_of_day(value: Any) -> time:
+    found = re.fullmatch(r"([01]\d|2[0-4]):([0-5]\d)", value) if isinstance(value, str) else None
+    if found is None or (found[1] == "24" and found[2] != "00"):
+        raise PydanticCustomError(
+            "not-a-time", 'not a time of day; write it like "08:00", in UTC and in quotes'
+        )
+    return time(int(found[1]) % 24, int(found[2]))
+
+
+def _day(value: Any) -> int:
+    word = str(value).lower()
+    for number, name in enumerate(DAYS):
+        if word in {name, name[:3]}:
+            return number
+    raise PydanticCustomError("not-a-day", "not a day of the week; write it like monday or mon")
+
+
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+Position = Annotated[Pair, Field(description="[latitude, longitude] in degrees")]
+Polygon = Annotated[list[Pair], Field(max_length=20_000)]
+_Seconds = Annotated[float, Field(gt=0, le=86_400)]
+_Metres = Annotated[float, Field(gt=0, le=10_000)]
+_Distance = Annotated[float, Field(ge=0, le=1_000)]
+_Altitude = Annotated[float, Field(gt=0, le=10_000, description="metres above home")]
+_Level = Annotated[float, Field(ge=-1_000, le=100_000)]
+_Moment = Annotated[datetime, PlainValidator(_moment)]
+_TimeOfDay = Annotated[time, PlainValidator(_time_of_day)]
+_Day = Annotated[int, PlainValidator(_day)]
+
+
+class CircleForm(BaseModel):
+    """A circle."""
+
+    centre: Position
+    radius_m: Annotated[float, Field(gt=0, le=100_000)]
+
+
+class AreaForm(BaseModel):
+    """A fence, or the place of a zone."""
+
+    polygon: Polygon | None = None
+    holes: Annotated[list[Polygon], Field(max_length=1_000)] = []
+    circle: CircleForm | None = None
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        if (self.polygon is None) == (self.circle is None):
+            raise PydanticCustomError(
+                "one-shape", "an area needs either 'polygon' or 'circle'; write exactly one"
+            )
+        if self.circle is not None and self.holes:
+            raise PydanticCustomError(
+                "one-shape", "a circle has no holes; draw a polygon, or remove 'holes'"
+            )
+        return self
+
+
+class AltitudeForm(BaseModel):
+    """Where a zone applies."""
+
+    lower_m: _Level | None = None
+    upper_m: _Level | None = None
+    reference: Reference = Reference.HOME
+    lower_reference: Reference | None = None
+    upper_reference: Reference | None = None
+
+
+class PeriodForm(BaseModel):
+    """When a zone applies."""
+
+    begin: Annotated[_Moment | None, Field(alias="from")] = None
+    until: _Moment | None = None
+    days: Annotated[list[_Day], Field(min_length=1)] | None = None
+    between: Annotated[list[_TimeOfDay], Field(min_length=2, max_length=2)] | None = None
+
+    @model_validator(mode="after")
+    def _order(self) -> Self:
+        if self.begin is not None and self.until is not None and self.until < self.begin:
+            raise PydanticCustomError(
+                "ends-before-start", "'until' is before 'from'; exchange them"
+            )
+        return self
+
+
+class ZoneForm(AreaForm):
+    """A no-fly zone."""
+
+    name: str | None = None
+    crosses_fence: bool = False
+    clearance_m: _Distance | None = None
+    altitude: AltitudeForm | None = None
+    active: Annotated[list[PeriodForm], Field(min_length=1)] | None = None
+
+
+class ZoneFileForm(BaseModel):
+    """A file with more zones."""
+
+    file: str
+    allow: list[str] = []
+
+
+class SpotForm(BaseModel):
+    """A place."""
+
+    position: Position
+
+
+class WaypointForm(SpotForm):
+    """A place to explore."""
+
+    altitude_m: _Altitude | None = None
+
+
+class HomeForm(SpotForm):
+    """Where the vehicle takes off and lands."""
+
+    altitude_amsl_m: Annotated[float, Field(ge=-500, le=9_000)] | None = None
+
+
+class UavForm(BaseModel):
+    """One of several UAVs that fly the mission."""
+
+    altitude_m: _Altitude | None = None
+    explore: bool = True
+    home: HomeForm | None = None
+
+
+class FrameForm(BaseModel):
+    """The local frame."""
+
+    origin: Position
+
+
+class TimersForm(BaseModel):
+    """Durations of the states."""
+
+    init_s: _Seconds = _TIMERS.init_s
+    explore_s: _Seconds = _TIMERS.explore_s
+    search_s: _Seconds = _TIMERS.search_s
+    communicate_s: _Seconds = _TIMERS.communicate_s
+    hold_s: _Seconds = _TIMERS.hold_s
+
+
+class PlannerForm(BaseModel):
+    """How routes are planned."""
+
+    clearance_m: _Distance = _PLANNER.clearance_m
+    tracking_margin_m: Annotated[float, Field(ge=0.02, le=1_000)] = _PLANNER.tracking_margin_m
+    max_edge_m: _Metres = _PLANNER.max_edge_m
+    acceptance_radius_m: Annotated[float, Field(ge=0.5, le=20)] = _PLANNER.acceptance_radius_m
+    vertical_margin_m: Annotated[float, Field(ge=2, le=1_000)] = _PLANNER.vertical_margin_m
+    terrain_relief_m: _Distance = _PLANNER.terrain_relief_m
+    vertical_separation_m: Annotated[float, Field(ge=4, le=1_000)] = _PLANNER.vertical_separation_m
+    home_separation_m: Annotated[float, Field(ge=4, le=1_000)] = _PLANNER.home_separation_m
+    kind: PlannerKind = _PLANNER.kind
+
+
+class SeekForm(BaseModel):
+    """Whom to seek, and in which order."""
+
+    robots: list[str] = []
+    policy: SeekPolicy = DEFAULT_SEEK_POLICY
+
+
+class MissionForm(BaseModel):
+    """A whole file."""
+
+    name: str | None = None
+    coordinates: Literal["degrees", "local"] = "degrees"
+    frame: FrameForm | None = None
+    home: Annotated[HomeForm, Field(description="where the vehicle takes off and lands")]
+    altitude_m: _Altitude
+    speed_m_s: Annotated[float, Field(gt=0, le=50)] = DEFAULT_SPEED_M_S
+    waypoints: Annotated[
+        list[WaypointForm], Field(max_length=5_000, description="what to explore, in order")
+    ]
+    fence: AreaForm | None = None
+    fences: list[AreaForm] = []
+    no_fly_zones: Annotated[
+        list[ZoneForm],
+        Field(description="areas to stay out of; 'no_fly_zones: []' if there are none"),
+    ]
+    no_fly_files: list[ZoneFileForm] = []
+    rally_points: list[SpotForm] = []
+    timers: TimersForm = TimersForm()
+    planner: PlannerForm = PlannerForm()
+    uav: str | None = None
+    uavs: dict[str, UavForm] = {}
+    seek: SeekForm = SeekForm()
+    goals_from: list[str] = []
+    team: str | None = None
+    world: str | None = None
+    duration_s: _Seconds | None = None
+    endurance_s: _Seconds | None = None
+    battery_reserve: Annotated[float, Field(ge=0, lt=1)] = DEFAULT_BATTERY_RESERVE
+    accepts: list[Accepted] = []

@@ -1,0 +1,1 @@
+"""No-fly zones in the formats of map programs and authorities."""

@@ -1,0 +1,1 @@
+"""One flight: the asyncio shell around controller, vehicle and gossip."""

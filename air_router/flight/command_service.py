@@ -1,0 +1,132 @@
+"""Where requests of one flight are handed in: at the terminal, from programs, from the map page.
+
+All come this way, so all are recorded, looked at and answered alike. Only the flight's own event
+loop may use it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Callable
+from typing import Any
+
+from air_router.control.command_request import Wish, WishError
+from air_router.controller.controller import Controller
+from air_router.controller.model.actions import Answered, Refusal
+from air_router.controller.model.requests import OPERATOR, AnyRequest
+from air_router.flight.mission_reloader import Reading
+from geo.frame import LocalFrame, Point
+
+_DIGITS = 8
+"""Of a degree: a millimetre."""
+
+
+class Desk:
+    """Hands requests to the flight, and its answers back.
+
+    Args:
+        frame: The mission's.
+        controller: Who answers, for what is said about the flight.
+        deliver: Takes a request as it takes every event; the answer comes to `answered` meanwhile.
+        reading: Tells what became of the latest reading of the mission file.
+    """
+
+    def __init__(
+        self,
+        frame: LocalFrame,
+        controller: Controller,
+        deliver: Callable[[AnyRequest], None],
+        reading: Callable[[], Reading | None] = lambda: None,
+    ) -> None:
+        self._reading = reading
+        self._frame = frame
+        self._controller = controller
+        self._deliver = deliver
+        self._number = 0
+        self._answers: dict[str, Answered] = {}
+
+    def ask(self, request: AnyRequest) -> Answered:
+        """Ask for something, in the mission's metres; the answer says whether it is done."""
+        self._number += 1
+        number = request.request_id or str(self._number)
+        self._answers.clear()
+        self._deliver(dataclasses.replace(request, request_id=number))
+        over = Answered(number, request.by, False, "the flight is over", Refusal.FLIGHT_OVER)
+        return self._answers.pop(number, over)
+
+    def answered(self, answer: Answered) -> None:
+        """The controller has answered a request, of ours or of somebody else."""
+        self._answers[answer.request_id] = answer
+
+    def typed(self, say: Callable[[str], None], wish: Wish) -> None:
+        """The operator has typed something; its answer is shown as every answer is."""
+        try:
+            reply = self.grant(wish, OPERATOR)
+        except WishError as error:
+            say(str(error))
+        else:
+            if "accepted" not in reply:
+                say(json.dumps(reply))
+
+    def grant(self, wish: Wish, by: str) -> dict[str, Any]:
+        """Ask for something, in degrees; returns what a program is answered, in JSON's values.
+
+        Raises:
+            WishError: a place cannot be told in the mission's frame.
+        """
+        request = wish.asked(self._frame, by)
+        if request is None:
+            return {"ok": True, "id": wish.id, **self.situation()}
+        answer = self.ask(request)
+        reply: dict[str, Any] = {
+            "ok": True,
+            "id": wish.id,
+            "accepted": answer.accepted,
+            "why": answer.why,
+            "code": answer.code,
+            "state": self._controller.state.name,
+        }
+        if answer.points:
+            reply["points"] = [self._pair(point) for point in answer.points]
+        return reply
+
+    def situation(self) -> dict[str, Any]:
+        """What the flight is doing now."""
+        controller, telemetry = self._controller, self._controller.telemetry
+        goal, errand = controller.navigator.goal, controller.errand
+        left_s, reading = controller.time_left_s, self._reading()
+        about: dict[str, Any] = {
+            "state": controller.state.name,
+            "robot": controller.robot,
+            "robots": list(controller.search.roster.names),
+            "time_left_s": None if left_s is None else round(left_s, 1),
+            "goal": None if goal is None else self._pair(goal.position),
+            "points_left": 0,
+            "waypoints_left": controller.exploration.remaining,
+            "walled_in": controller.walled_in,
+            "reload": None if reading is None else dataclasses.asdict(reading),
+        }
+        if controller.state.name == "GOTO" and errand is not None:
+            about["points_left"] = len(errand.stops) - errand.done
+        if telemetry is None:
+            return {**about, "position": None}
+        return {
+            **about,
+            "position": self._pair(telemetry.position),
+            "altitude_m": round(telemetry.altitude_m, 2),
+            "speed_m_s": round(math.hypot(*telemetry.velocity_m_s), 2),
+            "heading_deg": telemetry.heading_deg,
+            "wind_m_s": telemetry.wind_m_s,
+            "home_moved_m": telemetry.home_moved,
+            "battery": telemetry.battery,
+            "mode": telemetry.mode.value,
+            "armed": telemetry.armed,
+            "in_air": telemetry.in_air,
+            "in_charge": controller.in_charge,
+            "time_s": telemetry.time_s,
+        }
+
+    def _pair(self, point: Point) -> list[float]:
+        return [round(degrees, _DIGITS) for degrees in self._frame.to_geodetic(point)]

@@ -1,0 +1,450 @@
+"""One flight, from connecting to the vehicle to the last report: the shell around the controller.
+
+It feeds the controller with what the vehicle, the gossip node and the operator say, carries out
+what it answers, and decides nothing itself.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import logging
+import math
+import os
+import signal
+from collections.abc import Callable, Coroutine
+from functools import partial
+from typing import Any, Final
+
+from air_router.control.console import listening
+from air_router.control.control_server import ControlServer
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import (
+    Action,
+    Announce,
+    Answered,
+    Finish,
+    Motion,
+    PublishMap,
+    ReadAgain,
+    RenewPlan,
+    Seeking,
+    StateChanged,
+)
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import Event
+from air_router.controller.model.requests import GoOn
+from air_router.controller.monitor.triggers import why_not_started
+from air_router.controller.motion.navigator import REACTION_S
+from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, RefusedError
+from air_router.flight.command_service import Desk
+from air_router.flight.flight_result import FlightResult, ending_of
+from air_router.flight.flight_stats import Ledger, RobotAccount
+from air_router.flight.mission_reloader import Rereader
+from air_router.flight.motions import MotionSender
+from air_router.flight.resumption import flown_before
+from air_router.flight.status import StatusLine, flight_line
+from air_router.gossip.gossip import Gossip
+from air_router.gossip.mapper import Mapper, receive_patches
+from air_router.live.page import NoPage, Page
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.mission import Mission
+from air_router.preflight.preflight import Card, PreflightRefusedError
+from air_router.preflight.preflight_survey import Survey
+from air_router.record.recorder import PREFLIGHT, Recorder
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.vehicle import (
+    FlightMode,
+    LinkSilent,
+    Telemetry,
+    Vehicle,
+    VehicleEvent,
+    VehicleInfo,
+)
+
+_log = logging.getLogger(__name__)
+
+COMMAND_S: Final = 0.12
+"""Wall-clock time from a telemetry message to its answer at the vehicle, a mode change included."""
+
+RESTART_S: Final = 5.0
+"""A vehicle whose clock runs back by more than this has restarted; see also `continuity`."""
+
+LOST_S: Final = 60.0
+"""Wall-clock silence of the vehicle after which the flight is reported as lost."""
+
+
+class Flight:
+    """Flies a mission once.
+
+    Args:
+        mission: What to fly.
+        vehicle: A vehicle that is not yet connected.
+        clock: The vehicle's clock, told by the vehicle.
+        gossip: The UAV's node, not yet started.
+        mapper: The map that `gossip` publishes.
+        seek: The robots to seek, in order.
+        recorder: Where every event and decision goes.
+        status: What the operator sees.
+        camera: Endpoint of the camera's patches, None without a camera.
+        control: Endpoint at which other programs may ask for something, None for none.
+        arm: Arm and start; otherwise wait for the pilot to do it.
+        survey: Looks at everything before the flight; None: nothing but the mission's router.
+        resume: Go on with a flight that is under way, instead of beginning one.
+    """
+
+    def __init__(  # noqa: PLR0913 - the parts that a flight is put together from
+        self,
+        mission: Mission,
+        vehicle: Vehicle,
+        *,
+        clock: VehicleClock,
+        gossip: Gossip,
+        mapper: Mapper,
+        seek: tuple[str, ...],
+        recorder: Recorder,
+        status: StatusLine,
+        camera: str | None = None,
+        control: str | None = None,
+        arm: bool = False,
+        survey: Callable[[Router], Survey] | None = None,
+        resume: bool = False,
+    ) -> None:
+        self._mission = mission
+        self._vehicle = vehicle
+        self._clock = clock
+        self._gossip = gossip
+        self._mapper = mapper
+        self._recorder = recorder
+        self._status = status
+        self._camera = camera
+        self._arm = arm
+        self._resume = resume
+        self._plan = FlightPlan.of(mission)
+        self.router = Router(WaypointGraph(mission))
+        self._survey = Survey(mission, self.router) if survey is None else survey(self.router)
+        setup = FlightSetup(
+            mission,
+            seek,
+            patient=not (arm or resume),
+            explore=mission.explore,
+            name=mission.uav or "",
+        )
+        recorder.begin(setup, arm=arm, resume=resume, camera=camera)
+        self.controller = setup.controller(self.router, self._plan)
+        self.desk = Desk(
+            mission.frame, self.controller, self._on_event, lambda: self._rereader.latest
+        )
+        self.page: Page = NoPage()
+        self._control = None if control is None else ControlServer(control, self.desk.grant)
+        self._rereader = Rereader(self.controller, vehicle, self._on_event, status.say)
+        self.ledger = Ledger(mission, mapper, {name: RobotAccount() for name in seek})
+        self._finish: asyncio.Future[tuple[str, ExitCode]]
+        self._first: asyncio.Future[Telemetry]
+        self._newest: Telemetry  # before anything is decided
+        self._motions = MotionSender(
+            vehicle,
+            self._plan,
+            lambda motion: self.controller.objection(motion, clock.boot_s()),
+            self._on_event,
+        )
+        self._interrupted = False
+        self._admitted = False
+        self._leaving = False
+        self._vehicle_s = -math.inf
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def run(self) -> FlightResult:
+        """Fly.
+
+        Raises:
+            NoVehicleError, PlanRefusedError, ArmingRefusedError, RefusedError: before take-off.
+        """
+        loop = asyncio.get_running_loop()
+        self._finish = loop.create_future()
+        self._first = loop.create_future()
+        loop.set_exception_handler(self._on_loop_error)
+        self._recorder.trouble = lambda text: loop.call_soon_threadsafe(self._status.say, text)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self._on_interrupt)
+        say = self._status.say
+        try:
+            async with self.page.serving(say):
+                with listening(partial(self.desk.typed, say), say):
+                    self._start(self._begin())
+                    outcome, exit_code = await self._finish
+        finally:
+            await self._let_go()
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.remove_signal_handler(number)
+        return self._result(outcome, exit_code)
+
+    async def _begin(self) -> None:
+        await self._prepare()
+        self._start(self._motions.run())
+        if self._camera is not None:
+            self._start(receive_patches(self._camera, self._paint))
+        if self._resume:
+            self._go_on()
+            return
+        await self._rereader.settled()
+        if self._arm:
+            self._check_still()
+            await self._vehicle.arm()
+            self._check_still(armed=True)
+            await self._vehicle.start()
+            self._status.say("armed and taking off; type 'home' to end, Ctrl-C to hold")
+        else:
+            self._status.say("ready: waiting for the pilot to arm and choose Mission mode")
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        """Run something beside the flight; an error in it ends the flight."""
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._on_task_done)
+
+    async def _prepare(self) -> None:
+        info = await self._vehicle.connect()
+        self._status.say(f"{info.autopilot} {info.version}, system {info.system_id}")
+        self._recorder.note("Vehicle", 0.0, dataclasses.asdict(info))
+        if self._recorder.path is not None:
+            self._status.say(f"recording {self._recorder.path}")
+        self._vehicle.subscribe(self._on_vehicle)
+        telemetry = await self._first
+        if telemetry.in_air:
+            await self._find_flight(info, telemetry)
+            return
+        if self._resume:
+            raise RefusedError("nothing to resume: the vehicle is on the ground")
+        self._take_card(await self._survey.card(self._vehicle, info, telemetry))
+        self._admit()
+        await self._vehicle.upload(self._plan)
+        self._status.say(f"on board and read back: {self._plan.size}")
+        self._rereader.plan_on_board()
+
+    def _admit(self) -> None:
+        self._admitted = True
+        self._gossip.start(self._on_event)
+        if self._control is not None:
+            self._control.open()
+            self._start(self._control.run())
+            self._status.say(f"requests are taken at {self._control.endpoint}")
+
+    async def _find_flight(self, info: VehicleInfo, telemetry: Telemetry) -> None:
+        """A vehicle in the air: a flight of this mission, perhaps, that lost its companion."""
+        mode = telemetry.mode.value
+        try:
+            await self._vehicle.recognise(self._plan)
+        except PlanRefusedError as error:
+            raise RefusedError(
+                f"the vehicle is flying ({mode} mode), and not with this mission on board "
+                f"({error}); land it, then start the mission"
+            ) from None
+        found = f"the vehicle is flying ({mode} mode) with this mission on board"
+        if not self._resume:
+            raise RefusedError(f"{found}; land it, or say --resume to go on with the flight")
+        self._status.say(found)
+        self._take_card(await self._survey.card_in_the_air(self._vehicle), in_air=True)
+        find = partial(flown_before, own=self._recorder.path, rate=self._clock.rate)
+        flown, words = await asyncio.to_thread(find, self._mission, info, self._newest)
+        self._status.say(words)
+        self._rereader.plan_on_board()
+        self._admit()
+        self._on_event(flown)
+        self._on_event(self._newest)
+
+    def _go_on(self) -> None:
+        if self.controller.state is not State.READY:
+            return  # in Mission mode it was found to be on its way
+        answer = self.desk.ask(GoOn())
+        if not answer.accepted:
+            raise RefusedError(f"the flight is not resumed, and left as it is: {answer.why}")
+
+    def _take_card(self, card: Card, *, in_air: bool = False) -> None:
+        """Say what was looked at; refuse what cannot become a safe flight, unless it is one."""
+        self._recorder.note(PREFLIGHT, self._clock.boot_s(), card.as_json())
+        if not (card.ready or in_air):
+            raise PreflightRefusedError(card)
+        self._status.say(f"{'in flight' if in_air else 'pre-flight'}: {card.summary}")
+        for line in card.lines(all_of_them=False):
+            self._status.say(line)
+
+    def _check_still(self, *, armed: bool = False) -> None:
+        """Refuse to start what the pilot has started while we got ready."""
+        telemetry = self.controller.telemetry
+        why = telemetry and why_not_started(self._first.result(), telemetry, armed=armed)
+        if why is not None:
+            raise RefusedError(f"{why}; it is left to the pilot")
+
+    # Events in, actions out.
+
+    def _on_vehicle(self, event: VehicleEvent) -> None:
+        if self._leaving:
+            return  # what still comes while the link is closed
+        if isinstance(event, Telemetry) and self._restarted(event):
+            self._end("ended: the vehicle restarted", ExitCode.ENDED_OTHERWISE)
+            return
+        if not self._admitted:  # nothing is decided on a vehicle that may be refused
+            if isinstance(event, Telemetry):
+                self._newest = event
+                if not self._first.done():
+                    self._first.set_result(event)
+            return
+        if isinstance(event, LinkSilent) and event.silent_s > LOST_S:
+            self._end("lost: the vehicle is silent", ExitCode.ENDED_OTHERWISE)
+        if isinstance(event, Telemetry) and self._too_late(event):
+            return
+        self._on_event(event)
+        if isinstance(event, Telemetry):
+            self._gossip.tell(event)
+            self._recorder.map(self._mapper, event.time_s)
+            self._recorder.links(self._gossip.links, self._gossip.held, event.time_s)
+            self._status.show(lambda: flight_line(self.controller, self._gossip.links()))
+
+    def _too_late(self, telemetry: Telemetry) -> bool:
+        """Whether nobody took off while the zones were known to be the right ones; ends then."""
+        latest = self._mission.latest_start
+        if latest is None or telemetry.armed or self.controller.state is not State.READY:
+            return False
+        if self._clock.now_s() <= latest.timestamp():
+            return False
+        self._end(
+            f"refused: nobody took off before {latest:%H:%M} UTC, and the mission has zones that "
+            "apply at certain times; start it anew",
+            ExitCode.REFUSED,
+        )
+        return True
+
+    def _restarted(self, telemetry: Telemetry) -> bool:
+        """Whether its clock began anew: then neither timers nor what was read back are good."""
+        anew = telemetry.time_s < self._vehicle_s - RESTART_S  # and remains it
+        self._vehicle_s = math.inf if anew else telemetry.time_s
+        return anew
+
+    def _on_event(self, event: Event) -> None:
+        now_s = self._clock.boot_s()
+        self._recorder.event(event, now_s)
+        self.ledger.event(event, now_s)
+        self.page.event(event, now_s)
+        if self._leaving:
+            return  # the vehicle is let go: nothing is decided any more
+        actions = self.controller.handle(event, now_s)
+        for action in actions:  # all of them before any leads to another event
+            self._recorder.action(action, now_s)
+        for action in actions:
+            self.ledger.action(action)
+            self.page.action(action, now_s)
+            self._act(action, now_s)
+
+    def _act(self, action: Action, now_s: float) -> None:
+        match action:
+            case _ if isinstance(action, Motion):
+                self._motions.give(action)
+            case PublishMap():
+                self._gossip.publish_map(now_s)
+            case Seeking(robot=robot):
+                self._gossip.tell_sought(robot, now_s)
+            case ReadAgain() | RenewPlan():
+                self._start(self._rereader.work(action))
+            case Announce(text=text):
+                self._tell(text, now_s)
+            case Answered(by=by, accepted=accepted, why=why):
+                self.desk.answered(action)
+                self._gossip.tell_answer(action)
+                word = "accepted" if accepted else "refused"
+                self._status.say(f"{now_s:8.1f} s  {by}: {word}: {why}")
+            case StateChanged():
+                self._on_state(action, now_s)
+            case Finish():
+                self._end(*ending_of(action))
+
+    def _on_state(self, change: StateChanged, now_s: float) -> None:
+        self._status.say(f"{now_s:8.1f} s  {change.source.name} -> {change.target.name}")
+        if change.target is State.PASSIVE:
+            self._motions.call_off()
+        if change.source is State.READY:
+            self._reckon_with_delays(now_s)
+
+    def _reckon_with_delays(self, now_s: float) -> None:
+        """What a command takes on its way is our time; in a fast simulation the vehicle's flies."""
+        reaction_s = REACTION_S + COMMAND_S * self._clock.rate
+        self.controller.navigator.reaction_s = reaction_s
+        self._recorder.note("Reaction", now_s, {"reaction_s": reaction_s})
+
+    def _paint(self, patch: bytes) -> None:
+        if self._mapper.paint(patch):
+            self._recorder.patch(patch, self._clock.boot_s())
+
+    def _tell(self, text: str, now_s: float) -> None:
+        self._status.say(f"{now_s:8.1f} s  {text}")
+        self._start(self._vehicle.announce(f"air_router: {text}"))
+
+    # Ends.
+
+    def _end(self, outcome: str, exit_code: ExitCode) -> None:
+        if not self._finish.done():
+            self._finish.set_result((outcome, exit_code))
+
+    def _on_task_done(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        error = None if task.cancelled() else task.exception()
+        if error is not None and not self._finish.done():
+            self._finish.set_exception(error)
+
+    def _on_loop_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """An error in a callback, and so in a decision, ends the flight as one in a task does."""
+        error = context.get("exception")
+        if isinstance(error, Exception) and "handle" in context and not self._finish.done():
+            self._finish.set_exception(error)
+        else:
+            loop.default_exception_handler(context)
+
+    def _on_interrupt(self) -> None:
+        """First: hold (if we fly it) and end. Second: leave at once; the vehicle stays as it is."""
+        if self._interrupted:
+            self._recorder.close()
+            os._exit(ExitCode.INTERRUPTED)
+        self._interrupted = True
+        self._status.say("interrupted; once more to leave at once")
+        self._end("interrupted", ExitCode.INTERRUPTED)
+
+    async def _let_go(self) -> None:
+        tasks = tuple(self._tasks)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        ours = self._flies_by_us() and self._vehicle_s < math.inf  # else started anew: not ours
+        self._leaving = True
+        self._recorder.note("LetGo", self._clock.boot_s(), {})
+        try:
+            if ours:
+                await self._vehicle.hold()
+                self._status.say("the vehicle holds; take over, or let it return")
+        except AirRouterError as error:
+            self._status.say(f"the vehicle was told to hold and did not confirm: {error}")
+        finally:
+            self._status.end()
+            self._gossip.close()
+            if self._control is not None:
+                self._control.close()
+            await self._vehicle.close()
+
+    def _flies_by_us(self) -> bool:
+        controller, telemetry = self.controller, self.controller.telemetry
+        if telemetry is None or telemetry.in_air:
+            return telemetry is not None and controller.in_charge
+        # Armed in Mission mode on the ground it is about to take off, and nobody to lead it on.
+        about_to = telemetry.armed and telemetry.mode is FlightMode.MISSION
+        return about_to and controller.state in {State.READY, State.DONE}
+
+    def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
+        for name, stamp_s in self._gossip.newest_stamps().items():
+            if name in self.ledger.robots:
+                self.ledger.robots[name].newest_stamp_s = stamp_s
+        report = self.ledger.report(outcome, self._clock.now_s())
+        report["came_home_because"] = self.controller.came_home_why
+        self._recorder.note("Report", self._clock.boot_s(), report)
+        ledger = self.ledger
+        return FlightResult(outcome, exit_code, report, tuple(ledger.track), tuple(ledger.meetings))

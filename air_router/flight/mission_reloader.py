@@ -1,0 +1,231 @@
+"""Reads the mission file again in flight, and puts on board what has changed in it.
+
+Only fences and no-fly zones may be others. A file with any other change, or with any error, changes
+nothing; but waypoints that zones were drawn over are no error here: they are left out.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import logging
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from typing import Any, Final
+
+from air_router.controller.controller import Controller
+from air_router.controller.model.actions import ReadAgain, RenewPlan
+from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed
+from air_router.errors import (
+    AirRouterError,
+    ExitCode,
+    MissionFileError,
+    NotConfirmedError,
+    PlanRefusedError,
+)
+from air_router.mission.fence_plan import FENCE_POINTS
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.loading import DRAWN_OVER, choose, judge, read_draft
+from air_router.mission.mission import Mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
+from air_router.vehicle.vehicle import Vehicle
+from mocha_link.team.document import DocumentError
+
+_log = logging.getLogger(__name__)
+
+BOARD_S: Final = 60.0
+"""Wall-clock limit for the changed plan to be on board; over a poor link it is begun again."""
+
+_AREAS: Final = frozenset(
+    {"fences", "zones", "idle_zones", "airspace", "planning_airspace", "column_airspace"}
+    | {"above_airspace", "window", "notes", "path", "name"}
+)
+"""Fields of a mission that follow from its fences and zones, or that nothing flies by."""
+
+_FROM_OPTIONS: Final = frozenset({"duration_s", "seek_policy", "uav", "explore", "layers"})
+"""Fields that the command line may have said: a file that says otherwise has not changed them."""
+
+
+class NotReloadedError(AirRouterError):
+    """The mission file was read again and changes nothing; the message says why."""
+
+    exit_code = ExitCode.INVALID_FILE
+
+
+def changed_areas(mission: Mission) -> AirspaceChanged:
+    """The fences and zones that a mission's file has now.
+
+    Raises:
+        MissionFileError: with every problem of the file.
+        NotReloadedError: more has changed than these, or nothing has, or it does not fit on board.
+    """
+    try:
+        draft = read_draft(mission.path)
+    except DocumentError as error:
+        raise MissionFileError(error.problems) from None
+    if mission.layers and mission.uav is not None:
+        choose(draft, mission.uav)
+    draft.start = mission.window.start  # the zones of this flight, not of one that begins now
+    draft.duration_s = mission.duration_s
+    now = judge(draft)
+    problems = [problem for problem in draft.problems if problem.code not in DRAWN_OVER]
+    if problems or now is None:
+        raise MissionFileError(problems or draft.problems)
+    others = [
+        field.name
+        for field in dataclasses.fields(mission)
+        if field.name not in _AREAS | _FROM_OPTIONS
+        and getattr(mission, field.name) != getattr(now, field.name)
+    ]
+    if others:
+        names = " and ".join(name.removesuffix("_s").replace("_", " ") for name in others)
+        raise NotReloadedError(
+            f"{mission.path}: {names} changed as well; in flight only fences and no-fly zones can"
+        )
+    if (now.fences, now.zones) == (mission.fences, mission.zones):
+        raise NotReloadedError(f"{mission.path}: its fences and no-fly zones are as they were")
+    points = len(FlightPlan.of(now).fence)
+    if points > FENCE_POINTS:
+        raise NotReloadedError(
+            f"{mission.path}: the fence on board would have {points} points, PX4 1.17 stores "
+            f"{FENCE_POINTS}; draw circles, and polygons with fewer corners"
+        )
+    return AirspaceChanged(now.fences, now.zones)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What became of the latest reading of the mission file.
+
+    Attributes:
+        under_way: It is being read and judged now.
+        good: Its fences and zones are what the flight keeps to; they go on board after that.
+        why: In a sentence.
+    """
+
+    under_way: bool = True
+    good: bool = False
+    why: str = "the mission file is being read"
+
+
+class Rereader:
+    """Carries out what the controller wants done when zones change.
+
+    Before the plan itself is on board nothing else is put there: what changes meanwhile waits.
+
+    Attributes:
+        latest: What became of the latest reading; None before the first.
+
+    Args:
+        controller: Whose mission it is.
+        vehicle: Gets the changed plan.
+        deliver: Takes the events that follow.
+        say: Tells the operator.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        vehicle: Vehicle,
+        deliver: Callable[[Event], None],
+        say: Callable[[str], None],
+    ) -> None:
+        self._controller = controller
+        self._vehicle = vehicle
+        self._deliver = deliver
+        self._say = say
+        self.latest: Reading | None = None
+        self._reading = self._once_more = False
+        self._on_board = FlightPlan.of(controller.mission)
+        self._uploaded, self._idle = asyncio.Event(), asyncio.Event()
+        self._idle.set()
+        self._at_work = 0
+
+    def plan_on_board(self) -> None:
+        """The plan itself is on board: what has changed since may follow."""
+        self._uploaded.set()
+
+    async def settled(self) -> None:
+        """Wait until nothing is being read or put on board."""
+        await self._idle.wait()
+
+    def work(self, action: ReadAgain | RenewPlan) -> Coroutine[Any, Any, None]:
+        """What the controller wants done, to be awaited."""
+        self._at_work += 1
+        self._idle.clear()
+        if isinstance(action, ReadAgain):
+            self.latest = Reading()
+            return self._done_when(self.read())
+        return self._done_when(self.board())
+
+    async def _done_when(self, work: Coroutine[Any, Any, None]) -> None:
+        try:
+            await work
+        finally:
+            self._at_work -= 1
+            if self._at_work == 0:
+                self._idle.set()
+
+    async def read(self) -> None:
+        """Read the file, and make the router among the new zones, beside the flight."""
+        if self._reading:
+            self._once_more = True  # what was saved meanwhile may not have been read
+            return
+        self._reading = True
+        try:
+            latest = await self._read()
+            while self._once_more:
+                self._once_more = False
+                latest = await self._read()
+            self.latest = latest
+        finally:
+            self._reading = False
+
+    async def _read(self) -> Reading:
+        try:
+            event, router = await asyncio.to_thread(_read, self._controller.mission)
+        except AirRouterError as error:
+            return self._failed(f"not reloaded: {error}")
+        except Exception as error:  # noqa: BLE001 - a file that was just edited ends no flight
+            _log.exception("%s was not reloaded", self._controller.mission.path)
+            return self._failed(f"not reloaded, by a fault of this program: {error!r}")
+        self._controller.prepare(router)
+        self._deliver(event)
+        now = self._controller.mission
+        if (now.fences, now.zones) != (event.fences, event.zones):
+            return Reading(under_way=False, why="not reloaded: the flight did not take the zones")
+        return Reading(
+            under_way=False, good=True, why="the flight keeps to the changed fences and zones"
+        )
+
+    def _failed(self, why: str) -> Reading:
+        self._say(why)
+        return Reading(under_way=False, why=why)
+
+    async def board(self) -> None:
+        """Put the changed plan on board; if that fails, what was there before."""
+        await self._uploaded.wait()
+        plan = FlightPlan.of(self._controller.mission)
+        try:
+            async with asyncio.timeout(BOARD_S):
+                await self._vehicle.renew(plan)
+        except (PlanRefusedError, NotConfirmedError, TimeoutError) as error:
+            why = str(error) or f"not within {BOARD_S:.0f} s"
+            self._deliver(PlanRenewed(why + await self._put_back()))
+        else:
+            self._on_board = plan
+            self._deliver(PlanRenewed())
+
+    async def _put_back(self) -> str:
+        try:
+            async with asyncio.timeout(BOARD_S):
+                await self._vehicle.renew(self._on_board)
+        except (PlanRefusedError, NotConfirmedError, TimeoutError):
+            return "; and the one before is not back"
+        return "; the one before is"
+
+
+def _read(mission: Mission) -> tuple[AirspaceChanged, Router]:
+    event = changed_areas(mission)
+    return event, Router(WaypointGraph(mission.with_areas(event.fences, event.zones)))

@@ -1,0 +1,109 @@
+"""What is known of a flight that another companion goes on with: by its record, or by the vehicle.
+
+The record is replayed: the controller that flew knows since when it flew, and what it explored.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from air_router.controller.controller import Controller
+from air_router.controller.model.events import FlownBefore
+from air_router.errors import AirRouterError
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.mission import Mission
+from air_router.record.log import Log
+from air_router.record.replay import replay
+from air_router.vehicle.vehicle import Telemetry, VehicleInfo
+
+_log = logging.getLogger(__name__)
+
+NEWEST: Final = 5
+"""So many records of the folder are looked at, the newest first."""
+
+APART_S: Final = 30.0
+APART_SHARE: Final = 0.2
+"""By so much the vehicle's clock and ours may differ in what has passed since the record ended."""
+
+
+def flown_before(  # noqa: PLR0913 - all that something is known by
+    mission: Mission,
+    info: VehicleInfo,
+    telemetry: Telemetry,
+    *,
+    own: Path | None = None,
+    rate: float = 1.0,
+    unix: Callable[[], float] = time.time,
+) -> tuple[FlownBefore, str]:
+    """Since when a vehicle flies this mission and what it has explored, and how that is known.
+
+    Args:
+        mission: To be gone on with.
+        info: The vehicle, which may know when it took off.
+        telemetry: It flies.
+        own: The record of this companion, which has just begun in the folder where others are;
+            None where nothing is recorded.
+        rate: Seconds of the vehicle's clock in one of ours.
+        unix: Our clock.
+    """
+    for path in _newest(own):
+        try:
+            flown = _recorded(path, mission, telemetry.time_s, rate, unix())
+        except (AirRouterError, OSError) as error:
+            _log.info("%s: %s", path, error)
+            continue
+        if flown is not None:
+            return flown, _words(mission, flown, telemetry, f"by its record {path}")
+    visited = _before(mission, telemetry.item)
+    if info.took_off_s is not None:
+        flown = FlownBefore(info.took_off_s, visited)
+        return flown, _words(mission, flown, telemetry, "by what the vehicle says")
+    flown = FlownBefore(0.0, visited)
+    how = "by its plan item; since when is not known, so from when it was switched on"
+    return flown, _words(mission, flown, telemetry, how)
+
+
+def _newest(own: Path | None) -> list[Path]:
+    if own is None:
+        return []
+    others = [path for path in own.parent.glob("*.mcap") if path != own]
+    return sorted(others, key=lambda path: path.stat().st_mtime, reverse=True)[:NEWEST]
+
+
+def _recorded(
+    path: Path, mission: Mission, now_s: float, rate: float, unix_s: float
+) -> FlownBefore | None:
+    """What the controller of a record knew at its end; None if that was another flight."""
+    since_s = max(0.0, unix_s - path.stat().st_mtime) * rate
+    setup = next((entry.value for entry in Log(path) if entry.kind == "setup"), None)
+    if setup is None or _identity(setup.mission) != _identity(mission):
+        return None
+    controller: Controller = setup.controller()
+    until_s = replay(Log(path), controller).until_s
+    if abs(now_s - until_s - since_s) > APART_S + APART_SHARE * since_s:
+        return None  # it was switched off since
+    return controller.flown
+
+
+def _identity(mission: Mission) -> tuple[object, ...]:
+    """What makes it the same mission, whatever zones were drawn since."""
+    return mission.home, mission.uav, mission.waypoints
+
+
+def _before(mission: Mission, item: int | None) -> int:
+    """How many waypoints come before the one that the vehicle was sent to by its plan."""
+    node = None if item is None else FlightPlan.of(mission).node_of(item)
+    numbers = [waypoint.number for waypoint in mission.waypoints]
+    return numbers.index(node) if node in numbers else 0
+
+
+def _words(mission: Mission, flown: FlownBefore, telemetry: Telemetry, how: str) -> str:
+    done, flown_s = flown.visited - len(flown.left_out), telemetry.time_s - flown.airborne_s
+    return (
+        f"in the air for {flown_s:.0f} s, {done} of {len(mission.waypoints)} waypoints "
+        f"explored ({how})"
+    )

@@ -1,0 +1,112 @@
+"""What a person sees while the vehicle flies: one live line, and news above it."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import shutil
+import sys
+import time
+from collections.abc import Callable, Mapping
+from typing import Final, TextIO
+
+from air_router.compass import wind_words
+from air_router.controller.controller import Controller
+from air_router.controller.model.behaviour import State
+from air_router.vehicle.vehicle import Telemetry
+from mocha_link.links.metrics import LinkMetrics
+
+REFRESH_S: Final = 0.25
+PLAIN_REFRESH_S: Final = 10.0
+"""Where there is no terminal, a line now and then instead of one that is drawn over."""
+
+
+class StatusLine:
+    """Draws the line on a terminal, prints it now and then elsewhere; always on stderr."""
+
+    def __init__(
+        self,
+        out: TextIO | None = None,
+        monotonic: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._out = out if out is not None else sys.stderr
+        self._monotonic = monotonic
+        self._live = self._out.isatty()
+        self._shown_s = -math.inf
+        self._width = 0
+
+    def show(self, line: Callable[[], str]) -> None:
+        """Draw the line if the last one is old enough; `line` is asked only then."""
+        now_s = self._monotonic()
+        if now_s - self._shown_s < (REFRESH_S if self._live else PLAIN_REFRESH_S):
+            return
+        self._shown_s = now_s
+        text = line()
+        if self._live:
+            width = shutil.get_terminal_size().columns - 1  # one line must stay one line
+            text = text if len(text) <= width else f"{text[: width - 1]}…"
+            self._write("\r" + text.ljust(self._width))
+            self._width = len(text)
+        else:
+            self._write(text + "\n")
+
+    def say(self, text: str) -> None:
+        """Print a line of news that stays."""
+        if self._live:
+            text = "\r" + " " * self._width + "\r" + text
+            self._width = 0
+            self._shown_s = -math.inf
+        self._write(text + "\n")
+
+    def end(self) -> None:
+        """Leave the line standing and go on below it."""
+        if self._live and self._width:
+            self._write("\n")
+            self._width = 0
+
+    def _write(self, text: str) -> None:
+        with contextlib.suppress(OSError):  # the terminal is gone; the flight goes on without
+            self._out.write(text)
+            self._out.flush()
+
+
+def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str:
+    """State, target, time left in the state, next node, battery and links in one line."""
+    parts = [controller.state.name.ljust(6)]
+    if controller.walled_in:
+        parts.append("WALLED IN")
+    signals = {
+        peer: f"{link.rssi_dbm:.0f}"
+        for peer, link in sorted(links.items())
+        if link.rssi_dbm is not None
+    }
+    sought = controller.robot
+    if sought is not None:
+        parts.append(f"{sought} {signals.pop(sought)} dBm" if sought in signals else sought)
+    left_s = controller.time_left_s
+    if left_s is not None:
+        parts.append(f"{left_s:4.0f} s left")
+    elif controller.state is State.SEARCH:
+        parts.append("on the way")
+    leg = controller.navigator.leg
+    if leg is not None:
+        node = {None: "point", 0: "home"}.get(leg.node, f"waypoint {leg.node}")
+        parts.append(f"-> {node}")
+    if controller.telemetry is not None:
+        parts += _vehicle(controller, controller.telemetry)
+    if signals:
+        parts.append(", ".join(f"{peer} {signal}" for peer, signal in signals.items()) + " dBm")
+    return " | ".join(parts)
+
+
+def _vehicle(controller: Controller, telemetry: Telemetry) -> list[str]:
+    parts = [f"{telemetry.altitude_m:.0f} m"]
+    if telemetry.battery is not None:
+        need = controller.need_home
+        home = "" if need is None else f" (home takes {need:.0%})"
+        parts.append(f"battery {telemetry.battery:.0%}{home}")
+    if telemetry.wind_m_s is not None:
+        parts.append(f"wind {wind_words(telemetry.wind_m_s)}")
+    if telemetry.home_moved is not None:
+        parts.append("HOME MOVED")
+    return parts

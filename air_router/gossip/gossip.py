@@ -1,0 +1,216 @@
+"""The UAV's gossip node: what it tells the team, and what the team tells the mission."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+from air_router.control.budget import COSTLY_AT_ONCE, COSTLY_PER_S, Budget
+from air_router.controller.model.actions import Answered
+from air_router.controller.model.events import Event
+from air_router.controller.model.requests import GoTo
+from air_router.gossip.mapper import Mapper
+from air_router.gossip.team_messages import Reader
+from air_router.messages import (
+    ANSWERS_TOPIC,
+    MAP_TOPIC,
+    POSE_TOPIC,
+    SEEK_TOPIC,
+    AnswerMessage,
+    MessageError,
+    PoseMessage,
+    SeekMessage,
+)
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.vehicle import Telemetry
+from geo.frame import FrameError, LocalFrame
+from mocha_link import Message, MetricsServer, Node, Team
+from mocha_link.links.metrics import LinkEvent, LinkMetrics, MessageStored
+
+_log = logging.getLogger(__name__)
+
+POSE_INTERVAL_S: Final = 1.0
+MAP_INTERVAL_S: Final = 5.0
+"""The map is aggregated: several patches, one database update."""
+
+
+SEEK_INTERVAL_S: Final = 30.0
+"""Whom we seek is said again: what others heard of it holds for some minutes only."""
+
+
+class Gossip:
+    """Runs the node of the mission's UAV.
+
+    Args:
+        frame: The mission's local frame.
+        team: The shared configuration.
+        name: The UAV's name in it.
+        clock: Stamps and ages follow the vehicle's time.
+        mapper: The map to publish.
+        metrics: Endpoint at which other programs may watch the links, None for none.
+        keys: The folder with the UAV's secret, if the team has a key for it.
+        goals_from: Whose goals are requests to the mission.
+        node: Used instead of a new one; a rehearsal's has no sockets.
+
+    Raises:
+        UnknownRobotError: the team has no robot of the UAV's name.
+        PortInUseError: from `start`.
+    """
+
+    def __init__(  # noqa: PLR0913 - what a node is put together from
+        self,
+        frame: LocalFrame,
+        team: Team,
+        name: str,
+        clock: VehicleClock,
+        mapper: Mapper,
+        *,
+        metrics: str | None = None,
+        keys: Path | None = None,
+        goals_from: tuple[str, ...] = (),
+        node: Node | None = None,
+    ) -> None:
+        self._frame = frame
+        self._reader = Reader(frame, name=name, goals_from=goals_from)
+        self._goals_from = goals_from
+        self._mapper = mapper
+        self._clock = clock
+        self._name = name
+        self._topics = {topic.name for topic in team.topics_of(self._name)}
+        self.node = node or Node(team, self._name, clock=clock, keys=keys)
+        self._metrics = None if metrics is None else MetricsServer(self.node, metrics)
+        self._pose_at_s = float("-inf")
+        self._map_at_s = float("-inf")
+        self._budget = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)
+        self._goals: dict[str, GoTo] = {}
+        self._deliver: Callable[[Event], None]
+        self._sought: str | None = None
+        self._seek_at_s = float("inf")  # nobody is told before anybody is sought
+
+    def start(self, deliver: Callable[[Event], None]) -> None:
+        """Open the sockets; hand link events and robots' news to `deliver` on this event loop."""
+        loop = asyncio.get_running_loop()
+        self._deliver = deliver
+
+        def from_node(event: LinkEvent) -> None:
+            try:
+                loop.call_soon_threadsafe(self._translate, event)
+            except RuntimeError:
+                _log.debug("a link event came after the flight had ended")
+
+        self.node.subscribe(from_node)
+        self.node.start()
+        if self._metrics is not None:
+            self._metrics.start()
+
+    @property
+    def metrics_endpoint(self) -> str | None:
+        """Where the metrics are served; with port `*` known after the start."""
+        return None if self._metrics is None else self._metrics.endpoint
+
+    def links(self) -> Mapping[str, LinkMetrics]:
+        """Metrics of the link to every peer."""
+        return self.node.links()
+
+    def held(self) -> dict[str, dict[tuple[str, str], float]]:
+        """What every peer is known to hold; see `Node.held`."""
+        return {peer: self.node.held(peer) for peer in self.node.robot.peers}
+
+    def tell(self, telemetry: Telemetry) -> None:
+        """Publish pose and map when their time has come."""
+        if telemetry.time_s - self._pose_at_s >= POSE_INTERVAL_S and POSE_TOPIC in self._topics:
+            self._pose_at_s = telemetry.time_s
+            latitude_deg, longitude_deg = self._frame.to_geodetic(telemetry.position)
+            pose = PoseMessage(
+                stamp_s=self._clock.now_s(),
+                latitude_deg=latitude_deg,
+                longitude_deg=longitude_deg,
+                heading_deg=telemetry.heading_deg or 0.0,
+            )
+            self.node.publish(POSE_TOPIC, pose.encode())
+        if telemetry.time_s - self._map_at_s >= MAP_INTERVAL_S:
+            self.publish_map(telemetry.time_s)
+        if telemetry.time_s - self._seek_at_s >= SEEK_INTERVAL_S:
+            self.tell_sought(self._sought, telemetry.time_s)
+        self._hand_on_goals()
+
+    def tell_sought(self, robot: str | None, time_s: float) -> None:
+        """Tell the team whom we seek; None: nobody."""
+        if SEEK_TOPIC not in self._topics:
+            return
+        self._sought, self._seek_at_s = robot, time_s
+        message = SeekMessage(stamp_s=self._clock.now_s(), robot=robot)
+        self.node.publish(SEEK_TOPIC, message.encode(), now=True)
+
+    def tell_answer(self, answer: Answered) -> None:
+        """Tell a base station what became of its goals."""
+        if ANSWERS_TOPIC not in self._topics or answer.by not in self._goals_from:
+            return
+        message = AnswerMessage(
+            stamp_s=self._clock.now_s(),
+            to=answer.by,
+            id=answer.request_id,
+            accepted=answer.accepted,
+            why=answer.why[:2_000],
+            code=answer.code,
+        )
+        self.node.publish(ANSWERS_TOPIC, message.encode(), now=True)
+
+    def publish_map(self, time_s: float) -> None:
+        """Put the newest map into the database now, if it has grown."""
+        if MAP_TOPIC not in self._topics:
+            return
+        self._map_at_s = time_s
+        encoded = self._mapper.publish(time_s)
+        if encoded is not None:
+            self.node.publish(MAP_TOPIC, encoded, now=True)
+
+    def newest_stamps(self) -> dict[str, float]:
+        """Unix seconds of the newest message of every robot that we hold anything of."""
+        newest: dict[str, float] = {}
+        for message in self.node.messages():
+            newest[message.robot] = max(newest.get(message.robot, 0.0), message.stamp_s)
+        return newest
+
+    def close(self) -> None:
+        """Close the sockets and end the node's thread."""
+        if self._metrics is not None:
+            self._metrics.close()
+        self.node.close()
+
+    def _translate(self, event: LinkEvent) -> None:
+        self._deliver(event)
+        if not isinstance(event, MessageStored) or event.robot == self._name:
+            return
+        if self._reader.reads(event.robot, event.topic):  # a map takes long to decompress
+            message = self.node.latest(event.robot, event.topic)
+            news = None if message is None else self._news(message, event.peer)
+            if isinstance(news, GoTo):
+                self._goals[news.by] = news
+                self._hand_on_goals()
+            elif news is not None:
+                self._deliver(news)
+
+    def _hand_on_goals(self) -> None:
+        """Ways are planned to no more goals than for other requests; of one sender the newest."""
+        for robot, request in list(self._goals.items()):
+            if self._budget.affords_ways(len(request.points)):
+                del self._goals[robot]
+                self._deliver(request)
+
+    def _news(self, message: Message, peer: str) -> Event | None:
+        """What a stored message means to the mission; junk is logged and left alone."""
+        try:
+            return self._reader.event_of(
+                message.robot,
+                message.topic,
+                message.data,
+                peer=peer,
+                unix_s=self._clock.now_s(),
+            )
+        except (MessageError, FrameError) as error:
+            _log.warning("%s %s from %s: %s", message.robot, message.topic, peer, error)
+        return None

@@ -1,0 +1,90 @@
+"""The semantic map that the UAV paints as it flies and hands to everybody it meets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import zmq
+import zmq.asyncio
+
+from air_router.errors import RefusedError
+from air_router.mission.mission import Mission
+from geo.frame import Point
+from geo.grid import GridError, GridPatch, SemanticGrid
+
+RESOLUTION_M: Final = 1.0
+MARGIN_M: Final = 60.0
+"""How far the map reaches beyond what the mission flies over: about one camera footprint."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapVersion:
+    """How much of the map was painted at a time on the vehicle's clock."""
+
+    time_s: float
+    known_cells: int
+
+
+class Mapper:
+    """Puts camera patches together into one grid and remembers how it grew."""
+
+    def __init__(self, mission: Mission) -> None:
+        places = [mission.home, *(waypoint.position for waypoint in mission.waypoints)]
+        places += [corner for fence in mission.fences for corner in fence.corners]
+        south_west = Point(
+            min(p.east_m for p in places) - MARGIN_M, min(p.north_m for p in places) - MARGIN_M
+        )
+        north_east = Point(
+            max(p.east_m for p in places) + MARGIN_M, max(p.north_m for p in places) + MARGIN_M
+        )
+        self.grid = SemanticGrid.blank(mission.frame.origin, RESOLUTION_M, south_west, north_east)
+        self.known_cells = 0
+        self.refused = 0
+        self.published: list[MapVersion] = []
+
+    def paint(self, patch: bytes) -> bool:
+        """Enter a patch from the camera; False (and counted) if it is not one."""
+        try:
+            self.known_cells += self.grid.paint(GridPatch.decode(patch))
+        except GridError:
+            self.refused += 1
+            return False
+        return True
+
+    def publish(self, time_s: float) -> bytes | None:
+        """The map for the gossip database, or None when nothing has been painted since."""
+        if self.published and self.published[-1].known_cells == self.known_cells:
+            return None
+        self.published.append(MapVersion(time_s, self.known_cells))
+        return self.grid.encode()
+
+    def published_before(self, time_s: float) -> int:
+        """Known cells of the newest version that was published at or before a time."""
+        return next((v.known_cells for v in reversed(self.published) if v.time_s <= time_s), 0)
+
+
+async def receive_patches(endpoint: str, take: Callable[[bytes], object]) -> None:
+    """Hand every patch of a camera (ZeroMQ PUB at `endpoint`) to `take`, until cancelled.
+
+    Raises:
+        RefusedError: ZeroMQ cannot connect to such an endpoint.
+    """
+    context = zmq.asyncio.Context()
+    socket = context.socket(zmq.SUB)
+    socket.linger = 0
+    socket.subscribe(b"")
+    try:
+        try:
+            socket.connect(endpoint)
+        except zmq.ZMQError as error:
+            raise RefusedError(
+                f"{endpoint}: not a camera's endpoint ({error}); write tcp://HOST:PORT"
+            ) from None
+        while True:
+            frames = await socket.recv_multipart()
+            take(frames[-1])
+    finally:
+        socket.close()
+        context.term()

@@ -1,0 +1,128 @@
+"""What a message of another robot means to the mission. Pure: whatever medium brought it.
+
+The flight's gossip node and the experiments in simulated time both ask here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict, deque
+from typing import Final
+
+from shapely import LineString
+
+from air_router.controller.model.events import Event, RobotPath, RobotPose, RobotSought
+from air_router.controller.model.requests import GoTo
+from air_router.controller.targets.target_list import SOUGHT_BY_OTHER_S
+from air_router.messages import (
+    FARTHEST_M,
+    GOALS_TOPIC,
+    PATH_TOPIC,
+    POSE_TOPIC,
+    SEEK_TOPIC,
+    GoalsMessage,
+    PathMessage,
+    PoseMessage,
+    SeekMessage,
+)
+from geo.frame import FrameError, LocalFrame, Point
+
+PATH_POINTS: Final = 64
+PATH_DETAIL_M: Final = 1.0
+"""A path of more points is drawn with less detail: so much, then twice as much, and so on."""
+
+GOALS_KEPT: Final = 64
+"""So many ids of each sender's goals are remembered."""
+
+PATH_READ: Final = 500
+"""Of a longer path every second point is looked at, or every third, and so on: to find those that
+matter takes a time that grows with the square of their number."""
+
+
+class Reader:
+    """Reads messages of robots.
+
+    Args:
+        frame: The mission's local frame, in which events speak of places.
+        name: This UAV's, to know which goals are meant for it.
+        goals_from: Whose goals are requests; those of others are nothing to the mission.
+    """
+
+    def __init__(
+        self, frame: LocalFrame, *, name: str = "", goals_from: tuple[str, ...] = ()
+    ) -> None:
+        self._frame = frame
+        self._name = name
+        self._goals_from = goals_from
+        self._goals: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=GOALS_KEPT))
+
+    def reads(self, robot: str, topic: str) -> bool:
+        """Whether what a robot says on a topic may be an event at all: others need no reading."""
+        if topic == GOALS_TOPIC:
+            return robot in self._goals_from
+        return topic in {POSE_TOPIC, PATH_TOPIC, SEEK_TOPIC}
+
+    def event_of(
+        self, robot: str, topic: str, data: bytes, *, peer: str, unix_s: float
+    ) -> Event | None:
+        """The event that a message is to the mission; None: it is none.
+
+        Nothing is said later than it is heard: one stamp of a time to come, from a clock that is
+        wrong or a robot that lies, would make everything that follows old.
+
+        Args:
+            robot: Who made it.
+            topic: Of which of its topics.
+            data: What it says.
+            peer: Who handed it to us.
+            unix_s: The time now, in Unix seconds.
+
+        Raises:
+            MessageError: it is not what its topic promises.
+            FrameError: it speaks of a place that cannot be near.
+        """
+        if topic == POSE_TOPIC:
+            pose = PoseMessage.decode(data)
+            place = self._near(self._frame.to_local(pose.latitude_deg, pose.longitude_deg))
+            return RobotPose(robot, place, min(pose.stamp_s, unix_s), peer)
+        if topic == PATH_TOPIC:
+            path = PathMessage.decode(data)
+            stamp_s = min(path.stamp_s, unix_s)
+            return RobotPath(robot, self._way(path), stamp_s) if path.points else None
+        if topic == SEEK_TOPIC:
+            seek = SeekMessage.decode(data)
+            if unix_s - seek.stamp_s <= SOUGHT_BY_OTHER_S:  # it may be carried news
+                return RobotSought(robot, seek.robot, min(seek.stamp_s, unix_s))
+        if topic == GOALS_TOPIC and robot in self._goals_from:
+            return self._request_of(robot, GoalsMessage.decode(data), unix_s)
+        return None
+
+    def _request_of(self, robot: str, goals: GoalsMessage, unix_s: float) -> GoTo | None:
+        """Goals as a request, the first time that they come."""
+        late = goals.until_s is not None and unix_s > goals.until_s
+        known = self._goals[robot]
+        if late or goals.to not in {None, self._name} or goals.id in known:
+            return None
+        points = tuple(self._frame.to_local(*point) for point in goals.points)
+        known.append(goals.id)
+        return GoTo(points, goals.hold_s, waits=True, by=robot, request_id=goals.id)
+
+    def _way(self, path: PathMessage) -> tuple[Point, ...]:
+        """A path in the local frame, with as few points as tell where it leads."""
+        every = -(-len(path.points) // PATH_READ)
+        read = (*path.points[:-1:every], path.points[-1])
+        latitudes_deg, longitudes_deg = zip(*read, strict=True)
+        places = self._frame.to_local_many(latitudes_deg, longitudes_deg).tolist()
+        way = [self._near(Point(*place)) for place in places]
+        detail_m = PATH_DETAIL_M
+        while len(way) > PATH_POINTS:
+            way = [Point(*place) for place in LineString(way).simplify(detail_m).coords]
+            detail_m *= 2
+        return tuple(way)
+
+    @staticmethod
+    def _near(place: Point) -> Point:
+        away_m = math.hypot(*place)
+        if away_m > FARTHEST_M:
+            raise FrameError(f"a place {away_m / 1000:.0f} km away")
+        return place

@@ -1,0 +1,195 @@
+"""Several UAVs in one mission: each flies a layer of its own, from a home of its own.
+
+Two vehicles keep apart because of where they may be, not because they hear of each other. Each
+flies at its own altitude; only above its own home it climbs and descends. A vehicle that flies
+lower keeps away from the columns above the homes of those that fly higher, as from no-fly zones.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from air_router.files.mission_document import Area, Draft, Spot, Uav
+from geo.airspace.zone import Circle
+from geo.frame import Point
+from mocha_link.team.document import Problem
+
+STANDING_SHARE: Final = 0.25
+"""A vehicle takes off where it stands: that is at most this share of the homes' separation away
+from its home, which leaves as much between it and the border of its column."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """Where one UAV of several flies.
+
+    Attributes:
+        uav: Its name in the team.
+        home: Where it takes off and lands.
+        altitude_m: Where it flies, above its own home.
+        level_m: The same above a level that is common to all UAVs of the mission.
+        explore: It explores, and does not only search.
+    """
+
+    uav: str
+    home: Point
+    altitude_m: float
+    level_m: float
+    explore: bool
+
+
+def layers_of(draft: Draft) -> tuple[Layer, ...]:
+    """The layers of a draft, in its order; empty if it speaks of one UAV only."""
+    homes = [uav.home or draft.home for uav in draft.uavs]
+    heights = [_height_m(draft, uav) for uav in draft.uavs]
+    known = [height_m for height_m in heights if height_m is not None]
+    common = len(known) == len(heights)
+    return tuple(
+        Layer(
+            uav.name,
+            home.position,
+            _altitude_m(draft, uav),
+            _altitude_m(draft, uav) + ((height_m or 0.0) if common else 0.0),
+            uav.explore,
+        )
+        for uav, home, height_m in zip(draft.uavs, homes, heights, strict=True)
+        if home is not None
+    )
+
+
+def ceiling_m(layers: Sequence[Layer], uav: str | None, separation_m: float) -> float:
+    """How high above its own home a UAV may be without coming near to the layer above."""
+    own = next((layer for layer in layers if layer.uav == uav), None)
+    if own is None:
+        return math.inf
+    above = [layer.level_m for layer in layers if layer.level_m > own.level_m]
+    return own.altitude_m + min(above, default=math.inf) - own.level_m - separation_m
+
+
+def top_m(layers: Sequence[Layer], uav: str | None) -> float:
+    """How high above its own home a UAV counts as in its own layer: halfway to the next."""
+    return (ceiling_m(layers, uav, 0.0) + _own_m(layers, uav)) / 2
+
+
+def _own_m(layers: Sequence[Layer], uav: str | None) -> float:
+    return next((layer.altitude_m for layer in layers if layer.uav == uav), math.inf)
+
+
+def variants(draft: Draft) -> list[Draft]:
+    """The draft as each of its UAVs flies it; the one that is asked for first."""
+    layers = layers_of(draft)
+    uavs = tuple(
+        replace(
+            uav,
+            altitude_m=_altitude_m(draft, uav),
+            home=uav.home or draft.home,
+            home_altitude_amsl_m=_height_m(draft, uav),
+        )
+        for uav in draft.uavs
+    )
+    made = []
+    for uav, layer in zip(uavs, layers, strict=True):
+        made.append(
+            replace(
+                draft,
+                uav=uav.name,
+                uavs=uavs,
+                home=uav.home,
+                home_altitude_amsl_m=uav.home_altitude_amsl_m,
+                altitude_m=layer.altitude_m,
+                explore=uav.explore,
+                columns=_columns(draft, layers, layer),
+                # Two that return by themselves must not meet on one of them.
+                rally_points=draft.rally_points if len(layers) == 1 else [],
+            )
+        )
+    made.sort(key=lambda variant: variant.uav != draft.uav)
+    return made
+
+
+def check_fleet(draft: Draft) -> None:
+    """Note UAVs whose layers or homes are too close, and what they cannot have of their own."""
+    if len(draft.uavs) < 2:
+        return
+    planner = draft.planner
+    levels = list(zip(draft.uavs, layers_of(draft), strict=True))
+    homes_m = max(planner.home_separation_m, column_radius_m(draft) + planner.distance_m)
+    for (_, lower), (uav, layer) in itertools.combinations(levels, 2):
+        apart_m = abs(layer.level_m - lower.level_m)
+        if apart_m < planner.vertical_separation_m:
+            draft.complain(
+                uav.keys,
+                f"'{layer.uav}' flies {apart_m:g} m from the layer of '{lower.uav}', "
+                f"{planner.vertical_separation_m:g} m are to lie between two "
+                "(planner.vertical_separation_m); give them other altitudes",
+                "layers-too-close",
+            )
+        apart_m = math.dist(layer.home, lower.home)
+        if apart_m < homes_m:
+            draft.complain(
+                uav.keys if uav.home is None else uav.home.keys,
+                f"the homes of '{lower.uav}' and '{layer.uav}' are {apart_m:.1f} m apart, it takes "
+                f"{homes_m:g} m (planner.home_separation_m, the clearance and the tracking "
+                "margin); give each a home of its own",
+                "homes-too-close",
+            )
+    for spot in draft.waypoints:
+        if spot.altitude_m is not None:
+            message = (
+                f"{spot.label} has an altitude of its own, and several UAVs fly here, each in its "
+                "own layer; remove it"
+            )
+            draft.complain(spot.keys, message, "altitude-in-layers")
+    if draft.rally_points:
+        message = "rally points are not put on board: two UAVs could return to the same one"
+        draft.note(("rally_points",), message, "rally-points-shared")
+
+
+def column_radius_m(draft: Draft) -> float:
+    """How far from a home the column above it reaches."""
+    return draft.planner.home_separation_m / 2
+
+
+def merge(draft: Draft, made: Iterable[Draft]) -> None:
+    """Note in a draft what is wrong with its variants; what holds for some is told of those."""
+    made = list(made)
+    draft.problems += _merged(made, [variant.problems for variant in made], draft.problems)
+    draft.notes += _merged(made, [variant.notes for variant in made], draft.notes)
+
+
+def _merged(
+    made: Sequence[Draft], lists: Sequence[Sequence[Problem]], known: Sequence[Problem]
+) -> list[Problem]:
+    merged = []
+    for problem in dict.fromkeys(itertools.chain.from_iterable(lists)):
+        if problem in known:
+            continue
+        whose = [v.uav for v, found in zip(made, lists, strict=True) if problem in found]
+        told = "" if len(whose) == len(made) else f" (for {' and '.join(map(str, whose))})"
+        merged.append(replace(problem, message=problem.message + told))
+    return merged
+
+
+def _columns(draft: Draft, layers: Sequence[Layer], own: Layer) -> list[Area]:
+    """What a UAV keeps away from: where those that fly higher come through its layer."""
+    return [
+        Area(f"home of {uav.name}", Circle(layer.home, column_radius_m(draft)), uav.keys)
+        for uav, layer in zip(draft.uavs, layers, strict=True)
+        if layer.level_m > own.level_m
+    ]
+
+
+def _altitude_m(draft: Draft, uav: Uav) -> float:
+    return draft.altitude_m if uav.altitude_m is None else uav.altitude_m
+
+
+def _height_m(draft: Draft, uav: Uav) -> float | None:
+    """Of the ground at a UAV's home, above the sea; that of the mission's home for want of it."""
+    own: Spot | None = uav.home
+    if own is not None and uav.home_altitude_amsl_m is not None:
+        return uav.home_altitude_amsl_m
+    return draft.home_altitude_amsl_m

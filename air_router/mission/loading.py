@@ -1,0 +1,176 @@
+"""Loading a mission: a file is read, every problem in it noted, and a checked mission made."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from air_router.errors import MissionFileError, UsageError
+from air_router.files.mission_document import Draft
+from air_router.files.qgc.qgc_read import read_plan
+from air_router.files.yaml.mission_file import read_mission
+from air_router.mission.airspaces import Airspaces, FlightWindow, airspaces_of
+from air_router.mission.fence_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
+from air_router.mission.fleet import check_fleet, layers_of, merge, variants
+from air_router.mission.mission import Mission, Waypoint
+from air_router.mission.validation import check_geometry, check_team
+from mocha_link.printable import printable
+from mocha_link.team.document import Document, DocumentError
+
+DRAWN_OVER: Final = frozenset(
+    {"waypoint-in-zone", "waypoint-outside-fence", "waypoint-too-near", "waypoint-unreachable"}
+    | {"rally-point-in-zone", "rally-point-outside-fence", "rally-point-too-near"}
+)
+"""Problems of a file that are none in flight: such a place is left out."""
+
+
+def load_mission(
+    path: Path,
+    *,
+    uav: str | None = None,
+    start: datetime | None = None,
+    duration_s: float | None = None,
+    in_flight: bool = False,
+) -> Mission:
+    """Read and check a mission: a YAML mission file, or a QGroundControl `.plan`.
+
+    Args:
+        path: the file.
+        uav: whose mission, by its name in the team; None: the first one's, if it is for several.
+        start: when the vehicle takes off, in UTC; None: soon. Zones that do not apply then are
+            left out of the mission's airspace.
+        duration_s: how long it stays out; None: as the file says.
+        in_flight: it is flown already: places that zones were drawn over since are no problem.
+
+    Raises:
+        MissionFileError: with every problem of the mission and of its team file.
+        UsageError: the mission is for several UAVs, and this is none of them.
+    """
+    try:
+        draft = read_draft(path)
+    except DocumentError as error:
+        raise MissionFileError(error.problems) from None
+    if uav is not None:
+        choose(draft, uav)
+    draft.start = start
+    draft.duration_s = draft.duration_s if duration_s is None else duration_s
+    mission = judge(draft)
+    problems = [p for p in draft.problems if not (in_flight and p.code in DRAWN_OVER)]
+    if problems or mission is None:
+        raise MissionFileError(problems or draft.problems)
+    return mission
+
+
+def read_draft(path: Path) -> Draft:
+    """What a file says, not yet judged.
+
+    Raises:
+        DocumentError: it cannot be read at all.
+    """
+    if path.suffix.lower() == ".plan":
+        return read_plan(path)
+    return read_mission(Document.load(path))
+
+
+def choose(draft: Draft, uav: str) -> None:
+    """Make a draft that of one of its UAVs.
+
+    Raises:
+        UsageError: it is for others.
+    """
+    names = [each.name for each in draft.uavs]
+    if names and uav not in names:
+        known = " and ".join(names)
+        raise UsageError(f"{draft.document.path}: is flown by {known}, not by '{uav}'")
+    draft.uav = uav
+
+
+def judge(draft: Draft) -> Mission | None:
+    """Note every problem of a draft in it; the mission that it describes, however wrong.
+
+    A mission for several UAVs is judged as each of them flies it; `draft.uav` is whose is returned.
+    None if it says too little: the frame or home is missing. Do not fly one with problems.
+    """
+    if not draft.uavs or draft.frame is None or draft.home is None:
+        return _judge(draft)
+    check_fleet(draft)
+    each = variants(draft)
+    for variant in each:
+        variant.problems, variant.notes = list(draft.problems), list(draft.notes)
+    missions = [_judge(variant) for variant in each]
+    merge(draft, each)
+    draft.uav = each[0].uav
+    return None if missions[0] is None else replace(missions[0], notes=tuple(draft.notes))
+
+
+def _judge(draft: Draft) -> Mission | None:
+    window = FlightWindow.of(datetime.now(UTC), draft.start, draft.duration_s)
+    airspaces = airspaces_of(draft, window)
+    check_geometry(draft, airspaces)
+    check_team(draft)
+    if not draft.problems and (mission := mission_of(draft, airspaces, window)) is not None:
+        _note_fence(draft, mission)
+    return mission_of(draft, airspaces, window)
+
+
+def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Mission | None:
+    """The mission of a draft, whether it has problems or not; None without frame or home."""
+    if draft.frame is None or draft.home is None:
+        return None
+    return Mission(
+        name=printable(draft.name),
+        path=draft.document.path,
+        frame=draft.frame,
+        home=draft.home.position,
+        home_altitude_amsl_m=draft.home_altitude_amsl_m,
+        waypoints=tuple(
+            Waypoint(number, spot.position, spot.altitude_m or draft.altitude_m)
+            for number, spot in enumerate(draft.waypoints, start=1)
+        ),
+        fences=airspaces.cruise.fences,
+        zones=airspaces.zones,
+        rally_points=tuple(spot.position for spot in draft.rally_points),
+        altitude_above_home_m=draft.altitude_m,
+        speed_m_s=draft.speed_m_s,
+        timers=draft.timers,
+        planner=draft.planner,
+        seek=draft.seek,
+        seek_policy=draft.seek_policy,
+        goals_from=draft.goals_from,
+        uav=draft.uav,
+        explore=draft.explore,
+        layers=layers_of(draft),
+        team=draft.team,
+        world=draft.world,
+        duration_s=draft.duration_s,
+        battery_reserve=draft.battery_reserve,
+        accepts=draft.accepts,
+        endurance_s=draft.endurance_s,
+        window=window,
+        cruise=airspaces.altitudes,
+        airspace=airspaces.cruise,
+        planning_airspace=airspaces.cruise.with_margin(draft.planner.tracking_margin_m),
+        column_airspace=airspaces.column,
+        above_airspace=airspaces.above,
+        columns=airspaces.columns,
+        idle_zones=airspaces.idle,
+        notes=tuple(draft.notes),
+    )
+
+
+def _note_fence(draft: Draft, mission: Mission) -> None:
+    """Note what of the mission's areas its fence on board will not be."""
+    plan = fence_plan(mission)
+    areas = {area.name: area for area in (*draft.zones, *draft.columns, *draft.fences)}
+    if len(plan.items) > FENCE_POINTS:
+        draft.note_area(
+            next(iter(draft.fences or draft.zones)),
+            f"the fence on board would have {len(plan.items)} points with all zones, PX4 1.17 "
+            f"stores {FENCE_POINTS}; draw circles, and polygons with fewer corners",
+            FENCE_TOO_LONG,
+        )
+    for name, reason in plan.simpler:
+        message = f"'{name}' is not in the fence on board: {reason}; the companion keeps to it"
+        draft.note_area(areas[name], message, "fence-simpler-on-board")

@@ -1,0 +1,331 @@
+"""Whether a mission, as drafted, may be flown: every problem of its geometry and its team."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Collection
+
+import shapely
+from shapely import Polygon, STRtree
+
+from air_router.files.altitudes import HomeAltitudeError
+from air_router.files.mission_document import Area, Draft, Keys, Spot
+from air_router.messages import GOALS_TOPIC, SEEK_TOPIC
+from air_router.mission.airspaces import Airspaces, band_of
+from geo.airspace.airspace import FENCE, Airspace
+from geo.airspace.zone import Circle, Shape, ZoneError, circle_ring
+from geo.frame import Point
+from geo.paths.regions import Regions
+from mocha_link.team.document import DocumentError
+from mocha_link.team.team import Team
+
+UAV_KIND = "aerial_robot"
+"""The kind of the team's robots that fly; without `uav` in the mission, the only one is meant."""
+
+_FAR_M = 50_000.0
+_SAME_PLACE_M = 0.1
+_SLIVER_M2 = 0.01
+
+_CODES = {
+    "home": ("home-outside-fence", "home-in-zone", "home-too-near"),
+    "waypoint": ("waypoint-outside-fence", "waypoint-in-zone", "waypoint-too-near"),
+    "rally point": ("rally-point-outside-fence", "rally-point-in-zone", "rally-point-too-near"),
+}
+"""Of places outside of the fence, in a zone, and nearer to either than they may be."""
+
+
+def check_geometry(draft: Draft, airspaces: Airspaces) -> None:
+    """Note everything that is wrong with the places and areas of a draft."""
+    if draft.frame is None:
+        return
+    if not draft.waypoints and "waypoints" not in draft.unread and not draft.problems:
+        message = "a mission needs at least one waypoint; add one"
+        draft.complain(("waypoints",), message, "no-waypoints")
+    _check_names(draft)
+    _check_altitudes(draft)
+    _check_fence_crossings(draft)
+    _check_same_places(draft)
+    far = _check_distances(draft)
+    if _check_spots(draft, airspaces, far) and not far and "planner" not in draft.unread:
+        _check_ways(draft, airspaces)
+
+
+def check_team(draft: Draft) -> None:
+    """Note what is wrong with the team file, and robots that it does not have.
+
+    Enters the only flying robot of the team as the draft's `uav`, if the mission names none.
+    """
+    if draft.world is not None and not draft.world.is_file():
+        draft.complain(
+            ("world",), f"there is no file {draft.world}; correct the path", "no-such-file"
+        )
+    if len(set(draft.seek)) < len(draft.seek):
+        message = "a robot is named twice; each is sought in turn anyway"
+        draft.complain(("seek", "robots"), message, "named-twice")
+    if draft.team is None:
+        return
+    if not draft.team.is_file():
+        draft.complain(
+            ("team",), f"there is no file {draft.team}; correct the path", "no-such-file"
+        )
+        return
+    try:
+        team = Team.load(draft.team)
+    except DocumentError as error:
+        draft.problems.extend(error.problems)
+        return
+    if draft.uav is not None:
+        of_several = [uav.keys for uav in draft.uavs if uav.name == draft.uav]
+        _check_robot(draft, draft.uav, team.robots, *of_several or [("uav",)])
+        _note_strangers(draft, team)
+    else:
+        flying = [name for name, robot in team.robots.items() if robot.kind == UAV_KIND]
+        if len(flying) == 1:
+            draft.uav = flying[0]
+        else:
+            draft.complain(
+                (),
+                f"the team has {len(flying)} robots of kind {UAV_KIND}; "
+                "add 'uav' with the name of the robot that flies this mission",
+                "who-flies",
+            )
+    _check_others(draft, team)
+
+
+def _check_others(draft: Draft, team: Team) -> None:
+    """Note robots that are to be sought, or sent goals by, and cannot."""
+    for index, name in enumerate(draft.seek):
+        _check_robot(draft, name, team.robots, ("seek", "robots", index))
+        if name == draft.uav:
+            message = f"'{name}' flies this mission; take it off the list"
+            draft.complain(("seek", "robots", index), message, "seeks-itself")
+    for index, name in enumerate(draft.goals_from):
+        _check_goals(draft, name, team, ("goals_from", index))
+
+
+def _check_goals(draft: Draft, name: str, team: Team, keys: Keys) -> None:
+    _check_robot(draft, name, team.robots, keys)
+    if name == draft.uav:
+        message = f"'{name}' flies this mission; goals come from others: take it off the list"
+        draft.complain(keys, message, "seeks-itself")
+    elif name in team.robots and GOALS_TOPIC not in {t.name for t in team.topics_of(name)}:
+        message = (
+            f"'{name}' has no topic {GOALS_TOPIC} in the team file, so that it can send none; "
+            "add {name: /goals, type: json/Goals, priority: high}"
+        )
+        draft.note(keys, message, "no-goals-topic")
+
+
+def _note_strangers(draft: Draft, team: Team) -> None:
+    """Note UAVs of one mission that cannot tell each other whom they seek."""
+    own = next((uav for uav in draft.uavs if uav.name == draft.uav), None)
+    if own is None or own.name not in team.robots or len(draft.uavs) == 1:
+        return
+    known = {own.name, *team.robot(own.name).peers}
+    strangers = [uav.name for uav in draft.uavs if uav.name not in known]
+    if strangers:
+        names = " and ".join(f"'{name}'" for name in strangers)
+        message = (
+            f"'{own.name}' has no link with {names} in the team file, so that they may seek the "
+            "same robot; make them clients of each other"
+        )
+        draft.note(own.keys, message, "uavs-not-linked")
+    if SEEK_TOPIC not in {topic.name for topic in team.topics_of(own.name)}:
+        message = (
+            f"'{own.name}' has no topic {SEEK_TOPIC} in the team file, so that others may seek the "
+            "robot that it seeks; add {name: /seek, type: json/Seek}"
+        )
+        draft.note(own.keys, message, "no-seek-topic")
+
+
+def _check_robot(draft: Draft, name: str, known: Collection[str], keys: Keys) -> None:
+    if name in known:
+        return
+    close = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean '{close[0]}'?" if close else f"use one of {', '.join(sorted(known))}"
+    draft.complain(keys, f"the team has no robot '{name}'; {hint}", "unknown-robot")
+
+
+def _check_names(draft: Draft) -> None:
+    first: dict[str, Area] = {}
+    for area in draft.zones:
+        if area.name in first or area.name == FENCE:
+            message = f"another area is called '{area.name}' too; rename one"
+            draft.complain_area(area, message, "same-name")
+        first.setdefault(area.name, area)
+
+
+def _check_altitudes(draft: Draft) -> None:
+    for area in draft.zones:
+        label = f"no-fly zone '{area.name}'"
+        try:
+            band_of(area, draft)
+        except HomeAltitudeError:
+            message = (
+                f"{label} has limits above the sea, and home's altitude is not known; "
+                "add 'altitude_amsl_m' to home"
+            )
+            draft.complain_area(area, message, "home-altitude-unknown")
+        except ZoneError as error:
+            draft.complain_area(area, f"{label}: {error}", error.code)
+        else:
+            _note_contradiction(draft, area)
+
+
+def _note_contradiction(draft: Draft, area: Area) -> None:
+    given, home_amsl_m = area.altitudes, draft.home_altitude_amsl_m
+    if given is None or not given.contradicts(home_amsl_m, draft.planner.terrain_relief_m):
+        return
+    home = "" if home_amsl_m is None else f", and home is {home_amsl_m:g} m above the sea"
+    draft.note_area(
+        area,
+        f"no-fly zone '{area.name}' reaches from {given.lower} up to {given.upper}{home}: its "
+        "limits exclude each other here; read as at every altitude",
+        "altitudes-contradict",
+    )
+
+
+def _check_distances(draft: Draft) -> set[str]:
+    """Far places are typing errors: digits, signs, or longitude before latitude.
+
+    Returns the labels of such places: nothing else needs to be said about them.
+    """
+    far: set[str] = set()
+    if draft.home is None:
+        return far
+    advice = "correct it (latitude comes first)" if not draft.in_metres else "correct it"
+    home = draft.home.position
+    for spot in (*draft.waypoints, *draft.rally_points):
+        if (far_m := math.dist(spot.position, home)) > _FAR_M:
+            message = f"{spot.label} is {far_m / 1000:.0f} km from home; {advice}"
+            draft.complain(spot.keys, message, "far-from-home")
+            far.add(spot.label)
+    for area in (*draft.zones, *draft.fences):
+        far_m = max(math.dist(corner, home) for corner in area.shape.corners)
+        if far_m > _FAR_M and area.place is None:  # zones of other files may be of any size
+            label = "the fence" if area in draft.fences else f"no-fly zone '{area.name}'"
+            message = f"{label} reaches {far_m / 1000:.0f} km from home; {advice}"
+            draft.complain_area(area, message, "far-from-home")
+            far.add(label)
+    return far
+
+
+def _check_fence_crossings(draft: Draft) -> None:
+    if not draft.fences:
+        return
+    inside = shapely.intersection_all([area.shape.polygon for area in draft.fences])
+    for area in draft.zones:
+        zone = _within(area.shape)
+        beyond = zone.difference(inside).area > _SLIVER_M2
+        within = zone.intersection(inside).area > _SLIVER_M2
+        if beyond and within and not area.crosses_fence:
+            draft.complain_area(
+                area,
+                f"no-fly zone '{area.name}' crosses the fence; move its corners inside, "
+                "or confirm that it is meant with 'crosses_fence: true'",
+                "zone-crosses-fence",
+            )
+
+
+def _within(shape: Shape) -> Polygon:
+    if isinstance(shape, Circle):
+        return Polygon(circle_ring(shape.centre, shape.radius_m, outward=False))
+    return shape.polygon
+
+
+def _check_same_places(draft: Draft) -> None:
+    if not draft.waypoints:
+        return
+    places = shapely.points([spot.position for spot in draft.waypoints])
+    later, earlier = STRtree(places).query(places, predicate="dwithin", distance=_SAME_PLACE_M)
+    on: dict[int, int] = {}
+    for number, other in zip(later.tolist(), earlier.tolist(), strict=True):
+        if other < number:
+            on[number] = min(other, on.get(number, other))
+    for number, other in sorted(on.items()):
+        spot, before = draft.waypoints[number], draft.waypoints[other]
+        message = f"{spot.label} lies on {before.label}; remove one of them"
+        draft.complain(spot.keys, message, "same-place")
+
+
+def _check_spots(draft: Draft, airspaces: Airspaces, far: Collection[str]) -> bool:
+    """Whether home, waypoints and rally points all keep their distance."""
+    margin_m = draft.planner.tracking_margin_m
+    cruise, column = airspaces.cruise.with_margin(margin_m), airspaces.column.with_margin(margin_m)
+    if "planner" in draft.unread:
+        cruise, column = airspaces.cruise.as_drawn(), airspaces.column.as_drawn()
+    landings = [*([draft.home] if draft.home else []), *draft.rally_points]
+    wrong = [
+        (spot, airspace)
+        for spots, airspace in ((landings, column), (draft.waypoints, cruise))
+        for spot in spots
+        if spot.label not in far and not airspace.point_clear(spot.position)
+    ]
+    for spot, airspace in wrong:
+        _complain_of_spot(draft, spot, airspace)
+    return not wrong
+
+
+def _complain_of_spot(draft: Draft, spot: Spot, airspace: Airspace) -> None:
+    holders = airspace.holders(spot.position)
+    outside, inside, near = _CODES[spot.label.rstrip(" 0123456789")]
+    if FENCE in holders:
+        draft.complain(
+            spot.keys, f"{spot.label} lies outside of the fence; move it inside", outside
+        )
+    elif holders:
+        zones = " and ".join(f"'{name}'" for name in holders)
+        kept_m = max(airspace.kept_m(name) for name in holders)
+        to = f", to {_needs(draft, kept_m)}" if "planner" not in draft.unread else ""
+        message = f"{spot.label} lies inside no-fly zone {zones}; move it out{to}"
+        draft.complain(spot.keys, message, inside)
+    else:
+        spare_m, name = airspace.spare_m(spot.position)
+        kept_m = airspace.kept_m(name)
+        what = "the fence" if name == FENCE else f"no-fly zone '{name}'"
+        own = any(area.name == name and area.clearance_m is not None for area in draft.zones)
+        setting = "its clearance_m" if own else "planner.clearance_m"
+        message = (
+            f"{spot.label} is {_metres(kept_m + spare_m)} from {what}, it needs "
+            f"{_needs(draft, kept_m)}; move it by {_metres(-spare_m)} or lower {setting}"
+        )
+        draft.complain(spot.keys, message, near)
+
+
+def _needs(draft: Draft, kept_m: float) -> str:
+    margin_m = draft.planner.tracking_margin_m
+    return f"{kept_m:g} m (clearance {kept_m - margin_m:g} m + tracking margin {margin_m:g} m)"
+
+
+def _metres(distance_m: float) -> str:
+    return f"{distance_m:.2f} m" if distance_m < 1 else f"{distance_m:.1f} m"
+
+
+def _check_ways(draft: Draft, airspaces: Airspaces) -> None:
+    """A clear way must lead from home to every waypoint (and so from each to every other)."""
+    if draft.home is None:
+        return
+    regions = Regions(airspaces.cruise.with_margin(draft.planner.tracking_margin_m))
+    answers: dict[int | None, str] = {}
+    for spot in draft.waypoints:
+        region = regions.of(spot.position)
+        if regions.connected(draft.home.position, spot.position):
+            continue
+        if region not in answers:
+            answers[region] = _walls(regions, draft.home.position, spot.position)
+        draft.complain(
+            spot.keys,
+            f"no clear way leads from home to {spot.label}: {answers[region]} at "
+            f"{_needs(draft, draft.planner.distance_m)}; open a gap, or move or remove the "
+            "waypoint",
+            "waypoint-unreachable",
+        )
+
+
+def _walls(regions: Regions, home: Point, place: Point) -> str:
+    names = regions.separators(home, place)
+    words = ["the fence" if name == FENCE else f"'{name}'" for name in names]
+    if not words:
+        return "what lies between leaves no room"
+    return f"{' and '.join(words)} {'leaves' if len(words) == 1 else 'leave'} no room"

@@ -1,0 +1,281 @@
+"""The parameters of a PX4 that a mission rests on: what each should be, and why."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from air_router.controller.motion.navigator import BRAKING_M_S2
+from air_router.files.settings import Accepted
+from air_router.mission.mission import Mission
+from air_router.preflight.preflight import Check, Verdict
+from air_router.routing.straight_return import straight_returns
+from geo.frame import Point
+
+HARMLESS_JERK_M_S3: Final = 3.0
+"""Below this the brakes bite later than the check of a leg reckons with."""
+
+_Wanted = Callable[["Mission", float], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a parameter should be.
+
+    Attributes:
+        name: PX4's.
+        wanted: In words.
+        why: What happens otherwise.
+        good: Whether a value is as wanted.
+        stops: Whether a value is such that nothing takes off.
+        accept: By which name a mission file accepts any other value; without that, nothing takes
+            off. None: it is only told.
+        scaled: PX4's start script multiplies it by the speed of a simulation.
+    """
+
+    name: str
+    wanted: str
+    why: str
+    good: _Wanted
+    stops: _Wanted = lambda _mission, _value: False
+    accept: Accepted | None = None
+    scaled: bool = False
+
+    def check(self, mission: Mission, value: float) -> Check:
+        """The line of a value that is not as wanted."""
+        found, advice = f"is {value:g}", f"set it to {self.wanted}: {self.why}"
+        if self.stops(mission, value):
+            return Check(self.name, Verdict.BAD, found, advice)
+        if self.accept is None:
+            return Check(self.name, Verdict.LOOK, found, advice)
+        return acceptable(mission, self.accept, self.name, found, advice)
+
+
+def _is(*values: int) -> _Wanted:
+    return lambda _mission, value: round(value) in values
+
+
+def _at_least(limit: float) -> _Wanted:
+    return lambda _mission, value: value >= limit
+
+
+def _less_than(limit: float) -> _Wanted:
+    return lambda _mission, value: value < limit
+
+
+WISHES: Final = (
+    Wish(
+        "GF_ACTION",
+        "2 (Hold)",
+        "the fence on board is the second wall: 0 and 1 do nothing, Return and Land fly on, "
+        "Terminate falls",
+        _is(2),
+        _is(0, 1, 4),
+        accept="fence_action",
+    ),
+    Wish(
+        "GF_MAX_HOR_DIST",
+        "0 (no limit), or more than the farthest waypoint's distance from home",
+        "PX4 flies no plan with an item that is farther, and stops the vehicle there",
+        lambda mission, value: value <= 0.0 or value > _farthest_m(mission, _corners(mission)),
+        lambda mission, value: 0.0 < value <= _farthest_m(mission) + _slack_m(mission),
+    ),
+    Wish(
+        "GF_MAX_VER_DIST",
+        "0 (no limit), or more than the mission's highest altitude",
+        "PX4 flies no plan with an item that is higher, and stops the vehicle there",
+        lambda mission, value: value <= 0.0 or value > mission.cruise.upper_m,
+        lambda mission, value: 0.0 < value <= mission.cruise.upper_m,
+    ),
+    Wish(
+        "GF_SOURCE",
+        "0 (the estimate)",
+        "the fence is judged by raw GPS, not by the position that is flown",
+        _is(0),
+    ),
+    Wish(
+        "NAV_ACC_RAD",
+        "at most 10 m",
+        "items without a radius of their own count as reached from afar",
+        lambda _mission, value: value <= 10.0,
+    ),
+    Wish(
+        "MPC_ACC_HOR",
+        f"at least {BRAKING_M_S2 + 0.5:g} m/s2",
+        "legs are checked for a vehicle that brakes so well",
+        _at_least(BRAKING_M_S2 + 0.5),
+        _less_than(BRAKING_M_S2),
+    ),
+    Wish(
+        "MPC_JERK_AUTO",
+        f"at least {HARMLESS_JERK_M_S3:g} m/s3",
+        "softer brakes bite later than legs are checked for",
+        _at_least(HARMLESS_JERK_M_S3),
+        _less_than(HARMLESS_JERK_M_S3 / 2),
+    ),
+    Wish(
+        "MPC_XY_VEL_MAX",
+        "at least the mission's speed",
+        "the mission takes longer than reckoned",
+        lambda mission, value: value >= mission.speed_m_s,
+    ),
+    Wish(
+        "COM_RC_OVERRIDE",
+        "with bit 0",
+        "moving the sticks does not take the vehicle over from the mission",
+        lambda _mission, value: bool(round(value) & 1),
+        accept="sticks_do_not_override",
+    ),
+    Wish(
+        "COM_RC_IN_MODE",
+        "any but 4 (no manual control)",
+        "the pilot has no sticks to take the vehicle over with",
+        lambda _mission, value: round(value) != 4,
+        accept="sticks_do_not_override",
+    ),
+    Wish(
+        "NAV_DLL_ACT",
+        "0 (nothing) or 1 (Hold)",
+        "losing the ground station makes PX4 return straight home, not around zones; "
+        "5 and 6 drop the vehicle",
+        _is(0, 1),
+        _is(5, 6),
+    ),
+    Wish(
+        "NAV_RCL_ACT",
+        "1 (Hold) to 3 (Land)",
+        "losing the remote control drops the vehicle",
+        _is(0, 1, 2, 3),
+        _is(5, 6),
+    ),
+    Wish(
+        "COM_OBC_LOSS_T",
+        "at most 10 s",
+        "the ground station hears late that this computer is gone",
+        lambda _mission, value: value <= 10.0,
+        scaled=True,
+    ),
+    Wish(
+        "COM_LOW_BAT_ACT",
+        "3 (Return, then Land)",
+        "an empty battery is only warned of",
+        _is(2, 3),
+    ),
+    Wish(
+        "BAT_CRIT_THR",
+        "below the mission's battery reserve",
+        "PX4 returns by itself, straight, before the mission comes home along its routes",
+        lambda mission, value: value < mission.battery_reserve,
+        lambda mission, value: value >= mission.battery_reserve,
+    ),
+    Wish(
+        "COM_DISARM_PRFLT",
+        "5 to 60 s",
+        "armed by hand it disarms before Mission mode is chosen, or never",
+        lambda _mission, value: 5.0 <= value <= 60.0,
+    ),
+    Wish(
+        "RTL_RETURN_ALT",
+        "at least the mission's altitude",
+        "a return by the autopilot is lower than what was planned",
+        lambda mission, value: value >= mission.altitude_above_home_m,
+        accept="rtl_altitude",
+    ),
+    Wish(
+        "RTL_DESCEND_ALT",
+        "at most the mission's altitude",
+        "at the end of its return the autopilot hovers higher than what was planned",
+        lambda mission, value: value <= mission.altitude_above_home_m,
+        accept="rtl_altitude",
+    ),
+    Wish(
+        "RTL_TYPE",
+        "0 or 3 (straight to the nearest of home and the rally points)",
+        "the autopilot returns another way: past home to a rally point, or along the plan's items",
+        _is(0, 3),
+        accept="rtl_type",
+    ),
+)
+NAMES: Final = tuple(wish.name for wish in WISHES)
+
+_LAYER: Final = Wish(
+    "RTL_RETURN_ALT",
+    "the altitude of this UAV's layer",
+    "a return by the autopilot climbs into the layer of another UAV",
+    lambda mission, value: value <= mission.ceiling_m,
+    lambda mission, value: value > mission.ceiling_m,
+)
+
+
+def parameters(
+    mission: Mission, values: Mapping[str, float | None], *, rate: float = 1.0
+) -> list[Check]:
+    """A line for each parameter that is not as wanted, and one for the others.
+
+    Args:
+        mission: What is to be flown.
+        values: Of the parameters, by name; None for one that the vehicle did not tell.
+        rate: Seconds of the vehicle in a second of ours: more than 1 in a fast simulation.
+    """
+    checks = []
+    unknown = [name for name in NAMES if values.get(name) is None]
+    several = len(mission.layers) > 1
+    wishes = (*WISHES, _LAYER) if several else WISHES
+    for wish in wishes:
+        value = values.get(wish.name)
+        if value is None or wish.good(mission, value / max(rate, 1.0) if wish.scaled else value):
+            continue
+        checks.append(wish.check(mission, value))
+    if unknown:
+        found = f"not told: {', '.join(unknown)}"
+        checks.append(Check("parameters", Verdict.LOOK, found, "look at them yourself"))
+    wrong = {check.name for check in checks} - {"parameters"}
+    good = len(NAMES) - len(unknown) - len(wrong)
+    checks.append(Check("parameters", Verdict.GOOD, f"{good} of {len(NAMES)} are as wanted"))
+    return checks
+
+
+def straight_return(mission: Mission) -> Check:
+    """Whether PX4's own Return, which knows no zones, would fly through one."""
+    crossing = Counter(name for way in straight_returns(mission) for name in way.cuts)
+    if not crossing:
+        return Check("return", Verdict.GOOD, "PX4's straight return is clear from every waypoint")
+    worst = [name for name, _ in crossing.most_common()]
+    more = f" and {len(worst) - 3} more" if len(worst) > 3 else ""
+    return acceptable(
+        mission,
+        "rtl_crosses_zones",
+        "return",
+        f"PX4's own Return flies straight, from some waypoints through "
+        f"{', '.join(worst[:3])}{more}",
+        "the pilot should choose Hold rather than Return; type 'home' to come home along the graph",
+    )
+
+
+def acceptable(mission: Mission, name: Accepted, line: str, found: str, advice: str) -> Check:
+    """A line that stops the flight unless the mission file accepts it by name."""
+    if name in mission.accepts:
+        return Check(line, Verdict.LOOK, f"{found} (accepted by the mission file)", advice)
+    where = "the mission file"
+    if mission.path.suffix == ".plan":
+        where = "a mission file ('air-router convert' makes one of a .plan)"
+    return Check(line, Verdict.BAD, found, f"{advice}; or accept it in {where}: accepts: [{name}]")
+
+
+def _farthest_m(mission: Mission, others: Iterable[Point] = ()) -> float:
+    """How far from home the mission's farthest waypoint is, or one of the other places."""
+    places = (*(waypoint.position for waypoint in mission.waypoints), *others)
+    return max((math.dist(mission.home, place) for place in places), default=0.0)
+
+
+def _corners(mission: Mission) -> list[Point]:
+    """The corners of what the fences hold: the vehicle may seek a robot as far away as that."""
+    return [Point(*corner) for fence in mission.fences for corner in fence.corners]
+
+
+def _slack_m(mission: Mission) -> float:
+    """What the vehicle may be beyond a waypoint without being stopped there."""
+    return mission.planner.clearance_m

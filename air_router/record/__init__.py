@@ -1,0 +1,1 @@
+"""The record of a flight: written, read, and run again."""

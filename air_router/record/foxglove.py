@@ -1,0 +1,233 @@
+"""A flight in the messages that Foxglove's panels draw by themselves.
+
+The names and fields are those of Foxglove's published schemas, in JSON. Nothing here is needed to
+replay a flight: it is what is recorded anyway, said once more for the eye.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Final, NamedTuple
+
+from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint, StateChanged
+from air_router.controller.model.events import RobotPose
+from air_router.mission.mission import Mission
+from air_router.vehicle.vehicle import Telemetry
+from geo.frame import FrameError, Point
+from geo.grid import SemanticGrid
+
+EVERY_S: Final = 0.2
+"""The vehicle's place is drawn so often; its telemetry is recorded at the full rate anyway."""
+
+FRAME: Final = "mission"
+"""Metres east, north and up of the mission's origin; who has a place on the map is a frame too."""
+
+VEHICLE: Final = "vehicle"
+
+LOCATION, POSE, LOG = "foxglove.LocationFix", "foxglove.PoseInFrame", "foxglove.Log"
+GEOJSON, GRID = "foxglove.GeoJSON", "foxglove.Grid"
+
+_INFO: Final = 2
+_UINT8: Final = 1
+_COLOURS: Final = {"fence": "#2e7d32", "zone": "#c62828", "waypoint": "#1565c0", "leg": "#f9a825"}
+
+
+class Drawn(NamedTuple):
+    """One message: its topic, the name of its schema and what it says."""
+
+    topic: str
+    schema: str
+    message: dict[str, Any]
+
+
+class Drawing:
+    """Draws one mission's flight. Times are Unix seconds on the vehicle's clock."""
+
+    def __init__(self, mission: Mission) -> None:
+        self._mission = mission
+        self._frame = mission.frame
+        self._drawn_s = -math.inf
+        self._position: Point | None = None
+
+    def mission(self) -> Drawn:
+        """Fence, zones, waypoints and home."""
+        mission = self._mission
+        features = [self._area("fence", "fence", fence.corners) for fence in mission.fences]
+        features += [self._area("zone", z.name, z.shape.corners) for z in mission.airspace.zones]
+        for waypoint in mission.waypoints:
+            features.append(self._spot(f"waypoint {waypoint.number}", waypoint.position))
+        features.append(self._spot("home", mission.home))
+        return _geojson("/mission", features)
+
+    def event(self, event: object, unix_s: float) -> Iterator[Drawn]:
+        """What is drawn of an event."""
+        if isinstance(event, Telemetry):
+            self._position = event.position
+            if abs(unix_s - self._drawn_s) >= EVERY_S:
+                self._drawn_s = unix_s
+                above_m = self._mission.home_altitude_amsl_m or 0.0
+                above_m += event.altitude_m
+                yield self._location(VEHICLE, "/vehicle", event.position, above_m, unix_s)
+                yield self._pose(event, unix_s)
+        elif isinstance(event, RobotPose):
+            topic = f"/robots/{event.robot}"
+            yield self._location(event.robot, topic, event.position, 0.0, unix_s)
+
+    def action(self, action: object, unix_s: float) -> Iterator[Drawn]:
+        """What is drawn of a decision."""
+        match action:
+            case FlyToNode(position=target) | FlyToPoint(position=target):
+                if self._position is not None:
+                    line = self._line("leg", (self._position, target))
+                    yield _geojson("/leg", [line])
+            case Announce(text=text):
+                yield _log(text, unix_s)
+            case StateChanged(source=source, target=target, robot=robot):
+                whom = "" if robot is None else f" ({robot})"
+                yield _log(f"{source.name} -> {target.name}{whom}", unix_s)
+
+    def _location(
+        self, frame: str, topic: str, place: Point, altitude_m: float, unix_s: float
+    ) -> Drawn:
+        latitude_deg, longitude_deg = self._degrees((place,))[0]
+        message = {
+            "timestamp": _time(unix_s),
+            "frame_id": frame,
+            "latitude": latitude_deg,
+            "longitude": longitude_deg,
+            "altitude": altitude_m,
+            "position_covariance": [0.0] * 9,
+            "position_covariance_type": 0,
+        }
+        return Drawn(f"{topic}/location", LOCATION, message)
+
+    def _pose(self, telemetry: Telemetry, unix_s: float) -> Drawn:
+        yaw_rad = math.radians(90.0 - (telemetry.heading_deg or 0.0))  # from east, to the left
+        east_m, north_m = telemetry.position
+        pose = {
+            "position": {"x": east_m, "y": north_m, "z": telemetry.altitude_m},
+            "orientation": {
+                "x": 0.0,
+                "y": 0.0,
+                "z": math.sin(yaw_rad / 2),
+                "w": math.cos(yaw_rad / 2),
+            },
+        }
+        message = {"timestamp": _time(unix_s), "frame_id": FRAME, "pose": pose}
+        return Drawn("/vehicle/pose", POSE, message)
+
+    def _degrees(self, points: Iterable[Point]) -> list[tuple[float, float]]:
+        try:
+            return [self._frame.to_geodetic(point) for point in points]
+        except FrameError:  # a vehicle that has no position yet
+            return [(0.0, 0.0)]
+
+    def _coordinates(self, points: Iterable[Point]) -> list[list[float]]:
+        return [[longitude, latitude] for latitude, longitude in self._degrees(points)]
+
+    def _area(self, kind: str, name: str, corners: Sequence[Point]) -> dict[str, Any]:
+        ring = self._coordinates((*corners, corners[0]))
+        return _feature(kind, name, {"type": "Polygon", "coordinates": [ring]})
+
+    def _line(self, kind: str, points: Sequence[Point]) -> dict[str, Any]:
+        line = {"type": "LineString", "coordinates": self._coordinates(points)}
+        return _feature(kind, kind, line)
+
+    def _spot(self, name: str, place: Point) -> dict[str, Any]:
+        point = {"type": "Point", "coordinates": self._coordinates((place,))[0]}
+        return _feature("waypoint", name, point)
+
+
+def grid(chart: SemanticGrid, unix_s: float) -> Drawn:
+    """The semantic map; a cell is a byte, its class."""
+    origin = {
+        "position": {"x": chart.west_m, "y": chart.south_m, "z": 0.0},
+        "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+    }
+    columns = chart.cells.shape[1]
+    message = {
+        "timestamp": _time(unix_s),
+        "frame_id": FRAME,
+        "pose": origin,
+        "column_count": columns,
+        "cell_size": {"x": chart.resolution_m, "y": chart.resolution_m},
+        "row_stride": columns,
+        "cell_stride": 1,
+        "fields": [{"name": "class", "offset": 0, "type": _UINT8}],
+        "data": base64.b64encode(chart.cells.tobytes()).decode("ascii"),
+    }
+    return Drawn("/map", GRID, message)
+
+
+def schema_text(name: str) -> str:
+    """The JSON schema of one of the messages here; Foxglove knows them by their name."""
+    return json.dumps({"title": name, "type": "object", "properties": _PROPERTIES[name]})
+
+
+def _geojson(topic: str, features: list[dict[str, Any]]) -> Drawn:
+    collection = {"type": "FeatureCollection", "features": features}
+    return Drawn(topic, GEOJSON, {"geojson": json.dumps(collection)})
+
+
+def _feature(kind: str, name: str, geometry: dict[str, Any]) -> dict[str, Any]:
+    style = {"color": _COLOURS[kind], "fillOpacity": 0.2 if kind == "zone" else 0.0}
+    properties = {"kind": kind, "name": name, "style": style}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def _log(text: str, unix_s: float) -> Drawn:
+    where = {"name": "air_router", "file": "", "line": 0}
+    return Drawn(
+        "/log", LOG, {"timestamp": _time(unix_s), "level": _INFO, "message": text, **where}
+    )
+
+
+def _time(unix_s: float) -> dict[str, int]:
+    seconds = max(0, math.floor(unix_s))
+    return {"sec": seconds, "nsec": min(max(0, int((unix_s - seconds) * 1e9)), 999_999_999)}
+
+
+_NUMBER: Final = {"type": "number"}
+_INTEGER: Final = {"type": "integer"}
+_TEXT: Final = {"type": "string"}
+_STAMP: Final = {"type": "object", "properties": {"sec": _INTEGER, "nsec": _INTEGER}}
+_VECTOR: Final = {"type": "object", "properties": dict.fromkeys("xyz", _NUMBER)}
+_TURN: Final = {"type": "object", "properties": dict.fromkeys("xyzw", _NUMBER)}
+_POSE: Final = {"type": "object", "properties": {"position": _VECTOR, "orientation": _TURN}}
+_FIELD: Final = {
+    "type": "object",
+    "properties": {"name": _TEXT, "offset": _INTEGER, "type": _INTEGER},
+}
+_PROPERTIES: Final[dict[str, dict[str, Any]]] = {
+    LOCATION: {
+        "timestamp": _STAMP,
+        "frame_id": _TEXT,
+        **dict.fromkeys(("latitude", "longitude", "altitude"), _NUMBER),
+        "position_covariance": {"type": "array", "items": _NUMBER, "minItems": 9, "maxItems": 9},
+        "position_covariance_type": _INTEGER,
+    },
+    POSE: {"timestamp": _STAMP, "frame_id": _TEXT, "pose": _POSE},
+    LOG: {
+        "timestamp": _STAMP,
+        "level": _INTEGER,
+        "message": _TEXT,
+        "name": _TEXT,
+        "file": _TEXT,
+        "line": _INTEGER,
+    },
+    GEOJSON: {"geojson": _TEXT},
+    GRID: {
+        "timestamp": _STAMP,
+        "frame_id": _TEXT,
+        "pose": _POSE,
+        "column_count": _INTEGER,
+        "cell_size": {"type": "object", "properties": dict.fromkeys("xy", _NUMBER)},
+        "row_stride": _INTEGER,
+        "cell_stride": _INTEGER,
+        "fields": {"type": "array", "items": _FIELD},
+        "data": {"type": "string", "contentEncoding": "base64"},
+    },
+}

@@ -1,0 +1,232 @@
+"""Reads what `air_router.record.recorder` has written, also when its end is missing.
+
+for entry in read(Path("flight.mcap")):
+    print(entry.t, entry.kind, entry.value)
+"""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import json
+from collections import deque
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Any, Final, NamedTuple, get_args
+
+from mcap.exceptions import EndOfFile, InvalidMagic
+from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Statistics
+from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
+
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import Motion
+from air_router.controller.model.events import CommandConfirmed, CommandFailed
+from air_router.errors import AirRouterError, ExitCode
+from air_router.record import serialization as journal
+from air_router.record.codec import TYPE_KEY, CodecError, codec_of
+from air_router.record.log_file import FORMAT, LIBRARY, ORDER_KEY, RECENT
+from air_router.record.plain_values import shown
+from air_router.record.record_channels import NOTES
+from air_router.record.serialization import JournalError
+from mocha_link.links.metrics import LinkMetrics
+
+RECORD_BYTES: Final = 256 << 20
+"""A longer record, or a chunk that would unpack to more, is taken for damage."""
+
+LATEST_S: Final = 1e9
+"""No vehicle is up for thirty years: a later time is none."""
+
+
+class LogError(AirRouterError):
+    """A file that is no record of a flight, or one that this version cannot read."""
+
+    exit_code = ExitCode.INVALID_FILE
+
+
+class Note(NamedTuple):
+    """What the shell around the controller wrote down; its fields are plain data."""
+
+    name: str
+    fields: dict[str, Any]
+
+
+class StoredFile(NamedTuple):
+    """A file that was put into the record."""
+
+    name: str
+    data: bytes
+
+
+class Entry(NamedTuple):
+    """One thing in a record.
+
+    Attributes:
+        t: Seconds on the vehicle's clock.
+        kind: "about" (texts on the whole record), "setup" (`FlightSetup`), "event", "action",
+            "note" (`Note`), "link" (`LinkMetrics`), "patch" (bytes of a `GridPatch`) or "file"
+            (`StoredFile`).
+        value: What it is.
+    """
+
+    t: float
+    kind: str
+    value: Any
+
+
+class Log:
+    """One record. After it was gone through, `ending` says how it ends.
+
+    Attributes:
+        path: Where it is.
+        ending: None: whole. Otherwise what is wrong with its end; all before it is good.
+        damaged: Bytes of it are wrong; one that only ends early, as after a power cut, is not.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.ending: str | None = None
+        self.damaged = False
+        self._motions: deque[tuple[int | None, Motion]] = deque(maxlen=RECENT)
+
+    def __iter__(self) -> Iterator[Entry]:
+        """Everything in the order in which it happened.
+
+        Raises:
+            LogError: it is no record of a flight, one of another version, or cannot be read.
+        """
+        try:
+            file = self.path.open("rb")
+        except OSError as error:
+            raise LogError(f"{self.path}: {error.strerror}") from None
+        with file:
+            yield from self._checked(self._messages(file))
+
+    def _checked(self, entries: Iterator[Entry]) -> Iterator[Entry]:
+        try:
+            yield from entries
+        except (CodecError, JournalError, TypeError, ValueError, RecursionError) as error:
+            why = str(error)
+        except KeyError as error:
+            why = f"a message without {error}"
+        else:
+            return
+        raise LogError(f"{self.path}: not written by this version of air_router: {why}")
+
+    def _messages(self, file: IO[bytes]) -> Iterator[Entry]:
+        topics: dict[int, str] = {}
+        ours, count = False, [0, 0]
+        for record in self._records(file):
+            match record:
+                case Metadata(name=name) if name == LIBRARY:
+                    self._check_format(record.metadata)
+                    ours = True
+                    yield Entry(0.0, "about", record.metadata)
+                case Message() | Attachment() if not ours:
+                    break
+                case Channel():
+                    topics[record.id] = record.topic
+                case Message():
+                    count[0] += 1
+                    _, root, *_ = *topics.get(record.channel_id, "").split("/"), ""
+                    if root in _READERS or root in _DECISIONS:
+                        yield self._entry(root, _object(record.data))
+                case Attachment():
+                    count[1] += 1
+                    yield Entry(0.0, "file", StoredFile(record.name, record.data))
+                case Statistics() if count != [record.message_count, record.attachment_count]:
+                    self.damaged = True
+                    self.ending = "it is damaged: something of it cannot be found"
+        if not ours:
+            raise LogError(f"{self.path}: {self.ending or _FOREIGN}")
+
+    def _check_format(self, facts: dict[str, str]) -> None:
+        found = facts.get("format")
+        if found != FORMAT:
+            raise LogError(f"{self.path}: a record of format {found}; this program reads {FORMAT}")
+
+    def _records(self, file: IO[bytes]) -> Iterator[McapRecord]:
+        """The file's records up to its end, or up to where it is damaged."""
+        reader = StreamReader(file, emit_chunks=True, record_size_limit=RECORD_BYTES).records
+        while True:
+            try:
+                record = next(reader)
+                inner = _unpacked(record) if isinstance(record, Chunk) else [record]
+            except StopIteration:
+                return
+            except Exception as error:  # noqa: BLE001 - bytes of any kind
+                if file.tell() <= MAGIC_SIZE:
+                    raise LogError(f"{self.path}: not an MCAP file") from None
+                self.ending = self._end(file, error)
+                return
+            yield from inner
+
+    def _end(self, file: IO[bytes], error: Exception) -> str:
+        self.damaged = True
+        if isinstance(error, InvalidMagic):
+            return "its last bytes are not those of an MCAP file"
+        if isinstance(error, EndOfFile) or not file.read(1):
+            self.damaged = False
+            return "it was cut off: the program was ended from outside, or the disk failed"
+        return f"it is damaged at byte {file.tell()}: {str(error) or type(error).__name__}"
+
+    def _entry(self, kind: str, data: dict[str, Any]) -> Entry:
+        t, order = _time_s(data.pop("t")), data.pop(ORDER_KEY, None)
+        if kind not in _DECISIONS:
+            return _READERS[kind](t, data)
+        value = journal.decode(data)
+        if isinstance(value, _MOTIONS):
+            self._motions.append((order, value))
+        elif isinstance(value, CommandConfirmed | CommandFailed):
+            value = dataclasses.replace(value, action=self._motion(order, value.action))
+        return Entry(t, kind, value)
+
+    def _motion(self, order: int | None, like: Motion) -> Motion:
+        """The motion that is meant: the very object, for there may be several alike."""
+        for known, motion in reversed(self._motions):
+            if motion == like and order in {None, known}:
+                return motion
+        return like
+
+
+def read(path: Path) -> Iterator[Entry]:
+    """Everything in a record, in the order in which it happened; see `Log`."""
+    return iter(Log(path))
+
+
+def _unpacked(chunk: Chunk) -> list[McapRecord]:
+    if chunk.uncompressed_size > RECORD_BYTES:
+        raise LogError(f"a chunk of {chunk.uncompressed_size} bytes")
+    return breakup_chunk(chunk, validate_crc=True)
+
+
+def _object(data: bytes) -> dict[str, Any]:
+    plain = json.loads(data)
+    if not isinstance(plain, dict):
+        raise CodecError(f"{shown(plain)} is not an object")
+    return plain
+
+
+def _time_s(plain: Any) -> float:
+    if type(plain) not in {int, float} or not abs(plain) <= LATEST_S:
+        raise CodecError(f"{shown(plain)} is not a time of the vehicle's clock")
+    return float(plain)
+
+
+def _note(t: float, data: dict[str, Any]) -> Entry:
+    name = str(data.pop(TYPE_KEY))
+    if name == "Setup":
+        return Entry(t, "setup", codec_of(FlightSetup).decode(data["setup"]))
+    for field, of in NOTES.get(name, {}).items():
+        data[field] = codec_of(of).decode(data[field])
+    return Entry(t, "note", Note(name, data))
+
+
+_FOREIGN: Final = "an MCAP file, but not a flight's record"
+_MOTIONS: Final = get_args(Motion)
+_DECISIONS: Final = frozenset({"event", "action"})
+_READERS: Final[dict[str, Callable[[float, dict[str, Any]], Entry]]] = {
+    "flight": _note,
+    "links": lambda t, data: Entry(t, "link", codec_of(LinkMetrics).decode(data)),
+    "patches": lambda t, data: Entry(t, "patch", base64.b64decode(data["patch"])),
+}
+"""By the first part of a topic; what is drawn for Foxglove is in the record twice."""

@@ -1,0 +1,327 @@
+"""Everything that a flight is: every event in and every decision out, and what they meant.
+
+One MCAP file per flight (docs/records.md). Enough is in it to make the same controller again and
+to give it the same events at the same times: `air_router.record.replay` does.
+"""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import logging
+import math
+import platform
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final
+
+from air_router.controller.flight_setup import FlightSetup
+from air_router.gossip.mapper import Mapper
+from air_router.record import serialization as journal
+from air_router.record.codec import TYPE_KEY, codec_of
+from air_router.record.foxglove import Drawing, Drawn, grid
+from air_router.record.log_file import FORMAT, ORDER_KEY, RECENT, Channel, LogFile
+from air_router.record.record_channels import (
+    ABOUT_MOTIONS,
+    MOTIONS,
+    PATCHES,
+    channel_of,
+    drawn_channel,
+    json_of,
+    link_channel,
+    note_channel,
+)
+from mocha_link.links.metrics import LinkMetrics
+from mocha_link.node.lifetime import Closeable
+
+_log = logging.getLogger(__name__)
+
+CLOCK_S: Final = 10.0
+"""So often the vehicle's Unix time is noted beside its own clock."""
+
+LINKS_S: Final = 1.0
+"""So often the links are looked at, and recorded where something has happened."""
+
+PATCH_BYTES: Final = 200_000_000
+"""What the map's patches may take before compression; what comes later is in the whole map only."""
+
+MAP_S: Final = 1.0
+"""So often the size of the map is noted."""
+
+GRID_S: Final = 30.0
+"""So often the whole map is drawn while it grows."""
+
+PREFLIGHT: Final = "Preflight"
+"""The note with which a flight begins; one that does not get so far leaves no record."""
+
+FILE_BYTES: Final = 20_000_000
+"""A file of the mission that is larger is not kept in the record."""
+
+LIBRARIES: Final = ("air-router", "mavsdk", "networkx", "numpy", "pyproj", "pyzmq", "shapely")
+
+
+class Recorder(Closeable):
+    """Writes one flight's record. Without a folder nothing is kept.
+
+    Times are seconds on the vehicle's clock. Nothing that goes wrong with the record is an error
+    of the flight's: `trouble` is told once, perhaps on another thread.
+
+    Args:
+        folder: Where the file goes; it is made when it is not there.
+        mission: The path of the mission, as the operator wrote it.
+        unix_s: The vehicle's Unix time.
+        trouble: Told when nothing more can be recorded; may be exchanged.
+        stem: How the file's name begins; `name`: the UAV's, with which it ends.
+        must: A folder that cannot be written to is an error.
+
+    Raises:
+        OSError: `must` is set and the file cannot be made.
+    """
+
+    def __init__(  # noqa: PLR0913 - each has its default
+        self,
+        folder: Path | None,
+        mission: str,
+        *,
+        unix_s: Callable[[], float] = time.time,
+        trouble: Callable[[str], object] = _log.error,
+        stem: str = "flight",
+        name: str = "",
+        must: bool = True,
+    ) -> None:
+        self.trouble = trouble
+        self._unix_s = unix_s
+        self._epoch_s: float | None = None
+        self._last_ns = 0
+        self._clock_at_s = self._links_at_s = self._map_at_s = self._grid_at_s = -math.inf
+        self._maps = self._grid_cells = self._motions = 0
+        self._recent: deque[tuple[object, int]] = deque(maxlen=RECENT)
+        self._links: dict[str, LinkMetrics] = {}
+        self._held: dict[str, dict[tuple[str, str], float]] = {}
+        self._patch_bytes = 0
+        self._unwritable: set[str] = set()
+        self._flown = False
+        self._drawing: Drawing | None = None
+        self._file: LogFile | None = None
+        if folder is not None:
+            try:
+                self._file = _open(folder, (stem, name), mission, self._tell)
+            except OSError as error:
+                if must:
+                    raise
+                trouble(f"{folder}: {error.strerror}; the flight is not recorded")
+        self.path = None if self._file is None else self._file.path
+
+    # What is recorded.
+
+    def begin(self, setup: FlightSetup, **facts: object) -> None:
+        """Record what the controller is made of, and how it is flown."""
+        from air_router.controller.flight_setup import FlightSetup  # noqa: PLC0415 - it imports much
+
+        if self._file is None:
+            return
+        self._drawing = Drawing(setup.mission)
+        encoded = self._encoded(codec_of(FlightSetup).encode, setup)
+        self.note("Setup", 0.0, {"setup": encoded})
+        self.note("Options", 0.0, facts)
+        self._draw([self._drawing.mission()])
+
+    def event(self, event: object, now_s: float) -> None:
+        """Record what happened."""
+        if self._file is None:
+            return
+        self._flown = True
+        self._write("event", event, now_s)
+        if now_s - self._clock_at_s >= CLOCK_S:
+            self._clock_at_s = now_s
+            self.note("Clock", now_s, {"unix_s": self._unix_s()})
+        if self._drawing is not None:
+            self._draw(self._drawing.event(event, self._time_s(now_s)))
+
+    def action(self, action: object, now_s: float) -> None:
+        """Record what was decided."""
+        if self._file is None:
+            return
+        self._write("action", action, now_s)
+        if self._drawing is not None:
+            self._draw(self._drawing.action(action, self._time_s(now_s)))
+
+    def note(self, name: str, now_s: float, fields: Mapping[str, Any]) -> None:
+        """Record something else about the flight, in plain data."""
+        self._flown = self._flown or name == PREFLIGHT
+        self._add(note_channel(name), now_s, {"t": now_s, TYPE_KEY: name, **fields})
+
+    def links(
+        self,
+        links: Callable[[], Mapping[str, LinkMetrics]],
+        held: Callable[[], Mapping[str, Mapping[tuple[str, str], float]]],
+        now_s: float,
+    ) -> None:
+        """Record the links on which something has happened, and what peers are known to hold.
+
+        Args:
+            links: Asked now and then for the metrics by peer.
+            held: Asked then for the newest stamp by peer, robot and topic.
+            now_s: As everywhere.
+        """
+        if self._file is None or now_s - self._links_at_s < LINKS_S:
+            return
+        self._links_at_s = now_s
+        for peer, link in links().items():
+            # Ages change all the time; contacts are told by events.
+            steady = dataclasses.replace(link, newest_age_s=None, topic_ages_s={}, contacts=())
+            if self._links.get(peer) != steady:
+                self._links[peer] = steady
+                plain = codec_of(LinkMetrics).encode(dataclasses.replace(link, contacts=()))
+                self._add(link_channel(), now_s, {"t": now_s, **plain})
+        for peer, holdings in held().items():
+            known = self._held.setdefault(peer, {})
+            news = [[*key, s] for key, s in sorted(holdings.items()) if known.get(key) != s]
+            if news:
+                known.update(holdings)
+                self.note("Held", now_s, {"peer": peer, "held": news})
+
+    def patch(self, patch: bytes, now_s: float) -> None:
+        """Record a patch that was painted into the map, as it came."""
+        self._patch_bytes += len(patch)
+        if self._patch_bytes <= PATCH_BYTES:
+            data = base64.b64encode(patch).decode("ascii")
+            self._add(PATCHES, now_s, {"t": now_s, "patch": data})
+
+    def map(self, mapper: Mapper, now_s: float) -> None:
+        """Record how the map grows, and now and then the whole of it."""
+        if self._file is None or not mapper.known_cells:
+            return
+        for version in mapper.published[self._maps :]:
+            self.note("MapPublished", version.time_s, {"known_cells": version.known_cells})
+        self._maps = len(mapper.published)
+        if now_s - self._map_at_s >= MAP_S:
+            self._map_at_s = now_s
+            self.note("Map", now_s, {"known_cells": mapper.known_cells})
+        if now_s - self._grid_at_s >= GRID_S and mapper.known_cells != self._grid_cells:
+            self._grid_at_s, self._grid_cells = now_s, mapper.known_cells
+            self._draw([grid(mapper.grid, self._time_s(now_s))])
+
+    def file(self, path: Path) -> None:
+        """Put a file of the mission into the record."""
+        if self._file is None:
+            return
+        try:
+            if path.stat().st_size <= FILE_BYTES:
+                data, kind = path.read_bytes(), _MEDIA_TYPES.get(path.suffix, "text/plain")
+                self._file.attach(path.name, kind, int(self._unix_s() * 1e9), data)
+        except OSError as error:
+            _log.warning("%s is not in the record: %s", path, error)
+
+    # Its end.
+
+    def close(self) -> None:
+        """End the file; a flight that never began leaves none."""
+        if self._file is not None:
+            file, self._file = self._file, None
+            file.close()
+            if not self._flown:
+                file.path.unlink(missing_ok=True)
+                self.path = None
+
+    def _tell(self, text: str) -> None:
+        """On the thread that writes."""
+        try:
+            self.trouble(text)
+        except RuntimeError:  # whoever listened has gone
+            _log.error(text)
+
+    def _write(self, kind: str, value: object, now_s: float) -> None:
+        plain = self._encoded(journal.encode, value)
+        if plain is None:
+            self.note("Unwritable", now_s, {"kind": kind, "value": repr(value)[:1000]})
+        else:
+            of: Any = type(value)
+            self._add(channel_of(kind, of), now_s, {"t": now_s, **self._order(value), **plain})
+
+    def _order(self, value: object) -> dict[str, int]:
+        """Which of the motions, which may be alike, one is: counted from 1."""
+        if isinstance(value, MOTIONS):
+            self._motions += 1
+            self._recent.append((value, self._motions))
+            return {ORDER_KEY: self._motions}
+        if isinstance(value, ABOUT_MOTIONS):
+            orders = [order for motion, order in self._recent if motion is value.action]
+            return {ORDER_KEY: orders[0]} if orders else {}
+        return {}
+
+    def _encoded(self, encode: Callable[[Any], Any], value: object) -> Any:
+        try:
+            return encode(value)
+        except Exception:  # noqa: BLE001 - no fault of a record may end a flight
+            name = type(value).__name__
+            if name not in self._unwritable:
+                self._unwritable.add(name)
+                _log.exception("%s cannot be recorded: the record cannot be replayed", name)
+            return None
+
+    def _draw(self, drawn: Iterable[Drawn]) -> None:
+        for topic, schema, message in drawn:
+            stamp = message.get("timestamp")
+            time_ns = None if stamp is None else stamp["sec"] * 10**9 + stamp["nsec"]
+            self._send(drawn_channel(topic, schema), time_ns, message)
+
+    def _add(self, channel: Channel, now_s: float, message: dict[str, Any]) -> None:
+        self._send(channel, int(self._time_s(now_s) * 1e9), message)
+
+    def _send(self, channel: Channel, time_ns: int | None, message: dict[str, Any]) -> None:
+        if self._file is not None:
+            self._last_ns = max(self._last_ns, time_ns or 0)
+            self._file.add(channel, self._last_ns, json_of(message).encode("ascii"))
+
+    def _time_s(self, now_s: float) -> float:
+        """Unix seconds for displays: they run with the vehicle's clock, whatever GPS says later.
+
+        Where that is behind the computer's, by which the record began, they go on from there.
+        """
+        if self._epoch_s is None:
+            if now_s <= 0:
+                return self._unix_s()
+            self._epoch_s = max(self._unix_s(), self._last_ns / 1e9) - now_s
+        return self._epoch_s + now_s
+
+
+_MEDIA_TYPES: Final = {".yaml": "application/yaml", ".plan": "application/json"}
+
+
+def _open(
+    folder: Path, names: tuple[str, str], mission: str, trouble: Callable[[str], None]
+) -> LogFile:
+    folder.mkdir(parents=True, exist_ok=True)
+    facts = {
+        "format": FORMAT,
+        "mission": mission,
+        "unix_s": repr(time.time()),
+        "python": platform.python_version(),
+        "system": platform.platform(),
+        **{name: _version(name) for name in LIBRARIES},
+    }
+    words = [names[0], time.strftime("%Y%m%dT%H%M%SZ", time.gmtime()), _tame(names[1])]
+    stem = "-".join(word for word in words if word)
+    number = 1
+    while True:
+        name = f"{stem}.mcap" if number == 1 else f"{stem}-{number}.mcap"
+        try:
+            return LogFile(folder / name, trouble, facts)
+        except FileExistsError:
+            number += 1
+
+
+def _tame(name: str) -> str:
+    """A name of a robot as a part of a file's name."""
+    return "".join(c if c.isalnum() else "_" for c in name)[:40]
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"

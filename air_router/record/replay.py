@@ -1,0 +1,206 @@
+"""Runs the decisions of a recorded flight again.
+
+The same events at the same times must give the same actions. What is replayed is the controller,
+and nothing else: no vehicle, no sockets, no clock. A difference means that the program has changed
+since, that the record is not whole, or that a decision depends on something that is not in its
+events.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+from air_router.controller.controller import Controller
+from air_router.controller.model.events import CommandConfirmed, CommandFailed
+from air_router.errors import AirRouterError, ExitCode
+from air_router.record import serialization as journal
+from air_router.record.log import Entry, Log, Note
+from air_router.record.log_file import RECENT
+from air_router.vehicle.vehicle import Telemetry
+
+CONTEXT: Final = 10
+"""So many events before a difference are told; positions in between only as the last one."""
+
+
+class ReplayError(AirRouterError):
+    """A record in which there is nothing to replay."""
+
+    exit_code = ExitCode.INVALID_FILE
+
+
+class Told(NamedTuple):
+    """An event with the actions that followed."""
+
+    t: float
+    event: Any
+    actions: list[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Where a replay first decides otherwise.
+
+    Attributes:
+        t: On the vehicle's clock.
+        event: What happened.
+        recorded: What was decided in flight.
+        replayed: What is decided now; an exception as its text.
+        state: The state of the mission then, in the replay.
+        before: The events before it.
+    """
+
+    t: float
+    event: Any
+    recorded: list[Any]
+    replayed: list[Any]
+    state: str
+    before: tuple[Told, ...]
+
+    def lines(self) -> Iterator[str]:
+        """As text."""
+        yield f"first difference at {self.t:.3f} s, in {self.state}:"
+        for told in self.before:
+            yield f"  {told.t:10.3f}  {told.event}"
+            yield from (f"              -> {action}" for action in told.actions)
+        yield f"  {self.t:10.3f}  {self.event}"
+        for word, actions in (("recorded", self.recorded), ("replayed", self.replayed)):
+            if not actions:
+                yield f"    {word}: nothing"
+            yield from (f"    {word}: {action}" for action in actions)
+
+
+@dataclass(slots=True)
+class Replay:
+    """What came of it."""
+
+    events: int = 0
+    actions: int = 0
+    until_s: float = 0.0
+    difference: Difference | None = None
+    notes: list[str] = field(default_factory=list)
+
+    def as_json(self) -> dict[str, Any]:
+        """As plain data."""
+        found = self.difference
+        return {
+            "same": found is None,
+            "events": self.events,
+            "actions": self.actions,
+            "until_s": self.until_s,
+            "notes": self.notes,
+            "difference": None
+            if found is None
+            else {
+                "t": found.t,
+                "state": found.state,
+                "event": journal.encode(found.event),
+                "recorded": [_plain(action) for action in found.recorded],
+                "replayed": [_plain(action) for action in found.replayed],
+            },
+        }
+
+
+def replay(entries: Iterable[Entry], controller: Controller | None = None) -> Replay:
+    """Give a record's events to a fresh controller and compare what it does.
+
+    Args:
+        entries: The record.
+        controller: What decides; None: made from the setup in the record.
+
+    Raises:
+        ReplayError: there is no setup in the record, or no decision to compare with.
+        LogError: see `air_router.record.log`.
+    """
+    result = Replay()
+    before: deque[Told] = deque(maxlen=CONTEXT)
+    motions: deque[tuple[Any, Any]] = deque(maxlen=4 * RECENT)
+    for step in _steps(entries):
+        if isinstance(step, Entry):
+            controller = _prepared(step, controller, result)
+            continue
+        if controller is None:
+            raise ReplayError("there is no setup before the first event: it cannot be replayed")
+        result.events += 1
+        result.actions += len(step.actions)
+        result.until_s = step.t
+        decided = _decide(controller, step, motions)
+        if [*map(_comparable, decided)] != [*map(_comparable, step.actions)]:
+            state = controller.state.name
+            result.difference = Difference(
+                step.t, step.event, step.actions, decided, state, tuple(before)
+            )
+            return result
+        motions.extend(zip(step.actions, decided, strict=True))
+        if before and isinstance(before[-1].event, Telemetry) and not before[-1].actions:
+            before.pop()
+        before.append(step)
+    if not result.actions:
+        cut = entries.ending if isinstance(entries, Log) else None
+        why = f": {cut}" if cut else ""
+        raise ReplayError(f"no decision was recorded, so there is nothing to compare{why}")
+    return result
+
+
+def _steps(entries: Iterable[Entry]) -> Iterator[Entry | Told]:
+    """Events with their actions, and what else the controller was told, up to where it was left.
+
+    The last event of a record that was cut off is left out: not all that followed may be there.
+    """
+    current: Told | None = None
+    for entry in entries:
+        if entry.kind == "action" and current is not None:
+            current.actions.append(entry.value)
+            continue
+        if entry.kind not in {"event", "setup", "note"}:
+            continue
+        if entry.kind == "note" and entry.value.name not in {"Reaction", "LetGo", "Unwritable"}:
+            continue
+        if current is not None:
+            yield current
+            current = None
+        if entry.kind == "event":
+            current = Told(entry.t, entry.value, [])
+        elif entry.kind == "note" and entry.value.name == "LetGo":
+            return
+        else:
+            yield entry
+    cut = isinstance(entries, Log) and entries.ending is not None
+    if current is not None and not cut:
+        yield current
+
+
+def _prepared(entry: Entry, controller: Controller | None, result: Replay) -> Controller | None:
+    """What the shell did to the controller beside handing it events."""
+    if entry.kind == "setup":
+        return controller if controller is not None else entry.value.controller()
+    note: Note = entry.value
+    if note.name == "Unwritable":
+        result.notes.append(f"at {entry.t:.3f} s something could not be recorded: {note.fields}")
+    elif controller is not None:
+        controller.navigator.reaction_s = note.fields["reaction_s"]
+    return controller
+
+
+def _decide(controller: Controller, step: Told, motions: Iterable[tuple[Any, Any]]) -> list[Any]:
+    event = step.event
+    if isinstance(event, CommandConfirmed | CommandFailed):
+        # Of motions that are alike the controller knows its own: the object counts.
+        own = [mine for theirs, mine in motions if theirs is event.action]
+        event = dataclasses.replace(event, action=own[0]) if own else event
+    try:
+        return list(controller.handle(event, step.t))
+    except Exception as error:  # noqa: BLE001 - a flight that ended so does it again
+        return [f"{type(error).__name__}: {error}"]
+
+
+def _comparable(action: Any) -> str:
+    """Numbers are the same when every bit is; NaN is NaN."""
+    return repr(action)
+
+
+def _plain(action: Any) -> Any:
+    return action if isinstance(action, str) else journal.encode(action)

@@ -1,0 +1,264 @@
+"""The figures of one flight, each in two widths."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from html import escape
+from typing import Final, NamedTuple
+
+from air_router.controller.model.behaviour import State
+from air_router.report.flight.flight_summary import Story
+from air_router.report.flight.svg import (
+    BOTTOM,
+    LEFT,
+    NARROW,
+    RIGHT,
+    TOP,
+    WIDE,
+    Plot,
+    clock,
+    number,
+)
+from air_router.report.flight.ulog import UlogTrack
+
+COLOURS: Final = 8
+"""So many robots have a colour of their own; then they begin anew."""
+
+_LANE: Final = 20
+
+_LEAST_PX: Final = 1.0
+"""Syncs that are nearer to each other than this are one mark."""
+
+
+class Figure(NamedTuple):
+    """A figure of the page: its heading, what it shows, the pictures, and (css, words) of it."""
+
+    name: str
+    heading: str
+    words: str
+    pictures: str
+    legend: list[tuple[str, str]]
+
+
+def figures(story: Story, ulog: UlogTrack | None = None) -> list[Figure]:
+    """Everything that can be drawn of a flight over time."""
+    drawn = [
+        _timeline(story),
+        _bandwidth(story),
+        _ages(story),
+        _map(story),
+        _distance(story),
+        _battery(story, ulog),
+    ]
+    return [figure for figure in drawn if figure is not None]
+
+
+def robot_css(story: Story, robot: str) -> str:
+    """The colour of a robot."""
+    return f"r{story.exchanges.names().index(robot) % COLOURS}"
+
+
+def _both(draw: Callable[[int], str]) -> str:
+    return draw(WIDE) + draw(NARROW)
+
+
+def _timeline(story: Story) -> Figure:
+    names = story.exchanges.names()
+
+    def draw(width: int) -> str:
+        height = TOP + (_LANE + 6) * (len(names) + 1) + BOTTOM
+        plot = Plot(width, height, story.from_s, story.to_s)
+        for stay in story.states:
+            whom = f" {stay.robot}" if stay.robot else ""
+            length = clock(stay.to_s - stay.from_s)
+            title = f"{stay.state}{whom}, {length}, because {stay.because or 'the record begins'}"
+            plot.bar(stay.from_s, stay.to_s, (TOP, _LANE), f"state {stay.state}", title)
+            room = plot.x(stay.to_s) - plot.x(stay.from_s)
+            words = stay.state if room < 7 * len(stay.state + whom) + 8 else stay.state + whom
+            if room > 7 * len(words) + 8:
+                middle = (plot.x(stay.from_s) + plot.x(stay.to_s)) / 2
+                plot.text(middle, TOP + 14, words, "middle", "on")
+        for row, name in enumerate(names, start=1):
+            top = TOP + row * (_LANE + 6)
+            _lane(story, plot, name, top)
+        plot.times()
+        return plot.svg("states, contacts and syncs over time")
+
+    states = [
+        (f"state {s.name}", s.name) for s in State if any(x.state == s.name for x in story.states)
+    ]
+    legend = [
+        *states,
+        ("contact", "in reach"),
+        ("sync complete", "sync"),
+        ("sync broken", "broken off"),
+    ]
+    return Figure(
+        "timeline",
+        "States, contacts and syncs",
+        "Above: what the mission was doing. Below, for each robot: when the radio heard it well "
+        "enough, and the syncs: ours from it in the upper half, its from us in the lower.",
+        _both(draw),
+        legend,
+    )
+
+
+def _lane(story: Story, plot: Plot, name: str, top: float) -> None:
+    plot.text(LEFT - 6, top + 14, name[:8], "end")
+    bottom = top + _LANE
+    plot.add(f'<path class="grid" d="M{LEFT} {bottom:.1f}H{plot.width - RIGHT}"/>')
+    for contact in story.exchanges.contacts:
+        if contact.robot == name:
+            title = f"{name} in reach for {clock(contact.to_s - contact.from_s)}"
+            plot.bar(contact.from_s, contact.to_s, (top, _LANE), "contact", title)
+    drawn: dict[tuple[str, str], float] = {}
+    for sync in story.exchanges.syncs:
+        if sync.robot != name:
+            continue
+        kind, end = (sync.direction, sync.outcome), plot.x(sync.to_s)
+        if end - drawn.get(kind, 0.0) >= _LEAST_PX:
+            drawn[kind] = end
+            half = top + 1 if sync.direction == "in" else top + _LANE / 2 + 1
+            css = "sync broken" if sync.outcome == "broken off" else f"sync {sync.outcome}"
+            whose = f"from {name}" if sync.direction == "in" else f"to {name}"
+            title = f"{sync.outcome} {whose}: {sync.messages} messages, {number(sync.bytes)} bytes"
+            plot.bar(sync.from_s, sync.to_s, (half, _LANE / 2 - 2), css, title)
+
+
+def _bandwidth(story: Story) -> Figure | None:
+    if not story.exchanges.syncs:
+        return None
+    span_s, coming, going = story.exchanges.bandwidth(story.from_s, story.to_s)
+    highest, lowest = 1.08 * max(coming) / 1e3, 1.08 * max(going) / 1e3
+    least = max(0.2 * (highest + lowest), 1e-3)
+
+    def draw(width: int) -> str:
+        top, bottom = max(highest, least), -max(lowest, least)
+        plot = Plot(width, 220, story.from_s, story.to_s, top, bottom)
+        zero = plot.y(0.0)
+        for i, (got, given) in enumerate(zip(coming, going, strict=True)):
+            begin_s = story.from_s + i * span_s
+            for rate, css in ((got / 1e3, "in"), (-given / 1e3, "out")):
+                if rate:
+                    y = plot.y(rate)
+                    title = f"{clock(begin_s - story.from_s)}: {abs(rate):.1f} kB/s {css}"
+                    place = (min(y, zero), max(abs(y - zero), 1.0))
+                    plot.bar(begin_s, begin_s + span_s, place, f"rate {css}", title)
+        plot.axes()
+        plot.add(f'<path class="axis" d="M{LEFT} {zero:.1f}H{width - RIGHT}"/>')
+        return plot.svg("bandwidth over time")
+
+    return Figure(
+        "bandwidth",
+        "Bandwidth, kB/s",
+        f"Bytes of messages in complete and partial syncs, over spans of {span_s:.1f} s: fetched "
+        "by us upwards, fetched from us downwards.",
+        _both(draw),
+        [("rate in", "from robots"), ("rate out", "to robots")],
+    )
+
+
+def _ages(story: Story) -> Figure | None:
+    ages = {name: story.exchanges.ages(name) for name in story.exchanges.names()}
+    highest = max((age for series in ages.values() for _, age in series), default=0.0)
+    if highest <= 0:
+        return None
+
+    def draw(width: int) -> str:
+        plot = Plot(width, 220, story.from_s, story.to_s, highest * 1.05)
+        plot.axes()
+        for name, series in ages.items():
+            plot.line(series, robot_css(story, name), name)
+        return plot.svg("age of information over time")
+
+    known = [(robot_css(story, name), name) for name, series in ages.items() if series]
+
+    return Figure(
+        "ages",
+        "Age of information, s",
+        "How old the newest message was that we held of each robot's own, from it or through "
+        "others. It grows by a second each second until something newer comes.",
+        _both(draw),
+        known,
+    )
+
+
+def _map(story: Story) -> Figure | None:
+    shares = {n: story.exchanges.shares(n, story.painted) for n in story.exchanges.names()}
+    shares = {n: series for n, series in shares.items() if any(share for _, share in series)}
+    if not story.painted:
+        return None
+    most = max(cells for _, cells in story.painted)
+
+    def draw(width: int) -> str:
+        plot = Plot(width, 220, story.from_s, story.to_s, 100.0)
+        plot.axes([0, 25, 50, 75, 100])
+        plot.line([(t, 100 * cells / most) for t, cells in story.painted], "own", "the UAV's map")
+        for name, series in shares.items():
+            css = robot_css(story, name)
+            held = zip(series, story.painted, strict=True)
+            plot.line(
+                [(t, 100 * share * cells / most) for (t, share), (_, cells) in held],
+                css,
+                f"{name} has",
+                steps=True,
+            )
+        return plot.svg("map coverage over time")
+
+    return Figure(
+        "map",
+        "Map coverage, %",
+        f"Of the {number(most)} cells that the UAV had painted at the end: how many it had, and "
+        "how many are in the map that each robot is known to hold: by its own word, or because it "
+        "fetched it. What robots hand to each other is seen when the UAV meets them again.",
+        _both(draw),
+        [("own", "the UAV"), *((robot_css(story, n), n) for n in shares)],
+    )
+
+
+def _distance(story: Story) -> Figure | None:
+    if not story.distances or story.setup is None:
+        return None
+    clearance_m = story.setup.mission.planner.clearance_m
+    top = max(3 * clearance_m, min(60.0, max(d for _, d in story.distances)))
+
+    def draw(width: int) -> str:
+        plot = Plot(width, 180, story.from_s, story.to_s, top)
+        plot.axes()
+        plot.line(story.distances, "own", "distance to the nearest zone or fence")
+        plot.level(clearance_m, "limit", f"clearance {clearance_m:g} m")
+        return plot.svg("distance to the nearest zone or fence over time")
+
+    return Figure(
+        "distance",
+        "Distance to the nearest zone or fence, m",
+        "From the vehicle's own positions, while it was ours to fly.",
+        _both(draw),
+        [],
+    )
+
+
+def _battery(story: Story, ulog: UlogTrack | None) -> Figure | None:
+    theirs = [] if ulog is None else [(t, 100 * charge) for t, charge in ulog.battery]
+    if not story.battery and not theirs:
+        return None
+    end = [] if not story.battery else [(story.to_s, story.battery[-1][1])]
+
+    def draw(width: int) -> str:
+        plot = Plot(width, 160, story.from_s, story.to_s, 100.0)
+        plot.axes([0, 25, 50, 75, 100])
+        plot.line(theirs, "theirs", "PX4's log")
+        plot.line([(t, 100 * c) for t, c in [*story.battery, *end]], "own", "told us", steps=True)
+        if story.setup is not None:
+            reserve = 100 * story.setup.mission.battery_reserve
+            plot.level(reserve, "limit", f"reserve {reserve:g} %")
+        return plot.svg("battery over time")
+
+    legend = [("own", "as the vehicle told us"), ("theirs", "in PX4's log")] if theirs else []
+    return Figure("battery", "Battery, %", "", _both(draw), legend)
+
+
+def legend_html(legend: list[tuple[str, str]]) -> str:
+    """The legend of a figure."""
+    items = "".join(f'<li><i class="key {css}"></i>{escape(words)}</li>' for css, words in legend)
+    return f'<ul class="legend">{items}</ul>' if items else ""

@@ -1,0 +1,228 @@
+"""What went over the links of a flight: contacts, syncs, bytes, and how old news were."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final
+
+from air_router.messages import MAP_TOPIC
+from mocha_link.links.link_events import (
+    ContactBegan,
+    ContactEnded,
+    Direction,
+    LinkEvent,
+    MessageStored,
+    RssiChanged,
+    SyncEnded,
+    SyncStarted,
+    SyncTimedOut,
+)
+
+STAMP_S: Final = 0.0005
+"""Stamps are whole milliseconds."""
+
+BINS: Final = 240
+"""Bandwidth is shown over so many spans of equal length."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A time in which a robot was heard well enough."""
+
+    robot: str
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sync:
+    """One pull, ours ("in") or the robot's ("out"); `outcome`: complete, partial or broken off."""
+
+    robot: str
+    direction: str
+    from_s: float
+    to_s: float
+    bytes: int
+    messages: int
+    outcome: str
+
+
+@dataclass(slots=True)
+class Exchanges:
+    """Adds up the events of the links.
+
+    Attributes:
+        own: The UAV's own name: how old its own news are is no question.
+        sought: Robots that the mission seeks, though nothing may be heard of them.
+        published: (t, known cells) of the versions of the map that were given out.
+    """
+
+    own: str = ""
+    sought: tuple[str, ...] = ()
+    contacts: list[Contact] = field(default_factory=list)
+    syncs: list[Sync] = field(default_factory=list)
+    published: list[tuple[float, int]] = field(default_factory=list)
+    signal: dict[str, list[tuple[float, float | None]]] = field(default_factory=dict)
+    started: int = 0
+    _near: dict[str, float] = field(default_factory=dict)
+    _parted: dict[str, float] = field(default_factory=dict)
+    _open: dict[tuple[str, Direction], float] = field(default_factory=dict)
+    _newest_s: dict[str, float] = field(default_factory=dict)
+    _maps: list[float] = field(default_factory=list)
+    _names: list[str] | None = None
+    _held: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    _ages: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    _end: tuple[float, float] | None = None
+
+    def take(self, t: float, event: LinkEvent) -> None:
+        """Take in what happened; `t` is the vehicle's clock, the event's own times are Unix."""
+        if not math.isfinite(event.at_s):
+            return
+        self._end = (t, event.at_s)
+        match event:
+            case ContactBegan(peer=peer):
+                self._near.setdefault(peer, t)
+            case ContactEnded(peer=peer):
+                self._part(peer, t)
+            case SyncStarted(peer=peer, direction=direction):
+                self.started += 1
+                self._open[peer, direction] = t
+            case SyncEnded(peer=peer, direction=direction):
+                outcome = "complete" if event.complete else "partial"
+                self._done(peer, direction, t, (event.bytes, event.messages, outcome))
+            case SyncTimedOut(peer=peer, direction=direction):
+                self._done(peer, direction, t, (0, 0, "broken off"))
+            case MessageStored():
+                self._stored(t, event)
+            case RssiChanged(peer=peer, rssi_dbm=rssi_dbm):
+                self.signal.setdefault(peer, []).append((t, rssi_dbm))
+
+    def holds(self, t: float, peer: str, held: list[list[Any]]) -> None:
+        """A peer is known to hold these: robot, topic, stamp."""
+        for robot, topic, stamp_s in held:
+            if (robot, topic) == (self.own, MAP_TOPIC):
+                self._held.setdefault(peer, []).append((t, float(stamp_s)))
+
+    def end(self, t: float) -> None:
+        """The record ends here."""
+        for peer in list(self._near):
+            self._part(peer, t)
+        if self._end is not None:
+            told_s, unix_s = self._end
+            for robot, newest_s in self._newest_s.items():
+                self._ages[robot].append((t, max(0.0, unix_s + t - told_s - newest_s)))
+
+    def names(self) -> list[str]:
+        """Every robot that was sought or heard of; call it when there is no more."""
+        if self._names is None:
+            self._names = self._heard()
+        return self._names
+
+    def _heard(self) -> list[str]:
+        heard = {contact.robot for contact in self.contacts} | {sync.robot for sync in self.syncs}
+        return sorted(heard | self._ages.keys() | self.signal.keys() | {*self.sought})
+
+    def interactions(self) -> dict[str, Any]:
+        """How many syncs, and the share of them that was completed (null without any)."""
+        over = len(self.syncs)
+        completed = sum(sync.outcome == "complete" for sync in self.syncs)
+        return {
+            "started": self.started,
+            "completed": completed,
+            "partial": sum(sync.outcome == "partial" for sync in self.syncs),
+            "timed_out": sum(sync.outcome == "broken off" for sync in self.syncs),
+            "share_completed": completed / over if over else None,
+            "bytes_in": sum(sync.bytes for sync in self.syncs if sync.direction == "in"),
+            "bytes_out": sum(sync.bytes for sync in self.syncs if sync.direction == "out"),
+        }
+
+    def of(self, robot: str, painted: list[tuple[float, int]]) -> dict[str, Any]:
+        """What is known of one robot."""
+        return {
+            "contacts": [asdict(c) for c in self.contacts if c.robot == robot],
+            "syncs": [asdict(s) for s in self.syncs if s.robot == robot],
+            "age_s": [[round(t, 3), round(age, 2)] for t, age in self.ages(robot)],
+            "map_share": [[round(t, 3), round(s, 4)] for t, s in self.shares(robot, painted)],
+            "rssi_dbm": [[round(t, 3), rssi] for t, rssi in self.signal.get(robot, [])],
+        }
+
+    def ages(self, robot: str) -> list[tuple[float, float]]:
+        """(t, age in seconds of the newest of its messages that we held): before and after each."""
+        return self._ages.get(robot, [])
+
+    def shares(self, robot: str, painted: list[tuple[float, int]]) -> list[tuple[float, float]]:
+        """(t, share of the painted cells that the map has which the robot is known to have).
+
+        By what it said that it holds, and by what it has fetched from us. At least: it may have
+        got a newer one from another robot since we met it.
+        """
+        fetches = [
+            (sync.to_s, self._published_before(sync.from_s))
+            for sync in self.syncs
+            if sync.robot == robot and sync.direction == "out" and sync.outcome == "complete"
+        ]
+        fetches += [(t, self._version(stamp_s)) for t, stamp_s in self._held.get(robot, [])]
+        fetches.sort()
+        shares = []
+        held, fetched = 0, 0
+        for t, cells in painted:
+            while fetched < len(fetches) and fetches[fetched][0] <= t:
+                held = max(held, fetches[fetched][1])
+                fetched += 1
+            shares.append((t, min(1.0, held / cells) if cells else 0.0))
+        return shares
+
+    def bandwidth(self, from_s: float, to_s: float) -> tuple[float, list[float], list[float]]:
+        """Bytes per second over the flight: the length of a span, and per span in and out."""
+        span_s = max(1.0, (to_s - from_s) / BINS)
+        count = int((to_s - from_s) / span_s) + 1
+        rates = {"in": [0.0] * count, "out": [0.0] * count}
+        for sync in self.syncs:
+            length_s = sync.to_s - sync.from_s
+            first = max(0, int((sync.from_s - from_s) / span_s))
+            last = min(count - 1, int((sync.to_s - from_s) / span_s))
+            for i in range(first, last + 1):
+                begin_s = from_s + i * span_s
+                part_s = min(sync.to_s, begin_s + span_s) - max(sync.from_s, begin_s)
+                share = part_s / length_s if length_s > 0 else 1.0
+                rates[sync.direction][i] += share * sync.bytes / span_s
+        return span_s, rates["in"], rates["out"]
+
+    def _part(self, peer: str, t: float) -> None:
+        began_s = self._near.pop(peer, None)
+        self._parted[peer] = t
+        if began_s is not None:
+            self.contacts.append(Contact(peer, began_s, t))
+
+    def _done(self, peer: str, direction: Direction, t: float, what: tuple[int, int, str]) -> None:
+        began_s = self._open.pop((peer, direction), t)
+        if what[-1] == "broken off":  # found out long after the robot was out of reach, perhaps
+            parted_s = self._parted.get(peer, t)
+            t = parted_s if began_s <= parted_s < t else t
+        self.syncs.append(Sync(peer, direction.value, began_s, t, *what))
+
+    def _stored(self, t: float, event: MessageStored) -> None:
+        stamp_s = event.header.stamp_s(event.at_s)
+        if event.robot == self.own:
+            if event.topic == MAP_TOPIC:
+                self._maps.append(stamp_s)
+            return
+        newest_s = self._newest_s.get(event.robot)
+        if newest_s is not None and stamp_s <= newest_s:
+            return
+        ages = self._ages.setdefault(event.robot, [])
+        if newest_s is not None:
+            ages.append((t, max(0.0, event.at_s - newest_s)))
+        ages.append((t, max(0.0, event.at_s - stamp_s)))
+        self._newest_s[event.robot] = stamp_s
+
+    def _version(self, stamp_s: float) -> int:
+        """Known cells of the map of a stamp: versions are stored in the order they are made in."""
+        number = min(bisect_right(self._maps, stamp_s + STAMP_S), len(self.published))
+        return self.published[number - 1][1] if number else 0
+
+    def _published_before(self, t: float) -> int:
+        index = bisect_right(self.published, (t, 1 << 62))
+        return self.published[index - 1][1] if index else 0

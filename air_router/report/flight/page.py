@@ -1,0 +1,198 @@
+"""A flight as one HTML page that needs nothing else: no network, no script."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib import resources
+from typing import Any
+
+from air_router.report.flight.charts import Figure, figures, legend_html, robot_css
+from air_router.report.flight.flight_summary import Story
+from air_router.report.flight.svg import clock
+from air_router.report.flight.track import track_figure
+from air_router.report.flight.ulog import UlogTrack
+
+
+def page_of(story: Story, source: str, ulog: UlogTrack | None = None) -> str:
+    """The page; `source` is the name of the record."""
+    facts = story.as_json()
+    title = f"{facts['mission']}: flight of {facts['uav'] or 'the UAV'}"
+    track = track_figure(story, ulog)
+    shown = [track] if track is not None else []
+    shown += figures(story, ulog)
+    style = resources.files("air_router.report.flight").joinpath("page.css").read_text("utf-8")
+    body = [
+        _head(facts, title),
+        _tiles(facts),
+        *map(_section, shown),
+        _robots(story, facts),
+        _table("Requests", ("at", "what", "who", "answer"), _requests(story)),
+        _table("Said in flight", ("at", "text"), _said(story)),
+        _table("Not followed by the vehicle", ("at", "what"), _failures(story)),
+        _table("Flight modes in PX4's log", ("at", "mode"), _modes(story, ulog)),
+        _foot(facts, source, ulog),
+    ]
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        '<meta name="color-scheme" content="light dark">'
+        f"<title>{escape(title)}</title><style>{style}</style></head>"
+        f"<body><main>{''.join(body)}</main></body></html>\n"
+    )
+
+
+def _head(facts: dict[str, Any], title: str) -> str:
+    words = []
+    if facts["began_unix_s"] is not None:
+        with contextlib.suppress(OverflowError, OSError, ValueError):  # a time that is none
+            began = time.gmtime(facts["began_unix_s"])
+            words.append(time.strftime("%Y-%m-%d %H:%M UTC", began))
+    vehicle = facts["vehicle"]
+    if vehicle:
+        words.append(f"{vehicle.get('autopilot')} {vehicle.get('version')}")
+    ending = ""
+    if facts["ending"] is not None:
+        ending = f'<p class="warning">The record is not whole: {escape(facts["ending"])}.</p>'
+    return f"<header><h1>{escape(title)}</h1><p>{escape(' · '.join(words))}</p>{ending}</header>"
+
+
+def _tiles(facts: dict[str, Any]) -> str:
+    share = facts["interactions"]["share_completed"]
+    closest = facts["closest_approach_m"]
+    charges = [charge for _, charge in facts["battery"]]
+    why = facts["flight_report"].get("came_home_because")
+    got, given = facts["interactions"]["bytes_in"], facts["interactions"]["bytes_out"]
+    tiles = [
+        ("outcome", str(facts["outcome"]), str(why or "")),
+        ("flown", clock(facts["duration_s"]), f"{facts['distance_m']:.0f} m"),
+        (
+            "closest approach",
+            "none" if closest is None else f"{closest:.1f} m",
+            "no zones, no fence"
+            if closest is None
+            else f"to {facts['closest_approach_to']}; demanded {facts['clearance_m']:g} m",
+        ),
+        (
+            "syncs completed",
+            "none" if share is None else f"{100 * share:.1f} %",
+            f"{facts['interactions']['completed']} of {facts['interactions']['started']} begun",
+        ),
+        (
+            "exchanged",
+            _bytes(got + given),
+            f"{_bytes(got)} in, {_bytes(given)} out",
+        ),
+    ]
+    if charges:
+        used = f"from {charges[0]:.0%} to {charges[-1]:.0%}"
+        tiles.append(("battery", f"{charges[0] - charges[-1]:.0%}", used))
+    low = closest is not None and closest < facts["clearance_m"]
+    items = "".join(
+        f'<li class="{"bad" if low and name == "closest approach" else ""}"><span>{name}</span>'
+        f"<b>{escape(value)}</b><small>{escape(more)}</small></li>"
+        for name, value, more in tiles
+    )
+    return f'<ul class="tiles">{items}</ul>'
+
+
+def _section(figure: Figure) -> str:
+    words = f"<p>{escape(figure.words)}</p>" if figure.words else ""
+    return (
+        f'<section id="{figure.name}"><h2>{escape(figure.heading)}</h2>{words}'
+        f"{legend_html(figure.legend)}{figure.pictures}</section>"
+    )
+
+
+def _robots(story: Story, facts: dict[str, Any]) -> str:
+    rows = []
+    for name, robot in facts["robots"].items():
+        syncs = robot["syncs"]
+        done = {way: [s for s in syncs if s["direction"] == way] for way in ("in", "out")}
+        complete = {w: sum(s["outcome"] == "complete" for s in done[w]) for w in done}
+        ages = [age for _, age in robot["age_s"]]
+        share = robot["map_share"][-1][1] if robot["map_share"] else None
+        reach_s = sum(c["to_s"] - c["from_s"] for c in robot["contacts"])
+        key = f'<i class="key {robot_css(story, name)}"></i>'
+        rows.append(
+            (
+                f"{key}{escape(name)}",
+                str(robot["found"]),
+                f"{len(robot['contacts'])}, {clock(reach_s)}",
+                f"{complete['in']}/{len(done['in'])}",
+                f"{complete['out']}/{len(done['out'])}",
+                _bytes(sum(s["bytes"] for s in syncs)),
+                f"{max(ages):.0f} s" if ages else "never heard of",
+                "" if not share else f"{share:.0%}",
+            )
+        )
+    head = (
+        *("robot", "found", "contacts", "syncs from it", "syncs to it"),
+        *("bytes", "oldest news", "its map at the end"),
+    )
+    return _table("Robots", head, rows, ready=True)
+
+
+def _requests(story: Story) -> list[tuple[str, ...]]:
+    answers = {None: "no answer recorded", True: "accepted", False: "refused"}
+    return [
+        (
+            clock(wish.t - story.from_s),
+            wish.what,
+            wish.by,
+            f"{answers[wish.accepted]}{': ' if wish.why else ''}{wish.why}",
+        )
+        for wish in story.requests
+    ]
+
+
+def _said(story: Story) -> list[tuple[str, ...]]:
+    return [(clock(t - story.from_s), text) for t, text in story.announcements]
+
+
+def _failures(story: Story) -> list[tuple[str, ...]]:
+    return [(clock(t - story.from_s), text) for t, text in story.failures]
+
+
+def _modes(story: Story, ulog: UlogTrack | None) -> list[tuple[str, ...]]:
+    if ulog is None:
+        return []
+    return [(clock(max(0.0, t - story.from_s)), mode) for t, mode in ulog.modes]
+
+
+def _table(
+    heading: str, head: Sequence[str], rows: Iterable[Sequence[str]], *, ready: bool = False
+) -> str:
+    """A table; `ready`: its cells are HTML already."""
+    cells = [[cell if ready else escape(cell) for cell in row] for row in rows]
+    if not cells:
+        return ""
+    top = "".join(f"<th>{escape(word)}</th>" for word in head)
+    body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in cells)
+    return (
+        f'<section><h2>{escape(heading)}</h2><div class="scroll"><table>'
+        f"<thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div></section>"
+    )
+
+
+def _foot(facts: dict[str, Any], source: str, ulog: UlogTrack | None) -> str:
+    versions = ", ".join(
+        f"{name} {facts['about'][name]}"
+        for name in ("air-router", "mavsdk", "python")
+        if name in facts["about"]
+    )
+    words = [f"Made from {source}.", f"Recorded by {versions}." if versions else ""]
+    if ulog is not None:
+        words.append(
+            f"PX4's log was laid over it by {ulog.aligned_by}; the tracks are {ulog.off_m} m apart "
+            "(median)."
+        )
+    return f"<footer>{escape(' '.join(words))}</footer>"
+
+
+def _bytes(count: float) -> str:
+    if count < 1e4:
+        return f"{count:.0f} B"
+    return f"{count / 1e3:.0f} kB" if count < 1e7 else f"{count / 1e6:.0f} MB"

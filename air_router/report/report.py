@@ -1,0 +1,133 @@
+"""What a person reads when the flight is over: a table, and a picture of the track."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, TextIO
+
+from air_router.flight.flight_result import FlightResult
+from air_router.mission.mission import Mission
+
+COLUMNS: Final = (
+    ("robot", "{}"),
+    ("found", "{}"),
+    ("syncs in/out", "{}"),
+    ("bytes in/out", "{}"),
+    ("newest data", "{}"),
+    ("map at last meeting", "{}"),
+)
+
+KEPT_SHARE: Final = 0.95
+"""Of the speed that was asked for; with less it is told who was too slow."""
+
+
+def write_report(
+    mission: Mission,
+    result: FlightResult,
+    picture: Path | None,
+    out: TextIO | None = None,
+    *,
+    with_table: bool = True,
+) -> None:
+    """Print the table on stderr, and draw the track into `picture` if one is wanted."""
+    out = out if out is not None else sys.stderr
+    if with_table:
+        out.write(table(result.report))
+        if "record" in result.report:
+            record = result.report["record"]
+            out.write(
+                f"the record of the flight: {record} (air-router report, air-router replay)\n"
+            )
+    if picture is None or not result.track:
+        return
+    from air_router.report.picture import PictureError, draw_mission  # noqa: PLC0415 - an extra
+
+    try:
+        draw_mission(mission, picture, track=result.track, meetings=result.meetings)
+    except PictureError as error:
+        out.write(f"no picture of the track: {error}\n")
+    else:
+        out.write(f"the track over the mission: {picture}\n")
+
+
+def table(report: dict[str, Any]) -> str:
+    """A flight's report as lines of text."""
+    rows = [[name for name, _ in COLUMNS]]
+    for name, robot in report["robots"].items():
+        rows.append(
+            [
+                name,
+                str(robot["found"]),
+                f"{robot['syncs_in']}/{robot['syncs_out']}",
+                f"{_bytes(robot['bytes_in'])}/{_bytes(robot['bytes_out'])}",
+                "none" if robot["newest_age_s"] is None else f"{robot['newest_age_s']:.0f} s old",
+                "none" if robot["map_share"] is None else f"{robot['map_share']:.0%}",
+            ]
+        )
+    widths = [max(len(row[i]) for row in rows) for i in range(len(COLUMNS))]
+    lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
+    lines.insert(1, "  ".join("-" * w for w in widths))
+    interactions = report["interactions"]
+    why = report.get("came_home_because")
+    lines.append("")
+    lines.append(
+        f"{report['outcome']}: {report['duration_s']:.0f} s, {report['distance_m']:.0f} m flown, "
+        f"states {', '.join(report['states_visited'])}"
+    )
+    if why is not None:
+        lines.append(f"came home: {why}")
+    lines.append(
+        f"interactions: {interactions['started']} started, {interactions['completed']} completed, "
+        f"{interactions['timed_out']} timed out"
+        + (f", {interactions['partial']} ended by their budget" if interactions["partial"] else "")
+    )
+    if report["closest_approach_m"] is not None:
+        lines.append(
+            f"closest approach: {report['closest_approach_m']:.1f} m to "
+            f"{report['closest_approach_to']} (clearance {report['clearance_m']:.1f} m)"
+        )
+    return "\n".join(lines) + "\n" + pace_line(report)
+
+
+def pace_line(report: Mapping[str, Any]) -> str:
+    """How fast a simulation went, if it was one, and for whom it had to wait."""
+    pace = report.get("world", {}).get("pace", {})
+    asked, kept = pace.get("asked"), pace.get("kept")
+    if kept is None:
+        return ""
+    waited = {name: of["waited_s"] for name, of in pace.get("processes", {}).items()}
+    text = f"simulated at {kept:.1f} times real time"
+    if kept < KEPT_SHARE * asked:
+        text += f" of the {asked:g} asked for"
+        if any(seconds >= 1 for seconds in waited.values()):
+            who = ", ".join(f"{seconds:.0f} s for {name}" for name, seconds in waited.items())
+            text += f"; the world waited {who}"
+    return f"{text}\n"
+
+
+def several(report: dict[str, Any], codes: Mapping[str, int]) -> str:
+    """The report of several flights as text: a part for each, and how near they came."""
+    parts = []
+    for uav, part in report["uavs"].items():
+        told = table(part) if part else f"no report (exit code {codes[uav]}): see above\n"
+        parts.append(f"\n{uav}\n{told}")
+    lines = []
+    for pair in report["world"].get("vehicles", ()):
+        if pair["closest_m"] is not None:
+            names = " and ".join(pair["pair"])
+            lines.append(
+                f"{names}: never nearer than {pair['closest_m']:.1f} m "
+                f"({pair['across_m']:.1f} m across, {pair['up_m']:.1f} m in height), "
+                f"{pair['contacts']} contacts, {pair['contact_s']:.0f} s\n"
+            )
+    return "".join(parts) + ("\n" + "".join(lines) if lines else "") + pace_line(report)
+
+
+def _bytes(count: int) -> str:
+    if count < 10_000:
+        return f"{count} B"
+    if count < 10_000_000:
+        return f"{count / 1e3:.0f} kB"
+    return f"{count / 1e6:.0f} MB"

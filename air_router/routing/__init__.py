@@ -1,0 +1,1 @@
+"""Routes: the waypoint graph, its planners, first legs, and the ways home."""

@@ -1,0 +1,227 @@
+"""Coming home: how far it is, what it takes, and what the autopilot would do by itself.
+
+The vehicle comes home along the waypoint graph; lengths are those of one shortest-path tree from
+home, and one from all rally points together, so that a mission of thousands of waypoints is looked
+at in a fraction of a second. A straight leg home that is clear is taken instead, as in flight.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from heapq import heapify, heappop, heappush
+from itertools import count
+from typing import Final
+
+from air_router.mission.flight_plan import HOME_NODE
+from air_router.mission.mission import Mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Route, Router
+from air_router.vehicle.vehicle import Telemetry
+from geo.frame import Point
+
+ACCELERATION_M_S2: Final = 2.0
+"""What a flight time counts for speeding up and braking at the ends of a leg."""
+
+LANDING_M_S: Final = 0.7
+"""PX4's last metres (MPC_LAND_SPEED); it is faster above 10 m, which we leave as a margin."""
+
+LANDING_MARGIN: Final = 0.10
+"""The charge that is left on the ground. At 7 % PX4 returns by itself, straight."""
+
+_MOVED_M: Final = 5.0
+_ASKED_S: Final = 5.0
+"""The way home is planned anew when the vehicle has moved so far, or after so long."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Way:
+    """A way that is known to be clear: its length and its number of legs."""
+
+    length_m: float
+    legs: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """What ways take a vehicle.
+
+    Attributes:
+        speed_m_s: cruise speed.
+        landing_s: from the mission's altitude to the ground.
+        endurance_s: how long a full battery lasts; None if that is not known.
+    """
+
+    speed_m_s: float
+    landing_s: float
+    endurance_s: float | None
+
+    @classmethod
+    def of(cls, mission: Mission) -> Pace:
+        """A mission's pace, landing from the highest altitude that it flies at."""
+        altitudes_m = [w.altitude_above_home_m for w in mission.waypoints]
+        highest_m = max([mission.altitude_above_home_m, *altitudes_m])
+        return cls(mission.speed_m_s, highest_m / LANDING_M_S, mission.endurance_s)
+
+    def time_s(self, way: Way) -> float:
+        """Flight time of a way, with a stop at the end of every leg."""
+        return way.length_m / self.speed_m_s + way.legs * self.speed_m_s / ACCELERATION_M_S2
+
+    def home_s(self, way: Way) -> float:
+        """Time of the way home and of landing there."""
+        return self.time_s(way) + self.landing_s
+
+    def need(self, way: Way) -> float | None:
+        """The share of a full battery that flying home and landing takes; None if unknown."""
+        return None if self.endurance_s is None else self.home_s(way) / self.endurance_s
+
+
+class Homeward:
+    """The ways home, and to the nearest rally point, of all nodes of a waypoint graph."""
+
+    def __init__(self, router: Router) -> None:
+        self._graph = router.graph
+        self._router = router
+        self._mission = router.graph.mission
+        self.pace = Pace.of(self._mission)
+
+    @cached_property
+    def home(self) -> Mapping[int, Way]:
+        """The way home of every node that has one."""
+        ways = _tree(self._graph, {HOME_NODE: Way(0.0, 0)})
+        return self._with_straight(ways, self._mission.home)
+
+    @cached_property
+    def rally(self) -> Mapping[int, Way]:
+        """The way to the nearest rally point (by way) of every node that has one."""
+        ways: dict[int, Way] = {}
+        for place in self._mission.landings:
+            seen = self._with_straight({}, place) or self._by_route(place)
+            for node, way in seen.items():
+                ways[node] = min(way, ways.get(node, way))
+        return _tree(self._graph, ways) if ways else {}
+
+    @property
+    def worst_waypoint(self) -> tuple[int, Way] | None:
+        """The waypoint with the longest way home; None if none has a way."""
+        ways = {
+            w.number: self.home[w.number] for w in self._mission.waypoints if w.number in self.home
+        }
+        if not ways:
+            return None
+        number = max(ways, key=lambda n: self.pace.time_s(ways[n]))
+        if self._mission.planner.kind != "shortest":
+            return number, ways[number]
+        return self._worst_of_shortest(ways)
+
+    @property
+    def worst_place(self) -> tuple[tuple[int, int], Way] | None:
+        """The leg of the graph with the place that is farthest from home, and the way from there.
+
+        On a leg of length L between a and b that is the place from which both ways home, back by a
+        and on by b, are equally long: (L + way of a + way of b) / 2. None where routes leave the
+        graph.
+        """
+        if self._mission.planner.kind == "shortest":
+            return None
+        worst: tuple[tuple[int, int], Way] | None = None
+        for a, b, edge in self._graph.graph.edges(data=True):
+            if a in self.home and b in self.home:
+                length_m = (edge["length_m"] + self.home[a].length_m + self.home[b].length_m) / 2
+                legs = 1 + max(self.home[a].legs, self.home[b].legs)
+                if worst is None or length_m > worst[1].length_m:
+                    worst = ((a, b), Way(length_m, legs))
+        return worst
+
+    def _worst_of_shortest(self, ways: Mapping[int, Way]) -> tuple[int, Way]:
+        """The same where routes leave the graph, whose ways are no shorter than the shortest."""
+        worst: tuple[float, int, Way] | None = None
+        for number in sorted(ways, key=lambda n: -self.pace.time_s(ways[n])):
+            way = ways[number]
+            if worst is not None and self.pace.time_s(way) <= worst[0]:
+                break
+            route = self._router.route(self._graph.position(number), HOME_NODE)
+            if isinstance(route, Route):
+                way = min(way, Way(route.length_m, len(route.legs)))
+            worst = max(worst or (0.0, number, way), (self.pace.time_s(way), number, way))
+        assert worst is not None  # noqa: S101 - there are ways
+        return worst[1], worst[2]
+
+    def _with_straight(self, ways: Mapping[int, Way], place: Point) -> dict[int, Way]:
+        """The ways, with straight ones to a place where these are clear."""
+        better = dict(ways)
+        nodes = self._graph.positions
+        clear = self._mission.planning_airspace.legs_clear(place, list(nodes.values()))
+        for (node, position), ok in zip(nodes.items(), clear, strict=True):
+            if ok:
+                straight = Way(math.dist(position, place))
+                better[node] = min(straight, better.get(node, straight))
+        return better
+
+    def _by_route(self, place: Point) -> dict[int, Way]:
+        """The way to a place that no node sees, from the node that is nearest to it."""
+        nodes = self._graph.positions
+        nearest = min(nodes, key=lambda node: math.dist(nodes[node], place))
+        route = self._router.route(nodes[nearest], place)
+        if not isinstance(route, Route):
+            return {}
+        return {nearest: Way(route.length_m, len(route.legs))}
+
+
+class WayHome:
+    """The way home from where the vehicle is, asked for again and again in flight. Pure."""
+
+    def __init__(self, mission: Mission, router: Router) -> None:
+        self._router = router
+        self._pace = Pace.of(mission)
+        self._from: Point | None = None
+        self._asked_s = -math.inf
+        self._way: Way | None = None
+        self.need_now: float | None = None
+
+    def need(self, telemetry: Telemetry) -> float | None:
+        """The share of a full battery that flying home from here and landing takes.
+
+        None while endurance or way are unknown. Where no way is found now (too fast, too near to a
+        zone) it is the last one's, and the distance from where that began.
+        `need_now` keeps the answer.
+        """
+        self.need_now = self._need(telemetry)
+        return self.need_now
+
+    def _need(self, telemetry: Telemetry) -> float | None:
+        if self._pace.endurance_s is None:
+            return None
+        moved_m = math.inf if self._from is None else math.dist(self._from, telemetry.position)
+        if moved_m >= _MOVED_M or telemetry.time_s >= self._asked_s + _ASKED_S:
+            self._asked_s = telemetry.time_s
+            route = self._router.route(telemetry.position, HOME_NODE)
+            if isinstance(route, Route):
+                self._from, moved_m = telemetry.position, 0.0
+                self._way = Way(route.length_m, len(route.legs))
+        if self._way is None:
+            return None
+        return self._pace.need(Way(self._way.length_m + moved_m, self._way.legs + 1))
+
+
+def _tree(graph: WaypointGraph, ends: Mapping[int, Way]) -> dict[int, Way]:
+    """The shortest ways over the graph to the nearest of some nodes, each with a way on."""
+    ways: dict[int, Way] = {}
+    best_m = {node: way.length_m for node, way in ends.items()}
+    number = count()  # of ways as long as each other the one found first is taken
+    waiting = [(way.length_m, next(number), node, way.legs) for node, way in ends.items()]
+    heapify(waiting)
+    while waiting:
+        length_m, _, node, legs = heappop(waiting)
+        if node in ways:
+            continue
+        ways[node] = Way(length_m, legs)
+        for other, apart_m in graph.neighbours[node]:
+            reached_m = length_m + apart_m
+            if reached_m < best_m.get(other, math.inf):
+                best_m[other] = reached_m
+                more = 1 + len(graph.via(other, node))
+                heappush(waiting, (reached_m, next(number), other, legs + more))
+    return ways

@@ -1,0 +1,170 @@
+"""Routes from where the vehicle is to a waypoint or any other point, every leg checked.
+
+The mission chooses between two planners (`planner.kind`): on the waypoint graph, as the paper does,
+or the shortest there is; see `planners`. Every leg is clear in the mission's planning airspace;
+what a first leg may do when the vehicle is where it should not be, or moves, is in `departure`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from air_router.routing.departure import Departure, Onward, names_of
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.planners import Leg, Planner, planner_of
+from geo.airspace.airspace import FENCE
+from geo.frame import Point
+from geo.paths.regions import Regions
+from geo.paths.shortest import path_length_m
+
+__all__ = ["Leg", "NoRoute", "Route", "Router"]
+
+_SAME_M = 0.01
+"""A free point nearer than this to a waypoint is the waypoint."""
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """Legs from the start to the goal, and their length.
+
+    `warnings` says what is wrong with where the vehicle is now; the route leaves it at once.
+    """
+
+    legs: tuple[Leg, ...]
+    length_m: float
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class NoRoute:
+    """There is no route: why, and the names of the zones (or of the fence) in the way."""
+
+    reason: str
+    blockers: tuple[str, ...] = ()
+
+
+class Router:
+    """Finds routes, in the way that the mission asks for.
+
+    Args:
+        graph: the mission's waypoint graph.
+        planner: how to plan between start and goal; None: as the mission says.
+    """
+
+    def __init__(self, graph: WaypointGraph, planner: Planner | None = None) -> None:
+        self.graph = graph
+        self._mission = graph.mission
+        self._airspace = graph.mission.planning_airspace
+        self._departing = self._airspace.with_margin(graph.mission.planner.departure_margin_m)
+        self._paths = graph.paths
+        self._planner = planner or planner_of(graph.mission.planner.kind, graph)
+
+    def route(
+        self,
+        start: Point,
+        goal: Point | int,
+        *,
+        stopping: Point | None = None,
+        bound: Sequence[Onward] = (),
+    ) -> Route | NoRoute:
+        """The shortest known route.
+
+        Args:
+            start: where the vehicle is.
+            goal: a node of the graph, or any point.
+            stopping: where the vehicle comes to rest if it brakes now; None if it stands.
+            bound: where it was sent before, and goes on to until it follows a new command.
+
+        Returns:
+            A Route whose legs are all clear by the rules above, or NoRoute with the reason: the
+            goal is not clear, zones separate start and goal, no first leg is clear at this speed.
+        """
+        target = self._goal(goal)
+        if not self._airspace.point_clear(target.to):
+            return self._bad_goal(target)
+        for rule in self._departures(start, stopping, bound):
+            legs = self._planner.legs(rule, target)
+            if legs is not None:
+                return _route(start, legs, rule.warnings)
+        if rule.cramped:
+            for out in self._ways_out(rule):
+                onward = self._planner.legs(self._departure(out[-1]), target)
+                if onward is not None:
+                    return _route(start, [*map(Leg, out), *onward], rule.warnings)
+        return self._no_route(start, target, rule)
+
+    def check_leg(
+        self,
+        start: Point,
+        end: Point,
+        stopping: Point | None = None,
+        bound: Sequence[Onward] = (),
+    ) -> bool:
+        """Whether the vehicle, now at `start`, may be sent straight to `end`."""
+        rules = [*self._departures(start, stopping, bound)]
+        if self._airspace.point_clear(end) and any(rule.allows(end) for rule in rules):
+            return True
+        return rules[-1].leads_out(end)
+
+    def _departures(
+        self, start: Point, stopping: Point | None, bound: Sequence[Onward]
+    ) -> Iterator[Departure]:
+        """With the whole tracking margin, and where that is too much to ask, with half of it."""
+        for airspace in (self._airspace, self._departing):
+            yield Departure(airspace, self._paths, start, stopping, bound)
+
+    def _departure(self, start: Point) -> Departure:
+        return Departure(self._airspace, self._paths, start, None)
+
+    def _ways_out(self, rule: Departure) -> Iterator[tuple[Point, ...]]:
+        """To clear places around a start that is not clear: straight ones, nearest first."""
+        for place in self._paths.exits(rule.start):
+            if rule.allows(place):
+                yield (place,)
+        if rule.way_out is not None:
+            yield rule.way_out[1:]
+
+    def _goal(self, goal: Point | int) -> Leg:
+        if isinstance(goal, int):
+            return Leg(self.graph.position(goal), goal)
+        away_m, node = self.graph.nearest_node(goal)
+        return Leg(self.graph.position(node), node) if away_m <= _SAME_M else Leg(goal)
+
+    def _bad_goal(self, target: Leg) -> NoRoute:
+        holders = self._airspace.holders(target.to)
+        spare_m, name = self._airspace.spare_m(target.to)
+        if FENCE in holders:
+            return NoRoute("the goal lies outside of the fence", holders)
+        if holders:
+            return NoRoute(f"the goal lies inside {names_of(holders)}", holders)
+        kept_m = self._airspace.kept_m(name)
+        return NoRoute(
+            f"the goal is {kept_m + spare_m:.1f} m from {names_of((name,))}, "
+            f"routes keep {kept_m:g} m",
+            (name,),
+        )
+
+    def _no_route(self, start: Point, target: Leg, rule: Departure) -> NoRoute:
+        walls = Regions(self._airspace).separators(start, target.to)
+        if walls:
+            kept_m = sorted({self._airspace.kept_m(name) for name in walls})
+            keep = " and ".join(f"{metres:g} m" for metres in kept_m)
+            verb = "separates" if len(walls) == 1 else "separate"
+            return NoRoute(f"{names_of(walls)} {verb} start and goal at {keep} of distance", walls)
+        if rule.moving:
+            return NoRoute(
+                "no first leg is clear at this speed", self._airspace.blockers(start, rule.rest)
+            )
+        if rule.cramped:
+            return NoRoute(
+                "no clear way out of where the vehicle is", (self._airspace.nearest(start)[1],)
+            )
+        return NoRoute(
+            "no clear way around what lies between", self._airspace.blockers(start, target.to)
+        )
+
+
+def _route(start: Point, legs: Sequence[Leg], warnings: tuple[str, ...]) -> Route:
+    length_m = path_length_m((start, *(leg.to for leg in legs)))
+    return Route(tuple(legs), length_m, warnings)

@@ -1,0 +1,1 @@
+"""A simulated world around a flight, each part of it a process of its own."""

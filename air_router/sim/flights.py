@@ -1,0 +1,234 @@
+"""Several flights at once, each a process of its own, as several companions would be.
+
+What they print is put together on one terminal, each line with the name of its UAV; what is typed
+there, and Ctrl-C, goes to all of them. None of them depends on another.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import selectors
+import signal
+import subprocess
+import sys
+import tty
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from types import FrameType
+from typing import IO, Any, Final, TextIO
+
+from air_router.errors import ExitCode
+from air_router.sim.status_block import StatusBlock
+
+AIR_ROUTER: Final = (sys.executable, "-m", "air_router.cli.cli")
+
+_CHUNK: Final = 65_536
+_LOOK_S: Final = 0.5
+_ALL: Final = "all"
+
+_GRAVITY: Final = (
+    ExitCode.INTERRUPTED,
+    ExitCode.PILOT_TOOK_OVER,
+    ExitCode.REFUSED,
+    ExitCode.NO_VEHICLE,
+    ExitCode.INVALID_FILE,
+    ExitCode.USAGE,
+    ExitCode.ENDED_OTHERWISE,
+    ExitCode.DONE,
+)
+"""The exit codes from the worst to the best, for one that stands for all."""
+
+
+@dataclass(slots=True)
+class FlightProcess:
+    """One `air-router fly` that is under way, or was.
+
+    Attributes:
+        uav: Whose flight.
+        process: The process; its stdout is the report.
+        screen: Where it prints to and reads from: our end of its terminal, or a pipe.
+        said: The bytes of a line that has not ended yet.
+        out: What came on stdout.
+    """
+
+    uav: str
+    process: subprocess.Popen[bytes]
+    screen: int
+    said: bytes = b""
+    out: bytearray = field(default_factory=bytearray)
+
+    def close(self) -> None:
+        """Listen no more."""
+        os.close(self.screen)
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """What it reported; empty if it did not fly."""
+        try:
+            report: dict[str, Any] = json.loads(self.out)
+        except ValueError:
+            return {}
+        return report
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """How it ended; one that was killed ended otherwise."""
+        try:
+            return ExitCode(self.process.wait())
+        except ValueError:
+            return ExitCode.ENDED_OTHERWISE
+
+
+class Flights:
+    """Runs flights until all have ended.
+
+    Args:
+        commands: For each UAV the arguments of `air-router`.
+        out: The terminal, stderr by default.
+        keyboard: Where words are typed, stdin by default; what is no terminal is left alone.
+        program: What takes the arguments.
+        overhear: Is told every line that one of them says, and whose it is; a line that it takes
+            (it answers True) is not printed.
+    """
+
+    def __init__(
+        self,
+        commands: Mapping[str, Sequence[str]],
+        out: TextIO | None = None,
+        keyboard: TextIO | None = None,
+        *,
+        program: Sequence[str] = AIR_ROUTER,
+        overhear: Callable[[str, str], bool] = lambda _uav, _line: False,
+    ) -> None:
+        self._block = StatusBlock(tuple(commands), out)
+        self._keyboard = keyboard if keyboard is not None else sys.stdin
+        self._selector = selectors.DefaultSelector()
+        self._interrupted = False
+        self._overhear = overhear
+        self.flights = [
+            _start(uav, (*program, *arguments), self._block) for uav, arguments in commands.items()
+        ]
+
+    def run(self) -> ExitCode:
+        """Follow all of them to their ends; returns the worst exit code."""
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._selector.close)
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2):
+                stack.enter_context(_handled(number, self._on_signal))
+            for flight in self.flights:
+                stdout = flight.process.stdout
+                assert stdout is not None  # noqa: S101 - it was asked for
+                self._listen(flight.screen, partial(self._take_said, flight))
+                self._listen(stdout, partial(_take_out, flight, stdout))
+            if self._block.live and self._keyboard.isatty():
+                self._listen(self._keyboard, self._take_words)
+            while self._more():
+                ready = self._selector.select(_LOOK_S)
+                for key, _ in ready:
+                    if not key.data():
+                        self._selector.unregister(key.fileobj)
+                if not ready and all(flight.process.poll() is not None for flight in self.flights):
+                    break  # a process that one of them has left behind holds its terminal open
+            self._block.end()
+            for flight in self.flights:
+                flight.close()
+            codes = {flight.exit_code for flight in self.flights}
+        return next(code for code in _GRAVITY if code in codes)
+
+    def _more(self) -> bool:
+        """Whether something may still be said."""
+        keys = self._selector.get_map().values()
+        return any(key.fileobj is not self._keyboard for key in keys)
+
+    def _listen(self, source: Any, take: Callable[[], bool]) -> None:
+        """Call `take` whenever there is something to read; it answers whether there is more."""
+        self._selector.register(source, selectors.EVENT_READ, take)
+
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        """Hand it on. At the second Ctrl-C they leave at once, and so do we."""
+        for flight in self.flights:
+            if flight.process.poll() is None:
+                flight.process.send_signal(number)
+        if number in {signal.SIGINT, signal.SIGTERM}:
+            if self._interrupted:
+                with contextlib.suppress(RuntimeError):  # we were just writing
+                    self._block.end()
+                os._exit(ExitCode.INTERRUPTED)
+            self._interrupted = True
+
+    def _take_said(self, flight: FlightProcess) -> bool:
+        try:
+            chunk = os.read(flight.screen, _CHUNK)
+        except OSError:  # a terminal whose other end is closed
+            chunk = b""
+        *whole, flight.said = (flight.said + chunk).split(b"\n")
+        for line in whole:
+            # What stands before the last carriage return was drawn over.
+            text = line.rstrip(b"\r").rpartition(b"\r")[2].decode(errors="replace").rstrip()
+            if text and not self._overhear(flight.uav, text):
+                self._block.say(flight.uav, text)
+        _, drawn, status = flight.said.rpartition(b"\r")
+        if drawn and status.strip():
+            self._block.show(flight.uav, status.decode(errors="replace").rstrip())
+        if not chunk:
+            self._block.show(flight.uav, "ended")
+        return bool(chunk)
+
+    def _take_words(self) -> bool:
+        """`home` goes to all, `titan home` to one."""
+        line = self._keyboard.readline()
+        name, _, rest = line.strip().partition(" ")
+        names = [flight.uav for flight in self.flights]
+        words = rest if name in {*names, _ALL} else line.strip()
+        for flight in self.flights if words else ():
+            if name in {flight.uav, _ALL} or name not in names:
+                with contextlib.suppress(OSError):
+                    os.write(flight.screen, f"{words}\n".encode())
+        return bool(line)
+
+
+def _start(uav: str, command: Sequence[str], block: StatusBlock) -> FlightProcess:
+    """Start one: with a terminal of its own if ours is one, so that it shows its status live."""
+    if block.live:
+        ours, theirs = pty.openpty()
+        tty.setraw(theirs)
+        stdin = theirs
+    else:
+        ours, theirs = os.pipe()
+        stdin = subprocess.DEVNULL
+    try:
+        process = subprocess.Popen(  # noqa: S603 - our own program and arguments
+            # It ends with us, also if we are killed; the vehicle then holds where its leg ends.
+            [sys.executable, "-m", "sitl.process.end_with_parent", str(os.getpid()), *command],
+            stdin=stdin,
+            stdout=subprocess.PIPE,
+            stderr=theirs,
+            env={**os.environ, "COLUMNS": str(block.columns)},
+            start_new_session=True,  # Ctrl-C comes through us
+        )
+    finally:
+        os.close(theirs)
+    return FlightProcess(uav, process, ours)
+
+
+def _take_out(flight: FlightProcess, stdout: IO[bytes]) -> bool:
+    chunk = os.read(stdout.fileno(), _CHUNK)
+    flight.out += chunk
+    return bool(chunk)
+
+
+@contextlib.contextmanager
+def _handled(
+    number: signal.Signals, handler: Callable[[int, FrameType | None], None]
+) -> Iterator[None]:
+    before = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)

@@ -1,0 +1,185 @@
+"""`air-router sim`: starts the simulated world and flies in it, as it would fly outside.
+
+One vehicle is flown by this process; of several each is flown by an `air-router fly` of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import json
+import math
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from air_router.cli.arguments import add_start
+from air_router.cli.fly import PART, add_flight_arguments, finish, fly, options_of
+from air_router.live.page import joint_page, shown_beside, web_of
+from air_router.live.page_address import PageAddress
+from air_router.mission.loading import load_mission
+from air_router.mission.mission import Mission
+from air_router.report.report import several
+from air_router.sim.flights import Flights
+from air_router.sim.sim_world import Seat, SimOptions, World
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `sim` to the command line."""
+    parser = commands.add_parser(
+        "sim",
+        help="fly a mission in a simulated world",
+        description="Start a simulated PX4, ground robots and radios, and fly a mission there.",
+        epilog="example: air-router sim missions/pennovation/mission.yaml --speed 10",
+    )
+    add_flight_arguments(parser)
+    add_start(parser)
+    parser.add_argument(
+        "--speed",
+        type=_speed,
+        default=1.0,
+        metavar="X",
+        help="at most, times real time (default 1); the world waits for what falls behind",
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all that is random")
+    parser.add_argument(
+        "--px4",
+        nargs="?",
+        const="",
+        metavar="PATH",
+        help="fly a real PX4 instead of our own: found as `sitl px4` finds it, or there",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fly in a world of its own, and report on stdout."""
+    mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
+    options = SimOptions(arguments.speed, arguments.seed, arguments.px4)
+    if len(mission.layers) > 1:
+        return _fly_several(mission, options, arguments)
+    # The simulated vehicle's clock is today's, whenever the flight is meant to be.
+    mission = dataclasses.replace(
+        mission,
+        window=dataclasses.replace(mission.window, latest_start=None),
+        seek_policy=arguments.seek or mission.seek_policy,
+    )
+    with (
+        _folder(arguments.log_dir) as folder,
+        World(arguments.mission, options, folder) as world,
+    ):
+        (seat,) = world.seats
+        result = fly(
+            mission,
+            options_of(
+                arguments,
+                "sim",
+                url=seat.url,
+                system_id=seat.system_id,
+                team=world.team,
+                camera=seat.camera,
+                pace=world.pace,
+                arm=True,
+            ),
+        )
+        result.report["world"] = world.stop()
+    return finish(mission, result, arguments)
+
+
+def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Namespace) -> int:
+    """Each UAV in a process of its own; one report, and the worst exit code."""
+    web = web_of(arguments)
+    page = None if web is None else joint_page((layer.uav for layer in mission.layers), web)
+
+    def overhear(uav: str, line: str) -> bool:
+        """Their own pages are for the joint page only."""
+        address = None if page is None else PageAddress.heard(line)
+        if page is None or address is None:
+            return False
+        page.found(uav, address)
+        return True
+
+    with (
+        _folder(arguments.log_dir) as folder,
+        contextlib.nullcontext() if page is None else shown_beside(page, _say),
+        World(arguments.mission, options, folder, mission.layers) as world,
+    ):
+        commands = {
+            seat.uav: _command(seat, index, world, arguments)
+            for index, seat in enumerate(world.seats)
+        }
+        flights = Flights(commands, overhear=overhear)
+        code = flights.run()
+        report: dict[str, Any] = {
+            "uavs": {flight.uav: flight.report for flight in flights.flights},
+            "world": world.stop(),
+        }
+    sys.stderr.write(several(report, {f.uav: f.exit_code for f in flights.flights}))
+    if arguments.json:
+        json.dump(report, sys.stdout)
+        sys.stdout.write("\n")
+    return code
+
+
+def _command(seat: Seat, index: int, world: World, arguments: argparse.Namespace) -> Sequence[str]:
+    """What flies one of several UAVs; each has ports of its own, behind those of the one before."""
+    command = ["fly", str(arguments.mission), "--uav", seat.uav, "--arm", "--yes", "--json", PART]
+    command += ["--connect", seat.url, "--sysid", str(seat.system_id)]
+    command += ["--team", str(world.team), "--camera", seat.camera]
+    picture = arguments.png
+    if picture is not None:
+        picture = picture.with_stem(f"{picture.stem}-{seat.uav}")
+    for option, value in (
+        ("--pace-from", world.pace),
+        ("--duration", arguments.duration),
+        ("--seek", arguments.seek),
+        ("--png", picture),
+        ("--log-dir", None if arguments.log_dir is None else arguments.log_dir / seat.uav),
+        ("--metrics", _nth(arguments.metrics, index)),
+        ("--control", _nth(arguments.control, index)),
+        ("--web", _port(arguments.web, index + 1)),  # behind the joint page, on this machine only
+        ("--at", None if arguments.at is None else arguments.at.isoformat()),
+    ):
+        command += [] if value is None else [option, str(value)]
+    return [*command, "--no-record"] if arguments.no_record else command
+
+
+def _nth(endpoint: str | None, index: int) -> str | None:
+    """An endpoint for the n-th UAV: a port higher by n, another path; any free port stays so."""
+    if endpoint is None or index == 0:
+        return endpoint
+    place, _, port = endpoint.rpartition(":")
+    if endpoint.startswith("tcp://"):
+        return f"{place}:{_port(int(port), index)}" if port.isdecimal() else endpoint
+    return f"{endpoint}-{index + 1}"
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(f"{text}\n")
+
+
+def _port(port: int | None, index: int) -> int | None:
+    return port + index if port else port
+
+
+@contextlib.contextmanager
+def _folder(log_dir: Path | None) -> Iterator[Path]:
+    if log_dir is not None:
+        log_dir.mkdir(parents=True, exist_ok=True)
+        yield log_dir
+        return
+    with tempfile.TemporaryDirectory(prefix="air-router-") as folder:
+        yield Path(folder)
+
+
+def _speed(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.1 <= value <= 100:
+        raise argparse.ArgumentTypeError(f"{text} is not a speed between 0.1 and 100")
+    return value

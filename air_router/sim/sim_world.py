@@ -1,0 +1,315 @@
+"""The simulated world around a flight: vehicles, robots and radios, each a process of its own.
+
+Only MAVLink, sockets and files lie between them and the flight, as it would be outside.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from air_router.errors import NoVehicleError
+from air_router.mission.fleet import Layer
+from air_router.vehicle.pace import PaceSource
+from mocha_link.node.lifetime import Closeable
+
+_log = logging.getLogger(__name__)
+
+_PX4_INSTANCES = 10
+_PX4_PORT = 14_580  # of the first instance; the next ones follow
+
+_LOST = {"team": "no robot, radio or camera is simulated any more, and the vehicle flies on"}
+
+READY_S = 60.0
+STOP_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class SimOptions:
+    """How the world is simulated.
+
+    Attributes:
+        speed: Times real time.
+        seed: Of everything random in it.
+        px4: Fly a real PX4: where it is, empty where `sitl px4` finds it; None: our own.
+    """
+
+    speed: float = 1.0
+    seed: int = 1
+    px4: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Seat:
+    """Where a flight finds one vehicle of a simulation.
+
+    Attributes:
+        uav: The vehicle's name in the team; empty where the mission is for one only.
+        url: Of its MAVLink.
+        system_id: Its own.
+        camera: Where its camera's patches come from.
+    """
+
+    uav: str
+    url: str
+    system_id: int
+    camera: str = ""
+
+
+class Child:
+    """A process of the simulated world: says on stdout when it is ready, ends on SIGTERM.
+
+    Attributes:
+        ended: What it said at its end, if it says something then.
+    """
+
+    def __init__(self, name: str, arguments: list[str], log: Path) -> None:
+        self.ended: dict[str, Any] = {}
+        self._name = name
+        self._log = log
+        self._stopping = False
+        with log.open("wb") as stderr:
+            self._process = subprocess.Popen(  # noqa: S603 - our own program and arguments
+                # The world ends with the flight, also if that is killed.
+                [
+                    *(sys.executable, "-m", "sitl.process.end_with_parent", str(os.getpid())),
+                    *(sys.executable, "-m", "sitl", *arguments),
+                ],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                # Ctrl-C is for the flight: the world has to last until the vehicle holds.
+                start_new_session=True,
+            )
+
+    def ready(self) -> dict[str, Any]:
+        """What it says when it is ready.
+
+        Raises:
+            NoVehicleError: it ended or stayed silent instead.
+        """
+        stdout = self._process.stdout
+        assert stdout is not None  # noqa: S101 - it was asked for
+        deadline_s = time.monotonic() + READY_S
+        line = b""
+        while not line.endswith(b"\n"):
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0 or not select.select([stdout], [], [], left_s)[0]:
+                raise NoVehicleError(f"sitl {self._name}: not ready within {READY_S:.0f} s")
+            byte = os.read(stdout.fileno(), 1)
+            if not byte:
+                code = self._process.wait()
+                said = self._log.read_text(errors="replace").strip() or "nothing"
+                raise NoVehicleError(f"sitl {self._name} ended with code {code}; it said: {said}")
+            line += byte
+        ready: dict[str, Any] = json.loads(line)
+        threading.Thread(target=self._watch, name=f"sitl {self._name}", daemon=True).start()
+        return ready
+
+    def _watch(self) -> None:
+        """Say once that it has ended by itself, or was killed: the flight does not know why."""
+        code = self._process.wait()
+        if self._stopping:
+            return
+        how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
+        lost = _LOST.get(self._name.partition("-")[0], "the simulated vehicle is gone")
+        _log.warning(
+            "sitl %s %s: %s; type 'home' or press Ctrl-C, then start the simulation anew (its log: "
+            "%s)",
+            *(self._name, how, lost, self._log),
+        )
+
+    def stop(self) -> None:
+        """End it and wait until it has ended, with what it says then in `ended`."""
+        self._stopping = True
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGTERM)
+        try:
+            self._process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            _log.warning("sitl %s did not end within %.0f s and was killed", self._name, STOP_S)
+            self._process.kill()
+            self._process.wait()
+        if self._process.stdout is not None:
+            with contextlib.suppress(ValueError):
+                self.ended = json.loads(self._process.stdout.read() or b"{}")
+            self._process.stdout.close()
+
+
+class World(Closeable):
+    """The simulated vehicles and the team as child processes.
+
+    Args:
+        mission: The mission's file.
+        options: How it is simulated.
+        folder: For logs, and the team file.
+        layers: The UAVs of a mission for several; empty if it is for one.
+
+    Attributes:
+        seats: The vehicles, in the order of `layers`.
+        team: The team file with the ports of this simulation.
+        pace: Where flights say how far they are, so that the world's clock waits for them; None
+            with a real PX4, which waits for no companion.
+
+    Raises:
+        NoVehicleError: a part of it did not start.
+    """
+
+    def __init__(
+        self, mission: Path, options: SimOptions, folder: Path, layers: Sequence[Layer] = ()
+    ) -> None:
+        self._mission = mission
+        self._options = options
+        self._folder = folder
+        self._uavs = tuple(layer.uav for layer in layers) or ("",)
+        self._altitudes_m = {layer.uav: layer.altitude_m for layer in layers}
+        self._report = folder / "world.json"
+        self._children: list[Child] = []
+        self._clock: Child | None = None
+        self.pace: PaceSource | None = None
+        try:
+            seats, ready = self._with_ours() if options.px4 is None else self._with_px4(options.px4)
+        except BaseException:
+            self.stop()
+            raise
+        self.team = Path(ready["team"])
+        places = ready["vehicles"]
+        self.seats = tuple(
+            Seat(seat.uav, seat.url, seat.system_id, _camera(places, seat.uav)) for seat in seats
+        )
+
+    def _with_ours(self) -> tuple[list[Seat], dict[str, Any]]:
+        """Our own vehicles and a team around them; all know when time began."""
+        epoch = ["--epoch", str(int(time.time()))]
+        ports = [_free_ports() for _ in self._uavs]
+        truths = [f"udp://127.0.0.1:{truth}" for _, truth, _ in ports]
+        (*_, pace_port) = _free_ports()
+        self.pace = PaceSource("127.0.0.1", pace_port, self._options.speed)
+        follow = ["--pace-from", str(self.pace)]
+        # The first vehicle's clock is the world's: it waits for team, flights and other vehicles.
+        lead = ["--pace", f"127.0.0.1:{pace_port}", "--pace-for", str(2 * len(self._uavs))]
+        team = self._start_team(truths, [*epoch, *follow])
+        seats: list[Seat] = []
+        vehicles: list[Child] = []
+        for number, (uav, (api, truth, _)) in enumerate(zip(self._uavs, ports, strict=True)):
+            to = ["--api-to", f"127.0.0.1:{api}", "--truth-to", f"127.0.0.1:{truth}"]
+            more = ["--no-gcs", "--seed", str(self._options.seed + number), *epoch]
+            more += follow if vehicles else lead
+            vehicles.append(self._start_vehicle("vehicle", uav, number, [*to, *more]))
+            seats.append(Seat(uav, f"udpin://127.0.0.1:{api}", number + 1))
+        ready = team.ready()
+        for vehicle in vehicles:
+            vehicle.ready()
+        self._clock = vehicles[0]
+        return seats, ready
+
+    def _with_px4(self, place: str) -> tuple[list[Seat], dict[str, Any]]:
+        """Real PX4s, which choose their ports and their time, and a team that follows them."""
+        where = ["--px4", place] if place else []
+        vehicles = []
+        for number, uav in zip(_free_instances(len(self._uavs)), self._uavs, strict=True):
+            files = ["--log-dir", str(self._folder / _named("px4", uav))]
+            vehicles.append(self._start_vehicle("px4", uav, number, [*where, *files]))
+        told = [vehicle.ready() for vehicle in vehicles]
+        seats = [
+            Seat(uav, str(ready["mavlink"]), int(ready["system_id"]))
+            for uav, ready in zip(self._uavs, told, strict=True)
+        ]
+        return seats, self._start_team([str(ready["truth"]) for ready in told], []).ready()
+
+    def _start_vehicle(self, command: str, uav: str, number: int, arguments: list[str]) -> Child:
+        common = [command, str(self._mission), "--speed", str(self._options.speed)]
+        which = []
+        if uav:
+            # A return by the autopilot stays in the layer, as pre-flight wants it.
+            altitude = f"RTL_RETURN_ALT={self._altitudes_m[uav]:g}"
+            which = ["--uav", uav, "--instance", str(number), "--param", altitude]
+        return self._start(_named(command, uav), [*common, *which, *arguments])
+
+    def _start_team(self, truths: Sequence[str], arguments: list[str]) -> Child:
+        places = []
+        for uav, truth in zip(self._uavs, truths, strict=True):
+            _, _, camera_port = _free_ports()
+            name = f"{uav}=" if uav else ""
+            places += ["--truth", f"{name}{truth}"]
+            places += ["--camera", f"{name}tcp://127.0.0.1:{camera_port}"]
+        files = ["--free-ports", str(self._folder), "--report", str(self._report)]
+        seed = ["--seed", str(self._options.seed)]
+        return self._start("team", ["team", str(self._mission), *places, *files, *seed, *arguments])
+
+    def _start(self, name: str, arguments: list[str]) -> Child:
+        child = Child(name, arguments, self._folder / f"{name}.log")
+        self._children.append(child)
+        return child
+
+    def stop(self) -> dict[str, Any]:
+        """End the world; returns what it knows of the robots, which no flight can see."""
+        for child in self._children:
+            child.stop()
+        self._children = []
+        report: dict[str, Any] = {}
+        try:
+            report = json.loads(self._report.read_text())
+        except (OSError, ValueError) as error:
+            _log.debug("no report of the world: %s", error)
+        team = report.pop("pace", {})
+        ended = {} if self._clock is None else self._clock.ended
+        pace = ended.get("pace", {"asked": self._options.speed, "kept": team.get("kept")})
+        return {**report, "pace": {**pace, "longest_step_s": team.get("longest_step_s")}}
+
+    def close(self) -> None:
+        """End the world, whatever it knows."""
+        self.stop()
+
+
+def _free_instances(count: int) -> list[int]:
+    """PX4 instances that seem to be free: they are started at once, and must not choose the same.
+
+    Raises:
+        NoVehicleError: there are not so many.
+    """
+    free = [number for number in range(_PX4_INSTANCES) if _is_free(_PX4_PORT + number)]
+    if len(free) < count:
+        raise NoVehicleError(f"{count} PX4s are to start, and ports are free for {len(free)} only")
+    return free[:count]
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+def _named(what: str, uav: str) -> str:
+    return f"{what}-{uav}" if uav else what
+
+
+def _camera(places: dict[str, dict[str, str]], uav: str) -> str:
+    return places[uav]["camera"] if uav else next(iter(places.values()))["camera"]
+
+
+def _free_ports() -> tuple[int, int, int]:
+    """Ports that are free now: two UDP, one TCP."""
+    with contextlib.ExitStack() as stack:
+        ports = []
+        for kind in (socket.SOCK_DGRAM, socket.SOCK_DGRAM, socket.SOCK_STREAM):
+            probe = stack.enter_context(socket.socket(socket.AF_INET, kind))
+            probe.bind(("127.0.0.1", 0))
+            ports.append(probe.getsockname()[1])
+    return ports[0], ports[1], ports[2]

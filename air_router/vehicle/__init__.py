@@ -1,0 +1,1 @@
+"""The port through which a flight sees and commands its vehicle."""

@@ -1,0 +1,122 @@
+"""The vehicle's clock, as the companion reads it between two messages.
+
+Every timer of a mission runs on it, so that a simulation at ten times real time (or one that
+stops and goes on) behaves as the real flight does.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Final
+
+from air_router.vehicle.pace import ALLOWANCE_S
+
+_RATE_WINDOW_S: Final = 0.3
+"""Wall time over which the clock's rate against ours is measured."""
+
+_SILENCE_S: Final = 2.0
+"""Wall time for which the clock is carried on after the last message; then it stands still."""
+
+
+class VehicleClock:
+    """Seconds since the vehicle booted, and Unix seconds; any thread may read it.
+
+    Args:
+        monotonic: The companion's own clock; tests pass another.
+        unix: Unix time to start from until the vehicle tells its own (it does so with GPS).
+        ceiling: Of a simulation that waits for us (`air_router.vehicle.pace`): its rate at most.
+    """
+
+    def __init__(
+        self,
+        monotonic: Callable[[], float] = time.monotonic,
+        unix: Callable[[], float] = time.time,
+        *,
+        ceiling: float | None = None,
+    ) -> None:
+        self._monotonic = monotonic
+        self._unix = unix
+        self._ceiling = ceiling
+        self._lock = threading.Lock()
+        self._boot_s: float | None = None
+        self._alive_s = 0.0
+        self._carried_s = 0.0
+        self._rate = 1.0
+        self._mark: tuple[float, float] | None = None
+        self._epoch_s: float | None = None
+        self._synchronised = False
+        self._told_s = 0.0
+
+    def heard(self, boot_s: float) -> None:
+        """A message said that the vehicle has been up for `boot_s`."""
+        with self._lock:
+            wall_s = self._monotonic()
+            if self._boot_s is not None and boot_s < self._boot_s - 1.0:
+                self._mark = None  # it rebooted: start anew
+                self._told_s = 0.0
+                self._synchronised = False
+            elif self._boot_s is not None and boot_s <= self._boot_s:
+                self._carry(wall_s)  # late, or a clock that stands while the vehicle talks
+                return
+            self._boot_s, self._alive_s, self._carried_s = boot_s, wall_s, 0.0
+            if self._mark is None:
+                self._mark = (boot_s, wall_s)
+            elif wall_s - self._mark[1] >= _RATE_WINDOW_S:
+                rate = (boot_s - self._mark[0]) / (wall_s - self._mark[1])
+                self._rate = min(max(rate, 0.0), 200.0)
+                self._mark = (boot_s, wall_s)
+
+    def alive(self) -> None:
+        """A message came that says nothing of the time: the clock is carried on."""
+        with self._lock:
+            self._carry(self._monotonic())
+
+    def _carry(self, wall_s: float) -> None:
+        self._carried_s += min(wall_s - self._alive_s, _SILENCE_S)
+        self._alive_s = wall_s
+
+    def heard_unix(self, unix_s: float, boot_s: float) -> None:
+        """A message said that it is `unix_s` on the vehicle's GPS clock.
+
+        The first one counts: from then on both clocks run together, whatever a simulated GPS
+        says (PX4's tells the wall's time, also at ten times real time).
+        """
+        with self._lock:
+            if not self._synchronised:
+                self._synchronised = True
+                self._epoch_s = unix_s - boot_s
+
+    def boot_s(self) -> float:
+        """Seconds since the vehicle booted, never running backwards; 0 before it was heard."""
+        with self._lock:
+            if self._boot_s is None:
+                return 0.0
+            since_s = self._carried_s + min(self._monotonic() - self._alive_s, _SILENCE_S)
+            ahead_s = min(since_s, _SILENCE_S) * self._rate
+            if self._ceiling is not None:
+                ahead_s = min(ahead_s, ALLOWANCE_S)  # farther it does not go without us
+            # For long it is carried on at our pace at most: ahead of the vehicle it would wait.
+            ahead_s += max(0.0, since_s - _SILENCE_S) * min(self._rate, 1.0)
+            self._told_s = max(self._told_s, self._boot_s + ahead_s)
+            return self._told_s
+
+    @property
+    def rate(self) -> float:
+        """Seconds of the vehicle in a second of ours: 1 outside, more in a fast simulation.
+
+        Where the simulation waits for us it changes all the time: then what it is at most.
+        """
+        with self._lock:
+            return self._rate if self._ceiling is None else self._ceiling
+
+    def now_s(self) -> float:
+        """Unix seconds: the vehicle's, or the companion's own until the vehicle told its time."""
+        boot_s = self.boot_s()
+        with self._lock:
+            if self._epoch_s is None:
+                if self._boot_s is None:
+                    return self._unix()
+                self._epoch_s = self._unix() - boot_s
+            return self._epoch_s + boot_s

@@ -1,0 +1,241 @@
+"""What follows when one input is missing while the vehicle says other things: one table.
+
+Pure: ages come with the telemetry, the time with the event.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final, NamedTuple
+
+from air_router.vehicle.vehicle import Telemetry
+
+TOLD_AGAIN_S: Final = 30.0
+"""How often it is told while it lasts."""
+
+BACK_S: Final = 3.0
+"""An input counts again after it has come for so long."""
+
+IN_AIR_S: Final = 5.0
+"""A landed state older than this is not believed: see `Px4Telemetry.snapshot`."""
+
+_NO_FIX: Final = "GPS has no fix"
+
+
+class Stop(Enum):
+    """What is done about the flight while an input is missing for too long."""
+
+    NONE = "the mission goes on"
+    HOLD = "holding"
+    SILENT = "nothing is commanded"
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """One row of the table; times in seconds on the vehicle's clock.
+
+    Attributes:
+        words: What is missing, for pilots.
+        message: In which MAVLink messages it comes.
+        age: The field of `Ages` that counts it.
+        told_s: It is announced.
+        stop_s: No leg begins any more, and what `stop` says is done; None: never.
+        home_s: The mission ends; None: never.
+        home_without: Home is flown though it is still missing.
+        why: Why so.
+    """
+
+    words: str
+    message: str
+    age: str
+    told_s: float
+    home_s: float | None
+    why: str
+    stop: Stop = Stop.NONE
+    stop_s: float | None = None
+    home_without: bool = True
+
+    def ends(self, age_s: float) -> bool:
+        """Whether the mission ends for it."""
+        return self.home_s is not None and age_s >= self.home_s
+
+    def stop_at(self, age_s: float) -> Stop:
+        """What is done at this age."""
+        if self.stop_s is None or age_s < self.stop_s:
+            return Stop.NONE
+        return Stop.NONE if self.home_without and self.ends(age_s) else self.stop
+
+    def then(self, age_s: float) -> str:
+        """What is done, or comes next, in words."""
+        stop = self.stop_at(age_s)
+        if stop is not Stop.NONE:
+            return str(stop.value)
+        if self.ends(age_s):
+            return "the mission ends"
+        if self.stop_s is not None:
+            return f"{self.stop.value} at {self.stop_s:.0f} s"
+        return f"coming home at {self.home_s:.0f} s"
+
+
+LIMITS: Final = (
+    Limit(
+        "position",
+        "GLOBAL_POSITION_INT",
+        "position_s",
+        told_s=2.0,
+        stop=Stop.HOLD,
+        stop_s=2.0,
+        home_s=30.0,
+        home_without=False,
+        why="legs are checked from where the vehicle is: home is flown once it is known again",
+    ),
+    Limit(
+        "flight mode",
+        "HEARTBEAT, CURRENT_MODE",
+        "mode_s",
+        told_s=5.0,
+        stop=Stop.SILENT,
+        stop_s=5.0,
+        home_s=None,
+        why="a pilot may have taken the vehicle",
+    ),
+    Limit(
+        "heartbeat",
+        "HEARTBEAT",
+        "armed_s",
+        told_s=5.0,
+        home_s=30.0,
+        why="neither disarming nor a failsafe may show; on the ground it counts as disarmed",
+    ),
+    Limit(
+        "GPS status",
+        "GPS_RAW_INT",
+        "fix_s",
+        told_s=5.0,
+        stop=Stop.HOLD,
+        stop_s=10.0,
+        home_s=30.0,
+        why="the fix may be lost; home is flown by the positions, which still come",
+    ),
+    Limit(
+        "battery",
+        "SYS_STATUS",
+        "battery_s",
+        told_s=5.0,
+        home_s=30.0,
+        why="the reserve cannot be watched",
+    ),
+    Limit(
+        "plan item",
+        "MISSION_CURRENT",
+        "item_s",
+        told_s=5.0,
+        home_s=60.0,
+        why="a jump does not show: after four, legs are flown as points",
+    ),
+    Limit(
+        "landed state",
+        "EXTENDED_SYS_STATE",
+        "landed_s",
+        told_s=5.0,
+        home_s=60.0,
+        why="armed and 5 m above home it counts as in the air, disarmed as on the ground",
+    ),
+)
+"""Every input that a flight rests on; the gravest first."""
+
+
+class News(NamedTuple):
+    """What to announce: what is missing, and what is done about it."""
+
+    what: str
+    then: str
+
+
+class Outlook(NamedTuple):
+    """What the inputs allow now.
+
+    Attributes:
+        stop: What is done meanwhile, and `why`.
+        back: Legs may begin again, just now.
+        home_why: Why the mission ends, if it does for that.
+        news: What to announce.
+    """
+
+    stop: Stop
+    why: str
+    back: bool
+    home_why: str | None
+    news: tuple[News, ...]
+
+
+class InputWatch:
+    """Looks at the ages in every telemetry, and at whether GPS has a fix."""
+
+    def __init__(self) -> None:
+        self._stopped: dict[str, Stop] = {}
+        self._told: dict[str, tuple[bool, float]] = {}
+        self._good_since_s: float | None = None
+
+    def why_no_leg(self, telemetry: Telemetry | None) -> str | None:
+        """Why the vehicle is sent nowhere; None if nothing is missing for that."""
+        if telemetry is not None and not telemetry.fix:
+            return _NO_FIX
+        return next(iter(self._stopped), None)
+
+    def look(self, telemetry: Telemetry) -> Outlook:
+        """Take the next telemetry in."""
+        missing: dict[str, Stop] = {}
+        news: list[News] = []
+        home_why = None
+        if not telemetry.fix:
+            missing[_NO_FIX] = Stop.HOLD
+            if _NO_FIX not in self._stopped:
+                news.append(News("GPS has lost its fix", Stop.HOLD.value))
+        stopped = tuple(self._stopped)
+        for limit in LIMITS:
+            age_s = getattr(telemetry.ages, limit.age)
+            words = f"{limit.words} not heard"
+            if limit.ends(age_s):
+                home_why = home_why or f"{words} for {age_s:.0f} s"
+            stop = limit.stop_at(age_s)
+            if stop is not Stop.NONE:
+                missing[words] = stop
+            elif age_s >= limit.told_s:
+                self._stopped.pop(words, None)  # home is flown without it
+            news += self._told_of(limit, age_s, telemetry.told_s)
+        back = self._back(missing, telemetry.told_s) and bool(stopped)
+        if back and home_why is None:
+            fix = "GPS has its fix again" if _NO_FIX in stopped else "all of it is heard again"
+            news.append(News(fix, "going on"))
+        stops = self._stopped.values()
+        stop = Stop.SILENT if Stop.SILENT in stops else Stop.HOLD if stops else Stop.NONE
+        why = next(iter(missing), next(iter(self._stopped), ""))
+        return Outlook(stop, why, back, home_why, tuple(news))
+
+    def _back(self, missing: dict[str, Stop], now_s: float) -> bool:
+        """Whether nothing stops it any more: what did has come again for some time."""
+        if missing or not self._stopped:
+            self._good_since_s = None
+            self._stopped.update(missing)
+            return not missing
+        if self._good_since_s is None:
+            self._good_since_s = now_s
+        if now_s - self._good_since_s < BACK_S:
+            return False
+        self._stopped.clear()
+        return True
+
+    def _told_of(self, limit: Limit, age_s: float, now_s: float) -> list[News]:
+        """At once, when it stops the vehicle, and now and then; and when it comes again."""
+        if age_s < limit.told_s:
+            told = self._told.pop(limit.words, None)
+            return [News(f"{limit.words} heard again", "")] if told else []
+        stops = limit.stop_at(age_s) is not Stop.NONE
+        before, told_s = self._told.get(limit.words, (False, -math.inf))
+        if stops <= before and now_s < told_s + TOLD_AGAIN_S:
+            return []
+        self._told[limit.words] = (stops or before, now_s)
+        return [News(f"{limit.words} not heard for {age_s:.0f} s", limit.then(age_s))]

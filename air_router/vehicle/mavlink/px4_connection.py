@@ -1,0 +1,220 @@
+"""Finding the autopilot on a connection, or saying within seconds why there is none."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import re
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from mavsdk.autopilot import Autopilot
+from mavsdk.component_type import ComponentType
+from mavsdk.exceptions import MavsdkError
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.events.events import Events
+from mavsdk.plugins.geofence.geofence import Geofence
+from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
+from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
+from mavsdk.system import System
+
+from air_router.errors import NoVehicleError
+from air_router.vehicle.mavlink.mavlink_elsewhere import USUAL_PORTS, advice, listen
+from air_router.vehicle.mavlink.mavsdk_bridge import route_log
+from air_router.vehicle.mavlink.px4_link import Px4Link
+
+_log = logging.getLogger(__name__)
+
+COMPANION_COMPONENT: Final = 191
+FIND_S: Final = 5.0
+"""Wall-clock limit for the first heartbeat: an autopilot sends one every second."""
+
+OTHERS_S: Final = 1.5
+"""Where several vehicles send to one port: time for the wanted one to be heard as well."""
+
+ELSEWHERE_S: Final = 1.5
+"""For how long other ports are listened on, at last, when nothing is heard."""
+
+DATA_S: Final = 4.0
+"""Wall-clock limit for positions, which come tens of times a second."""
+
+_EVERYWHERE: Final = "0.0.0.0"  # noqa: S104 - only where the operator says so
+
+_URL = re.compile(r"(udpin|udpout|tcpin|tcpout|serial|serial_flowcontrol)://(\S+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Plugins:
+    """All that a flight uses of MAVSDK; a rehearsal puts its own in their place.
+
+    Attributes:
+        direct: Messages as they are.
+        raw: Transfers of mission, fence and rally points.
+        geofence: Takes a fence off board.
+        events: Opens the autopilot's health reports, to be destroyed after use.
+    """
+
+    direct: MavlinkDirect
+    raw: MissionRaw
+    geofence: Geofence
+    events: Callable[[], Events]
+
+
+class Px4Connection:
+    """One MAVSDK instance on one connection.
+
+    As a companion computer has to, it takes the vehicle's own system id and component 191, and
+    sends heartbeats as an onboard controller.
+    """
+
+    def __init__(self, url: str, system_id: int) -> None:
+        if _URL.fullmatch(url) is None:
+            raise NoVehicleError(
+                f"{url}: not a connection; write udpin://127.0.0.1:14540 (PX4's usual), "
+                "udpout://HOST:PORT, tcpout://HOST:PORT or serial:///dev/ttyACM0:57600"
+            )
+        self._url = url
+        self.system_id = system_id
+        self._mavsdk: Mavsdk | None = None
+        self._link: Px4Link | None = None
+
+    async def open(self) -> Plugins:
+        """Wait for a PX4.
+
+        Raises:
+            NoVehicleError: nothing answers, something else does, or the port is taken.
+        """
+        route_log()
+        bound = self._bound()
+        configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
+        configuration.system_id = self.system_id
+        configuration.component_id = COMPANION_COMPONENT
+        self._mavsdk = Mavsdk(configuration)
+        try:
+            self._mavsdk.add_any_connection_with_handle(self._url if bound is None else "raw://")
+        except (MavsdkError, ConnectionError) as error:
+            raise self._in_use(error) from None
+        if bound is not None:
+            receive = self._mavsdk.pass_received_raw_bytes
+            self._link = Px4Link(bound, self.system_id, receive)
+            self._mavsdk.subscribe_raw_bytes_to_be_sent(self._link.send)
+        system = await self._wanted(self._mavsdk, await self._first_autopilot(self._mavsdk))
+        if system.autopilot_type() != Autopilot.PX4:
+            raise NoVehicleError(
+                f"{self._url}: the autopilot is {system.autopilot_type().name}, not PX4; "
+                "only PX4 is flown"
+            )
+        return Plugins(
+            MavlinkDirect(system),
+            MissionRaw(system),
+            Geofence(system),
+            lambda: Events(system),
+        )
+
+    async def _wanted(self, mavsdk: Mavsdk, first: System) -> System:
+        """The system that was asked for, where several send here."""
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + OTHERS_S
+        if first.get_system_id() == self.system_id:
+            return first
+        while loop.time() < end_s:
+            for other in mavsdk.get_systems():
+                if other.get_system_id() == self.system_id and other.has_autopilot():
+                    return other
+            await asyncio.sleep(0.05)
+        found_id = first.get_system_id()
+        raise NoVehicleError(
+            f"{self._url}: the vehicle has system id {found_id}, not {self.system_id}; "
+            f"if it is the right one, say --sysid {found_id}"
+        )
+
+    async def heard(self, condition: Callable[[], bool], what: str) -> None:
+        """Wait until `condition` holds, once a second of nothing is not yet a fault."""
+        try:
+            async with asyncio.timeout(DATA_S):
+                while not condition():  # noqa: ASYNC110 - a handful of turns, once per flight
+                    await asyncio.sleep(0.02)
+        except TimeoutError:
+            raise NoVehicleError(
+                f"{self._url}: PX4 answers but sends no {what} within {DATA_S:.0f} s; "
+                "is its GPS ready, and is the link set to MAVLink mode 'Onboard'?"
+            ) from None
+
+    async def close(self) -> None:
+        """Let go of the connection and of MAVSDK's threads."""
+        mavsdk, self._mavsdk = self._mavsdk, None
+        link, self._link = self._link, None
+        if link is not None:  # it must not hand MAVSDK anything any more
+            link.close()
+        if mavsdk is not None:
+            await asyncio.get_running_loop().run_in_executor(None, mavsdk.destroy)
+
+    def _bound(self) -> socket.socket | None:
+        """The port of a `udpin` URL; None of any other, which MAVSDK opens."""
+        if not self._url.startswith("udpin://"):
+            return None
+        host, _, port = self._url.removeprefix("udpin://").rpartition(":")
+        bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            bound.bind((host, int(port)))
+        except (OSError, ValueError, OverflowError) as error:
+            bound.close()
+            raise self._in_use(error) from None
+        if host == _EVERYWHERE:
+            _log.warning(
+                "%s listens on every network: the first machine that sends as system %d is taken "
+                "for the vehicle; write the address that the vehicle sends to",
+                self._url,
+                self.system_id,
+            )
+        return bound
+
+    def _in_use(self, error: Exception) -> NoVehicleError:
+        return NoVehicleError(
+            f"{self._url}: cannot be opened ({error}); is another program using it?"
+        )
+
+    async def _first_autopilot(self, mavsdk: Mavsdk) -> System:
+        loop = asyncio.get_running_loop()
+        found: asyncio.Future[System | None] = loop.create_future()
+
+        def settle(system: System | None) -> None:
+            if not found.done():
+                found.set_result(system)
+
+        handle = mavsdk.first_autopilot_async(
+            FIND_S, lambda system: loop.call_soon_threadsafe(settle, system)
+        )
+        elsewhere = asyncio.create_task(self._elsewhere())
+        try:
+            system = await found
+            if system is not None:
+                return system
+            found_elsewhere = await elsewhere
+        finally:
+            elsewhere.cancel()
+            mavsdk.cancel_first_autopilot(handle)
+        others = [other.get_system_id() for other in mavsdk.get_systems()]
+        others = [other for other in others if other]
+        if others:
+            raise NoVehicleError(
+                f"{self._url}: MAVLink comes from system {others[0]}, but no autopilot's "
+                "heartbeat; a ground station, perhaps: connect to the vehicle's own link"
+            )
+        raise NoVehicleError(
+            f"{self._url}: nothing heard within {FIND_S:.0f} s; is the vehicle on, and does it "
+            "send here? PX4 sends to port 14540 + instance of its own machine and keeps to the "
+            "first partner that answers it: restart it if another program was there before"
+            f"{found_elsewhere}"
+        )
+
+    async def _elsewhere(self) -> str:
+        """Whether MAVLink arrives at another of PX4's ports."""
+        if not self._url.startswith("udpin://"):
+            return ""
+        here = int(self._url.rpartition(":")[2])
+        await asyncio.sleep(FIND_S - ELSEWHERE_S)  # nothing was heard so far
+        found = advice(*await listen([p for p in USUAL_PORTS if p != here], ELSEWHERE_S))
+        return f" ({found})" if found else ""

@@ -1,0 +1,116 @@
+"""Taking part in the pace of a simulated world: its clock waits for who has to keep up with it.
+
+A process that works with simulated time says up to which moment all is done, as lines of JSON over
+TCP: `{"name": "team", "reached_s": 12.3}`. The world (`sitl.process.pace`) goes
+`ALLOWANCE_S` beyond the
+slowest, and no further; a connection that has ended is waited for no more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import math
+import socket
+from dataclasses import dataclass
+from typing import Final, Self
+
+from air_router.vehicle.vehicle import Telemetry, VehicleEvent
+from mocha_link.node.lifetime import Closeable
+
+_log = logging.getLogger(__name__)
+
+ALLOWANCE_S: Final = 0.2
+"""Simulated seconds by which the world may be ahead of the slowest."""
+
+_LEAST_S: Final = 0.02  # the vehicle's step: there is nothing to tell of less
+_CONNECT_S: Final = 2.0
+_PORTS: Final = range(1, 65536)
+
+
+@dataclass(frozen=True, slots=True)
+class PaceSource:
+    """Where the pace of a simulation is set.
+
+    Attributes:
+        host: Of the world's clock.
+        port: The TCP port there.
+        speed: Times real time that the world runs at most.
+    """
+
+    host: str
+    port: int
+    speed: float = 1.0
+
+    @classmethod
+    def of(cls, text: str) -> Self:
+        """Read HOST:PORT or HOST:PORT,SPEED. Raises ValueError: it is neither."""
+        place, _, speed = text.partition(",")
+        host, _, port = place.rpartition(":")
+        wrong = ValueError(f"'{text}' is not HOST:PORT or HOST:PORT,SPEED")
+        try:
+            source = cls(host, int(port), float(speed or 1.0))
+        except ValueError:
+            raise wrong from None
+        if not host or source.port not in _PORTS or not 0.0 < source.speed < math.inf:
+            raise wrong
+        return source
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port},{self.speed:g}"
+
+    def connect(self) -> socket.socket:
+        """A connection to the world's clock that never blocks. Raises OSError."""
+        connection = socket.create_connection((self.host, self.port), _CONNECT_S)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setblocking(False)
+        return connection
+
+
+class PaceClient(Closeable):
+    """Says how far this process has worked; for one thread. Without a world to tell it is silent.
+
+    Args:
+        source: Where to tell it; None: nowhere.
+        name: Under which the world tells how far behind we were.
+    """
+
+    def __init__(self, source: PaceSource | None, name: str) -> None:
+        self._source = source
+        self._name = name
+        self._socket: socket.socket | None = None
+        self._told_s = -math.inf
+
+    def reached(self, time_s: float) -> None:
+        """All that belongs to this moment of the vehicle's clock, and to those before, is done."""
+        if self._source is None or abs(time_s - self._told_s) < _LEAST_S:
+            return
+        self._told_s = time_s
+        try:
+            if self._socket is None:
+                self._socket = self._source.connect()
+            self._socket.send(line({"name": self._name, "reached_s": round(time_s, 3)}))
+        except BlockingIOError:
+            pass  # it has a thousand of ours to read
+        except OSError as error:
+            _log.debug("the world's clock is gone: %s", error)
+            self.close()
+
+    def heard(self, event: VehicleEvent) -> None:
+        """A flight begins with this event. It is told from arming on: before, it gets ready."""
+        if isinstance(event, Telemetry) and (event.armed or self._told_s > -math.inf):
+            self.reached(event.time_s)
+
+    def close(self) -> None:
+        """The world need not wait for us any more."""
+        self._source = None
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._socket.close()
+            self._socket = None
+
+
+def line(fields: dict[str, object]) -> bytes:
+    """A message as it goes over the connection."""
+    return json.dumps(fields).encode() + b"\n"

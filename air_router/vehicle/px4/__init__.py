@@ -1,0 +1,1 @@
+"""A PX4 vehicle: commands, plans, telemetry, through MAVSDK."""

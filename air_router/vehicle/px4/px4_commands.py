@@ -1,0 +1,298 @@
+"""Commands that move a PX4 or change its mode: each leaves once, and is believed when it shows.
+
+Whoever sends a command again because nobody answered, as MAVSDK does, takes the vehicle back from
+a pilot who chose something else meanwhile. Here it leaves again only on a HEARTBEAT from some time
+after it left that still shows what was before; what leads to a place does not leave again at all.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import defaultdict, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum, auto
+from typing import Any, Final, NamedTuple, Self
+
+from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkDirectError
+
+from air_router.errors import NotConfirmedError
+from air_router.vehicle.loop_clock import loop_s
+from air_router.vehicle.mavlink.mavsdk_bridge import message
+from air_router.vehicle.mavlink.px4_connection import COMPANION_COMPONENT
+from air_router.vehicle.px4.px4_order import Px4Order
+from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+
+_log = logging.getLogger(__name__)
+
+CONFIRM_S: Final = 3.0
+"""Wall-clock limit for a command to show: modes appear with the next HEARTBEAT, at 1 Hz."""
+
+SETTLED_S: Final = 1.0
+"""A HEARTBEAT that comes so long after a command left should show it."""
+
+FRESH_S: Final = 0.5
+"""A command leaves again so shortly after the HEARTBEAT that allows it."""
+
+LATE_S: Final = 10.0
+"""For so long an acknowledgement may be that of a command from before."""
+
+LONGEST_S: Final = 15.0
+"""A vehicle that says again and again that it is about it is waited for no longer."""
+
+SAME_M: Final = 1.0
+"""A target nearer than this to a place is that place: PX4 tells it to a centimetre."""
+
+
+class Result(IntEnum):
+    """MAV_RESULT."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+    IN_PROGRESS = 5
+    CANCELLED = 6
+    COMMAND_LONG_ONLY = 7
+    COMMAND_INT_ONLY = 8
+    UNSUPPORTED_MAV_FRAME = 9
+    NOT_IN_CONTROL = 10
+
+
+class Choices(NamedTuple):
+    """What somebody else would change who takes the vehicle."""
+
+    mode: FlightMode
+    armed: bool
+    failsafe: bool
+    item: int | None
+    target: Point | None
+
+    @classmethod
+    def of(cls, telemetry: Px4Telemetry | Telemetry) -> Self:
+        """As the vehicle said last; item and target where they are chosen, and not followed."""
+        mode = telemetry.mode
+        return cls(
+            mode,
+            telemetry.armed,
+            telemetry.failsafe,
+            telemetry.item if mode is FlightMode.MISSION else None,
+            telemetry.target if mode is FlightMode.HOLD and telemetry.in_air else None,
+        )
+
+    def told_since(self, sent_s: float, telemetry: Px4Telemetry) -> bool:
+        """Whether item or target, where one is chosen, were told again since then."""
+        if self.mode is FlightMode.MISSION:
+            return telemetry.arrived_s("MISSION_CURRENT") > sent_s
+        if self.mode is FlightMode.HOLD and telemetry.in_air:
+            return telemetry.arrived_s("POSITION_TARGET_GLOBAL_INT") > sent_s
+        return True
+
+    def same(self, other: Self) -> bool:
+        """Whether nobody chose anything between the two."""
+        here, there = self.target, other.target
+        if here is not None and there is not None:
+            return math.dist(here, there) <= SAME_M and self[:-1] == other[:-1]
+        return self == other
+
+
+@dataclass(slots=True)
+class Sent:
+    """An order that has left, and what was answered; times are of the monotonic clock.
+
+    Attributes:
+        order: What the vehicle was told.
+        before: What the vehicle had been told by anybody when it left.
+        first_s: When it left.
+        last_s: When it left last.
+        heard_s: When the vehicle said last that it is about it.
+        accepted: The vehicle acknowledged this very order, as far as can be told.
+        acked_s: When an acknowledgement came that may also be that of an order from before.
+        refusal: The result with which it refused it, None if it did not.
+        followed: The vehicle was seen to follow it.
+    """
+
+    order: Px4Order
+    before: Choices
+    first_s: float
+    last_s: float = -math.inf
+    heard_s: float = -math.inf
+    accepted: bool = False
+    acked_s: float = math.inf
+    refusal: int | None = None
+    followed: bool = False
+
+
+Shown = Callable[[Sent], bool]
+"""Whether the vehicle follows an order, by what it says and has acknowledged."""
+
+
+class Verdict(Enum):
+    """What has become of an order that left."""
+
+    FOLLOWED = auto()
+    REFUSED = auto()
+    TAKEN = auto()  # somebody chose a mode that is neither from before nor ours
+    AGAIN = auto()  # not followed, and nobody has chosen anything: it may leave again
+
+
+@dataclass(slots=True)
+class _Tried:
+    """How often orders of one kind left and were not answered, and the one that is waited for."""
+
+    unanswered: deque[tuple[float, Sent]] = field(default_factory=deque)
+    newest: Sent | None = None
+
+
+class Px4Commands:
+    """Sends orders, one of each kind at a time.
+
+    Args:
+        telemetry: What the vehicle says.
+        system_id: Its MAVLink system id, and ours.
+    """
+
+    def __init__(self, telemetry: Px4Telemetry, system_id: int) -> None:
+        self._telemetry = telemetry
+        self._system_id = system_id
+        self._direct: MavlinkDirect
+        self._tried: dict[int, _Tried] = defaultdict(_Tried)
+
+    def listen(self, direct: MavlinkDirect) -> None:
+        """Send through this, and take the autopilot's acknowledgements."""
+        self._direct = direct
+        self._telemetry.take(direct, {"COMMAND_ACK": self._on_ack})
+
+    def send(self, wire: tuple[str, dict[str, Any]], words: str) -> None:
+        """Send a message to the autopilot, once.
+
+        Raises:
+            NotConfirmedError: the link is gone.
+        """
+        name, fields = wire
+        try:
+            self._direct.send_message(message(name, {"target_system": self._system_id, **fields}))
+        except MavlinkDirectError as error:
+            raise NotConfirmedError(f"{words} was not sent: {error.result.name}") from None
+
+    async def tell(self, order: Px4Order, shown: Shown, *, attempts: int = 1) -> None:
+        """Send an order and wait until the vehicle follows it.
+
+        Args:
+            order: What it is to do.
+            shown: Whether it follows.
+            attempts: How often it may leave at most, each time on evidence that nobody else chose.
+
+        Raises:
+            NotConfirmedError: it does not follow, with the reason where there is one.
+        """
+        sent = Sent(order, Choices.of(self._telemetry), loop_s())
+        self._tried[order.command].newest = sent
+        verdict = None
+        for attempt in range(attempts):
+            self._leave(sent, attempt)
+            verdict = await self._settled(sent, shown, more=attempt + 1 < attempts)
+            if verdict is not Verdict.AGAIN:
+                break
+            _log.info("%s: nothing shows and nobody has chosen anything: again", order.words)
+        if verdict is not Verdict.FOLLOWED:
+            raise NotConfirmedError(self._why_not(sent, verdict))
+        sent.followed = True
+        self._tried[order.command].unanswered.clear()  # on a link in order: lost, or here by now
+
+    def _leave(self, sent: Sent, attempt: int) -> None:
+        sent.last_s = loop_s()
+        sent.refusal = None
+        self._tried[sent.order.command].unanswered.append((sent.last_s, sent))
+        self.send(sent.order.wire(attempt), sent.order.words)
+
+    async def _settled(self, sent: Sent, shown: Shown, *, more: bool) -> Verdict | None:
+        """What became of it, None if nothing can be said in time."""
+        verdict: Verdict | None = None
+
+        def judged() -> bool:
+            nonlocal verdict
+            verdict = self._verdict(sent, shown, more=more)
+            return verdict is not None
+
+        while True:
+            end_s = min(max(sent.last_s, sent.heard_s) + CONFIRM_S, sent.first_s + LONGEST_S)
+            left_s = end_s - loop_s()
+            # Whatever ends the wait: it may have said meanwhile that it is about it.
+            if left_s <= 0.0 or await self._telemetry.shows(judged, left_s):
+                return verdict
+
+    def _verdict(self, sent: Sent, shown: Shown, *, more: bool) -> Verdict | None:
+        if shown(sent):
+            return Verdict.FOLLOWED
+        if self._telemetry.mode not in {sent.before.mode, sent.order.leads_to, *self._late_modes()}:
+            return Verdict.TAKEN
+        if sent.refusal is not None and not (more and sent.refusal == Result.TEMPORARILY_REJECTED):
+            return Verdict.REFUSED
+        return Verdict.AGAIN if more and self._nobody_chose(sent) else None
+
+    def _late_modes(self) -> set[FlightMode]:
+        """The modes of orders that were called off, or did not show: they may show yet."""
+        since_s = loop_s() - LATE_S
+        newest = (tried.newest for tried in self._tried.values())
+        return {
+            sent.order.leads_to
+            for sent in newest
+            if sent is not None and sent.order.moves and not sent.followed
+            if sent.last_s >= since_s
+        }
+
+    def _nobody_chose(self, sent: Sent) -> bool:
+        """Whether the vehicle says just now that everything is as it was before the order."""
+        telemetry = self._telemetry
+        heartbeat_s = telemetry.arrived_s("HEARTBEAT")
+        return (
+            heartbeat_s >= sent.last_s + SETTLED_S
+            and loop_s() - heartbeat_s <= FRESH_S
+            and sent.heard_s < sent.last_s
+            and sent.before.told_since(sent.last_s, telemetry)
+            and sent.before.same(Choices.of(telemetry))
+        )
+
+    def _why_not(self, sent: Sent, verdict: Verdict | None) -> str:
+        words, mode, said = sent.order.words, self._telemetry.mode.value, self._telemetry.said()
+        if verdict is Verdict.TAKEN:
+            return f"{words} was asked for, and somebody chose {mode} mode"
+        if sent.refusal is not None:
+            return f"{words}: {_name(sent.refusal)}{said}"
+        return f"{words} was asked for and does not show; the vehicle is in {mode} mode{said}"
+
+    def _on_ack(self, fields: dict[str, Any]) -> None:
+        """An acknowledgement; PX4 1.16 and 1.17 send two for a mode, the second says how it is."""
+        to = (fields.get("target_system"), fields.get("target_component"))
+        tried = self._tried.get(fields["command"])
+        if to != (self._system_id, COMPANION_COMPONENT) or tried is None or tried.newest is None:
+            return
+        now_s, newest = self._telemetry.arrived_s("COMMAND_ACK"), tried.newest
+        if fields["result"] == Result.IN_PROGRESS:
+            newest.heard_s = now_s
+            return
+        while tried.unanswered and tried.unanswered[0][0] < now_s - LATE_S:
+            tried.unanswered.popleft()
+        # They have no numbers: on a link in order the first answers what left first.
+        answered = None
+        if tried.unanswered and tried.unanswered[0][0] <= now_s:
+            _, answered = tried.unanswered.popleft()
+        if newest.first_s > now_s:
+            return
+        if fields["result"] == Result.ACCEPTED:
+            newest.accepted |= answered is newest
+            newest.acked_s = min(newest.acked_s, now_s)
+        else:
+            newest.refusal = fields["result"]
+
+
+def _name(result: int) -> str:
+    try:
+        return Result(result).name
+    except ValueError:
+        return f"result {result}"

@@ -1,0 +1,232 @@
+"""The motions of a PX4: take off, fly to an item or a point, stop, land; and what shows each."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from collections.abc import Callable
+from typing import Final
+
+from air_router.errors import ArmingRefusedError, NotConfirmedError
+from air_router.mission.mission import Mission
+from air_router.vehicle.px4.px4_commands import CONFIRM_S, SAME_M, Px4Commands, Sent, Shown
+from air_router.vehicle.px4.px4_order import (
+    Px4Order,
+    arm,
+    change_speed,
+    choose,
+    land,
+    reposition,
+    set_current,
+    stop,
+)
+from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
+from air_router.vehicle.vehicle import FlightMode
+from geo.frame import Point
+
+_log = logging.getLogger(__name__)
+
+ATTEMPTS: Final = 4
+"""How often an order that leads to no place leaves at most, while nobody chooses anything else."""
+
+DONE_S: Final = 0.2
+"""So long after its acknowledgement an order shows in what the vehicle says."""
+
+STOPS_M: Final = 5.0
+"""A vehicle whose new target is nearer than this stops there."""
+
+_BEGIN_AT_ONCE: Final = frozenset(
+    {FlightMode.MISSION, FlightMode.TAKEOFF, FlightMode.RETURN, FlightMode.LAND}
+)
+"""Modes in which a vehicle may take off as soon as it is armed; a flight before left it in one."""
+
+
+class Px4Motions:
+    """Verbs of `Vehicle` that move it; each returns when the vehicle follows.
+
+    Args:
+        mission: Its local frame and speed.
+        telemetry: What the vehicle says.
+        commands: What takes orders to it.
+    """
+
+    def __init__(self, mission: Mission, telemetry: Px4Telemetry, commands: Px4Commands) -> None:
+        self._frame = mission.frame
+        self._speed_m_s = mission.speed_m_s
+        self._telemetry = telemetry
+        self._commands = commands
+        self._armed_in: FlightMode | None = None  # any other was chosen by the pilot since
+        self._late: Point | None = None  # where it was sent and may yet begin to fly
+        self._speed_known = True  # the plan sets it
+        self._telling_speed: asyncio.Task[None] | None = None
+
+    async def arm(self) -> None:
+        """See `Vehicle.arm`.
+
+        HEARTBEAT tells every second whether it is armed: one that was disarmed before that has
+        acknowledged it and does not show it.
+
+        Raises:
+            ArmingRefusedError: it was disarmed again at once.
+            NotConfirmedError: it does not arm, or says nothing.
+        """
+        telemetry = self._telemetry
+        if telemetry.mode in _BEGIN_AT_ONCE:
+            await self._choose(choose(FlightMode.HOLD), attempts=ATTEMPTS)
+
+        def shown(sent: Sent) -> bool:
+            told_s = telemetry.arrived_s("HEARTBEAT")
+            return (telemetry.armed and told_s > sent.first_s) or told_s > sent.acked_s + DONE_S
+
+        self._armed_in = telemetry.mode
+        await self._tell(arm(telemetry.mode), shown)
+        self._check_armed()
+
+    async def start(self) -> None:
+        """See `Vehicle.start`."""
+        self._check_armed()
+        await self._choose(choose(FlightMode.MISSION), attempts=ATTEMPTS)
+
+    def _check_armed(self) -> None:
+        telemetry = self._telemetry
+        if not telemetry.armed:
+            raise ArmingRefusedError(
+                "it was armed, and disarmed again by the pilot, a ground station or the "
+                "autopilot; it is not armed once more"
+            )
+        if self._armed_in is not None and telemetry.mode not in {
+            self._armed_in,
+            FlightMode.MISSION,
+        }:
+            raise ArmingRefusedError(
+                f"the pilot chose {telemetry.mode.value} mode once it was armed; "
+                "it is left to the pilot"
+            )
+
+    async def jump(self, item: int, objection: Callable[[], str | None] | None) -> None:
+        """See `Vehicle.jump`: the item first, then the mode, so that no old item is flown to.
+
+        Both leave once: a leg was checked from where the vehicle was when it was commanded.
+        """
+        telemetry = self._telemetry
+        if 0 < telemetry.item_total <= item:
+            raise NotConfirmedError(f"the plan on board has no item {item}")
+        before = telemetry.mode
+        self._commands.send(set_current(item), f"the jump to item {item}")
+        # PX4 drops the jump without an answer while somebody downloads the plan.
+        if not await telemetry.shows(lambda: telemetry.item == item, CONFIRM_S):
+            raise NotConfirmedError(f"the jump to item {item} did not show in MISSION_CURRENT")
+        now = telemetry.mode
+        if now is not FlightMode.MISSION:
+            # Out of our own hovering; any other mode, or a change meanwhile, is the pilot's.
+            if now is not FlightMode.HOLD or before is not FlightMode.HOLD:
+                raise NotConfirmedError(f"somebody chose {now.value} mode")
+            # Until the item showed it may have flown on to the place that it was sent to before.
+            if objection is not None and (why := objection()) is not None:
+                raise NotConfirmedError(why)
+            await self._choose(choose(FlightMode.MISSION))
+            self._speed_known = False
+        self._late = None
+        if not self._speed_known:
+            self._tell_speed()
+
+    async def reposition(self, point: Point, altitude_m: float) -> None:
+        """See `Vehicle.reposition`; it leaves once, as a jump does.
+
+        DO_REPOSITION is always above mean sea level. PX4 corrects home's altitude in flight, so the
+        target is the present altitude corrected by what is missing, both of one message. A home
+        that a ground station moved changes neither: heights count from that of the take-off.
+        """
+        telemetry, before = self._telemetry, self._telemetry.target
+        latitude_deg, longitude_deg = self._frame.to_geodetic(point)
+        self._late = point
+        amsl_m = telemetry.altitude_amsl_m + altitude_m - telemetry.altitude_m
+
+        def shown(sent: Sent) -> bool:
+            there = _near(telemetry.target, point)
+            new = there and (not _near(before, point) or self._told_after(sent))
+            return telemetry.mode is FlightMode.HOLD and (sent.accepted or new)
+
+        order = reposition(latitude_deg, longitude_deg, amsl_m, self._speed_m_s)
+        await self._tell(order, shown)
+        self._late = None
+
+    async def hold(self) -> None:
+        """See `Vehicle.hold`.
+
+        A vehicle that flies to a point is in Hold mode already: asked for again it changes nothing
+        (as a PX4 1.17 does). What stops it is a DO_REPOSITION to no place at all. So one that was
+        told to fly to a point, and has not shown it, is stopped: it may be about to begin.
+        """
+        if self._telemetry.mode is FlightMode.HOLD or self._late is not None:
+            await self._stop_here()
+        else:
+            await self._choose(choose(FlightMode.HOLD), attempts=ATTEMPTS)
+        self._late = None
+
+    async def land(self) -> None:
+        """See `Vehicle.land`."""
+        await self._choose(land(), attempts=ATTEMPTS)
+
+    def close(self) -> None:
+        """Nothing is told any more."""
+        if self._telling_speed is not None:
+            self._telling_speed.cancel()
+
+    async def _choose(self, order: Px4Order, *, attempts: int = 1) -> None:
+        """Have a mode; PX4 1.16 and 1.17 acknowledge one that they then refuse."""
+        telemetry = self._telemetry
+
+        def shown(sent: Sent) -> bool:
+            told_s = telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
+            return telemetry.mode is order.leads_to and told_s > sent.first_s
+
+        await self._tell(order, shown, attempts=attempts)
+
+    async def _stop_here(self) -> None:
+        """Stop a vehicle that is in Hold mode, perhaps, already: only its target can show that."""
+        telemetry, before = self._telemetry, self._telemetry.target
+
+        def shown(sent: Sent) -> bool:
+            if telemetry.mode is not FlightMode.HOLD:
+                return False
+            target, here = telemetry.target, telemetry.position
+            if sent.accepted or target is None or here is None:
+                return sent.accepted
+            other = before is not None and not _near(target, before)
+            return math.dist(target, here) <= STOPS_M and (other or self._told_after(sent))
+
+        await self._tell(stop(), shown, attempts=ATTEMPTS)
+
+    def _told_after(self, sent: Sent) -> bool:
+        """Whether the target was told since an acknowledgement, which may be of an order before.
+
+        That order would show in the target then: it is done as soon as it is acknowledged.
+        """
+        return self._telemetry.arrived_s("POSITION_TARGET_GLOBAL_INT") > sent.acked_s + DONE_S
+
+    async def _tell(self, order: Px4Order, shown: Shown, *, attempts: int = 1) -> None:
+        self.close()  # the speed was for what ends now
+        await self._commands.tell(order, shown, attempts=attempts)
+
+    def _tell_speed(self) -> None:
+        """A mode change sets PX4's speed back to its parameter: say the mission's again.
+
+        Beside whatever is commanded next, which must not wait for it.
+        """
+        self.close()
+        self._telling_speed = asyncio.create_task(self._set_speed())
+
+    async def _set_speed(self) -> None:
+        order = change_speed(self._speed_m_s)
+        try:
+            await self._commands.tell(order, lambda sent: sent.accepted, attempts=ATTEMPTS)
+        except NotConfirmedError as error:
+            _log.warning("%s", error)
+        else:
+            self._speed_known = True
+
+
+def _near(place: Point | None, other: Point) -> bool:
+    return place is not None and math.dist(place, other) <= SAME_M

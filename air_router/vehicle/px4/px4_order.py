@@ -1,0 +1,120 @@
+"""What a PX4 can be told to do, as the commands of MAVLink that say it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+from air_router.vehicle.px4.px4_mode import MAIN_AUTO, sub_mode
+from air_router.vehicle.vehicle import FlightMode
+
+AUTOPILOT: Final = 1  # MAV_COMP_ID_AUTOPILOT1
+LAND, SET_MODE, CHANGE_SPEED, REPOSITION, ARM_DISARM = 21, 176, 178, 192, 400  # MAV_CMD
+CUSTOM_MODE: Final = 1.0  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+GROUND_SPEED: Final = 1.0  # SPEED_TYPE
+CHANGE_MODE: Final = 1.0  # MAV_DO_REPOSITION_FLAGS
+GLOBAL_INT: Final = 5  # MAV_FRAME; PX4 takes the altitude as AMSL in every frame
+NOWHERE: Final = 2**31 - 1
+UNSAID: Final = math.nan
+
+
+class Target(NamedTuple):
+    """A place on Earth: degrees times ten million, altitude in metres above mean sea level."""
+
+    latitude_deg_e7: int
+    longitude_deg_e7: int
+    altitude_amsl_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Px4Order:
+    """One command.
+
+    Attributes:
+        words: What is asked for, at the beginning of a message.
+        leads_to: The mode in which the vehicle is when it follows.
+        command: MAV_CMD.
+        params: param1 to param4, and to param7 where it has no target.
+        target: Where it leads to; None for a command that is sent as COMMAND_LONG.
+    """
+
+    words: str
+    leads_to: FlightMode
+    command: int
+    params: tuple[float, ...]
+    target: Target | None = None
+
+    @property
+    def moves(self) -> bool:
+        """Whether it changes the mode, or where the vehicle flies to."""
+        return self.command not in {CHANGE_SPEED, ARM_DISARM}
+
+    def wire(self, confirmation: int) -> tuple[str, dict[str, Any]]:
+        """Name and fields of the message; `confirmation` is how often it has left before."""
+        values = {f"param{n}": _plain(value) for n, value in enumerate(self.params, start=1)}
+        fields = {
+            "target_component": AUTOPILOT,
+            "command": self.command,
+            **values,
+        }
+        if self.target is None:
+            return "COMMAND_LONG", {**fields, "confirmation": confirmation}
+        x, y, z = self.target
+        place = {"x": x, "y": y, "z": _plain(z)}
+        return "COMMAND_INT", {
+            **fields,
+            **place,
+            "frame": GLOBAL_INT,
+            "current": 0,
+            "autocontinue": 0,
+        }
+
+
+def set_current(item: int) -> tuple[str, dict[str, Any]]:
+    """The message, which is no command, that makes an item of the plan the one to be flown to."""
+    return "MISSION_SET_CURRENT", {"target_component": AUTOPILOT, "seq": item}
+
+
+def choose(mode: FlightMode) -> Px4Order:
+    """Enter Mission or Hold mode."""
+    params = (CUSTOM_MODE, float(MAIN_AUTO), float(sub_mode(mode)), 0.0, 0.0, 0.0, 0.0)
+    return Px4Order(f"{mode.value} mode", mode, SET_MODE, params)
+
+
+def arm(mode: FlightMode) -> Px4Order:
+    """Arm, in the mode that the vehicle is in."""
+    return Px4Order("arming", mode, ARM_DISARM, (1.0, *(0.0,) * 6))
+
+
+def land() -> Px4Order:
+    """Land here."""
+    params = (0.0, 0.0, 0.0, UNSAID, UNSAID, UNSAID, UNSAID)
+    return Px4Order("Land mode", FlightMode.LAND, LAND, params)
+
+
+def change_speed(speed_m_s: float) -> Px4Order:
+    """Fly so fast on missions, until the mode changes."""
+    params = (GROUND_SPEED, speed_m_s, -1.0, 0.0, 0.0, 0.0, 0.0)
+    return Px4Order(f"a speed of {speed_m_s:.1f} m/s", FlightMode.MISSION, CHANGE_SPEED, params)
+
+
+def reposition(
+    latitude_deg: float, longitude_deg: float, altitude_amsl_m: float, speed_m_s: float
+) -> Px4Order:
+    """Fly straight to a place, so fast, and hover there in Hold mode; the heading stays."""
+    target = Target(round(latitude_deg * 1e7), round(longitude_deg * 1e7), altitude_amsl_m)
+    params = (speed_m_s, CHANGE_MODE, 0.0, UNSAID)
+    return Px4Order("a reposition", FlightMode.HOLD, REPOSITION, params, target)
+
+
+def stop() -> Px4Order:
+    """Stop and hover here, in Hold mode also out of Hold mode: a reposition to no place."""
+    params = (-1.0, CHANGE_MODE, 0.0, UNSAID)
+    target = Target(NOWHERE, NOWHERE, UNSAID)
+    return Px4Order("a stop", FlightMode.HOLD, REPOSITION, params, target)
+
+
+def _plain(value: float) -> float | None:
+    """As JSON has it: what is not a number is nothing."""
+    return None if math.isnan(value) else value

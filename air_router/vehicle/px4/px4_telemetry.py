@@ -1,0 +1,419 @@
+"""What a PX4 says of itself, put together from its messages into `Telemetry` and events."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import struct
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
+
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.events.px4_events import WARNING, ArmingReports, Px4Event
+from air_router.vehicle.height_frame import HeightFrame
+from air_router.vehicle.inspection import GpsFix
+from air_router.vehicle.loop_clock import loop_s
+from air_router.vehicle.mavlink.mavsdk_bridge import Received, subscribe
+from air_router.vehicle.px4.continuity import Continuity, Heard
+from air_router.vehicle.px4.px4_mode import ModeState
+from air_router.vehicle.px4.px4_streams import LIFTED_M, Streams
+from air_router.vehicle.vehicle import (
+    FlightMode,
+    ItemReached,
+    PlanReplaced,
+    Telemetry,
+    VehicleEvent,
+)
+from geo.frame import FrameError, LocalFrame, Point
+
+_log = logging.getLogger(__name__)
+
+Handler = Callable[[dict[str, Any]], None]
+
+IN_AIR: Final = frozenset({2, 3, 4})  # MAV_LANDED_STATE: in air, taking off, landing
+PREARM_GOOD: Final = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
+MISSION_INVALID: Final = 1  # MISSION_STATE_NO_MISSION: none on board, or none that can be flown
+UNKNOWN_TOTAL: Final = 65535
+UNKNOWN: Final = 65535  # of a field of 16 bits
+AUTOPILOT: Final = 1
+INT32, REAL32 = 6, 9  # MAV_PARAM_TYPE; PX4 has no others
+TARGETED: Final = frozenset({FlightMode.MISSION, FlightMode.HOLD})
+GPS_OLD_S: Final = 1.5
+"""A receiver's altitude from longer ago says nothing of a vehicle that climbs."""
+
+CLOCK_S: Final = 2.0
+"""Near the clock that positions tell, SYSTEM_TIME keeps it going where they are missing."""
+
+TELL_S: Final = 0.5
+"""So often, of the vehicle's time, it is told how it is while no position comes."""
+
+_REFUSALS: Final = ("navigator_mis_", "feasibility_mis_", "navigator_geofence_invalid_")
+
+
+class Px4Telemetry:
+    """Listens to a PX4 and keeps what it said last; all of it on the event loop."""
+
+    def __init__(self, frame: LocalFrame, clock: VehicleClock) -> None:
+        self._frame = frame
+        self._clock = clock
+        self._system_id = 0
+        self._callbacks: list[Callable[[VehicleEvent], None]] = []
+        self._news = asyncio.Event()
+        self._heard_s = loop_s()
+        self._arrived_s: dict[str, float] = {}
+        self._texts: deque[str] = deque(maxlen=3)
+        self._plan_ids: tuple[int, int] | None = None
+        self._guarding = False
+        self._last_reached: tuple[int, int | None] | None = None
+        self._continuity = Continuity()
+        self._position: Point | None = None
+        self._target: Point | None = None
+        self._unix: tuple[float, float] | None = None
+        self._heights = HeightFrame()
+        self._gps_height: tuple[float, float] | None = None
+        self.reports = ArmingReports()
+        self.refusals: list[str] = []
+        self.parameters: dict[str, float] = {}
+        self.gps: GpsFix | None = None
+        self.voltage_v: float | None = None
+        self.wind_m_s: tuple[float, float] | None = None
+        self.time_s = 0.0
+        self.altitude_m = 0.0
+        self.altitude_amsl_m = 0.0
+        self.velocity_m_s = (0.0, 0.0)
+        self.heading_deg: float | None = None
+        self.mode = FlightMode.OTHER
+        self.armed = False
+        self.failsafe = False
+        self._mode = ModeState()
+        self._streams = Streams()
+        self._told_s = 0.0
+        self.in_air: bool | None = None
+        self.battery: float | None = None
+        self.health_good = False
+        self.item: int | None = None
+        self.item_total = 0
+        self.mission_state = 0
+        self.mission_reports = 0
+        self.home: Point | None = None
+        self.home_altitude_amsl_m: float | None = None
+        self.version: str | None = None
+        self.took_off_s: float | None = None
+
+    def listen(self, direct: MavlinkDirect, system_id: int) -> None:
+        """Take the messages of the autopilot with this system id."""
+        self._system_id = system_id
+        handlers: dict[str, Handler] = {
+            "HEARTBEAT": self._on_heartbeat,
+            "CURRENT_MODE": self._on_current_mode,
+            "GLOBAL_POSITION_INT": self._on_position,
+            "EXTENDED_SYS_STATE": self._on_extended_state,
+            "SYS_STATUS": self._on_sys_status,
+            "SYSTEM_TIME": self._on_system_time,
+            "HOME_POSITION": self._on_home,
+            "MISSION_CURRENT": self._on_mission_current,
+            "MISSION_ITEM_REACHED": self._on_item_reached,
+            "STATUSTEXT": self._on_text,
+            "EVENT": self._on_event,
+            "PARAM_VALUE": self._on_parameter,
+            "GPS_RAW_INT": self._on_gps,
+            "WIND_COV": self._on_wind,
+            "POSITION_TARGET_GLOBAL_INT": self._on_target,
+            "AUTOPILOT_VERSION": self._on_version,
+            "FLIGHT_INFORMATION": self._on_flight_information,
+        }
+        self.take(direct, handlers)
+
+    def take(self, direct: MavlinkDirect, handlers: Mapping[str, Handler]) -> None:
+        """Hand messages of the autopilot, by name, to others as well; then waiters look again."""
+        for name, handler in handlers.items():
+            subscribe(direct, name, self._only_autopilot(name, handler))
+
+    def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
+        """Hand every event to `callback`."""
+        self._callbacks.append(callback)
+
+    def complete(self) -> bool:
+        """Whether everything that a flight rests on was heard once."""
+        return self._position is not None and self._mode.known and self.in_air is not None
+
+    def silent_s(self) -> float:
+        """Wall-clock seconds since anything was heard."""
+        return loop_s() - self._heard_s
+
+    def missing(self, age_s: float) -> list[str]:
+        """Messages that have not come for so long while others do, seconds of the vehicle's."""
+        return self._streams.missing(age_s)
+
+    def arrived_s(self, *names: str) -> float:
+        """When the newest message of these names came, on the monotonic clock; long ago if none."""
+        return max(self._arrived_s.get(name, -math.inf) for name in names)
+
+    def said(self) -> str:
+        """The autopilot's last words, to add to an error."""
+        return f' (it says: "{"; ".join(self._texts)}")' if self._texts else ""
+
+    def unix_s(self) -> float | None:
+        """The vehicle's own Unix time now, None until it told it."""
+        if self._unix is None:
+            return None
+        unix_s, heard_s = self._unix
+        return unix_s + loop_s() - heard_s
+
+    def forget_words(self) -> None:
+        """Something new is asked of the autopilot: what it said before is not about that."""
+        self._texts.clear()
+        self.refusals.clear()
+
+    @property
+    def position(self) -> Point | None:
+        """Where it is, None before it said so."""
+        return self._position
+
+    @property
+    def target(self) -> Point | None:
+        """Where it flies to or hovers in its present mode, by its own word."""
+        return self._target if self.mode in TARGETED else None
+
+    @property
+    def plan_guarded(self) -> bool:
+        """Whether it is known which plan is on board, so that another one would be noticed."""
+        return self._guarding and self._plan_ids is not None
+
+    def leave_plan_alone(self) -> None:
+        """The plan on board is about to be another, by our own hand."""
+        self._guarding = False
+
+    def guard_plan(self) -> None:
+        """From now on report when the plan on board is replaced by another."""
+        self._plan_ids = None
+        self._guarding = True
+
+    async def wait_for(self, condition: Callable[[], bool]) -> None:
+        """Return once `condition` holds, looked at after every message."""
+        while not condition():
+            await self._news.wait()
+
+    async def shows(self, condition: Callable[[], bool], limit_s: float) -> bool:
+        """Whether `condition` holds within so much wall-clock time."""
+        try:
+            async with asyncio.timeout(limit_s):
+                await self.wait_for(condition)
+        except TimeoutError:
+            return False
+        return True
+
+    def snapshot(self) -> Telemetry | None:
+        """The telemetry of this moment, None before the first position."""
+        if self._position is None or not self._mode.known:
+            return None
+        return Telemetry(
+            time_s=self.time_s,
+            position=self._position,
+            altitude_m=self.altitude_m,
+            velocity_m_s=self.velocity_m_s,
+            heading_deg=self.heading_deg,
+            armed=self.armed,
+            in_air=self._streams.in_air(bool(self.in_air), armed=self.armed),
+            mode=self._mode.told,
+            failsafe=self.failsafe,
+            battery=self.battery,
+            item=self.item,
+            fix=self.gps is None or self.gps.good,
+            target=self.target,
+            altitude_amsl_m=self.altitude_amsl_m,
+            gps_amsl_m=self._gps_amsl_m(),
+            home_moved=self._heights.moved,
+            wind_m_s=self.wind_m_s,
+            terminated=self._mode.terminated,
+            ages=self._streams.ages(),
+        )
+
+    def _only_autopilot(self, name: str, handler: Handler) -> Callable[[Received], None]:
+        def on_message(received: Received) -> None:
+            if received.sender != (self._system_id, AUTOPILOT):
+                return
+            self._heard_s = loop_s()
+            self._arrived_s[name] = received.arrived_s
+            self._clock.alive()
+            self._streams.message(received.arrived_s, self._clock.rate)
+            if self._streams.news(name, received.fields, armed=self.armed):
+                handler(received.fields)
+            self._mode.settle(received.arrived_s)
+            if self._streams.heard_s - self._told_s >= TELL_S:
+                self._emit_snapshot()
+            self._wake_waiters()
+
+        return on_message
+
+    def _wake_waiters(self) -> None:
+        self._news.set()
+        self._news = asyncio.Event()
+
+    def _emit(self, event: VehicleEvent) -> None:
+        for callback in self._callbacks:
+            callback(event)
+
+    def _emit_snapshot(self) -> None:
+        snapshot = self.snapshot()
+        self._told_s = self._streams.heard_s
+        if snapshot is not None:
+            self._emit(snapshot)
+
+    def _on_heartbeat(self, fields: dict[str, Any]) -> None:
+        self._note_mode(changed=self._mode.heartbeat(fields))
+
+    def _on_current_mode(self, fields: dict[str, Any]) -> None:
+        now_s = self.arrived_s("CURRENT_MODE")
+        self._note_mode(changed=self._mode.current_mode(fields, now_s))
+
+    def _note_mode(self, *, changed: bool) -> None:
+        state = self._mode
+        self.mode, self.armed, self.failsafe = state.mode, state.armed, state.failsafe
+        if changed:
+            self._target = None  # it was the other mode's
+            self._streams.targets_from_s = self.time_s  # and what is still on its way
+            self._emit_snapshot()  # at once: it may be the pilot's, and a command about to leave
+
+    def _on_position(self, fields: dict[str, Any]) -> None:
+        boot_s = fields["time_boot_ms"] / 1e3
+        try:
+            position = self._frame.to_local(fields["lat"] / 1e7, fields["lon"] / 1e7)
+        except FrameError as error:
+            _log.warning("a position of the vehicle is left out: %s", error)
+            self._streams.void_position()
+            return
+        if not self._continuity.believes(Heard(boot_s, position), loop_s(), self._clock.rate):
+            _log.info("a position that does not follow from the one before waits for others")
+            self._streams.void_position()
+            return
+        self.time_s, self._position = boot_s, position
+        self._clock.heard(boot_s)
+        self.altitude_amsl_m = fields["alt"] / 1e3
+        lifted = self._streams.moves_above(LIFTED_M)  # or falls, disarmed, which counts as landed
+        self.altitude_m = self._heights.altitude_m(
+            self.altitude_amsl_m,
+            fields["relative_alt"] / 1e3,
+            self.home,
+            armed=self.armed,
+            in_air=self.in_air is not False or lifted,  # it may be met in the air
+        )
+        self.velocity_m_s = (fields["vy"] / 100, fields["vx"] / 100)  # MAVLink: x north, y east
+        self.heading_deg = None if fields["hdg"] == 65535 else fields["hdg"] / 100
+        self._emit_snapshot()
+
+    def _on_extended_state(self, fields: dict[str, Any]) -> None:
+        if fields["landed_state"] != 0:
+            self.in_air = fields["landed_state"] in IN_AIR
+
+    def _on_sys_status(self, fields: dict[str, Any]) -> None:
+        remaining = fields["battery_remaining"]
+        self.battery = None if remaining is None or remaining < 0 else remaining / 100
+        voltage_mv = fields["voltage_battery"]
+        self.voltage_v = None if voltage_mv in {None, UNKNOWN} else voltage_mv / 1e3
+        self.health_good = bool(fields["onboard_control_sensors_health"] & PREARM_GOOD)
+
+    def _on_system_time(self, fields: dict[str, Any]) -> None:
+        boot_s = fields["time_boot_ms"] / 1e3
+        if abs(boot_s - self._clock.boot_s()) <= CLOCK_S:  # another's is believed with positions
+            self._clock.heard(boot_s)
+        if fields["time_unix_usec"] > 0:
+            self._clock.heard_unix(fields["time_unix_usec"] / 1e6, fields["time_boot_ms"] / 1e3)
+            self._unix = (fields["time_unix_usec"] / 1e6, loop_s())
+
+    def _on_home(self, fields: dict[str, Any]) -> None:
+        try:
+            self.home = self._frame.to_local(fields["latitude"] / 1e7, fields["longitude"] / 1e7)
+        except FrameError as error:
+            _log.warning("the vehicle's home is left out: %s", error)
+            return
+        self.home_altitude_amsl_m = fields["altitude"] / 1e3
+
+    def _on_mission_current(self, fields: dict[str, Any]) -> None:
+        total = fields.get("total", UNKNOWN_TOTAL)
+        self.item_total = 0 if total == UNKNOWN_TOTAL else total
+        self.mission_state = fields.get("mission_state", 0)
+        self.mission_reports += 1
+        self.item = fields["seq"]
+        ids = (fields.get("mission_id", 0), fields.get("fence_id", 0))
+        if not self._guarding:
+            return
+        if self._plan_ids is None:
+            self._plan_ids = ids
+        elif ids != self._plan_ids:
+            before, self._plan_ids = self._plan_ids, ids
+            self._emit(PlanReplaced(self.time_s, only_fence=ids[0] == before[0]))
+
+    def _on_item_reached(self, fields: dict[str, Any]) -> None:
+        # PX4 repeats the report once or twice a second while it holds; once is enough.
+        reached = (fields["seq"], self.item)
+        if reached != self._last_reached:
+            self._last_reached = reached
+            self._emit(ItemReached(self.time_s, fields["seq"]))
+
+    def _on_text(self, fields: dict[str, Any]) -> None:
+        text = str(fields["text"]).rstrip("\t\0 ")
+        self._texts.append(text)
+        _log.info("PX4: %s", text)
+
+    def _on_event(self, fields: dict[str, Any]) -> None:
+        event = Px4Event.of(fields)
+        self.reports.take(event)
+        if event.level > WARNING or event.is_check:
+            return
+        text = event.text
+        _log.info("PX4: %s", text)
+        self._texts.append(text)
+        if (event.name or "").startswith(_REFUSALS):
+            self.refusals.append(text)
+
+    def _on_parameter(self, fields: dict[str, Any]) -> None:
+        value = fields["param_value"]
+        if value is None:
+            return  # the bits of a negative whole number, which are no number as a float
+        if fields["param_type"] == INT32:
+            (value,) = struct.unpack("<i", struct.pack("<f", value))
+        self.parameters[str(fields["param_id"]).rstrip("\0")] = float(value)
+
+    def _on_gps(self, fields: dict[str, Any]) -> None:
+        satellites = fields["satellites_visible"]
+        accuracy_mm = fields.get("h_acc") or 0
+        self.gps = GpsFix(
+            kind=fields["fix_type"],
+            satellites=None if satellites in {None, 255} else satellites,
+            accuracy_m=accuracy_mm / 1e3 if accuracy_mm else None,
+        )
+
+        self._gps_height = (fields["alt"] / 1e3, fields["time_usec"] / 1e6)
+
+    def _gps_amsl_m(self) -> float | None:
+        """The receiver's own altitude, if it has a fix and the message is not old."""
+        if self._gps_height is None or self.gps is None or not self.gps.good:
+            return None
+        amsl_m, at_s = self._gps_height
+        return amsl_m if abs(self.time_s - at_s) <= GPS_OLD_S else None
+
+    def _on_wind(self, fields: dict[str, Any]) -> None:
+        north_m_s, east_m_s = fields["wind_x"], fields["wind_y"]
+        known = north_m_s is not None and east_m_s is not None  # what is no number is nothing
+        self.wind_m_s = (east_m_s, north_m_s) if known else None
+
+    def _on_target(self, fields: dict[str, Any]) -> None:
+        try:
+            self._target = self._frame.to_local(fields["lat_int"] / 1e7, fields["lon_int"] / 1e7)
+        except FrameError:
+            self._target = None  # far away: at 0, 0 when it has none
+
+    def _on_flight_information(self, fields: dict[str, Any]) -> None:
+        # PX4 counts from its boot, whatever the field is called.
+        since_boot_s = fields["takeoff_time_utc"] / 1e6
+        flies = 0.0 < since_boot_s <= fields["time_boot_ms"] / 1e3
+        self.took_off_s = since_boot_s if flies else None
+
+    def _on_version(self, fields: dict[str, Any]) -> None:
+        number = fields["flight_sw_version"]
+        self.version = ".".join(str((number >> shift) & 0xFF) for shift in (24, 16, 8))

@@ -1,0 +1,243 @@
+"""The port through which the controller sees and commands a vehicle.
+
+One implementation flies a real or simulated PX4 (`vehicle.px4`); tests drive the same flight
+shell with another. Positions are east/north metres in the mission's local frame; altitudes are
+metres above home; times are seconds on the vehicle's own clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+from air_router.mission.flight_plan import FlightPlan
+from air_router.vehicle.height_frame import HomeMove
+from air_router.vehicle.inspection import Inspection
+from geo.frame import Point
+
+
+class FlightMode(Enum):
+    """The flight modes that matter to a mission, under the names pilots know."""
+
+    MISSION = "Mission"
+    HOLD = "Hold"
+    TAKEOFF = "Takeoff"
+    RETURN = "Return"
+    LAND = "Land"
+    POSITION = "Position"  # flown by hand; moving the sticks leads here
+    ALTITUDE = "Altitude"  # flown by hand
+    OTHER = "another"  # Manual, Offboard, Orbit ...
+
+
+@dataclass(frozen=True, slots=True)
+class Ages:
+    """For how long each input was missing while others came, seconds on the vehicle's clock.
+
+    In a silence of all of them none ages: that is `LinkSilent`. One that never came has no age.
+
+    Attributes:
+        position_s: GLOBAL_POSITION_INT; one that repeats itself in motion is none.
+        mode_s: HEARTBEAT or CURRENT_MODE, the younger.
+        armed_s: HEARTBEAT.
+        battery_s: SYS_STATUS.
+        fix_s: GPS_RAW_INT.
+        landed_s: EXTENDED_SYS_STATE; one that contradicts the motion is none.
+        item_s: MISSION_CURRENT.
+        target_s: POSITION_TARGET_GLOBAL_INT.
+    """
+
+    position_s: float = 0.0
+    mode_s: float = 0.0
+    armed_s: float = 0.0
+    battery_s: float = 0.0
+    fix_s: float = 0.0
+    landed_s: float = 0.0
+    item_s: float = 0.0
+    target_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """What the vehicle said of itself last; one value for everything that changes steadily.
+
+    Attributes:
+        time_s: When it was at this position, seconds on its clock since it booted.
+        position: Horizontal position, metres east/north of the mission's origin.
+        altitude_m: Metres above home, as that was at take-off.
+        velocity_m_s: Velocity (east, north) in metres per second.
+        heading_deg: Clockwise from true north, None when unknown.
+        armed: Motors may turn.
+        in_air: The autopilot's own word, not a guess from altitude.
+        mode: The flight mode the autopilot reports, never the one that was asked for.
+        failsafe: The autopilot acts on a failsafe of its own: it flies another mode than intended.
+        battery: Remaining charge from 0 to 1, None when unknown.
+        item: Sequence number of the plan item it flies to, None when unknown.
+        fix: The satellite receiver has a position; True also while it says nothing of itself.
+        target: Where it flies to or hovers, by its own word; None when unknown.
+        altitude_amsl_m: Metres above mean sea level; None when unknown.
+        gps_amsl_m: The same by the satellite receiver alone; None when unknown, or old.
+        home_moved: By how much the autopilot's home is off that of the take-off, from which the
+            heights of its plan do not count any more; None while it is where it was.
+        wind_m_s: How the air moves (east, north), as the autopilot estimates it; None if it tells
+            none, as a multicopter does without EKF2_DRAG_CTRL.
+        terminated: Motors stopped for good, by a kill switch or flight termination.
+        ages: How old each of these is.
+    """
+
+    time_s: float
+    position: Point
+    altitude_m: float
+    velocity_m_s: tuple[float, float] = (0.0, 0.0)
+    heading_deg: float | None = None
+    armed: bool = False
+    in_air: bool = False
+    mode: FlightMode = FlightMode.OTHER
+    failsafe: bool = False
+    battery: float | None = None
+    item: int | None = None
+    fix: bool = True
+    target: Point | None = None
+    altitude_amsl_m: float | None = None
+    gps_amsl_m: float | None = None
+    home_moved: HomeMove | None = None
+    wind_m_s: tuple[float, float] | None = None
+    terminated: bool = False
+    ages: Ages = Ages()
+
+    @property
+    def told_s(self) -> float:
+        """When the newest of it was told, on the vehicle's clock: `time_s` if positions come."""
+        return self.time_s + self.ages.position_s
+
+
+@dataclass(frozen=True, slots=True)
+class ItemReached:
+    """The autopilot says that it has reached a plan item."""
+
+    time_s: float
+    item: int
+
+
+@dataclass(frozen=True, slots=True)
+class PlanReplaced:
+    """A ground station has uploaded a plan or a fence; `PlanCompared` tells whether it is ours.
+
+    Attributes:
+        time_s: Seconds on the vehicle's clock.
+        only_fence: The items are still ours: a zone was added, perhaps, where we are flying to.
+    """
+
+    time_s: float
+    only_fence: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PlanCompared:
+    """A plan that was replaced was read back and compared with the one that we put on board.
+
+    Attributes:
+        time_s: Seconds on the vehicle's clock.
+        difference: What is on board instead, or why it is not known; None: it flies the same.
+    """
+
+    time_s: float
+    difference: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSilent:
+    """Nothing has come from the vehicle for a while.
+
+    Attributes:
+        time_s: The vehicle's clock when it was last heard.
+        silent_s: Wall-clock seconds since then.
+    """
+
+    time_s: float
+    silent_s: float
+
+
+VehicleEvent = Telemetry | ItemReached | PlanReplaced | PlanCompared | LinkSilent
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleInfo:
+    """Who answered: system id, autopilot and its version, and where its home is.
+
+    `took_off_s` is when it took off, on its clock; None if it does not fly, or does not say so.
+    """
+
+    system_id: int
+    autopilot: str
+    version: str
+    home: Point | None
+    home_altitude_amsl_m: float | None
+    took_off_s: float | None = None
+
+
+class Vehicle(Protocol):
+    """Verbs of a vehicle. Each returns when the vehicle has confirmed it, or raises.
+
+    Raises:
+        NoVehicleError: from `connect`, with a diagnosis.
+        PlanRefusedError: from `upload`, `renew` and `recognise`, when what is on board is not what
+            was sent.
+        ArmingRefusedError: from `arm`, with the autopilot's reasons; from `arm` and `start`, where
+            the pilot has disarmed the vehicle or chosen a mode.
+        NotConfirmedError: when a command was sent and the vehicle did not follow.
+    """
+
+    async def connect(self) -> VehicleInfo:
+        """Find the vehicle, or say within seconds what is wrong."""
+
+    def subscribe(self, callback: Callable[[VehicleEvent], None]) -> None:
+        """Hand every event to `callback`, in order, on the event loop."""
+
+    async def inspect(self, parameters: Sequence[str]) -> Inspection:
+        """Ask for what a pre-flight check looks at, with these parameters."""
+
+    async def upload(self, plan: FlightPlan) -> None:
+        """Put nodes and fence on board and read both back."""
+
+    async def renew(self, plan: FlightPlan) -> None:
+        """Put a changed fence on board, in flight too, and read all back.
+
+        Items are sent only where they are others than those on board, and then not in Mission
+        mode in the air: the vehicle would begin the plan anew.
+        """
+
+    async def recognise(self, plan: FlightPlan) -> None:
+        """Make sure that this plan is on board already, in flight too, without changing it."""
+
+    async def arm(self) -> None:
+        """Arm, once, waiting for the autopilot's health first; never over a disarming."""
+
+    async def start(self) -> None:
+        """Enter Mission mode: on the ground this takes off.
+
+        Not over what the pilot chose since `arm`: a vehicle that was disarmed, or is in another
+        mode, is left as it is.
+        """
+
+    async def jump(self, item: int, objection: Callable[[], str | None] | None = None) -> None:
+        """Fly straight to a plan item and hover there, in Mission mode.
+
+        `objection` is asked again if that takes time: why the leg must not be begun any more.
+        """
+
+    async def reposition(self, point: Point, altitude_m: float) -> None:
+        """Fly straight to a point at an altitude above home and hover there, in Hold mode."""
+
+    async def hold(self) -> None:
+        """Stop and hover here."""
+
+    async def land(self) -> None:
+        """Descend here and touch down."""
+
+    async def announce(self, text: str) -> None:
+        """Tell the pilot: shown by ground stations, kept in the autopilot's log."""
+
+    async def close(self) -> None:
+        """Let go of the link; the vehicle keeps doing what it does."""

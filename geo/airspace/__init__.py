@@ -1,0 +1,1 @@
+"""Where a vehicle may be: fences, zones, and the distance kept from them."""

@@ -1,0 +1,403 @@
+"""Where a vehicle may be: inside of every fence and clear of every no-fly zone.
+
+All tests are exact, by distance to the zones and fences as they were drawn: nothing is rastered,
+no buffer polygon takes part, and the distance to a circle is that to its centre less its radius.
+
+The distance to keep from a zone is the zone's own clearance, or else that of the airspace, plus the
+margin of the airspace; from a fence's border it is the airspace's clearance plus the margin. A
+place or a leg is clear when it keeps these distances (less a tolerance of a micrometre, so that
+points computed to lie on the limit count as clear).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from datetime import datetime
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely import LineString, MultiPoint, STRtree
+from shapely import Point as ShapelyPoint
+from shapely.geometry.base import BaseGeometry
+from shapely.ops import nearest_points
+
+from geo.airspace.fence import PREPARED_FROM, Fence
+from geo.airspace.inflation import rounded
+from geo.airspace.zone import Circle, Outline, Ring, Shape, Zone
+from geo.frame import Point
+
+__all__ = ["FENCE", "TOLERANCE_M", "Airspace", "Zone"]
+
+FENCE = "fence"
+"""The name that stands for the fences in answers about what is near or in the way."""
+
+TOLERANCE_M = 1e-6
+
+_NODE_MARGIN_M = 0.01
+"""Corners of detours keep this much more than the clearance, so that legs along a zone's side
+never fail their own test by rounding."""
+
+_UNFENCED_M = (-1e6, -1e6, 1e6, 1e6)
+"""What is drawn of an airspace without a fence."""
+
+_Geometries = npt.NDArray[np.object_]
+_Floats = npt.NDArray[np.float64]
+_Flags = npt.NDArray[np.bool_]
+
+_dwithin = cast("Callable[..., _Flags]", shapely.dwithin)
+"""Takes a distance for each pair, which shapely's annotations do not know."""
+
+
+class Airspace:
+    """Fences (or none), no-fly zones, and the distance to keep from both.
+
+    Args:
+        fences: the vehicle stays inside of all of these; None or an empty list: no fence.
+        zones: the vehicle stays outside of these; they may overlap and touch.
+        clearance_m: the least distance to every zone that has no clearance of its own, and to the
+            fences' borders.
+        margin_m: kept on top of every clearance. It may be negative: no distance gets less than 0.
+        ease_m: see `eased`.
+
+    Raises:
+        ZoneError: a fence is not a simple polygon.
+        ValueError: the clearance is negative or not finite, or the margin is not a number.
+    """
+
+    def __init__(
+        self,
+        fences: Shape | Ring | Sequence[Shape] | None,
+        zones: Sequence[Zone],
+        clearance_m: float,
+        margin_m: float = 0.0,
+        ease_m: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        if not 0 <= clearance_m < math.inf:
+            raise ValueError(f"a clearance of {clearance_m} m; it must be 0 or more")
+        if not margin_m < math.inf:
+            raise ValueError(f"a margin of {margin_m} m; it must be a finite distance")
+        self.fences = _shapes(fences)
+        self.zones = tuple(zones)
+        self.clearance_m = clearance_m
+        self.margin_m = margin_m
+        self.ease_m = ease_m
+        self.distances_m = tuple(self._kept_m(zone.clearance_m) for zone in self.zones)
+        self.fence_distance_m = self._kept_m(None)
+        self._fences = tuple(Fence(shape) for shape in self.fences)
+
+    def __repr__(self) -> str:
+        return (
+            f"Airspace({len(self.fences)} fences, {len(self.zones)} zones, clearance "
+            f"{self.clearance_m} m, margin {self.margin_m} m)"
+        )
+
+    def with_clearance(self, clearance_m: float) -> Airspace:
+        """The same with another clearance for all that has none of its own."""
+        return Airspace(self.fences, self.zones, clearance_m, self.margin_m, self.ease_m)
+
+    def with_margin(self, margin_m: float) -> Airspace:
+        """The same with another margin on top of every clearance."""
+        return Airspace(self.fences, self.zones, self.clearance_m, margin_m, self.ease_m)
+
+    def as_drawn(self) -> Airspace:
+        """The same fences and zones, with no distance to keep from them."""
+        return self.with_margin(-math.inf)
+
+    def eased(self, shortfall_m: float, floor_m: float) -> Airspace:
+        """The same with every distance shorter by `shortfall_m`, but none below `floor_m` for that.
+
+        For a vehicle that is too near to something: it may stay as near for a moment. The floor is
+        how near it is, so that a zone with a wide clearance does not take away all of the others'.
+        """
+        ease_m = (shortfall_m, floor_m)
+        return Airspace(self.fences, self.zones, self.clearance_m, self.margin_m, ease_m)
+
+    def without(self, names: Sequence[str]) -> Airspace:
+        """The airspace without the zones (or the fences) of these names."""
+        fences = () if FENCE in names else self.fences
+        return self._of(fences, (zone for zone in self.zones if zone.name not in names))
+
+    def leaving(self, point: Point) -> Airspace:
+        """The airspace without the zones that a point is in, and the fences that it is not in."""
+        place = ShapelyPoint(point)
+        beyond = shapely.distance(self._geometries, place) > self._radii_m
+        zones = (zone for zone, out in zip(self.zones, beyond, strict=True) if out)
+        held = zip(self.fences, self._fences, strict=True)
+        return self._of([shape for shape, fence in held if fence.depth_m(place) >= 0], zones)
+
+    def kept_from(self, start: Point, end: Point) -> Airspace:
+        """The airspace with only those zones and fences that a leg keeps its distance from."""
+        leg = _line(start, end)
+        kept = ~_dwithin(self._geometries, leg, self._thresholds_m)
+        zones = (zone for zone, clear in zip(self.zones, kept, strict=True) if clear)
+        things, threshold_m = np.array([leg], dtype=object), _threshold(self.fence_distance_m)
+        held = zip(self.fences, self._fences, strict=True)
+        return self._of([shape for shape, f in held if f.keeps(things, threshold_m)[0]], zones)
+
+    def around(self, point: Point, reach_m: float) -> Airspace:
+        """The airspace with only the zones that come nearer than this to a point."""
+        distances_m = shapely.distance(self._geometries, ShapelyPoint(point)) - self._radii_m
+        near = zip(self.zones, distances_m, strict=True)
+        return self._of(self.fences, (zone for zone, distance_m in near if distance_m <= reach_m))
+
+    def at(self, low_m: float, high_m: float) -> Airspace:
+        """The airspace with only the zones that apply somewhere in a range above home."""
+        bands = ((zone, zone.band) for zone in self.zones)
+        return self._of(
+            self.fences, (z for z, band in bands if band is None or band.meets(low_m, high_m))
+        )
+
+    def during(self, start: datetime, end: datetime | None) -> Airspace:
+        """The airspace with only the zones that apply at some time between (None: for ever)."""
+        times = ((zone, zone.validity) for zone in self.zones)
+        return self._of(
+            self.fences, (z for z, at in times if at is None or at.active_between(start, end))
+        )
+
+    def point_clear(self, point: Point) -> bool:
+        """Whether the vehicle may be here."""
+        return self._clear(ShapelyPoint(point))
+
+    def leg_clear(self, start: Point, end: Point) -> bool:
+        """Whether every point of the straight leg is clear."""
+        return self._clear(_line(start, end))
+
+    def legs_clear(self, start: Point, ends: Sequence[Point]) -> list[bool]:
+        """`leg_clear` from one place to many, in bulk."""
+        if not ends:
+            return []
+        there = np.array(ends, dtype=float)
+        clear = self.legs_clear_between(np.broadcast_to(start, there.shape), there)
+        return [bool(answer) for answer in clear]
+
+    def legs_clear_between(self, starts: _Floats, ends: _Floats) -> _Flags:
+        """`leg_clear` of many legs at once; both arrays have a row of (east, north) for each."""
+        lines = _lines(starts, ends)
+        clear = np.ones(len(lines), dtype=bool)
+        for fence in self._fences:
+            clear[clear] = fence.keeps(lines[clear], _threshold(self.fence_distance_m))
+        rest = np.flatnonzero(clear)
+        lines = lines[rest]
+        legs, zones = self._tree.query(lines)
+        close = _dwithin(self._geometries[zones], lines[legs], self._thresholds_m[zones])
+        clear[rest[legs[close]]] = False
+        return clear
+
+    def swept_clear(self, points: Sequence[Point]) -> bool:
+        """Whether the convex hull of the points is clear.
+
+        A vehicle that is moving when it is sent elsewhere cuts a curve; position, stopping point
+        and target span an area that contains it.
+        """
+        return self._clear(MultiPoint(points).convex_hull)
+
+    def blockers(self, start: Point, end: Point) -> tuple[str, ...]:
+        """Names of the zones (and `FENCE`) that keep the leg from being clear."""
+        leg = _line(start, end)
+        names = [self.zones[index].name for index in sorted(self._close(leg))]
+        if not self._within_fences(leg):
+            names.append(FENCE)
+        return tuple(names)
+
+    def holders(self, point: Point) -> tuple[str, ...]:
+        """Names of the zones that the point is in, and `FENCE` if it is outside of a fence."""
+        place = ShapelyPoint(point)
+        near = np.sort(self._tree.query(place))
+        within = shapely.distance(self._geometries[near], place) <= self._radii_m[near]
+        names = [self.zones[index].name for index in near[within]]
+        if any(fence.depth_m(place) < 0 for fence in self._fences):
+            names.append(FENCE)
+        return tuple(names)
+
+    def distance_m(self, point: Point) -> float:
+        """Distance to the nearest zone or fence border.
+
+        It is negative inside a zone (how deep) and outside of a fence (how far); infinite when
+        there is neither zone nor fence.
+        """
+        return self.nearest(point)[0]
+
+    def nearest(self, point: Point) -> tuple[float, str]:
+        """`distance_m`, and the name of the zone (or `FENCE`) that is so near; "" for nothing."""
+        return self._least(point, 0.0, 0.0)
+
+    def spare_m(self, point: Point) -> tuple[float, str]:
+        """How much farther away than it has to be a point is, and from what; negative: too near.
+
+        The least over all zones and fences of the distance to them less the distance to keep.
+        Infinite, and "", when there is neither.
+        """
+        return self._least(point, np.array(self.distances_m), self.fence_distance_m)
+
+    def kept_m(self, name: str) -> float:
+        """The distance to keep from the zones of this name, or from the fences' borders.
+
+        Raises:
+            KeyError: nothing has this name.
+        """
+        kept = [
+            d for zone, d in zip(self.zones, self.distances_m, strict=True) if zone.name == name
+        ]
+        if name == FENCE:
+            kept.append(self.fence_distance_m)
+        if not kept:
+            raise KeyError(name)
+        return max(kept)
+
+    def track_distance_m(self, points: Sequence[Point]) -> tuple[float, str]:
+        """Closest approach of a polyline, and the name of what it approached.
+
+        Where the track enters a zone or leaves the fence the distance is 0 or, by as much as one of
+        its points lies beyond the border, negative. Without zones and fence: infinity and "".
+        """
+        if not points:
+            return math.inf, ""
+        track = _line(points[0], points[0]) if len(points) == 1 else LineString(points)
+        closest = (math.inf, "")
+        if self.zones:
+            distances = shapely.distance(self._geometries, track) - self._radii_m
+            nearest = int(np.argmin(distances))
+            closest = (max(float(distances[nearest]), 0.0), self.zones[nearest].name)
+        for fence in self._fences:
+            closest = min(closest, (max(fence.distance_m(track), 0.0), FENCE))
+        if closest[0] > 0 and not self.holders(points[0]):
+            return closest
+        return min(closest, *(self.nearest(point) for point in points))
+
+    def nearest_clear(self, point: Point) -> Point | None:
+        """The closest place to go to: the point itself if it is clear; None if nowhere is."""
+        if self.point_clear(point):
+            return point
+        if self.free.is_empty:
+            return None
+        nearest, _ = nearest_points(self.free, ShapelyPoint(point))
+        found = Point(nearest.x, nearest.y)
+        return found if self.point_clear(found) else None
+
+    @cached_property
+    def free(self) -> BaseGeometry:
+        """The clear area, drawn a centimetre (and 0.3 % of the clearance) too small.
+
+        For finding places and telling regions apart; the tests above do not use it.
+        """
+        clear: BaseGeometry = shapely.box(*_UNFENCED_M)
+        for number, fence in enumerate(self.fences):
+            inside = rounded(fence, -(self.fence_distance_m + _NODE_MARGIN_M))
+            clear = clear.intersection(inside) if number else inside
+        return clear.difference(shapely.union_all(self.inflated(_NODE_MARGIN_M)))
+
+    def inflated(self, extra_m: float = 0.0) -> list[BaseGeometry]:
+        """Every zone, grown by the distance to keep from it and `extra_m`, or slightly more.
+
+        In the order of `zones`.
+        """
+        reaches = zip(self.zones, self.distances_m, strict=True)
+        return [rounded(zone.shape, distance_m + extra_m) for zone, distance_m in reaches]
+
+    @cached_property
+    def _geometries(self) -> _Geometries:
+        """What distances to zones are measured from: polygons, and the centres of circles."""
+        geometries = np.array([_solid(zone.shape) for zone in self.zones], dtype=object)
+        shapely.prepare([g for g in geometries if shapely.get_num_coordinates(g) > PREPARED_FROM])
+        return geometries
+
+    @cached_property
+    def _radii_m(self) -> _Floats:
+        """What of these distances lies within the zones."""
+        return np.array(
+            [z.shape.radius_m if isinstance(z.shape, Circle) else 0.0 for z in self.zones]
+        )
+
+    @cached_property
+    def _thresholds_m(self) -> _Floats:
+        """At these distances or less from `_geometries` nothing is clear."""
+        return self._radii_m + [_threshold(distance_m) for distance_m in self.distances_m]
+
+    @cached_property
+    def _tree(self) -> STRtree:
+        """Boxes around all that is not clear because of each zone."""
+        bounds = shapely.bounds(self._geometries)
+        reach_m = self._thresholds_m + TOLERANCE_M
+        west, south, east, north = bounds.reshape(-1, 4).T
+        return STRtree(
+            shapely.box(west - reach_m, south - reach_m, east + reach_m, north + reach_m)
+        )
+
+    def _of(self, fences: Sequence[Shape], zones: Iterable[Zone]) -> Airspace:
+        return Airspace(fences, tuple(zones), self.clearance_m, self.margin_m, self.ease_m)
+
+    def _kept_m(self, own_clearance_m: float | None) -> float:
+        clearance_m = self.clearance_m if own_clearance_m is None else own_clearance_m
+        distance_m = clearance_m + self.margin_m
+        shortfall_m, floor_m = self.ease_m
+        return max(distance_m - shortfall_m, min(distance_m, floor_m), 0.0)
+
+    def _clear(self, shape: BaseGeometry) -> bool:
+        return len(self._close(shape)) == 0 and self._within_fences(shape)
+
+    def _close(self, shape: BaseGeometry) -> npt.NDArray[np.intp]:
+        """The numbers of the zones that a shape is too near to."""
+        near = self._tree.query(shape)
+        return near[_dwithin(self._geometries[near], shape, self._thresholds_m[near])]
+
+    def _within_fences(self, shape: BaseGeometry) -> bool:
+        threshold_m = _threshold(self.fence_distance_m)
+        return all(
+            bool(fence.keeps(np.array([shape], dtype=object), threshold_m)[0])
+            for fence in self._fences
+        )
+
+    def _least(
+        self, point: Point, kept_m: _Floats | float, fence_kept_m: float
+    ) -> tuple[float, str]:
+        """The least of all distances (negative beyond a border) less these, and to what it is."""
+        place = ShapelyPoint(point)
+        least = (math.inf, "")
+        if self.zones:
+            distances_m = shapely.distance(self._geometries, place) - self._radii_m
+            for index in np.flatnonzero(distances_m == 0):
+                shape = self.zones[index].shape
+                if isinstance(shape, Outline):
+                    distances_m[index] = -shape.border.distance(place)
+            spares_m = distances_m - kept_m
+            nearest = int(np.argmin(spares_m))
+            least = (float(spares_m[nearest]), self.zones[nearest].name)
+        for fence in self._fences:
+            least = min(least, (fence.depth_m(place) - fence_kept_m, FENCE))
+        return least
+
+
+def _threshold(distance_m: float) -> float:
+    return max(distance_m - TOLERANCE_M, 0.0)
+
+
+def _shapes(fences: Shape | Ring | Sequence[Shape] | None) -> tuple[Shape, ...]:
+    if fences is None:
+        return ()
+    if isinstance(fences, Outline | Circle):
+        return (fences,)
+    if all(isinstance(shape, Outline | Circle) for shape in fences):
+        return tuple(cast("Sequence[Shape]", fences))
+    return (Outline(cast("Ring", tuple(fences))),)
+
+
+def _solid(shape: Shape) -> BaseGeometry:
+    return ShapelyPoint(shape.centre) if isinstance(shape, Circle) else shape.polygon
+
+
+def _line(start: Point, end: Point) -> BaseGeometry:
+    # GEOS 3.14 answers dwithin wrongly for a prepared shape and a line without length.
+    return LineString((start, end)) if tuple(start) != tuple(end) else ShapelyPoint(start)
+
+
+def _lines(starts: _Floats, ends: _Floats) -> _Geometries:
+    """`_line` for many."""
+    lines = np.asarray(shapely.linestrings(np.stack([starts, ends], axis=1)), dtype=object)
+    still = (starts == ends).all(axis=1)
+    if still.any():
+        lines[still] = shapely.points(starts[still])
+    return lines

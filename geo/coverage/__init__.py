@@ -1,0 +1,1 @@
+"""Rows over an area, and the order in which they are flown."""

@@ -1,0 +1,1 @@
+"""Shortest clear paths between places, without a graph."""

@@ -1,0 +1,207 @@
+"""The clear area of an airspace as polygons with few corners, for paths to be searched in.
+
+Every zone is grown, every fence shrunk, by the distance to keep and a tenth of a millimetre: so
+much that zones whose grown shapes touch leave no gap between them, and that rounding never brings
+a path too near. Exact along straight sides; at corners of polygons
+
+* lean: mitred corners that are cut off at 1.03 of the distance, hardly more corners than the zone
+  has, so that searches are quick;
+* tight: arcs, at most 0.3 % too far out. So are, in the lean area too, those shapes that would
+  close a gap in between them only because of their mitred corners.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely import Polygon, STRtree
+from shapely.geometry.base import BaseGeometry
+
+from geo.airspace.airspace import Airspace
+from geo.airspace.zone import Circle, Shape, circle_ring, polygons_of
+
+Shapes = npt.NDArray[np.object_]
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+Bounds = tuple[float, float, float, float]
+"""West, south, east, north."""
+
+_dwithin = cast("Callable[..., npt.NDArray[np.bool_]]", shapely.dwithin)  # of arrays too
+
+HAIR_M = 1e-4
+"""What the clear area is smaller by than it could be."""
+
+BEVEL = 1.03
+"""Where mitred corners are cut off, in distances to keep: up to here they never fall short."""
+
+_ARC_STEPS = 16
+_ARC_EXCESS = 1 / math.cos(0.75 * (math.pi / 2) / _ARC_STEPS)
+"""GEOS rounds the number of steps of an arc, so that a step may be half as long again: the usual
+compensation for the chord still falls short, this one does not."""
+
+_SHARP = 2.0
+"""For shapes that are cut to arcs afterwards; a limit much higher than this falls short."""
+
+_CIRCLE_SHARE, _CIRCLE_LEAST_M = 0.005, 0.01
+_UNFENCED_M = 1_000_000.0
+
+
+class FreeSpace:
+    """The clear area of an airspace, lean or tight, whole or in part."""
+
+    def __init__(self, airspace: Airspace) -> None:
+        self._airspace = airspace
+        self._zones: Shapes = np.array([zone.polygon for zone in airspace.zones], dtype=object)
+        self._reaches_m = np.array(airspace.distances_m, dtype=float) + HAIR_M
+
+    @cached_property
+    def lean(self) -> list[Polygon]:
+        """The connected parts of the area, with few corners."""
+        pinching = self._pinching()
+        grown = self._lean_zones.copy()
+        grown[pinching] = self._grown_tight(pinching)
+        return self._parts(grown, self._inside)
+
+    def tight(self, within: Bounds | None = None) -> list[Polygon]:
+        """The connected parts of the area, or of what of it lies within bounds, with arcs."""
+        inside = self._inside
+        chosen = np.arange(len(self._zones))
+        if within is not None:
+            inside = inside.intersection(shapely.box(*within))
+            west, south, east, north = shapely.bounds(self._zones).reshape(-1, 4).T
+            reach_m = BEVEL * self._reaches_m
+            chosen = np.flatnonzero(
+                (west - reach_m <= within[2])
+                & (east + reach_m >= within[0])
+                & (south - reach_m <= within[3])
+                & (north + reach_m >= within[1])
+            )
+        return self._parts(self._grown_tight(chosen), inside)
+
+    def around(self, zones: Indices, *, fenced: bool) -> list[Polygon]:
+        """The clear area (tight) if there were only these zones, with or without the fences."""
+        return self._parts(self._grown_tight(zones), self._inside if fenced else self._plane)
+
+    def touching(self, line: BaseGeometry) -> Indices:
+        """The zones that a part of the clear area ends at, along its border or a part of it."""
+        near = self._tree.query(line, predicate="dwithin", distance=self.slack_m)
+        return np.sort(near)
+
+    def fence_touches(self, line: BaseGeometry) -> bool:
+        """Whether fences are what the clear area ends at somewhere along a part of its border."""
+        reach_m = self._airspace.fence_distance_m + self.slack_m
+        borders = [fence.polygon.boundary for fence in self._airspace.fences]
+        return any(shapely.dwithin(border, line, reach_m) for border in borders)
+
+    @cached_property
+    def slack_m(self) -> float:
+        """Farther out than this the drawn border of the clear area lies nowhere."""
+        kept_m = max(self._airspace.fence_distance_m, 0.0, *self._airspace.distances_m)
+        widest_m = max((s.radius_m for s in self._circles), default=0.0) + kept_m
+        return (BEVEL - 1) * kept_m + _CIRCLE_SHARE * widest_m + 0.02
+
+    @property
+    def _circles(self) -> list[Circle]:
+        shapes = (*(zone.shape for zone in self._airspace.zones), *self._airspace.fences)
+        return [shape for shape in shapes if isinstance(shape, Circle)]
+
+    @cached_property
+    def _lean_zones(self) -> Shapes:
+        grown: Shapes = shapely.buffer(
+            self._zones, self._reaches_m, join_style="mitre", mitre_limit=BEVEL
+        )
+        for index, zone in enumerate(self._airspace.zones):
+            if isinstance(zone.shape, Circle):
+                grown[index] = _circle(zone.shape, float(self._reaches_m[index]))
+        return grown
+
+    def _grown_tight(self, zones: Indices) -> Shapes:
+        """Mitred and round shapes are both large enough, so what they have in common is."""
+        missing = zones[[shape is None for shape in self._tight_zones[zones]]]
+        drawn, reaches_m = self._zones[missing], self._reaches_m[missing]
+        sharp = shapely.buffer(drawn, reaches_m, join_style="mitre", mitre_limit=_SHARP)
+        arcs = shapely.buffer(drawn, reaches_m * _ARC_EXCESS, quad_segs=_ARC_STEPS)
+        self._tight_zones[missing] = shapely.intersection(sharp, arcs)
+        for index in missing:
+            if isinstance(shape := self._airspace.zones[index].shape, Circle):
+                reach_m = float(self._reaches_m[index])
+                self._tight_zones[index] = _circle(shape, reach_m, finest=True)
+        grown: Shapes = self._tight_zones[zones]
+        return grown
+
+    @cached_property
+    def _tight_zones(self) -> Shapes:
+        """Grown shapes with arcs, of those zones for which they were needed."""
+        return np.full(len(self._zones), None, dtype=object)
+
+    @cached_property
+    def _inside(self) -> BaseGeometry:
+        """What lies inside of all fences, always tight: they have few corners."""
+        fences = self._airspace.fences
+        if not fences:
+            return self._plane
+        reach_m = self._airspace.fence_distance_m + HAIR_M
+        inside = shapely.intersection_all([_shrunk(fence, reach_m) for fence in fences])
+        shapely.prepare(inside)
+        return inside
+
+    @property
+    def _plane(self) -> BaseGeometry:
+        west, south, east, north = _bounds(self._zones)
+        far_m = _UNFENCED_M
+        return shapely.box(west - far_m, south - far_m, east + far_m, north + far_m)
+
+    @cached_property
+    def _tree(self) -> STRtree:
+        return STRtree(self._lean_zones)
+
+    def _pinching(self) -> Indices:
+        """The zones that may close a gap, in themselves or to others, by their mitred corners."""
+        lean, zones = self._lean_zones, self._zones
+        pinching = shapely.get_num_interior_rings(lean) > 0
+        one, other = self._tree.query(lean, predicate="intersects")
+        one, other = one[one < other], other[one < other]
+        reach_m = self._reaches_m[one] + self._reaches_m[other]
+        apart = ~_dwithin(zones[one], zones[other], reach_m)
+        pinching[one[apart]] = True
+        pinching[other[apart]] = True
+        across = np.flatnonzero(~shapely.covers(self._inside, lean))
+        reach_m = self._reaches_m[across] + self._airspace.fence_distance_m + HAIR_M
+        for fence in self._airspace.fences:
+            clear = shapely.covers(fence.polygon, zones[across])
+            clear &= ~_dwithin(fence.polygon.boundary, zones[across], reach_m)
+            pinching[across[clear]] = True
+        return np.flatnonzero(pinching)
+
+    def _parts(self, grown: Shapes, inside: BaseGeometry) -> list[Polygon]:
+        return polygons_of(inside.difference(shapely.union_all(grown)))
+
+
+def _shrunk(fence: Shape, reach_m: float) -> BaseGeometry:
+    """Arcs and mitred corners both keep the distance, so what either of them keeps does."""
+    if isinstance(fence, Circle):
+        return _circle(fence, -reach_m, finest=True)
+    sharp = fence.polygon.buffer(-reach_m, join_style="mitre", mitre_limit=_SHARP)
+    return sharp.union(fence.polygon.buffer(-reach_m * _ARC_EXCESS, quad_segs=_ARC_STEPS))
+
+
+def _circle(circle: Circle, reach_m: float, *, finest: bool = False) -> BaseGeometry:
+    """A polygon around a grown circle, or within a shrunk one."""
+    radius_m = circle.radius_m + reach_m
+    if radius_m <= 0:
+        return Polygon()
+    within_m = _CIRCLE_LEAST_M if finest else max(_CIRCLE_LEAST_M, _CIRCLE_SHARE * radius_m)
+    return Polygon(circle_ring(circle.centre, radius_m, outward=reach_m > 0, within_m=within_m))
+
+
+def _bounds(shapes: Shapes) -> Bounds:
+    if not len(shapes):
+        return (0.0, 0.0, 0.0, 0.0)
+    west, south, east, north = shapely.total_bounds(shapes).tolist()
+    return west, south, east, north

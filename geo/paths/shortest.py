@@ -1,0 +1,302 @@
+"""The shortest clear path between any two places of an airspace.
+
+Found in a mesh of the clear area's lean shape; where that has no path, or where its cut corners
+might make a short path noticeably longer, in the tight shape. Every leg is judged by the airspace's
+own exact test before it is handed out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property, lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from geo.airspace.airspace import Airspace
+from geo.frame import Point
+from geo.paths.free_space import FreeSpace
+from geo.paths.mesh import Mesh
+from geo.paths.polyanya import Source, seen_corners, shortest
+
+Path = tuple[Point, ...]
+
+_CORNER_EXCESS = 0.2
+"""By how many distances to keep, per radian turned, lean corners make a path longer at most."""
+
+_WORTH = 0.03
+"""A path that may be this share longer than it must be is looked for again in the tight shape."""
+
+
+_BLUNT = math.radians(40)
+"""Turns along an arc are made one up to here: an arc gets 4 % longer, and has few corners."""
+
+_DIRECTIONS = 48
+
+_OUT_M, _OUT_TRIES = 300.0, 200
+"""How far ways out of a tight place are looked for, and to how many corners at most."""
+
+
+@lru_cache(maxsize=8)
+def shortest_paths(airspace: Airspace) -> ShortestPaths:
+    """The paths of an airspace; made once, then kept."""
+    return ShortestPaths(airspace)
+
+
+class ShortestPaths:
+    """Finds shortest clear paths, and tells which places hang together.
+
+    A gap counts as open when it is wider than the distances to keep from both its sides by 0.2 mm;
+    between two pointed corners, by up to 0.6 % more.
+    """
+
+    def __init__(self, airspace: Airspace) -> None:
+        self.airspace = airspace
+        self.space = FreeSpace(airspace)
+        self._kept_m = max(airspace.fence_distance_m, *airspace.distances_m, 0.0)
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The lean clear area."""
+        return Mesh(self.space.lean)
+
+    @cached_property
+    def _tight(self) -> Mesh:
+        return Mesh(self.space.tight())
+
+    def path(
+        self,
+        start: Point,
+        end: Point,
+        *,
+        first: Callable[[Point], bool] | None = None,
+        doors: Iterable[Point] = (),
+    ) -> Path | None:
+        """The shortest clear path from start to end, both included; None if there is none.
+
+        Args:
+            start: where the path begins.
+            end: where it ends.
+            first: what the first leg must satisfy, told by its end, instead of being clear.
+            doors: with `first`: places where that leg may end beside the corners seen from start.
+        """
+        start, end = Point(*start), Point(*end)
+        if first is None:
+            return self._clear_path(start, end)
+        if first(end):
+            return (start, end)
+        if not self.airspace.point_clear(end):
+            return None
+        plain = self._clear_path(start, end)
+        if plain is not None and first(plain[1]):
+            return plain
+        return self._path_by_doors(start, end, first, [*doors])
+
+    def part_of(self, point: Point) -> int | None:
+        """The number of the connected part that a place lies in; None if it is not clear.
+
+        Parts are numbered as the lean clear area has them; see `connected`.
+        """
+        part = self.mesh.part_of(point)
+        if part is not None or not self.airspace.point_clear(point):
+            return part
+        landing = self._landing(self.mesh, point)
+        return None if landing is None else landing[1]
+
+    def connected(self, a: Point, b: Point) -> bool:
+        """Whether a clear path from one place to the other exists."""
+        one, other = self.part_of(a), self.part_of(b)
+        if one is not None and one == other:
+            return True
+        if not (self.airspace.point_clear(a) and self.airspace.point_clear(b)):
+            return False
+        here, there = self._landing(self._tight, a), self._landing(self._tight, b)
+        return here is not None and there is not None and here[1] == there[1]
+
+    def nearest(self, point: Point, reachable_from: Point | None = None) -> Point | None:
+        """The clear place nearest to a point, itself if it is clear; None if there is none.
+
+        Args:
+            point: any place.
+            reachable_from: a place from where a clear path must lead there; where it is not clear
+                itself, the nearest place that is.
+        """
+        part = None
+        if not len(self.mesh):
+            return None
+        if reachable_from is not None:
+            part = self.part_of(reachable_from)
+            if part is None:
+                part = self.mesh.nearest(reachable_from)[2]
+        if self.airspace.point_clear(point) and part in {None, self.part_of(point)}:
+            return point
+        found = self.mesh.nearest(point, part)[1]
+        return found if self.airspace.point_clear(found) else None
+
+    def exits(self, point: Point) -> list[Point]:
+        """Clear places all around one that is not clear, nearest first."""
+        return self.mesh.all_around(point, _DIRECTIONS) if len(self.mesh) else []
+
+    def way_out(self, point: Point, near: Airspace) -> Path | None:
+        """The shortest path to a clear place from one that is not, in another airspace.
+
+        Args:
+            point: where the path begins.
+            near: the same zones at shorter distances, or less of them: the point is clear there.
+        """
+        if not len(self.mesh):
+            return None
+        local = ShortestPaths(near.around(point, 1.5 * _OUT_M))
+        best: Path | None = None
+        least_m = _OUT_M
+        places = [self.mesh.nearest(point)[1], *self.mesh.corners_within(point, _OUT_M)]
+        for place in places[:_OUT_TRIES]:
+            if math.dist(point, place) >= least_m:
+                break
+            path = local.path(point, place)
+            if path is not None and path_length_m(path) < least_m:
+                best, least_m = path, path_length_m(path)
+        return best
+
+    def _clear_path(self, start: Point, end: Point) -> Path | None:
+        if self.airspace.leg_clear(start, end) and self._same_part(start, end):
+            return (start, end)
+        path = self._through(self.mesh, start, end)
+        if path is not None:
+            return self._closer(self._with_fewer_corners(path))
+        if not (self.airspace.point_clear(start) and self.airspace.point_clear(end)):
+            return None
+        path = self._through(self._tight, start, end)
+        return None if path is None else self._with_fewer_corners(path)
+
+    def _same_part(self, a: Point, b: Point) -> bool:
+        """Whether no gap without width lies between two places that see each other."""
+        one, other = self.part_of(a), self.part_of(b)
+        return one is None or other is None or one == other
+
+    def _through(self, mesh: Mesh, start: Point, end: Point) -> Path | None:
+        """The shortest path in a mesh; the ends may lie where only exact corners reach."""
+        here, there = self._landing(mesh, start), self._landing(mesh, end)
+        if here is None or there is None or here[1] != there[1]:
+            return None
+        path = shortest(mesh, [Source(0.0, here[0])], there[0])
+        if path is None:
+            return None
+        if here[0] is not start:
+            path = self._begun_at(start, path)
+        if there[0] is not end:
+            path = self._begun_at(end, path[::-1])[::-1]
+        return path if self._all_clear(path) else None
+
+    def _landing(self, mesh: Mesh, point: Point) -> tuple[Point, int] | None:
+        """A clear place as the mesh has it, and the part that it is in."""
+        part = mesh.part_of(point)
+        if part is not None:
+            return point, part
+        if not len(mesh):
+            return None
+        away_m, place, part = mesh.nearest(point)
+        if away_m > self.space.slack_m or not self.airspace.leg_clear(point, place):
+            return None
+        return place, part
+
+    def _begun_at(self, start: Point, path: Path) -> Path:
+        """A path that begins beside the mesh, with as few corners of the mesh as it can."""
+        for skipped in range(min(3, len(path)) - 1, 0, -1):
+            if self.airspace.leg_clear(start, path[skipped]):
+                return (start, *path[skipped:])
+        return (start, *path)
+
+    def _closer(self, path: Path) -> Path:
+        """The path, or a shorter one around the same corners if they make a difference."""
+        length_m = path_length_m(path)
+        if _turned(path) * _CORNER_EXCESS * self._kept_m < _WORTH * length_m:
+            return path
+        # All that is as near is within an ellipse around the ends.
+        slack_m = (math.sqrt(max(length_m**2 - math.dist(path[0], path[-1]) ** 2, 0.0))) / 2 + 1.0
+        ends = np.array([path[0], path[-1]])
+        west, south = (ends.min(axis=0) - slack_m).tolist()
+        east, north = (ends.max(axis=0) + slack_m).tolist()
+        nearby = Mesh(self.space.tight((west, south, east, north)))
+        closer = self._through(nearby, path[0], path[-1])
+        if closer is None:
+            return path
+        closer = self._with_fewer_corners(closer)
+        return closer if path_length_m(closer) < length_m else path
+
+    def _with_fewer_corners(self, path: Path) -> Path:
+        """A path along arcs as one that turns less often, where that is clear."""
+        if len(path) < 4:
+            return path
+        back = path[0] > path[-1]  # the same corners both ways
+        blunt = _blunted(path[::-1] if back else path, self._kept_m)
+        blunt = blunt[::-1] if back else blunt
+        return blunt if len(blunt) < len(path) and self._all_clear(blunt) else path
+
+    def _path_by_doors(
+        self, start: Point, end: Point, first: Callable[[Point], bool], doors: list[Point]
+    ) -> Path | None:
+        mesh = self.mesh
+        goal = self._landing(mesh, end)
+        if goal is None:
+            return None
+        outlook = start if mesh.part_of(start) is not None else mesh.nearest(start)[1]
+        places = [outlook, *doors, *seen_corners(mesh, outlook)]
+        sources = [Source(math.dist(start, place), place) for place in dict.fromkeys(places)]
+        path = shortest(mesh, sources, goal[0], allowed=first)
+        if path is None:
+            return None
+        if goal[0] is not end:
+            path = self._begun_at(end, path[::-1])[::-1] if len(path) > 1 else (*path, end)
+        return (start, *path) if self._all_clear(path) else None
+
+    def _all_clear(self, path: Sequence[Point]) -> bool:
+        places = np.array(path, dtype=float)
+        return bool(self.airspace.legs_clear_between(places[:-1], places[1:]).all())
+
+
+def path_length_m(path: Sequence[Point]) -> float:
+    """Length of the line through the points, in metres."""
+    return sum(math.dist(a, b) for a, b in pairwise(path))
+
+
+def _turned(path: Path) -> float:
+    """By how much a path turns in all, in radians."""
+    return sum(map(abs, _turns(path)))
+
+
+def _turns(path: Path) -> list[float]:
+    """By how much a path turns at each of its corners, in radians; to the left is more than 0."""
+    headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in pairwise(path)]
+    return [math.remainder(b - a, math.tau) for a, b in pairwise(headings)]
+
+
+def _blunted(path: Path, short_m: float) -> Path:
+    """Small turns to one hand, short legs apart, made one: where the legs around them meet."""
+    turns = [0.0, *_turns(path)]
+    corners: list[Point] = []
+    first = 1
+    while first < len(turns):
+        last, turn = first, turns[first]
+        while (
+            last + 1 < len(turns)
+            and turns[last + 1] * turn > 0
+            and abs(turn + turns[last + 1]) <= _BLUNT
+            and math.dist(path[last], path[last + 1]) <= short_m
+        ):
+            last += 1
+            turn += turns[last]
+        alone = last == first
+        corners.append(path[first] if alone else _meeting(path, first, last))
+        first = last + 1
+    return (path[0], *corners, path[-1])
+
+
+def _meeting(path: Path, first: int, last: int) -> Point:
+    """Where the leg to one corner and the leg from a later one meet, made longer."""
+    (a_e, a_n), (b_e, b_n) = path[first - 1], path[first]
+    (c_e, c_n), (d_e, d_n) = path[last], path[last + 1]
+    in_e, in_n, out_e, out_n = b_e - a_e, b_n - a_n, d_e - c_e, d_n - c_n
+    share = ((c_e - b_e) * out_n - (c_n - b_n) * out_e) / (in_e * out_n - in_n * out_e)
+    return Point(b_e + share * in_e, b_n + share * in_n)

@@ -1,0 +1,129 @@
+"""`mocha-link check`: what a team file says, and every problem in it."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from mocha_link.cli.command_help import add_command
+from mocha_link.cli.display import table
+from mocha_link.cli.keys_command import links, protection_lines
+from mocha_link.team.document import DocumentError
+from mocha_link.team.team import Team
+
+
+def register(commands: Any) -> None:
+    """Add `check` to the commands of `mocha-link`."""
+    check = add_command(
+        commands,
+        "check",
+        "check a team file and show its ids and ports",
+        "mocha-link check missions/pennovation/team.yaml",
+    )
+    check.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
+    check.add_argument(
+        "--json", action="store_true", help="print the ids and ports, or the problems, as JSON"
+    )
+    check.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    try:
+        team = Team.load(options.team)
+    except DocumentError as error:
+        if options.json:
+            print(json.dumps({"problems": [problem.as_json() for problem in error.problems]}))
+        raise
+    if options.json:
+        print(json.dumps(_ids(team)))
+        return 0
+    print("\n".join([_team_tables(team), "", _rules_line(team), *protection_lines(team)]))
+    return 0
+
+
+def _ids(team: Team) -> dict[str, Any]:
+    return {
+        "robots": {
+            robot.name: {
+                "robot_id": robot.robot_id,
+                "kind": robot.kind,
+                "address": robot.address,
+                "radio": robot.radio,
+                "original": robot.original,
+                "ports": {peer: robot.port_for(peer) for peer in robot.peers},
+            }
+            for robot in team.robots.values()
+        },
+        "kinds": {
+            kind: {
+                topic.name: {
+                    "topic_id": topic.topic_id,
+                    "type": topic.type,
+                    "dtype": topic.dtype,
+                    "priority": topic.priority.name.lower(),
+                    "min_interval_s": topic.min_interval_s,
+                    "history": topic.history,
+                    "aggregate": topic.aggregate,
+                }
+                for topic in topics
+            }
+            for kind, topics in team.kinds.items()
+        },
+        "trigger": dataclasses.asdict(team.trigger),
+        "trust": team.trust.value,
+        "links": [
+            {"robots": link.robots, "open_because": link.open_because} for link in links(team)
+        ],
+    }
+
+
+def _team_tables(team: Team) -> str:
+    """The robots and topics of a team with the ids and ports that follow from the file.
+
+    What no robot or topic of the team has is not shown.
+    """
+    rows = [("robot", "id", "kind", "address", "ports", "radio", "node")]
+    for robot in sorted(team.robots.values(), key=lambda robot: robot.robot_id):
+        ports = ", ".join(f"{peer}:{robot.port_for(peer)}" for peer in robot.peers) or "-"
+        radio = robot.radio or f"timer, {team.trigger.interval_s:g} s"
+        node = "original" if robot.original else ""
+        rows.append(
+            (robot.name, str(robot.robot_id), robot.kind, robot.address, ports, radio, node)
+        )
+    heads = ("kind", "topic", "id", "type", "dtype", "priority", "at most every", "keeps", "sends")
+    kinds: list[tuple[str, ...]] = [heads]
+    for kind, topics in team.kinds.items():
+        for topic in topics:
+            interval = f"{topic.min_interval_s:g} s" if topic.min_interval_s else "-"
+            ids = (str(topic.topic_id), topic.type, str(topic.dtype))
+            keeps = f"{topic.history}" if topic.history > 1 else ""
+            sends = "all together" if topic.aggregate else ""
+            kinds.append(
+                (kind, topic.name, *ids, topic.priority.name.lower(), interval, keeps, sends)
+            )
+    return f"{table(_used(rows))}\n\n{table(_used(kinds))}"
+
+
+def _rules_line(team: Team) -> str:
+    """When nodes pull, and whose messages they take."""
+    trigger = team.trigger
+    pulls = f"pulls every {trigger.interval_s:g} s"
+    if any(robot.radio for robot in team.robots.values()):
+        pulls += (
+            f", where there is a radio from {trigger.rssi_threshold_dbm:g} dBm, "
+            f"{trigger.snr_threshold_db:g} dB SNR or {trigger.device_threshold:g} of the device on "
+            f"(to {trigger.hysteresis_db:g} below)"
+        )
+    if trigger.budget_bytes:
+        pulls += f"; at most {trigger.budget_bytes} bytes in a contact"
+    return f"{pulls}; trust: {team.trust.value}"
+
+
+def _used(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    """The table without columns that are empty below their head."""
+    used = [index for index in range(len(rows[0])) if any(row[index] for row in rows[1:])]
+    return [[row[index] for index in used] for row in rows]

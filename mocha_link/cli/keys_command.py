@@ -1,0 +1,238 @@
+"""The command `mocha-link keys`: make keys for the robots of a team; which links they protect."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mocha_link.cli.command_help import add_command
+from mocha_link.errors import MochaLinkError
+from mocha_link.team import keys
+from mocha_link.team.complaint import as_label
+from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.keys import KeyMismatchError, SecretKey
+from mocha_link.team.team import Robot, Team
+
+_BOM = b"\xef\xbb\xbf"
+# A scalar as it stands in the file, quoted or plain, or nothing at all (`key:`).
+_FLOW_VALUE = re.compile(r"""("[^"]*"|'[^']*'|[^\s,}]*)""")
+_BLOCK_VALUE = re.compile(r"""("[^"]*"|'[^']*'|\S*)""")
+_FLOW = re.compile(r"([&!]\S*\s+)*\{")
+
+
+class TeamTextError(MochaLinkError):
+    """A team file whose text cannot be changed."""
+
+
+class Link(NamedTuple):
+    """A link of the team; `open_because` is None if it is protected."""
+
+    robots: tuple[str, str]
+    open_because: str | None
+
+
+class _Plan(NamedTuple):
+    """What becomes of one robot: `secret` is to be written, `public` goes into the team file."""
+
+    robot: Robot
+    told: str
+    secret: SecretKey | None = None
+    public: str | None = None
+
+
+def register(commands: Any) -> None:
+    """Add the command to the parsers of `mocha-link`."""
+    parser = add_command(
+        commands,
+        "keys",
+        "make keys for the robots, so that only they connect",
+        "mocha-link keys team.yaml",
+        "mocha-link keys team.yaml --robot io --force     # io's secret is lost",
+    )
+    parser.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML), is changed")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of the secret keys (keys, beside TEAM)"
+    )
+    parser.add_argument(
+        "--robot", action="append", metavar="NAME", help="only for this robot; may be repeated"
+    )
+    parser.add_argument(
+        "--force",
+        action="store_true",
+        help="new keys also where there are some, which are void then",
+    )
+    parser.add_argument(
+        "--print", action="store_true", help="print the lines for TEAM instead of changing it"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make what is missing. Raises MochaLinkError of several kinds; nothing is written then."""
+    keys.require()
+    text, start = _read(options.team)
+    team = Team.from_document(Document.from_text(text, options.team))
+    directory = options.out or options.team.parent / "keys"
+    robots = [team.robot(name) for name in options.robot or team.robots]
+    plans = [_plan(robot, directory, force=options.force) for robot in robots]
+    public = {plan.robot.name: plan.public for plan in plans if plan.public}
+    after = team.with_robots({name: {"key": key} for name, key in public.items()})
+    changed = text if options.print else with_keys(text, options.team, public)
+    _write_secrets(plans, directory, force=options.force)
+    if options.print:
+        print("\n".join(_lines_to_add(public)))
+    elif changed != text:
+        _write(options.team, start + changed.encode())
+    told = sys.stderr if options.print else sys.stdout
+    print("\n".join([f"{plan.robot.name}: {plan.told}" for plan in plans]), file=told)
+    print("\n".join(["", *protection_lines(after)]), file=told)
+    if public:
+        print(
+            "\ngive every robot the new team file, and each secret to its robot alone",
+            file=sys.stderr,
+        )
+    return 0
+
+
+def links(team: Team) -> list[Link]:
+    """Every link of the team once, and whether keys protect it.
+
+    Raises:
+        KeyMismatchError: what the team file has for a robot is no key (told if PyNaCl is there).
+    """
+    for robot in team.robots.values() if keys.available() else ():
+        keys.public_key(robot)
+    return [
+        Link((robot.name, peer), keys.open_because(robot, team.robot(peer)))
+        for robot in sorted(team.robots.values(), key=lambda robot: robot.name)
+        for peer in sorted(robot.peers)
+        if robot.name < peer
+    ]
+
+
+def protection_lines(team: Team) -> list[str]:
+    """The protected links in one line, and each of the others with the reason."""
+    found = links(team)
+    closed = [" - ".join(link.robots) for link in found if link.open_because is None]
+    if not any(robot.key for robot in team.robots.values()):
+        return ["no link is protected by keys ('mocha-link keys' makes them)"]
+    lines = [f"protected by keys: {', '.join(closed)}" if closed else "no link is protected:"]
+    lines += [
+        f"NOT protected: {' - '.join(link.robots)} ({link.open_because})"
+        for link in found
+        if link.open_because is not None
+    ]
+    return lines
+
+
+def with_keys(text: str, path: Path, public: Mapping[str, str]) -> str:
+    """The text of a team file with these public keys in it, otherwise unchanged.
+
+    Raises:
+        DocumentError: the text is not YAML.
+        TeamTextError: it is written in a way that we do not know how to change.
+    """
+    document = Document.from_text(text, path)
+    lines = text.splitlines(keepends=True)
+    newline = "\r\n" if "\r\n" in text else "\n"
+    edits: list[tuple[int, int, str]] = []
+
+    def offset(place: tuple[int, int]) -> int:
+        return sum(map(len, lines[: place[0] - 1])) + place[1] - 1
+
+    for name, values in _robots(document).items():
+        if name not in public:
+            continue
+        key = f'"{public[name]}"'
+        flow = _FLOW.match(text, offset(document.place("robots", name)))
+        if "key" in values:
+            start = offset(document.place("robots", name, "key"))
+            written = (_FLOW_VALUE if flow else _BLOCK_VALUE).match(text, start)
+            end = written.end() if written else start
+            edits.append((start, end, key if end > start else f" {key}"))
+        else:
+            place = document.place_of_key("robots", name, next(iter(values)))
+            behind = ", " if flow else newline + " " * (place[1] - 1)
+            edits.append((offset(place), offset(place), f"key: {key}{behind}"))
+        values["key"] = public[name]
+    for start, end, new in sorted(edits, reverse=True):
+        text = text[:start] + new + text[end:]
+    if not _reads_as(text, path, document.data):
+        raise TeamTextError(
+            f"the robots in {path} are written in a way that keys cannot be added to; "
+            "add the lines by hand that 'mocha-link keys --print' prints"
+        )
+    return text
+
+
+def _lines_to_add(public: Mapping[str, str]) -> list[str]:
+    robots = (f'  {name}:\n    key: "{key}"' for name, key in public.items())
+    return ["robots:", *robots] if public else ["# every robot that can have a key has one"]
+
+
+def _reads_as(text: str, path: Path, data: Any) -> bool:
+    try:
+        return bool(Document.from_text(text, path).data == data)
+    except DocumentError:
+        return False
+
+
+def _robots(document: Document) -> dict[str, dict[str, Any]]:
+    return {as_label(name): values for name, values in document.data["robots"].items()}
+
+
+def _plan(robot: Robot, directory: Path, *, force: bool) -> _Plan:
+    path = keys.path_of(robot.name, directory)
+    if robot.original:
+        return _Plan(robot, "runs the original MOCHA, which knows no keys")
+    if path.exists() and not force:
+        public = keys.read(path).public.text
+        if robot.key is None:
+            return _Plan(robot, f"key added; its secret was in {path}", public=public)
+        if robot.key == public:
+            return _Plan(robot, f"has its key; its secret is in {path}")
+        raise KeyMismatchError(
+            f"the secret in {path} is not of the key that the team file has for {robot.name}; "
+            "take the file away, or make a new key with --force"
+        )
+    if robot.key is not None and not force:
+        return _Plan(robot, f"has its key; its secret is not in {directory}")
+    secret = SecretKey.generate()
+    return _Plan(robot, f"new key; its secret is in {path}", secret, secret.public.text)
+
+
+def _write_secrets(plans: list[_Plan], directory: Path, *, force: bool) -> None:
+    made = [plan for plan in plans if plan.secret]
+    if made:
+        try:
+            directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            raise keys.KeyFileError(f"cannot make {directory}: {error.strerror}") from None
+    for plan in made:
+        if plan.secret:
+            name = plan.robot.name
+            keys.write(keys.path_of(name, directory), name, plan.secret, replace=force)
+
+
+def _read(path: Path) -> tuple[str, bytes]:
+    """The text, and the bytes that stand before it."""
+    Document.load(path)  # with its checks of size and encoding
+    raw = path.read_bytes()
+    start = _BOM if raw.startswith(_BOM) else b""
+    return raw[len(start) :].decode(), start
+
+
+def _write(path: Path, raw: bytes) -> None:
+    path = path.resolve()  # the file itself, not a link to it
+    fresh = path.with_name(path.name + ".new")
+    try:
+        fresh.write_bytes(raw)
+        fresh.chmod(path.stat().st_mode & 0o777)
+        fresh.replace(path)
+    except OSError as error:
+        fresh.unlink(missing_ok=True)
+        raise TeamTextError(f"cannot write {path}: {error.strerror}") from None

@@ -1,0 +1,61 @@
+"""`mocha-link metrics`: the links of a running node, and what happens on them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import Any
+
+from mocha_link.cli.command_help import add_command, endpoint
+from mocha_link.cli.display import News, event_line, links_table
+from mocha_link.service.metrics_client import MetricsError, watch
+
+_ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
+
+
+def register(commands: Any) -> None:
+    """Add `metrics` to the commands of `mocha-link`."""
+    metrics = add_command(
+        commands,
+        "metrics",
+        "show the links of a running node",
+        f"mocha-link metrics {_ENDPOINT}",
+        f"mocha-link metrics {_ENDPOINT} --json --follow",
+    )
+    metrics.add_argument(
+        "endpoint", type=endpoint, metavar="ENDPOINT", help="what the node got as --metrics"
+    )
+    metrics.add_argument("--json", action="store_true", help="print JSON, one object per line")
+    metrics.add_argument("--follow", action="store_true", help="go on with events as they happen")
+    metrics.add_argument(
+        "--timeout", type=_seconds, default=5.0, metavar="S", help="wait so long, in s (5)"
+    )
+    metrics.set_defaults(run=_run)
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0
+    if not 0 < value < 1e6:
+        raise argparse.ArgumentTypeError(f"'{text}' is no time; write seconds, more than 0")
+    return value
+
+
+def _run(options: argparse.Namespace) -> int:
+    shown, news = False, News()
+    for kind, fields in watch(options.endpoint, timeout_s=options.timeout):
+        try:
+            text = links_table(fields) if kind == "links" else event_line(fields)
+            is_new = not shown if kind == "links" else news.is_new(fields)  # the table once
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError, OSError):
+            raise MetricsError(f"what {options.endpoint} sends is not a node's metrics") from None
+        if options.json:
+            print(json.dumps(fields), flush=True)
+        elif is_new:
+            print(text, flush=True)
+        shown = shown or kind == "links"
+        if shown and not options.follow:
+            break
+    return 0

@@ -1,0 +1,148 @@
+"""`mocha-link node`: the node of a robot, until a signal ends it; its events on stdout."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import logging
+import queue
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+from mocha_link.cli.command_help import add_command, drop_output, endpoint, web_address
+from mocha_link.cli.display import News, event_line
+from mocha_link.links.metrics import LinkEvent
+from mocha_link.node.node import Node
+from mocha_link.service.prometheus import PrometheusServer
+from mocha_link.service.service_server import ServiceServer
+from mocha_link.service.telemetry import MetricsServer, as_fields
+from mocha_link.team.team import Team
+
+QUEUE_EVENTS = 10_000  # not yet printed; what comes on top is not shown
+
+_ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
+
+LOG = logging.getLogger("mocha_link")
+
+
+class _Terminated(BaseException):
+    """SIGTERM came."""
+
+
+def register(commands: Any) -> None:
+    """Add `node` to the commands of `mocha-link`."""
+    node = add_command(
+        commands,
+        "node",
+        "run the node of a robot",
+        "mocha-link node team.yaml --robot io",
+        f"mocha-link node team.yaml --robot io --metrics {_ENDPOINT} --prometheus :9464",
+        "mocha-link node team.yaml --robot io --storage io.db --keys /etc/mocha-link",
+        "mocha-link node team.yaml --robot io --serve ipc:///tmp/io.node",
+    )
+    node.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
+    node.add_argument("--robot", required=True, metavar="NAME", help="which robot this is")
+    node.add_argument(
+        "--metrics",
+        type=endpoint,
+        metavar="ENDPOINT",
+        help=f"serve metrics there, e.g. {_ENDPOINT}",
+    )
+    node.add_argument(
+        "--prometheus",
+        type=web_address,
+        metavar="HOST:PORT",
+        help="serve metrics for Prometheus there, e.g. :9464 (this machine only)",
+    )
+    node.add_argument(
+        "--storage",
+        type=Path,
+        metavar="FILE",
+        help="keep the messages in this file, so that they survive a restart; default: in memory",
+    )
+    node.add_argument(
+        "--keys",
+        type=Path,
+        metavar="DIR",
+        help="the folder with the robot's secret, NAME.key, if the team has a key for it",
+    )
+    node.add_argument(
+        "--serve",
+        type=endpoint,
+        metavar="ENDPOINT",
+        help="serve bridges there, e.g. ipc:///tmp/io.node",
+    )
+    node.add_argument(
+        "--json",
+        action="store_true",
+        help="print every event as a JSON line; as text syncs that repeat are left out",
+    )
+    node.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    node = Node(Team.load(options.team), options.robot, storage=options.storage, keys=options.keys)
+    events: queue.Queue[LinkEvent] = queue.Queue(QUEUE_EVENTS)
+
+    def keep(event: LinkEvent) -> None:  # the node must not wait for whoever reads our output
+        with contextlib.suppress(queue.Full):
+            events.put_nowait(event)
+
+    def terminate(_number: int, _frame: FrameType | None) -> None:
+        raise _Terminated
+
+    node.subscribe(keep)
+    before = signal.signal(signal.SIGTERM, terminate)
+    try:
+        with node, contextlib.ExitStack() as stack:
+            if options.metrics:
+                server = stack.enter_context(MetricsServer(node, options.metrics))
+                _say(f"metrics on {server.endpoint}")
+            if options.prometheus:
+                web = stack.enter_context(PrometheusServer(node, options.prometheus))
+                _say(f"metrics on {web.url}")
+            if options.serve:
+                service = stack.enter_context(ServiceServer(node, options.serve))
+                _say(f"serves bridges on {service.endpoint}")
+            robot = node.robot
+            if robot.original:
+                LOG.warning(
+                    "%s says that %s runs the original node: the others speak the old protocol "
+                    "with it; if this node is to stay, take 'original' away in every team file",
+                    options.team,
+                    robot.name,
+                )
+            if options.storage and not node.storage_fault:
+                count = len(node.messages())
+                _say(f"{options.storage} has {count} message{'s' * (count != 1)}")
+            for peer in robot.peers:
+                _say(f"{robot.name} answers {peer} on {robot.listen}:{robot.port_for(peer)}")
+            _say("ready; Ctrl-C ends")
+            _show(events, as_json=options.json)
+    except _Terminated:
+        return 0
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    return 0
+
+
+def _show(events: queue.Queue[LinkEvent], *, as_json: bool) -> NoReturn:
+    news = News()
+    while True:
+        event = events.get()
+        fields = {"event": type(event).__name__, **as_fields(event)}
+        if not as_json and not news.is_new(fields):
+            continue
+        try:
+            print(json.dumps(fields) if as_json else event_line(fields), flush=True)
+        except BrokenPipeError:
+            drop_output()
+            LOG.warning("nobody reads the events any more; the node goes on without")
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

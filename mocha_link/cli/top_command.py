@@ -1,0 +1,170 @@
+"""The command `mocha-link top`: a running node's links, live in the terminal."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import select
+import signal
+import sys
+import termios
+import time
+import tty
+from collections.abc import Iterator
+from types import FrameType
+from typing import Any
+
+from mocha_link.cli.command_help import add_command, coloured, endpoint
+from mocha_link.cli.monitor import Picture, Size, Style
+from mocha_link.service.metrics_client import MetricsError, Subscription
+
+DONE = 0
+REDRAW_S = 1.0  # ages grow also when nothing comes
+POLL_S = 0.2
+FIRST_S = 5.0  # a node that runs has answered by then
+PRINTED = Size(200, 100)  # without a terminal
+
+_ENTER = "\x1b[?1049h\x1b[?25l"  # another screen, no cursor
+_LEAVE = "\x1b[?25h\x1b[?1049l"
+_HOME, _END_OF_LINE, _BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
+
+
+class _Terminated(BaseException):
+    """SIGTERM came."""
+
+
+def register(commands: Any) -> None:
+    """Add the command to the parsers of `mocha-link`."""
+    parser = add_command(
+        commands,
+        "top",
+        "watch the links of a running node live; q ends it",
+        "mocha-link top tcp://127.0.0.1:24500",
+    )
+    parser.add_argument(
+        "endpoint", type=endpoint, metavar="ENDPOINT", help="what the node got as --metrics"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Show the links until q or Ctrl-C; once, if the output is no terminal.
+
+    Raises MetricsError if no node answers within 5 s.
+    """
+    with Subscription(options.endpoint) as subscription:
+        picture = Picture(options.endpoint)
+        deadline_s = time.monotonic() + FIRST_S
+        while not picture.ready:
+            if not _hear(subscription, picture) and time.monotonic() > deadline_s:
+                raise MetricsError(
+                    f"nothing from {options.endpoint} for {FIRST_S:g} s; is a node running there "
+                    f"with --metrics {options.endpoint}?"
+                )
+        style = Style(colour=coloured(sys.stdout), unicode=_shows_blocks())
+        if not (sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"):
+            _write("\n".join(picture.lines(PRINTED, style, time.monotonic())) + "\n")
+            return DONE
+        with contextlib.suppress(_Terminated), _screen() as resized:
+            _follow(subscription, picture, style, resized)
+    return DONE
+
+
+def _follow(
+    subscription: Subscription, picture: Picture, style: Style, resized: list[bool]
+) -> None:
+    due_s = 0.0
+    while True:
+        now_s = time.monotonic()
+        if now_s >= due_s or resized:
+            resized.clear()
+            _draw(picture, style)
+            due_s = now_s + REDRAW_S
+        if _is_over():
+            return
+        while _hear(subscription, picture) and time.monotonic() < now_s + POLL_S:
+            due_s = 0.0  # all that is there, then one picture of it
+
+
+def _is_over() -> bool:
+    """Whether somebody has pressed q."""
+    while sys.stdin.isatty() and select.select([sys.stdin], [], [], 0)[0]:
+        pressed = os.read(sys.stdin.fileno(), 64)
+        if b"q" in pressed or not pressed:
+            return True
+    return False
+
+
+def _hear(subscription: Subscription, picture: Picture, timeout_s: float = POLL_S) -> bool:
+    """Take in the next message; False if none has come."""
+    message = subscription.next(timeout_s)
+    if message is None:
+        return False
+    try:
+        picture.take(*message, time.monotonic())
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, OSError):
+        raise subscription.strange() from None
+    return True
+
+
+def _draw(picture: Picture, style: Style) -> None:
+    """Write over what is there, line by line, so that nothing flickers."""
+    size = Size(*os.get_terminal_size(sys.stdout.fileno()))
+    lines = picture.lines(size, style, time.monotonic())
+    _write(_HOME + "".join(f"{line}{_END_OF_LINE}\r\n" for line in lines) + _BELOW)
+
+
+class _Keys:
+    """Has keys come at once, and not shown, if there is a keyboard."""
+
+    def __init__(self) -> None:
+        self._before: list[Any] | None = None
+        if sys.stdin.isatty():
+            self._before = termios.tcgetattr(sys.stdin)
+            tty.setcbreak(sys.stdin)
+
+    def give_back(self) -> None:
+        """As it was."""
+        if self._before is not None:
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+
+
+@contextlib.contextmanager
+def _screen() -> Iterator[list[bool]]:
+    """Another screen of the terminal, given back whatever ends us; fills up when it is resized."""
+    resized: list[bool] = []
+
+    def note(_number: int, _frame: FrameType | None) -> None:
+        resized.append(True)
+
+    def terminate(_number: int, _frame: FrameType | None) -> None:
+        raise _Terminated
+
+    before = {
+        number: signal.signal(number, handler)
+        for number, handler in ((signal.SIGWINCH, note), (signal.SIGTERM, terminate))
+    }
+    keys = _Keys()
+    try:
+        _write(_ENTER)
+        yield resized
+    finally:
+        _write(_LEAVE)
+        keys.give_back()
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _shows_blocks() -> bool:
+    try:
+        "█▏".encode(sys.stdout.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True
+
+
+def _write(text: str) -> None:
+    encoding = sys.stdout.encoding or "ascii"
+    sys.stdout.write(text.encode(encoding, "replace").decode(encoding))
+    sys.stdout.flush()

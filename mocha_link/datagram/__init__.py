@@ -1,0 +1,1 @@
+"""The UDP path, pure: packets, pacing, what has arrived."""

@@ -1,0 +1,200 @@
+"""Packets of the datagram path, and what the receiving end knows of them. Bytes only, no sockets.
+
+docs/datagram-protocol.md shows the layout byte by byte.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from typing import NamedTuple
+
+TOKEN_BYTES = 6
+VERSION = 0x50  # upper half of the first byte; the lower half are the flags below
+DATA, AGAIN, ACK = 1, 2, 4  # it has a number and frames; sent once more; it acknowledges
+FLAGS = DATA | AGAIN | ACK
+WINDOW = 8192  # numbers between the oldest unsettled packet and the next one
+MAX_MASK = 128  # bytes of bits in an acknowledgement: what the last 1,024 packets became
+MAX_NUMBER = 0xFFFFFFFF
+ACK_DELAY_S = 0.025
+LATE_PACKETS = 2  # acknowledge at once when so many wait
+
+_PREFIX = struct.Struct(">B6s")
+_ACK = struct.Struct(">IHHB")
+_DATA = struct.Struct(">IH")
+_SHORT = struct.Struct(">H")
+_TICK_S = 0.0001
+ACK_BYTES = _ACK.size
+DATA_BYTES = _PREFIX.size + _DATA.size + _SHORT.size  # before the frames, at most
+LENGTH_BYTES = _SHORT.size
+
+
+class Ack(NamedTuple):
+    """What arrived: everything below `below`, and where bit n of `bits` is set, `start` + n."""
+
+    below: int
+    start: int
+    bits: int
+    delay_s: float  # between the newest packet's arrival and this acknowledgement
+
+
+class Packet(NamedTuple):
+    """One packet, taken apart. Without a number it only acknowledges."""
+
+    ack: Ack | None
+    number: int | None
+    floor: int  # the sender asks for nothing below it again
+    content: int  # the number under which these frames were sent first
+    frames: list[bytes]
+
+
+def token_of(packet: bytes) -> bytes | None:
+    """To which flow a packet belongs; None if it is none of ours."""
+    if len(packet) < _PREFIX.size or packet[0] & ~FLAGS != VERSION:
+        return None
+    return packet[1 : 1 + TOKEN_BYTES]
+
+
+def parse(packet: bytes) -> Packet | None:  # noqa: C901, PLR0911 - every check is a way out
+    """Take a packet apart; None if anything in it is not as it has to be."""
+    if token_of(packet) is None:
+        return None
+    flags, size = packet[0], len(packet)
+    at = _PREFIX.size
+    ack = None
+    if flags & ACK:
+        if size < at + ACK_BYTES:
+            return None
+        below, skip, delay, length = _ACK.unpack_from(packet, at)
+        at += ACK_BYTES
+        if length > MAX_MASK or skip > WINDOW or size < at + length:
+            return None
+        bits = int.from_bytes(packet[at : at + length], "little")
+        ack = Ack(below, below + skip, bits, delay * _TICK_S)
+        at += length
+    if not flags & DATA:
+        return Packet(ack, None, 0, 0, []) if ack and size == at and not flags & AGAIN else None
+    if size < at + _DATA.size:
+        return None
+    number, behind = _DATA.unpack_from(packet, at)
+    at += _DATA.size
+    back = 0
+    if flags & AGAIN:
+        if size < at + _SHORT.size:
+            return None
+        (back,) = _SHORT.unpack_from(packet, at)
+        at += _SHORT.size
+    if behind >= WINDOW or behind > number or back > behind or (back == 0) != (not flags & AGAIN):
+        return None
+    frames = split(packet, at)
+    if frames is None:
+        return None
+    return Packet(ack, number, number - behind, number - back, frames)
+
+
+def split(packet: bytes, at: int) -> list[bytes] | None:
+    """The frames that stand in a packet from a place on; None if they do not end where it ends."""
+    frames = []
+    size = len(packet)
+    while at < size:
+        begin = at + LENGTH_BYTES
+        if begin > size:
+            return None
+        at = begin + (packet[at] << 8 | packet[at + 1])
+        if at > size:
+            return None
+        frames.append(packet[begin:at])
+    return frames
+
+
+def join(frames: Iterable[bytes]) -> bytes:
+    """Frames as they stand in a packet."""
+    return b"".join(part for frame in frames for part in (_SHORT.pack(len(frame)), frame))
+
+
+def data(  # noqa: PLR0913 - a packet has so many parts
+    token: bytes, number: int, *, floor: int, content: int, body: bytes, ack: bytes
+) -> bytes:
+    """A numbered packet; `body` as `join` makes it, `ack` as `Arrivals.acknowledge` does."""
+    flags = VERSION | DATA | (ACK if ack else 0)
+    head = _DATA.pack(number, number - floor)
+    if content == number:
+        return _PREFIX.pack(flags, token) + ack + head + body
+    return _PREFIX.pack(flags | AGAIN, token) + ack + head + _SHORT.pack(number - content) + body
+
+
+def only_ack(token: bytes, ack: bytes) -> bytes:
+    """A packet that acknowledges and needs no acknowledgement itself."""
+    return _PREFIX.pack(VERSION | ACK, token) + ack
+
+
+class Arrivals:
+    """Which numbers have arrived: whatever comes twice is known, and what came is acknowledged.
+
+    One bit for every number of the window, so a peer cannot make it grow.
+    """
+
+    def __init__(self) -> None:
+        self.due_s: float | None = None  # when an acknowledgement has to leave
+        self.waiting = 0  # packets that nobody has been told of
+        self.any = False
+        self._floor = 0
+        self._seen = 0  # bit n: floor + n has arrived
+        self._next = 0
+        self._newest_s = 0.0
+
+    def take(self, packet: Packet, now_s: float) -> bool:
+        """Note a numbered packet; True if its frames are new."""
+        number = packet.number
+        if number is None:
+            return False
+        if packet.floor > self._floor:
+            self._seen >>= packet.floor - self._floor
+            self._floor = packet.floor
+        if number < self._floor or number >= self._floor + WINDOW:
+            self._tell(now_s)  # long settled: the peer has not heard it yet
+            return False
+        bit = 1 << (number - self._floor)
+        if self._seen & bit:
+            self._tell(now_s)
+            return False
+        self._seen |= bit
+        self.any = True
+        self.waiting += 1
+        if number != self._next or not packet.frames or self.waiting >= LATE_PACKETS:
+            self._tell(now_s)
+        elif self.due_s is None:
+            self.due_s = now_s + ACK_DELAY_S
+        if number >= self._next:
+            self._next = number + 1
+            self._newest_s = now_s
+        if packet.content == number:
+            return bool(packet.frames)
+        if packet.content < self._floor or self._seen >> (packet.content - self._floor) & 1:
+            return False
+        self._seen |= 1 << (packet.content - self._floor)
+        return bool(packet.frames)
+
+    def _tell(self, now_s: float) -> None:
+        self.due_s = now_s if self.due_s is None else min(self.due_s, now_s)
+
+    def acknowledge(self, now_s: float, room: int = MAX_MASK) -> bytes:
+        """All that a peer has to know, for a packet that leaves now; empty if it does not fit.
+
+        `room` is for the bits, in bytes.
+        """
+        whole = (self._seen + 1 & ~self._seen).bit_length() - 1  # the run of ones at the bottom
+        rest = self._seen >> whole
+        length = (rest.bit_length() + 7) // 8
+        skip = 0
+        if length > MAX_MASK:
+            skip = (length - MAX_MASK) * 8
+            rest >>= skip
+            length = MAX_MASK
+        if length > room:
+            return b""
+        delay = min(int((now_s - self._newest_s) / _TICK_S), 0xFFFF) if self.any else 0
+        self.due_s = None
+        self.waiting = 0
+        below = self._floor + whole
+        return _ACK.pack(below, skip, max(delay, 0), length) + rest.to_bytes(length, "little")

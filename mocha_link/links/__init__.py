@@ -1,0 +1,1 @@
+"""What happens on the links, and their state: what another planner embeds."""

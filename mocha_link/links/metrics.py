@@ -1,0 +1,359 @@
+"""The state of each link at any time, kept from what happens on it."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from mocha_link.links.link_events import (
+    ContactBegan,
+    ContactEnded,
+    Direction,
+    LinkEvent,
+    MessageStored,
+    RssiChanged,
+    StorageFailed,
+    StorageRecovered,
+    SyncEnded,
+    SyncStarted,
+    SyncTimedOut,
+)
+from mocha_link.links.reading import Reading, Unit, as_reading
+
+__all__ = [
+    "Contact",
+    "ContactBegan",
+    "ContactEnded",
+    "Direction",
+    "LinkBook",
+    "LinkEvent",
+    "LinkMetrics",
+    "LinkState",
+    "MessageStored",
+    "RssiChanged",
+    "StorageFailed",
+    "StorageRecovered",
+    "SyncEnded",
+    "SyncStarted",
+    "SyncTimedOut",
+]
+
+SMOOTHING = 0.125  # weight of a new round trip in the smoothed one, as TCP has it
+MAX_CONTACTS = 32
+QUIET_S = 10.0
+LEAST_BYTES = 16 * 1024  # what smaller syncs move says nothing of the link,
+LEAST_ROUNDS = 2  # nor do those that are over in fewer round trips
+
+
+class LinkState(enum.Enum):
+    """How the latest sync of a link stands."""
+
+    IDLE = "idle"
+    STARTED = "started"
+    ENDED = "ended"
+    TIMED_OUT = "timed_out"
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A time in which a peer was within reach, and what was exchanged in it.
+
+    Attributes:
+        began_s: when the radio heard the peer well enough, or the first sync outside of that.
+        ended_s: when it was over; None: it lasts.
+        messages_in: messages that the peer handed to us.
+        messages_out: messages in the syncs that the peer completed.
+        bytes_in: bytes of replies received since the contact before.
+        bytes_out: bytes of replies sent since the contact before.
+        ending: how it ended: "too weak", "not heard", "the radio is silent" (what the radio
+            said), "timed out" (a sync broke off), "quiet" (no more syncs); empty: it lasts.
+    """
+
+    began_s: float
+    ended_s: float | None
+    messages_in: int
+    messages_out: int
+    bytes_in: int
+    bytes_out: int
+    ending: str
+
+
+@dataclass(frozen=True, slots=True)
+class LinkMetrics:
+    """The link to one peer. Times are Unix seconds of the node's clock.
+
+    Attributes:
+        state: of the latest sync in either direction; STARTED while one is under way.
+        state_in: of our latest pull from the peer.
+        state_out: of the peer's latest pull from us.
+        last_sync_in_s: when our last pull came to its end.
+        last_sync_out_s: when the peer's last pull came to its end.
+        rtt_s: last round trip of a small request on a standing connection (real seconds).
+        rtt_smoothed_s: the same, smoothed as TCP does.
+        bandwidth_bytes_s: what the last sync of either direction moved per real second, of those
+            with at least 16 KiB and two round trips.
+        rssi_dbm: `signal` where that is in dBm.
+        bytes_in: bytes of replies received, complete pulls or not.
+        bytes_out: bytes of replies sent.
+        syncs_in: pulls of ours that came to their end.
+        syncs_out: pulls of the peer that came to their end.
+        timeouts: syncs of both directions that broke off.
+        refused: headers, messages and replies of the peer that were not accepted.
+        newest_age_s: age of the newest message that the peer itself made and we hold.
+        signal: as the radio says, with unit and source; None if it does not hear the peer.
+        topic_ages_s: age of the newest message of each topic of the peer that we hold.
+        contacts: the last 32 contacts, oldest first; one that lasts has no end.
+        contacts_begun: how many there were.
+        path: what the last exchange went over: "zmq", "udp", or "original" (an original node).
+        team_differs: the peer's team file says otherwise than ours what ids mean, as far as its
+            last word on that goes; nothing is exchanged with it.
+        protected: whether the link is encrypted and its ends are known by their keys.
+    """
+
+    peer: str
+    state: LinkState = LinkState.IDLE
+    state_in: LinkState = LinkState.IDLE
+    state_out: LinkState = LinkState.IDLE
+    last_sync_in_s: float | None = None
+    last_sync_out_s: float | None = None
+    rtt_s: float | None = None
+    rtt_smoothed_s: float | None = None
+    bandwidth_bytes_s: float | None = None
+    rssi_dbm: float | None = None
+    bytes_in: int = 0
+    bytes_out: int = 0
+    syncs_in: int = 0
+    syncs_out: int = 0
+    timeouts: int = 0
+    refused: int = 0
+    newest_age_s: float | None = None
+    signal: Reading | None = None
+    topic_ages_s: Mapping[str, float] = field(default_factory=dict, hash=False)
+    contacts: tuple[Contact, ...] = ()
+    contacts_begun: int = 0
+    path: str | None = None
+    protected: bool = False
+    team_differs: bool = False
+
+
+@dataclass(slots=True)
+class _Totals:
+    messages_in: int = 0
+    messages_out: int = 0
+    bytes_in: int = 0
+    bytes_out: int = 0
+
+
+@dataclass(slots=True)
+class _Account:
+    """All that is known of one link; `LinkMetrics` is made from it when somebody asks."""
+
+    states: dict[Direction, LinkState] = field(
+        default_factory=lambda: dict.fromkeys(Direction, LinkState.IDLE)
+    )
+    state: LinkState = LinkState.IDLE
+    last_sync_s: dict[Direction, float] = field(default_factory=dict)
+    syncs: dict[Direction, int] = field(default_factory=lambda: dict.fromkeys(Direction, 0))
+    timeouts: int = 0
+    refused: int = 0
+    rtt_s: float | None = None
+    rtt_smoothed_s: float | None = None
+    bandwidth_bytes_s: float | None = None
+    signal: Reading | None = None
+    path: str | None = None
+    protected: bool = False
+    team_differs: bool = False
+    totals: _Totals = field(default_factory=_Totals)
+    counted: _Totals = field(default_factory=_Totals)  # the totals when the last contact ended
+    contacts: deque[Contact] = field(default_factory=lambda: deque(maxlen=MAX_CONTACTS))
+    contacts_over: int = 0
+    began_s: float | None = None  # of the contact that lasts
+    by_radio: bool = False  # the radio has begun it, and will end it
+    active_s: float = 0.0
+
+    def turn(self, direction: Direction, state: LinkState) -> None:
+        """A sync of one direction stands otherwise."""
+        self.states[direction] = state
+        busy = LinkState.STARTED in self.states.values()
+        self.state = LinkState.STARTED if busy else state
+
+    def begin(self, at_s: float, *, by_radio: bool) -> None:
+        """The peer is within reach."""
+        self.active_s = at_s
+        self.by_radio = self.by_radio or by_radio
+        if self.began_s is None:
+            self.began_s = at_s
+
+    def end(self, at_s: float, ending: str) -> None:
+        """The peer is out of reach."""
+        contact = self.contact(at_s, ending)
+        if contact:
+            self.contacts.append(contact)
+            self.contacts_over += 1
+            self.counted = dataclasses.replace(self.totals)
+        self.began_s, self.by_radio = None, False
+
+    def contact(self, ended_s: float | None = None, ending: str = "") -> Contact | None:
+        """The contact that lasts, as one that ends so; a try that brings nothing is none."""
+        now, before = self.totals, self.counted
+        if self.began_s is None or (now == before and not self.by_radio):
+            return None
+        return Contact(
+            began_s=self.began_s,
+            ended_s=ended_s,
+            messages_in=now.messages_in - before.messages_in,
+            messages_out=now.messages_out - before.messages_out,
+            bytes_in=now.bytes_in - before.bytes_in,
+            bytes_out=now.bytes_out - before.bytes_out,
+            ending=ending,
+        )
+
+    def close_if_quiet(self, now_s: float, quiet_s: float) -> None:
+        """End a contact that only syncs have shown when there are none any more."""
+        idle = self.state is not LinkState.STARTED and not self.by_radio
+        if idle and not 0 <= now_s - self.active_s <= quiet_s:
+            self.end(self.active_s, "quiet")
+
+    def metrics(self, peer: str, ages_s: Mapping[str, float]) -> LinkMetrics:
+        """The metrics as they stand."""
+        contact, signal = self.contact(), self.signal
+        return LinkMetrics(
+            peer=peer,
+            state=self.state,
+            state_in=self.states[Direction.IN],
+            state_out=self.states[Direction.OUT],
+            last_sync_in_s=self.last_sync_s.get(Direction.IN),
+            last_sync_out_s=self.last_sync_s.get(Direction.OUT),
+            rtt_s=self.rtt_s,
+            rtt_smoothed_s=self.rtt_smoothed_s,
+            bandwidth_bytes_s=self.bandwidth_bytes_s,
+            rssi_dbm=signal.value if signal and signal.unit is Unit.DBM else None,
+            bytes_in=self.totals.bytes_in,
+            bytes_out=self.totals.bytes_out,
+            syncs_in=self.syncs[Direction.IN],
+            syncs_out=self.syncs[Direction.OUT],
+            timeouts=self.timeouts,
+            refused=self.refused,
+            newest_age_s=min(ages_s.values(), default=None),
+            signal=signal,
+            topic_ages_s=dict(ages_s),
+            contacts=(*self.contacts, contact)[-MAX_CONTACTS:] if contact else tuple(self.contacts),
+            contacts_begun=self.contacts_over + (contact is not None),
+            path=self.path,
+            protected=self.protected,
+            team_differs=self.team_differs,
+        )
+
+
+def throughput_bytes_s(size: int, taken_s: float, rtt_s: float | None) -> float | None:
+    """Bytes per second that a sync moved; None if it was too small to say."""
+    if size < LEAST_BYTES or taken_s <= 0 or taken_s < LEAST_ROUNDS * (rtt_s or 0.0):
+        return None
+    return size / taken_s
+
+
+class LinkBook:
+    """Keeps the metrics of all links from what is reported to it.
+
+    A contact that only syncs have shown is over `quiet_s` after the last one.
+    """
+
+    def __init__(self, peers: Iterable[str], *, quiet_s: float = QUIET_S) -> None:
+        self._links = {peer: _Account() for peer in peers}
+        self._quiet_s = quiet_s
+
+    def note(self, event: LinkEvent) -> None:
+        """Take in an event."""
+        link = self._links.get(event.peer)
+        if link is None:
+            return  # our own message, our own disk
+        match event:
+            case SyncStarted():
+                link.close_if_quiet(event.at_s, self._quiet_s)
+                link.begin(event.at_s, by_radio=False)
+                link.turn(event.direction, LinkState.STARTED)
+            case SyncEnded():
+                _ended(link, event)
+            case SyncTimedOut():
+                link.timeouts += 1
+                link.turn(event.direction, LinkState.TIMED_OUT)
+                if link.state is not LinkState.STARTED and not link.by_radio:
+                    link.end(event.at_s, "timed out")
+            case RssiChanged():
+                link.signal = event.signal or as_reading(event.rssi_dbm)
+            case MessageStored():
+                link.totals.messages_in += 1
+            case ContactBegan():
+                link.close_if_quiet(event.at_s, self._quiet_s)
+                link.begin(event.at_s, by_radio=True)
+            case ContactEnded():
+                link.end(event.at_s, event.reason)
+
+    def count(self, peer: str, *, bytes_in: int = 0, bytes_out: int = 0, refused: int = 0) -> None:
+        """Add to the counters of a link."""
+        link = self._links[peer]
+        link.totals.bytes_in += bytes_in
+        link.totals.bytes_out += bytes_out
+        link.refused += refused
+
+    def measure(  # noqa: PLR0913 - what there is to measure
+        self,
+        peer: str,
+        *,
+        rtt_s: float | None = None,
+        bandwidth_bytes_s: float | None = None,
+        path: str | None = None,
+        protected: bool | None = None,
+        team_differs: bool | None = None,
+    ) -> None:
+        """Take in what an exchange measured; None: nothing new."""
+        link = self._links[peer]
+        if rtt_s is not None:
+            smoothed = link.rtt_smoothed_s
+            link.rtt_s = rtt_s
+            link.rtt_smoothed_s = (
+                rtt_s if smoothed is None else smoothed + SMOOTHING * (rtt_s - smoothed)
+            )
+        if bandwidth_bytes_s is not None:
+            link.bandwidth_bytes_s = bandwidth_bytes_s
+        if path is not None:
+            link.path = path
+        if protected is not None:
+            link.protected = protected
+        if team_differs is not None:
+            link.team_differs = team_differs
+
+    def links(
+        self,
+        now_s: float | None = None,
+        ages_s: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> dict[str, LinkMetrics]:
+        """The metrics of every link.
+
+        `now_s` ends contacts that have become quiet; `ages_s` is the age of the newest message by
+        robot and topic.
+        """
+        if now_s is not None:
+            for link in self._links.values():
+                link.close_if_quiet(now_s, self._quiet_s)
+        ages_s = ages_s or {}
+        return {
+            peer: link.metrics(peer, ages_s.get(peer, {})) for peer, link in self._links.items()
+        }
+
+
+def _ended(link: _Account, event: SyncEnded) -> None:
+    link.active_s = event.at_s
+    link.last_sync_s[event.direction] = event.at_s
+    link.syncs[event.direction] += 1
+    if event.direction is Direction.OUT:
+        link.totals.messages_out += event.messages
+        # From the peer's first word to its last: a round trip of that nothing moved.
+        moved_s = event.duration_s - (link.rtt_s or 0.0)
+        link.bandwidth_bytes_s = (
+            throughput_bytes_s(event.bytes, moved_s, link.rtt_s) or link.bandwidth_bytes_s
+        )
+    link.turn(event.direction, LinkState.ENDED)

@@ -1,0 +1,82 @@
+"""How well a radio hears a peer: a value that means nothing without its unit and its source."""
+
+from __future__ import annotations
+
+import enum
+import math
+import numbers
+from dataclasses import dataclass
+
+from mocha_link.errors import RadioError
+
+LIMIT_DBM = 1000
+LIMIT_DEVICE = 1e6
+MAX_SOURCE_LETTERS = 32
+
+
+class Unit(enum.Enum):
+    """What the value of a reading counts.
+
+    DBM: received power. SNR_DB: signal above noise. DEVICE: a scale of the device's own, more is
+    better.
+    """
+
+    DBM = "dBm"
+    SNR_DB = "dB"
+    DEVICE = "device"
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The strength at which a peer is heard.
+
+    Readings of different units or sources are never compared with each other. Raises RadioError
+    if the value cannot be one in that unit, or if the source is no short printable text.
+    """
+
+    value: float
+    unit: Unit
+    source: str
+
+    def __post_init__(self) -> None:
+        if isinstance(self.value, bool) or not isinstance(self.value, numbers.Real):
+            raise RadioError(f"a reading must be a number, not {type(self.value).__name__}")
+        limit = LIMIT_DEVICE if self.unit is Unit.DEVICE else LIMIT_DBM
+        if not -limit <= self.value <= limit:  # also NaN
+            raise RadioError(f"a reading in {self.unit.value} must be within ±{limit:g}")
+        source = self.source
+        if not (source and len(source) <= MAX_SOURCE_LETTERS and source.isprintable()):
+            raise RadioError(f"a source must be 1 to {MAX_SOURCE_LETTERS} printable letters")
+
+    def __str__(self) -> str:
+        return f"{self.value:g} {self.unit.value} ({self.source})"
+
+
+def as_dbm(value: object) -> float | None:
+    """A reported RSSI in dBm, checked. Raises RadioError."""
+    if isinstance(value, Reading):
+        if value.unit is not Unit.DBM:
+            raise RadioError(f"a reading in {value.unit.value} is no RSSI in dBm")
+        return value.value
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise RadioError(f"rssi_dbm must be a number or nothing, not {type(value).__name__}")
+    try:
+        rssi_dbm = float(value)
+    except OverflowError:
+        rssi_dbm = math.inf
+    if not -LIMIT_DBM <= rssi_dbm <= LIMIT_DBM:  # also NaN
+        raise RadioError(f"rssi_dbm must be within -{LIMIT_DBM} to {LIMIT_DBM}")
+    return rssi_dbm
+
+
+def as_reading(value: object, source: str = "radio") -> Reading | None:
+    """What a radio reported: a reading as it is, a bare number as dBm, nothing as nothing.
+
+    Raises RadioError for anything else.
+    """
+    if isinstance(value, Reading):
+        return value
+    rssi_dbm = as_dbm(value)
+    return None if rssi_dbm is None else Reading(rssi_dbm, Unit.DBM, source)

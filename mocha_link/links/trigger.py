@@ -1,0 +1,138 @@
+"""When to pull from whom: while the radio hears the peer well enough, or by the timer alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from mocha_link.links.link_events import ContactBegan, ContactEnded
+from mocha_link.links.reading import Reading, Unit, as_reading
+from mocha_link.team.team import Trigger
+
+SILENT_INTERVALS = 3  # a radio that says nothing for longer does not hear the peer
+MAX_SOURCES = 4  # that are remembered of a peer
+
+TOO_WEAK, NOT_HEARD, SILENT = "too weak", "not heard", "the radio is silent"
+
+
+@dataclass(slots=True)
+class _Signal:
+    """What one source says of a peer; each is judged by its own unit's threshold."""
+
+    reading: Reading
+    reported_s: float
+    in_contact: bool
+
+
+@dataclass(slots=True)
+class _Link:
+    signals: dict[tuple[str, Unit], _Signal] = field(default_factory=dict)  # the last one is newest
+    contact_began_s: float | None = None
+    last_sync_s: float | None = None
+
+
+class SyncTrigger:
+    """Says when a sync is due: at once when a contact begins, then every interval.
+
+    A contact begins when any source of readings hears the peer at the threshold of its unit, and
+    ends when every one of them hears it weaker than threshold minus hysteresis, or not at all.
+    Readings of different sources are never compared. With `by_timer` every peer is due every
+    interval (a robot without a radio that reports). All times are Unix seconds of the node's
+    clock.
+    """
+
+    def __init__(self, peers: Iterable[str], settings: Trigger, *, by_timer: bool) -> None:
+        self._settings = settings
+        self._by_timer = by_timer
+        self._links = {peer: _Link() for peer in peers}
+        self._news: list[ContactBegan | ContactEnded] = []
+
+    def heard(self, peer: str, reading: Reading | float | None, now_s: float) -> bool:
+        """Take in a report of the radio; says whether contact begins with it.
+
+        None: the peer is not heard, by no source. A bare number is in dBm; RadioError if it
+        cannot be.
+        """
+        link = self._links[peer]
+        reading = as_reading(reading)
+        if reading is None:
+            link.signals.clear()
+            return self._judge(peer, link, now_s, NOT_HEARD)
+        key = reading.source, reading.unit
+        before = link.signals.pop(key, None)
+        if before is None and len(link.signals) >= MAX_SOURCES:
+            del link.signals[next(iter(link.signals))]
+        limit = self._threshold(reading.unit)
+        if before and before.in_contact:
+            limit -= self._settings.hysteresis_db
+        link.signals[key] = _Signal(reading, now_s, reading.value >= limit)
+        return self._judge(peer, link, now_s, TOO_WEAK)
+
+    def reading(self, peer: str) -> Reading | None:
+        """The newest reading of a peer that still stands."""
+        signals = self._links[peer].signals
+        return next(reversed(signals.values())).reading if signals else None
+
+    def rssi_dbm(self, peer: str) -> float | None:
+        """The newest reading of a peer, if it is in dBm."""
+        reading = self.reading(peer)
+        return reading.value if reading and reading.unit is Unit.DBM else None
+
+    def in_contact(self, peer: str) -> bool:
+        """Whether the radio hears a peer well enough."""
+        return self._links[peer].contact_began_s is not None
+
+    def silenced(self, now_s: float) -> list[str]:
+        """The peers about whom the radio has been silent for too long: not heard any more."""
+        silent = []
+        limit_s = SILENT_INTERVALS * self._settings.interval_s
+        for peer, link in self._links.items():
+            heard = bool(link.signals)
+            for key, signal in list(link.signals.items()):
+                signal.reported_s = min(signal.reported_s, now_s)  # the clock may be set back
+                if now_s - signal.reported_s > limit_s:
+                    del link.signals[key]
+            if heard:
+                self._judge(peer, link, now_s, SILENT)
+                if not link.signals:
+                    silent.append(peer)
+        return silent
+
+    def due(self, now_s: float) -> list[str]:
+        """The peers to pull from now; each counts as pulled from by this answer."""
+        due = []
+        for peer, link in self._links.items():
+            if link.contact_began_s is None and not self._by_timer:
+                continue
+            last = link.last_sync_s
+            # A clock that was set back must not stop the syncs until it comes round again.
+            if last is None or not 0 <= now_s - last < self._settings.interval_s:
+                link.last_sync_s = now_s
+                due.append(peer)
+        return due
+
+    def news(self) -> list[ContactBegan | ContactEnded]:
+        """The contacts that began and ended since the last call, in order."""
+        news, self._news = self._news, []
+        return news
+
+    def _threshold(self, unit: Unit) -> float:
+        settings = self._settings
+        return {
+            Unit.DBM: settings.rssi_threshold_dbm,
+            Unit.SNR_DB: settings.snr_threshold_db,
+            Unit.DEVICE: settings.device_threshold,
+        }[unit]
+
+    def _judge(self, peer: str, link: _Link, now_s: float, why: str) -> bool:
+        """Begin or end the contact, as the signals say; True if it begins."""
+        in_contact = any(signal.in_contact for signal in link.signals.values())
+        if in_contact and link.contact_began_s is None:
+            link.contact_began_s, link.last_sync_s = now_s, None
+            self._news.append(ContactBegan(peer, now_s, self.reading(peer)))
+            return True
+        if not in_contact and link.contact_began_s is not None:
+            lasted_s = max(0.0, now_s - link.contact_began_s)
+            link.contact_began_s = None
+            self._news.append(ContactEnded(peer, now_s, lasted_s, why))
+        return False

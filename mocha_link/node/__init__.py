@@ -1,0 +1,1 @@
+"""The node: its gossip core (pure), its thread, sockets and connections."""

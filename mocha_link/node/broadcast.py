@@ -1,0 +1,124 @@
+"""Hands events to everybody who listens: callbacks, and bounded streams for asyncio."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import threading
+import weakref
+from collections import deque
+from collections.abc import Callable
+from typing import Self
+
+from mocha_link.links.metrics import LinkEvent
+
+QUEUE_EVENTS = 1000
+
+LOG = logging.getLogger("mocha_link")
+
+
+class EventStream:
+    """An asynchronous iterator over events, from its making until the node closes.
+
+    It holds at most `limit` events: a slow reader loses the oldest, counted in `dropped`.
+    """
+
+    def __init__(self, limit: int) -> None:
+        self.dropped = 0
+        self._limit = limit
+        self._events: deque[LinkEvent] = deque()
+        self._closed = False
+        self._lock = threading.Lock()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._ready = asyncio.Event()
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> LinkEvent:
+        self._loop = asyncio.get_running_loop()
+        while True:
+            self._ready.clear()
+            with self._lock:
+                if self._events:
+                    return self._events.popleft()
+                if self._closed:
+                    raise StopAsyncIteration
+            await self._ready.wait()
+
+    def push(self, event: LinkEvent) -> None:
+        """Add an event, from any thread."""
+        with self._lock:
+            if self._closed:
+                return
+            if len(self._events) >= self._limit:
+                self._events.popleft()
+                self.dropped += 1
+            self._events.append(event)
+        self._wake()
+
+    def close(self) -> None:
+        """End the iteration after the events that are there, from any thread."""
+        with self._lock:
+            self._closed = True
+        self._wake()
+
+    def _wake(self) -> None:
+        if self._loop:
+            with contextlib.suppress(RuntimeError):  # its loop is closed: nobody reads any more
+                self._loop.call_soon_threadsafe(self._ready.set)
+
+
+class Broadcast:
+    """The listeners of a node."""
+
+    def __init__(self) -> None:
+        self._callbacks: dict[object, Callable[[LinkEvent], None]] = {}
+        self._streams: weakref.WeakSet[EventStream] = weakref.WeakSet()
+        self._closed = False
+        self._lock = threading.Lock()
+
+    def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
+        """Call back for every event from now on; the answer ends it."""
+        ticket = object()
+        with self._lock:
+            self._callbacks[ticket] = callback
+
+        def unsubscribe() -> None:
+            with self._lock:
+                self._callbacks.pop(ticket, None)
+
+        return unsubscribe
+
+    def stream(self, limit: int = QUEUE_EVENTS) -> EventStream:
+        """A stream of every event from now on."""
+        stream = EventStream(limit)
+        with self._lock:
+            self._streams.add(stream)
+            closed = self._closed
+        if closed:
+            stream.close()
+        return stream
+
+    def send(self, event: LinkEvent) -> None:
+        """Tell everybody, until `close`; what a callback raises is logged and goes no further."""
+        with self._lock:
+            if self._closed:
+                return
+            callbacks, streams = list(self._callbacks.values()), list(self._streams)
+        for callback in callbacks:
+            try:
+                callback(event)
+            except Exception:  # a listener's mistake must not stop the node
+                LOG.exception("a listener failed on %s", event)
+        for stream in streams:
+            stream.push(event)
+
+    def close(self) -> None:
+        """Tell nothing any more, and end all streams."""
+        with self._lock:
+            self._closed = True
+            streams = list(self._streams)
+        for stream in streams:
+            stream.close()

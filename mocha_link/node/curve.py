@@ -1,0 +1,165 @@
+"""Encrypted links: ZeroMQ's CURVE on the sockets, and who is let in at which port.
+
+A port of a node serves one peer, so the key of that peer is the only one that opens it. Links
+where one side has no key stay as they are in the original (NULL).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import zmq
+from zmq.utils.monitor import parse_monitor_message
+
+from mocha_link.errors import MochaLinkError
+from mocha_link.team.keys import PublicKey, SecretKey
+
+BURST = 256  # requests or events answered in a row
+_ZAP = "inproc://zeromq.zap.01"  # where libzmq asks, https://rfc.zeromq.org/spec/27/
+_ZAP_VERSION = b"1.0"
+_ZAP_FRAMES = 6  # version, request id, domain, address, identity, mechanism; then the credentials
+
+_WRONG_KEY, _NO_KEY, _NO_ZMTP = (
+    "with a wrong key",
+    "without encryption",
+    "not as a node of ours does",
+)
+_PROTOCOL_FAILURES: dict[int, str] = {
+    zmq.PROTOCOL_ERROR_ZMTP_CRYPTOGRAPHIC: _WRONG_KEY,
+    zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH: _NO_KEY,
+}
+
+LOG = logging.getLogger("mocha_link")
+
+
+class CurveUnavailableError(MochaLinkError):
+    """Keys are configured, and the ZeroMQ library here cannot encrypt."""
+
+
+class Refusal(NamedTuple):
+    """Somebody was not let in at the port that is for `peer`."""
+
+    peer: str
+    why: str
+
+
+def protect_port(port: zmq.Socket[bytes], own: SecretKey, peer: str) -> None:
+    """Have a ROUTER, before it binds, let in only who the `Gatekeeper` allows for a peer.
+
+    Raises:
+        CurveUnavailableError: this libzmq is built without CURVE.
+    """
+    _require()
+    port.setsockopt(zmq.CURVE_SERVER, 1)
+    port.setsockopt(zmq.CURVE_SECRETKEY, own.curve)
+    port.setsockopt(zmq.ZAP_DOMAIN, peer.encode())
+
+
+def protect_contact(contact: zmq.Socket[bytes], own: SecretKey, peer: PublicKey) -> None:
+    """Have a DEALER, before it connects, talk to the holder of the peer's key only, encrypted.
+
+    Raises:
+        CurveUnavailableError: this libzmq is built without CURVE.
+    """
+    _require()
+    contact.setsockopt(zmq.CURVE_SERVERKEY, peer.curve)
+    contact.setsockopt(zmq.CURVE_PUBLICKEY, own.public.curve)
+    contact.setsockopt(zmq.CURVE_SECRETKEY, own.curve)
+
+
+class Gatekeeper:
+    """Answers libzmq's question, whether a key may enter, for all protected ports of a context.
+
+    Make it before the ports are bound. Its `sockets` (`socket`, and a monitor of every watched
+    port) go into the poller of the ports' thread; call `serve` when one of them is readable.
+
+    Args:
+        context: of the ports; a context has one gatekeeper at most.
+        allowed: the key that opens the port for a peer, by the peer's name.
+    """
+
+    def __init__(
+        self, context: zmq.Context[zmq.Socket[bytes]], allowed: Mapping[str, PublicKey]
+    ) -> None:
+        self.refused: Counter[str] = Counter()
+        self._allowed = {peer.encode(): key.curve for peer, key in allowed.items()}
+        self._watched: list[tuple[zmq.Socket[bytes], zmq.Socket[bytes], str]] = []
+        self.socket = context.socket(zmq.ROUTER)
+        self.socket.setsockopt(zmq.LINGER, 0)
+        try:
+            self.socket.bind(_ZAP)
+        except zmq.ZMQError:
+            self.socket.close(0)
+            raise
+
+    @property
+    def sockets(self) -> tuple[zmq.Socket[bytes], ...]:
+        """What the poller has to watch."""
+        return (self.socket, *(monitor for _, monitor, _ in self._watched))
+
+    def watch(self, port: zmq.Socket[bytes], peer: str) -> None:
+        """Count also who fails at a port before its key is known, e.g. because it has none."""
+        monitor = port.get_monitor_socket(zmq.Event.HANDSHAKE_FAILED_PROTOCOL)
+        self._watched.append((port, monitor, peer))
+
+    def serve(self) -> list[Refusal]:
+        """Answer what is asked now, without waiting; who was refused since the last call."""
+        refusals = self._answer()
+        for _, monitor, peer in self._watched:
+            refusals += [Refusal(peer, why) for why in _failures(monitor)]
+        for refusal in refusals:
+            if not self.refused[refusal.peer]:
+                LOG.warning("refused at the port for %s: it came %s", refusal.peer, refusal.why)
+            self.refused[refusal.peer] += 1
+        return refusals
+
+    def close(self) -> None:
+        """Close its sockets; before the ports that it watches are closed."""
+        for port, monitor, _ in self._watched:
+            if not port.closed:
+                port.disable_monitor()
+            monitor.close(0)
+        self._watched.clear()
+        self.socket.close(0)
+
+    def _answer(self) -> list[Refusal]:
+        refusals = []
+        for _ in range(BURST):
+            try:
+                identity, delimiter, *frames = self.socket.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                break
+            if delimiter or len(frames) < _ZAP_FRAMES or frames[0] != _ZAP_VERSION:
+                continue  # only libzmq of this process asks here
+            request, domain, mechanism, credentials = frames[1], frames[2], frames[5], frames[6:]
+            key = self._allowed.get(domain)
+            allowed = mechanism == b"CURVE" and key is not None and credentials == [key]
+            status = [b"200", b"OK", domain] if allowed else [b"400", b"unknown key", b""]
+            reply = [identity, b"", _ZAP_VERSION, request, *status, b""]
+            self.socket.send_multipart(reply, zmq.NOBLOCK)
+            if not allowed:
+                refusals.append(Refusal(domain.decode("utf-8", "replace"), _WRONG_KEY))
+        return refusals
+
+
+def _failures(monitor: zmq.Socket[bytes]) -> list[str]:
+    failures: list[str] = []
+    for _ in range(BURST):
+        try:
+            event = parse_monitor_message(monitor.recv_multipart(zmq.NOBLOCK))
+        except zmq.Again:
+            break
+        if event["event"] == zmq.Event.HANDSHAKE_FAILED_PROTOCOL:
+            failures.append(_PROTOCOL_FAILURES.get(event["value"], _NO_ZMTP))
+    return failures
+
+
+def _require() -> None:
+    if not zmq.has("curve"):
+        raise CurveUnavailableError(
+            "the team file has keys, and the ZeroMQ library here is built without CURVE; "
+            "run: pip install --force-reinstall pyzmq"
+        )

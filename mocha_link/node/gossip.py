@@ -1,0 +1,433 @@
+"""A whole gossip node without sockets, threads and clocks: events and time in, actions out.
+
+The ZeroMQ shell drives it on a robot; a simulation may drive many of them in one process. Not
+thread-safe: whoever shares one between threads brings a lock.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+
+from mocha_link.clock import Instant
+from mocha_link.datagram.datagram import Flow
+from mocha_link.links.link_events import (
+    LinkEvent,
+    MessageStored,
+    RssiChanged,
+    StorageFailed,
+    StorageRecovered,
+)
+from mocha_link.links.metrics import QUIET_S, LinkBook, LinkMetrics
+from mocha_link.links.reading import Reading
+from mocha_link.links.trigger import SILENT_INTERVALS, SyncTrigger
+from mocha_link.node.actions import Action, Cast, CastBack, Dial, HangUp, Reply, Send
+from mocha_link.node.publisher import Publisher
+from mocha_link.store.config_hash import difference, shared_mark
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.reassembly_buffer import Shelf
+from mocha_link.store.record import Record
+from mocha_link.store.signature import Signer, Verifier
+from mocha_link.sync.frames import Frame
+from mocha_link.sync.peer_state import Acquaintance
+from mocha_link.sync.protocol import ID_BYTES
+from mocha_link.sync.pull import Means, Memory, Pull
+from mocha_link.sync.server import Route, Server
+from mocha_link.sync.step import Step
+from mocha_link.team.team import Team, Topic, Trust, UnknownRobotError
+
+TIMEOUT_S = 5.0
+STALLED_S = 1.0  # a pull without a byte for so long does not outlive a new contact
+LINGER_S = 2.0  # so long the end of a sync is repeated to a peer that asks again
+LEAST_BUDGET = 1024  # with less left no pull begins
+RUN_BYTES = 8
+REMIND_S = 600.0  # so often the log repeats that a peer has another team file
+
+LOG = logging.getLogger("mocha_link")
+
+
+def _random_id() -> bytes:
+    return os.urandom(ID_BYTES)
+
+
+class Gossip:
+    """One robot's node: what it holds, whom it pulls from and when, what it answers.
+
+    Args:
+        by_timer: pull from everybody every interval; otherwise when the radio hears them.
+        timeout_s: seconds without a byte after which a pull breaks off.
+        new_id: makes the 6 random bytes that name a request.
+        database: where messages are kept; default: in memory.
+        signer: signs what the robot publishes.
+        datagrams: whether there are sockets for them.
+    """
+
+    def __init__(  # noqa: PLR0913 - what a node may be given
+        self,
+        team: Team,
+        name: str,
+        *,
+        by_timer: bool,
+        timeout_s: float = TIMEOUT_S,
+        new_id: Callable[[], bytes] = _random_id,
+        database: Database | None = None,
+        signer: Signer | None = None,
+        datagrams: bool = True,
+        protected: Iterable[str] = (),
+    ) -> None:
+        self.me = team.robot(name)
+        history = partial(history_of, team)
+        self.database = database or Database(history)
+        self._team = team
+        self._by_timer = by_timer
+        self._datagrams = datagrams
+        self._verifier = Verifier(team)
+        keyless = not any(robot.key for robot in team.robots.values())
+        self._verifies = team.trust is Trust.SIGNED or not keyless
+        quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
+        self._book = LinkBook(self.me.peers, quiet_s=quiet_s)
+        for peer in protected:
+            self._book.measure(peer, protected=True)
+        self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer)
+        self._publisher = Publisher(
+            self.me, team.topics_of(name), self.database, signer.of if signer else None
+        )
+        self._means = Means(
+            own=name,
+            team=team,
+            database=self.database,
+            shelf=Shelf(keeper=self.database.keeper, saved=self.database.take_parts()),
+            new_id=new_id,
+            timeout_s=timeout_s,
+        )
+        run = int.from_bytes(os.urandom(RUN_BYTES), "big")
+        terms = shared_mark(team)
+        self._known = {peer: Acquaintance(run, history, terms) for peer in self.me.peers}
+        self._warned_s: dict[str, float] = {}  # of another team file
+        self._memories = {peer: Memory() for peer in self.me.peers}
+        self._servers = {
+            peer: Server(peer, self.database, self._known[peer]) for peer in self.me.peers
+        }
+        self._pulls: dict[str, Pull] = {}
+        self._ending: dict[str, tuple[Flow, float]] = {}
+        self._spent = dict.fromkeys(self.me.peers, 0)
+        self._actions: deque[Action] = deque()
+        self._events: deque[LinkEvent] = deque()
+        self._refusals: Counter[str] = Counter()
+
+    def publish(
+        self,
+        topic: Topic,
+        data: bytes,
+        now: Instant,
+        *,
+        at_once: bool = False,
+        frame: bytes | None = None,
+    ) -> Header:
+        """Take a message of our own, compressed to `frame` perhaps. Raises PayloadError."""
+        header, stored = self._publisher.publish(
+            topic, data, now.unix_s, at_once=at_once, frame=frame
+        )
+        for record in stored:
+            self._tell_own(record, now)
+        return header
+
+    def flush(self, topic: Topic, now: Instant) -> None:
+        """Store the message of a topic that waits for its interval, if there is one."""
+        record = self._publisher.flush(topic, now.unix_s)
+        if record:
+            self._tell_own(record, now)
+
+    def heard(self, peer: str, reading: Reading | float | None, now: Instant) -> None:
+        """Take in what the radio says of a peer. Raises UnknownRobotError or RadioError."""
+        self._check(peer)
+        before = self._trigger.reading(peer)
+        begins = self._trigger.heard(peer, reading, now.unix_s)
+        if self._trigger.reading(peer) != before:
+            self._tell_signal(peer, now)
+        self._tell_contacts()
+        if begins:
+            self._spent[peer] = 0
+            self._servers[peer].poke(now)
+            self._after_server(peer, now)
+            self._revive(peer, now)
+        self._pull_due(now)
+
+    def sync(self, peer: str, now: Instant) -> bool:
+        """Pull from a peer now; False if a pull is under way. Raises UnknownRobotError.
+
+        Nothing begins either when the contact's budget is used up.
+        """
+        self._check(peer)
+        if peer in self._pulls:
+            return False
+        if self._by_timer:
+            self._spent[peer] = 0
+        budget = self._team.trigger.budget_bytes
+        left = budget - self._spent[peer] if budget else 0
+        if budget and left < LEAST_BUDGET:
+            return False
+        pull = self._pulls[peer] = Pull(
+            peer,
+            self._means,
+            self._memories[peer],
+            self._known[peer],
+            verify=partial(self._verifier.verify, handed_by=peer) if self._verifies else None,
+            original=self._team.robot(peer).original,
+            datagrams=self._datagrams,
+            budget=left,
+        )
+        self._actions.append(Dial(peer))
+        self._take(pull, pull.start(now), now)
+        return True
+
+    def request(self, peer: str, route: Route, parts: Sequence[bytes], now: Instant) -> None:
+        """Take in what came in on the port for a peer."""
+        server = self._servers[peer]
+        reply = server.answer(route, parts, now)
+        if reply is not None:
+            self._book.count(peer, bytes_out=len(reply))
+            self._actions.append(Reply(peer, route, reply))
+        self._after_server(peer, now)
+
+    def route(self, peer: str) -> Route | None:
+        """The connection on which the peer pulls, if it does."""
+        return self._servers[peer].route
+
+    def supply(self, peer: str) -> tuple[Route, list[Frame]] | None:
+        """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""
+        supplied = self._servers[peer].supply()
+        if supplied:
+            self._book.count(peer, bytes_out=sum(map(len, supplied[1])))
+        return supplied
+
+    def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
+        """Take in a datagram that came to the port for a peer; says whether it made sense."""
+        known = self._servers[peer].packet(packet, now)
+        self._after_server(peer, now)
+        return known
+
+    def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
+        """Take in what came back on the connection to a peer."""
+        pull = self._pulls.get(peer)
+        if pull:
+            self._count_in(peer, sum(map(len, parts)))
+            self._take(pull, pull.reply(parts, now), now)
+
+    def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
+        """Take in a datagram that a peer sent in answer to ours."""
+        pull = self._pulls.get(peer)
+        if pull and pull.flow and packet[1 : 1 + ID_BYTES] == pull.flow.token:
+            self._count_in(peer, len(packet))
+            self._take(pull, pull.packet(packet, now), now)
+        elif peer in self._ending:
+            flow, _ = self._ending[peer]
+            flow.receive(packet, now.steady_s)
+            self._cast(peer, flow.transmit(now.steady_s))
+
+    def progress(self, peer: str, now: Instant) -> None:
+        """The connection to a peer stands, or bytes are arriving on it."""
+        pull = self._pulls.get(peer)
+        if pull:
+            pull.progress(now)
+
+    def leaves(self, peer: str) -> bool:
+        """Whether the connection to a peer is to be closed, as soon as somebody does it.
+
+        Nothing more of it must be handed in: the peer's pull may be another one already.
+        """
+        return any(isinstance(each, HangUp) and each.peer == peer for each in self._actions)
+
+    def measured(self, peer: str, rtt_s: float) -> None:
+        """The round trip of the connection to a peer."""
+        pull = self._pulls.get(peer)
+        if pull:
+            pull.measured(rtt_s)
+
+    def lost(self, peer: str, reason: str, now: Instant) -> None:
+        """The connection to a peer is gone."""
+        pull = self._pulls.get(peer)
+        if pull:
+            self._take(pull, pull.disconnected(reason, now), now)
+
+    def refused(self, peer: str, reason: str) -> None:
+        """Somebody was not let in at the port for a peer, or sent it what is no message."""
+        self._refuse(peer, reason)
+
+    def storage(self, reason: str | None, now: Instant) -> None:
+        """Messages are not written to disk any more (why), or are again (None)."""
+        if reason is None:
+            self._tell(StorageRecovered(self.me.name, now.unix_s))
+        else:
+            self._tell(StorageFailed(self.me.name, now.unix_s, reason))
+
+    def save(self, now: Instant) -> None:
+        """Hand to the storage what has come in part; at the end."""
+        self._means.shelf.save(now.steady_s, at_once=True)
+
+    def tick(self, now: Instant) -> None:
+        """Do what is due by the time alone; call it often, and at `wake_s`."""
+        self._means.shelf.save(now.steady_s)
+        for peer in self._trigger.silenced(now.unix_s):
+            self._tell_signal(peer, now)
+        self._tell_contacts()
+        for record in self._publisher.due(now.unix_s):
+            self._tell_own(record, now)
+        for pull in list(self._pulls.values()):
+            self._take(pull, pull.tick(now), now)
+        for peer, (flow, until_s) in list(self._ending.items()):
+            self._cast(peer, flow.transmit(now.steady_s))
+            if flow.settled or now.steady_s > until_s:
+                del self._ending[peer]
+        for peer, server in self._servers.items():
+            server.tick(now)
+            self._after_server(peer, now)
+        self._pull_due(now)
+
+    @property
+    def wake_s(self) -> float | None:
+        """When to call `tick` at the latest, in steady seconds; None: no hurry."""
+        times = [pull.wake_s for pull in self._pulls.values()]
+        times += [server.wake_s for server in self._servers.values()]
+        times += [flow.wake_s for flow, _ in self._ending.values()]
+        return min((each for each in times if each is not None), default=None)
+
+    def take(self) -> tuple[list[Action], list[LinkEvent]]:
+        """What is to be done and told since the last call, in order."""
+        actions, events = list(self._actions), list(self._events)
+        self._actions.clear()
+        self._events.clear()
+        return actions, events
+
+    def links(
+        self, now: Instant, ages_s: Mapping[str, Mapping[str, float]] | None = None
+    ) -> dict[str, LinkMetrics]:
+        """The state of every link; `ages_s` is what `ages_s` has answered just now."""
+        return self._book.links(now.unix_s, self.ages_s(now) if ages_s is None else ages_s)
+
+    def ages_s(self, now: Instant) -> dict[str, dict[str, float]]:
+        """The ages of the newest messages by peer and topic; any thread may ask at any time."""
+        return {peer: dict(self._ages_s(peer, now)) for peer in self.me.peers}
+
+    def held(self, peer: str) -> dict[tuple[int, int], int]:
+        """What a peer is known to hold; see `Acquaintance.newest`."""
+        self._check(peer)
+        return self._known[peer].newest
+
+    def _ages_s(self, peer: str, now: Instant) -> Iterator[tuple[str, float]]:
+        robot_id = self._team.robot(peer).robot_id
+        for topic in self._team.topics_of(peer):
+            record = self.database.newest(robot_id, topic.topic_id)
+            if record:
+                yield topic.name, now.unix_s - record.stamp_s
+
+    def _pull_due(self, now: Instant) -> None:
+        for peer in self._trigger.due(now.unix_s):
+            self.sync(peer, now)
+
+    def _revive(self, peer: str, now: Instant) -> None:
+        """A contact begins: do not wait for the timers of a pull that stalls."""
+        pull = self._pulls.get(peer)
+        if pull is None or now.steady_s - pull.alive_s <= STALLED_S:
+            return
+        if pull.path == "udp":
+            self._take(pull, pull.poke(now), now)
+        else:
+            # Its connection sleeps in TCP's back-off; a fresh one gets through at once.
+            self._take(pull, pull.fail("stalled, and a new contact began", now), now)
+
+    def _take(self, pull: Pull, step: Step, now: Instant) -> None:
+        peer = pull.peer
+        for frame in step.frames:
+            self._actions.append(Send(peer, frame))
+        self._cast(peer, step.packets)
+        for reason in step.refusals:
+            self._refuse(peer, reason)
+        if pull.over and self._pulls.pop(peer, None) is not None:
+            self._book.measure(
+                peer,
+                rtt_s=pull.rtt_s,
+                bandwidth_bytes_s=pull.throughput_bytes_s,
+                path=pull.path,
+            )
+            self._actions.append(HangUp(peer, pull.broken or pull.path == "udp"))
+            if pull.flow and pull.path == "udp":
+                self._cast(peer, pull.flow.transmit(now.steady_s))
+                self._ending[peer] = (pull.flow, now.steady_s + LINGER_S)
+        self._compare_terms(peer, now)
+        for event in step.events:
+            self._tell(event)
+            if isinstance(event, MessageStored) and event.robot == self.me.name:
+                self._recover(self._team.topic(event.robot, event.topic), now)
+
+    def _after_server(self, peer: str, now: Instant) -> None:
+        server = self._servers[peer]
+        for packet in server.transmit(now):
+            self._book.count(peer, bytes_out=len(packet))
+            self._actions.append(CastBack(peer, packet))
+        for event in server.take():
+            self._tell(event)
+        self._compare_terms(peer, now)
+
+    def _compare_terms(self, peer: str, now: Instant) -> None:
+        """Say it when a peer turns out to have another team file, and at times once more."""
+        differs = self._known[peer].foreign
+        self._book.measure(peer, team_differs=differs)
+        warned_s = self._warned_s.get(peer)
+        if differs and (warned_s is None or now.steady_s - warned_s > REMIND_S):
+            self._warned_s[peer] = now.steady_s
+            LOG.warning("%s: nothing is exchanged: %s", self.me.name, difference(peer))
+
+    def _cast(self, peer: str, packets: Iterable[bytes]) -> None:
+        for packet in packets:
+            self._actions.append(Cast(peer, packet))
+
+    def _count_in(self, peer: str, size: int) -> None:
+        self._spent[peer] += size
+        self._book.count(peer, bytes_in=size)
+
+    def _recover(self, topic: Topic, now: Instant) -> None:
+        record = self._publisher.recovered(topic, now.unix_s)
+        if record:
+            self._tell_own(record, now)
+
+    def _refuse(self, peer: str, reason: str) -> None:
+        self._book.count(peer, refused=1)
+        first = not self._refusals[peer]
+        self._refusals[peer] += 1
+        LOG.log(logging.WARNING if first else logging.DEBUG, "refused from %s: %s", peer, reason)
+
+    def _tell_own(self, record: Record, now: Instant) -> None:
+        known = self._team.by_ids(record.header.robot_id, record.header.topic_id)
+        if known:
+            robot, topic = known
+            size = len(record.body)
+            self._tell(
+                MessageStored(robot.name, now.unix_s, robot.name, topic.name, record.header, size)
+            )
+
+    def _tell_signal(self, peer: str, now: Instant) -> None:
+        rssi_dbm, reading = self._trigger.rssi_dbm(peer), self._trigger.reading(peer)
+        self._tell(RssiChanged(peer, now.unix_s, rssi_dbm, reading))
+
+    def _tell_contacts(self) -> None:
+        for event in self._trigger.news():
+            self._tell(event)
+
+    def _tell(self, event: LinkEvent) -> None:
+        self._book.note(event)
+        self._events.append(event)
+
+    def _check(self, peer: str) -> None:
+        if peer not in self._servers:
+            raise UnknownRobotError(peer, self.me.peers, f"among the clients of {self.me.name}")
+
+
+def history_of(team: Team, robot_id: int, topic_id: int) -> int:
+    """How many versions of a topic the team keeps."""
+    known = team.by_ids(robot_id, topic_id)
+    return known[1].history if known else 1

@@ -1,0 +1,112 @@
+"""What the kernel knows and does of sockets, also of those that belong to libzmq."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import struct
+from collections.abc import Iterator
+
+# Of struct tcp_info, linux/tcp.h (since 4.6): u64, u32 us, 2**32 - 1 while there is none.
+_RECEIVED_AT, _MIN_RTT_AT = 128, 148
+_BACKLOG = 100  # as libzmq has it
+_NO_RTT_US = 2**32 - 1
+_IP_MTU_DISCOVER, _IP_PMTUDISC_DONT = 10, 0  # linux/in.h
+_IP_FREEBIND = 15  # linux/in.h
+_AT_ONCE = struct.pack("ii", 1, 0)  # struct linger
+
+
+@contextlib.contextmanager
+def borrowed(
+    fd: int | None, *, remote: int | None = None, local: int | None = None
+) -> Iterator[socket.socket | None]:
+    """A connection of libzmq, which may close it at any time; None if it is another one by now.
+
+    `remote` or `local` is the port at that end of it.
+    """
+    found = _copy(fd) if fd is not None else None
+    if found is None:
+        yield None
+        return
+    with found as connection:
+        try:
+            same = (
+                connection.getpeername()[1] == remote
+                if local is None
+                else connection.getsockname()[1] == local
+            )
+        except (OSError, IndexError, TypeError):
+            same = False
+        yield connection if same else None
+
+
+def _copy(fd: int) -> socket.socket | None:
+    """Another descriptor of a socket; None if there is none, or something else by now."""
+    try:
+        copy = os.dup(fd)
+    except OSError:
+        return None
+    try:
+        return socket.socket(fileno=copy)
+    except OSError:
+        os.close(copy)
+        return None
+
+
+def reset(connection: socket.socket | None) -> None:
+    """Have the kernel forget what is not out when the connection is closed, not repeat it."""
+    if connection is not None:
+        with contextlib.suppress(OSError):  # closed already
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
+
+
+def rtt_s(connection: socket.socket | None) -> float | None:
+    """Its round-trip time: the least one of late, which no queue has lengthened."""
+    rtt_us = _tcp_info(connection, "=I", _MIN_RTT_AT)
+    return rtt_us / 1e6 if rtt_us and rtt_us != _NO_RTT_US else None
+
+
+def bytes_received(connection: socket.socket | None) -> int | None:
+    """All that ever came in on it."""
+    return _tcp_info(connection, "=Q", _RECEIVED_AT)
+
+
+def _tcp_info(connection: socket.socket | None, layout: str, offset: int) -> int | None:
+    if connection is None:
+        return None
+    try:
+        info = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
+        value: int = struct.unpack_from(layout, info, offset)[0]
+    except (OSError, AttributeError, struct.error):  # closed, or not Linux
+        return None
+    return value
+
+
+def let_address_come_later(unbound: socket.socket) -> None:
+    """Let it be bound to an address that the machine does not have yet. OSError: not on Linux."""
+    unbound.setsockopt(socket.IPPROTO_IP, _IP_FREEBIND, 1)
+
+
+def early_listener(address: str, port: int) -> socket.socket:
+    """Listens on an IPv4 address, also on one that the machine does not have yet.
+
+    Raises OSError.
+    """
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        let_address_come_later(listener)
+        listener.setblocking(False)
+        listener.bind((address, port))
+        listener.listen(_BACKLOG)
+    except BaseException:
+        listener.close()
+        raise
+    return listener
+
+
+def let_parts_be_made(datagrams: socket.socket) -> None:
+    """Have datagrams cut in parts where a link takes less than their size, not thrown away."""
+    with contextlib.suppress(OSError):  # not Linux: its own way is as good
+        datagrams.setsockopt(socket.IPPROTO_IP, _IP_MTU_DISCOVER, _IP_PMTUDISC_DONT)

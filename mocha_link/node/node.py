@@ -1,0 +1,389 @@
+"""A gossip node to embed: give it the team and a name, publish, and watch the links."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from mocha_link.clock import Clock, Instant, SystemClock
+from mocha_link.errors import MochaLinkError
+from mocha_link.links.metrics import LinkEvent, LinkMetrics
+from mocha_link.links.reading import Reading
+from mocha_link.node.broadcast import Broadcast, EventStream
+from mocha_link.node.gossip import TIMEOUT_S, Gossip, history_of
+from mocha_link.node.lifetime import Startable
+from mocha_link.node.transport import Transport
+from mocha_link.radios import Radio, open_radio
+from mocha_link.store import batch, payload
+from mocha_link.store.config_hash import Terms
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.record import Record
+from mocha_link.store.signature import Signer
+from mocha_link.store.storage import Storage, StorageError
+from mocha_link.team.keys import PublicKey, public_key, secret_key
+from mocha_link.team.team import Priority, Robot, Team
+
+CLOSE_S = 0.95  # of the second, for all parts together
+LEAST_CLOSE_S = 0.05
+LARGE_BYTES = 64 * 1024  # takes long to compress
+
+
+class NodeClosedError(MochaLinkError):
+    """A node was used after its end, or started twice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """The newest message of a topic of a robot.
+
+    `stamp_s` is when the robot published it, `received_s` when it got here: Unix seconds. `parts`
+    are the messages in it, more than one if the topic says `aggregate`, none if it is damaged.
+    """
+
+    robot: str
+    topic: str
+    header: Header
+    priority: Priority
+    data: bytes = field(repr=False)
+    stamp_s: float
+    received_s: float
+    parts: tuple[bytes, ...] = field(default=(), repr=False)
+
+
+class Node(Startable):
+    """The gossip node of one robot: its ports, its pulls, its messages.
+
+    Use it as a context manager, or call `start` and `close`. Every method may be called from any
+    thread.
+
+    Args:
+        team: who there is; the same file on every robot.
+        name: which robot this node is.
+        clock: the robot's clock for stamps, ages and triggers; default: this machine's.
+        radio: where RSSI comes from; default: what the team file says for the robot. A robot
+            without a radio pulls from everybody by the timer.
+        timeout_s: real seconds without a byte after which a pull breaks off.
+        storage: a file in which messages survive the end of the process; default: none, they are
+            in memory only. It is open from now until `close`.
+        keys: the folder with ``<name>.key``, the robot's secret, if the team has a key for it.
+        datagrams: use UDP between new nodes where that is faster.
+
+    Raises:
+        UnknownRobotError: the team has no robot of that name.
+        RadioError: the team file's radio cannot be read.
+        KeyFileError: the secret is missing, is none, or others can read it.
+        KeyMismatchError: it does not fit the key in the team file.
+        KeysUnavailableError: the team has keys, and the extra ``keys`` is not installed.
+    """
+
+    def __init__(  # noqa: PLR0913 - what a node may be given
+        self,
+        team: Team,
+        name: str,
+        *,
+        clock: Clock | None = None,
+        radio: Radio | None = None,
+        timeout_s: float = TIMEOUT_S,
+        storage: Path | str | None = None,
+        keys: Path | str | None = None,
+        datagrams: bool = True,
+    ) -> None:
+        robot = team.robot(name)
+        self._secret = secret_key(team, name, Path(keys) if keys else None)
+        if radio is None and robot.radio is not None:
+            radio = open_radio(robot.radio, team, name)
+        self.team = team
+        self.name = name
+        self.clock: Clock = clock or SystemClock()
+        self._radio = radio
+        self._lock = threading.Lock()
+        self._broadcast = Broadcast()
+        self._transport: Transport | None = None
+        self._closed = False
+        self._settling = True  # nobody to tell yet
+        self._peer_keys = _peer_keys(team, robot) if self._secret else {}
+        self._storage = (
+            Storage(Path(storage), terms=Terms.of(team), on_fault=self._fault) if storage else None
+        )
+        try:
+            self._gossip = Gossip(
+                team,
+                name,
+                by_timer=radio is None,
+                timeout_s=timeout_s,
+                database=Database(partial(history_of, team), self._storage),
+                signer=Signer(self._secret, robot) if self._secret else None,
+                datagrams=datagrams,
+                protected=self._peer_keys,
+            )
+        except BaseException:
+            if self._storage:
+                self._storage.close()
+            raise
+        self._settling = False
+        if self._storage and self._storage.fault:
+            self._fault(self._storage.fault)
+
+    @property
+    def robot(self) -> Robot:
+        """The robot of this node."""
+        return self._gossip.me
+
+    def start(self) -> None:
+        """Bind the ports and begin to answer and to pull.
+
+        Raises:
+            PortInUseError: another process or node has one of the ports.
+            ListenError: the robot's `listen` is not an address of this machine.
+            RadioError: the radio's port is taken.
+            CurveUnavailableError: there are keys, and the ZeroMQ library here cannot encrypt.
+            NodeClosedError: it has been started or closed before.
+        """
+        if self._transport or self._closed:
+            raise NodeClosedError(f"the node of {self.name} runs once; make a new one")
+        transport = Transport(
+            self._gossip,
+            self.team,
+            lock=self._lock,
+            now=self._now,
+            deliver=self._broadcast.send,
+            secret=self._secret,
+            keys=self._peer_keys,
+        )
+        transport.start()
+        self._transport = transport
+        if self._radio and not self._closed:
+            try:
+                self._radio.start(self._heard)
+            except BaseException:
+                self.close()
+                raise
+        if self._closed:  # meanwhile, by a listener or another thread, which saw only a part
+            self._end()
+
+    def close(self) -> None:
+        """Stop within a second and give up every socket and thread; may be called twice.
+
+        No listener hears of anything after it. One that has not returned by then is logged; the
+        ports are free when it does.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        self._end()
+
+    def _end(self) -> None:
+        until_s = time.monotonic() + CLOSE_S
+        if self._radio:
+            self._radio.close()
+        if self._transport:
+            self._transport.close()
+        if self._storage:
+            with self._lock:
+                self._gossip.save(self._now())
+            self._storage.close(max(until_s - time.monotonic(), LEAST_CLOSE_S))
+        self._broadcast.close()
+
+    def publish(self, topic: str, data: bytes, *, now: bool = False) -> Header:
+        """Put a message of this robot where the others can pull it; returns its header.
+
+        If the topic's `min_interval_s` since the last one is not over, the message waits until it
+        is: the newest one replaces it, or joins it if the topic says `aggregate`. `now` sends it
+        without waiting. With a `storage` that works, what has been stored is on disk on return
+        (not when called from a listener, which must not wait).
+
+        Raises:
+            UnknownTopicError: the team file gives this robot no such topic.
+            PayloadError: larger than 64 MiB.
+            TypeError: `data` is not bytes; encode it first.
+            NodeClosedError: the node is closed.
+        """
+        self._check_open()
+        known = self.team.topic(self.name, topic)
+        try:
+            data = bytes(memoryview(data))
+        except TypeError:
+            raise TypeError(
+                f"the data of {topic} must be bytes, not {type(data).__name__}; e.g. "
+                "json.dumps(value).encode(), or what mocha_link.ros.typed.Typed(team).encode makes"
+            ) from None
+        payload.check_size(data)
+        large = len(data) >= LARGE_BYTES and not known.aggregate
+        frame = payload.compress(data) if large else None  # meanwhile the node goes on
+        with self._lock:
+            header = self._gossip.publish(known, data, self._now(), at_once=now, frame=frame)
+        self._wake()
+        if self._storage and not (self._transport and self._transport.is_current_thread()):
+            self._storage.wait()
+        return header
+
+    def flush(self, topic: str) -> None:
+        """Stop holding the message of a topic that waits. Raises UnknownTopicError."""
+        self._check_open()
+        known = self.team.topic(self.name, topic)
+        with self._lock:
+            self._gossip.flush(known, self._now())
+        self._wake()
+
+    def latest(self, robot: str, topic: str) -> Message | None:
+        """The newest message of a topic of a robot; None if there is none yet.
+
+        Raises:
+            UnknownRobotError: the team has no such robot.
+            UnknownTopicError: the robot has no such topic.
+        """
+        known = self.team.topic(robot, topic)
+        robot_id = self.team.robot(robot).robot_id
+        record = self._gossip.database.newest(robot_id, known.topic_id)
+        return self._message(record) if record else None
+
+    def messages(self) -> list[Message]:
+        """The newest message of every topic of every robot, most urgent first."""
+        return [self._message(r) for r in self._gossip.database.records() if self._is_ours(r)]
+
+    def history(self, robot: str, topic: str) -> list[Message]:
+        """The messages of a topic that are kept, newest first (`history` in the team file).
+
+        Raises:
+            UnknownRobotError: the team has no such robot.
+            UnknownTopicError: the robot has no such topic.
+        """
+        known = self.team.topic(robot, topic)
+        robot_id = self.team.robot(robot).robot_id
+        records = self._gossip.database.history(robot_id, known.topic_id)
+        return [self._message(record) for record in records]
+
+    @property
+    def epoch(self) -> int:
+        """Names the database: numbers of `stored_since` count within one epoch."""
+        return self._gossip.database.epoch
+
+    def stored_since(self, sequence: int, limit: int | None = None) -> list[tuple[int, Message]]:
+        """What has been stored after a number, with its own number, in that order.
+
+        Begin with 0. Versions that are not kept any longer are left out. With `limit` the first so
+        many of them; go on with the last one's number.
+        """
+        while True:
+            found = self._gossip.database.numbered_since(sequence, limit)
+            ours = [(number, self._message(r)) for number, r in found if self._is_ours(r)]
+            if ours or not found:
+                return ours
+            sequence = found[-1][0]
+
+    @property
+    def storage_fault(self) -> str | None:
+        """Why messages do not get to the disk now; None if they do, or are to stay in memory."""
+        fault = self._storage.fault if self._storage else None
+        return str(fault) if fault else None
+
+    def links(self) -> dict[str, LinkMetrics]:
+        """The state of the link to every peer, by its name."""
+        ages_s = self._gossip.ages_s(self._now())  # thousands of them: nobody waits for that
+        with self._lock:
+            return self._gossip.links(self._now(), ages_s)
+
+    def held(self, peer: str) -> dict[tuple[str, str], float]:
+        """What a peer is known to hold: by robot and topic, the newest stamp in Unix seconds.
+
+        It has named these, or handed them to us; what it fetched from us is not among them.
+        Original nodes name nothing.
+
+        Raises:
+            UnknownRobotError: the peer is not linked to this robot.
+        """
+        with self._lock:
+            newest = self._gossip.held(peer)
+        known = ((self.team.by_ids(*ids), stamp_ms) for ids, stamp_ms in newest.items())
+        return {(of[0].name, of[1].name): stamp_ms / 1000 for of, stamp_ms in known if of}
+
+    def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
+        """Call back on the node's thread for every event; call the answer to end it.
+
+        The callback must be quick: the node does nothing else meanwhile. It may call any method
+        of the node. What it raises is logged and does not stop the node.
+        """
+        return self._broadcast.subscribe(callback)
+
+    def events(self) -> EventStream:
+        """An asynchronous iterator over every event from now on, until the node closes.
+
+        A slow reader loses the oldest events; the stream counts them in `dropped`.
+        """
+        return self._broadcast.stream()
+
+    def sync(self, peer: str) -> bool:
+        """Pull from a peer now; False if a pull from it is already under way.
+
+        Raises:
+            UnknownRobotError: the peer is not linked to this robot.
+            NodeClosedError: the node is closed.
+        """
+        self._check_open()
+        with self._lock:
+            started = self._gossip.sync(peer, self._now())
+        self._wake()
+        return started
+
+    def _heard(self, peer: str, reading: Reading | float | None) -> None:
+        with self._lock:
+            self._gossip.heard(peer, reading, self._now())
+        self._wake()
+
+    def _is_ours(self, record: Record) -> bool:
+        """Whether the team knows what it is; a storage may have more, of another team file."""
+        header = record.header
+        return self.team.by_ids(header.robot_id, header.topic_id) is not None
+
+    def _message(self, record: Record) -> Message:
+        known = self.team.by_ids(record.header.robot_id, record.header.topic_id)
+        if known is None:
+            raise MochaLinkError(f"{record.header} is not of this team")
+        robot, topic = known
+        data = payload.unpack(record.body)
+        return Message(
+            robot=robot.name,
+            topic=topic.name,
+            header=record.header,
+            priority=topic.priority,
+            data=data,
+            stamp_s=record.stamp_s,
+            received_s=record.received_s,
+            parts=_parts(data) if topic.aggregate else (data,),
+        )
+
+    def _fault(self, fault: StorageError | None) -> None:
+        if self._settling:
+            return
+        with self._lock:
+            self._gossip.storage(str(fault) if fault else None, self._now())
+        self._wake()
+
+    def _now(self) -> Instant:
+        return Instant(self.clock.now_s(), time.monotonic())
+
+    def _wake(self) -> None:
+        if self._transport:
+            self._transport.wake()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise NodeClosedError(f"the node of {self.name} is closed; make a new one")
+
+
+def _peer_keys(team: Team, robot: Robot) -> dict[str, PublicKey]:
+    """The keys of the peers that have one: links to them are encrypted."""
+    keys = {peer: public_key(team.robot(peer)) for peer in robot.peers}
+    return {peer: key for peer, key in keys.items() if key}
+
+
+def _parts(data: bytes) -> tuple[bytes, ...]:
+    try:
+        return batch.unpack(data)
+    except batch.BatchError:  # of a peer whose team file says something else
+        return ()

@@ -1,0 +1,168 @@
+"""What the robot itself has to say: stamps, and how often a topic may enter the database."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from hashlib import blake2b
+
+from mocha_link.store import batch, payload
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header, as_ms, next_stamp_ms
+from mocha_link.store.record import Record
+from mocha_link.team.team import Robot, Topic
+
+Sign = Callable[[bytes], bytes]
+
+LEAP_MS = 600_000
+
+
+@dataclass(slots=True)
+class _Draft:
+    """Messages that are not packed yet, and the stamp that they have been promised."""
+
+    stamp_ms: int
+    made_s: float
+    parts: list[bytes] = field(default_factory=list)
+    size: int = 0
+    frame: bytes | None = None  # of the only part
+
+    def add(self, data: bytes) -> None:
+        self.parts.append(data)
+        self.size += len(data)
+
+
+class Publisher:
+    """Makes records of the robot's own messages and holds those that come too early.
+
+    Args:
+        sign: gives what signs the messages of a topic; None: they are not signed.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        topics: tuple[Topic, ...],
+        database: Database,
+        sign: Callable[[Topic], Sign] | None = None,
+    ) -> None:
+        self._robot = robot
+        self._topics = {topic.name: topic for topic in topics}
+        self._database = database
+        self._signs = {topic.name: sign(topic) for topic in topics} if sign else {}
+        self._last_ms: dict[str, int] = {}
+        self._stored_s: dict[str, float] = {}
+        self._held: dict[str, _Draft] = {}
+        self._latest: dict[str, tuple[_Draft, Header]] = {}
+
+    def publish(
+        self,
+        topic: Topic,
+        data: bytes,
+        now_s: float,
+        *,
+        at_once: bool,
+        frame: bytes | None = None,
+    ) -> tuple[Header, list[Record]]:
+        """The header of a new message, and what was stored now because of it.
+
+        A message that comes before the topic's interval since the last stored one is over is held
+        until then; the next one replaces it, or joins it if the topic says `aggregate`. `frame` is
+        what `payload.compress` made of the data, if somebody has called it.
+
+        Raises:
+            PayloadError: larger than any node would accept.
+        """
+        payload.check_size(data)
+        stored = []
+        draft = self._held.get(topic.name)
+        if draft and topic.aggregate and draft.size + len(data) > batch.FULL_BYTES:
+            stored.append(self._flush(topic, now_s))
+            draft = None
+        last_ms = self._last_ms.get(topic.name)
+        newest = self._database.newest(self._robot.robot_id, topic.topic_id)
+        if newest is not None and (last_ms is None or newest.stamp_ms > last_ms):
+            stamp_ms = _stamp_after(newest, now_s, data)
+        else:
+            stamp_ms = next_stamp_ms(now_s, last_ms)
+        self._last_ms[topic.name] = stamp_ms
+        if draft is None or not topic.aggregate:
+            draft = self._held[topic.name] = _Draft(stamp_ms, now_s)
+        draft.stamp_ms, draft.made_s = stamp_ms, now_s
+        draft.add(data)
+        draft.frame = None if topic.aggregate else frame
+        header = Header.at(self._robot.robot_id, topic.topic_id, stamp_ms)
+        if at_once or self._is_due(topic.name, now_s):
+            record = self._flush(topic, now_s)
+            stored.append(record)
+            header = record.header
+        return header, stored
+
+    def flush(self, topic: Topic, now_s: float) -> Record | None:
+        """Store the held message of a topic, if there is one, and return it."""
+        return self._flush(topic, now_s) if topic.name in self._held else None
+
+    def recovered(self, topic: Topic, now_s: float) -> Record | None:
+        """Store our latest message anew if one from before a restart has replaced it.
+
+        A peer hands that back to us; it has the later stamp if our clock is behind what it was.
+        """
+        newest = self._database.newest(self._robot.robot_id, topic.topic_id)
+        if topic.name not in self._latest or newest is None:
+            return None
+        draft, header = self._latest[topic.name]
+        return self._store(topic, draft, now_s) if newest.header != header else None
+
+    def due(self, now_s: float) -> list[Record]:
+        """Store the held messages whose interval is over, and return them."""
+        names = [name for name in self._held if self._is_due(name, now_s)]
+        return [self._flush(self._topics[name], now_s) for name in names]
+
+    def _flush(self, topic: Topic, now_s: float) -> Record:
+        self._stored_s[topic.name] = now_s
+        return self._store(topic, self._held.pop(topic.name), now_s)
+
+    def _store(self, topic: Topic, draft: _Draft, now_s: float) -> Record:
+        record = self._record(topic, draft)
+        if not self._database.insert(record, now_s):
+            # From before a restart, with a later stamp. Ours must follow it to be taken by anyone.
+            newest = self._database.newest(self._robot.robot_id, topic.topic_id) or record
+            draft.stamp_ms = _stamp_after(newest, now_s, record.body)
+            self._last_ms[topic.name] = draft.stamp_ms
+            record = self._record(topic, draft)
+            self._database.insert(record, now_s)
+        draft.frame = None  # it is in the record
+        self._latest[topic.name] = (draft, record.header)
+        return record
+
+    def _record(self, topic: Topic, draft: _Draft) -> Record:
+        body = payload.pack(
+            topic.dtype,
+            topic.priority,
+            batch.pack(draft.parts) if topic.aggregate else draft.parts[0],
+            stamp_ms=draft.stamp_ms,
+            ids=payload.Ids(self._robot.robot_id, topic.topic_id),
+            sign=self._signs.get(topic.name),
+            frame=draft.frame,
+        )
+        header = Header.at(self._robot.robot_id, topic.topic_id, draft.stamp_ms)
+        return Record(header, topic.priority, body, draft.stamp_ms, received_s=draft.made_s)
+
+    def _is_due(self, name: str, now_s: float) -> bool:
+        last = self._stored_s.get(name)
+        interval_s = self._topics[name].min_interval_s
+        # A clock that was set back must not hold a message until it comes round again.
+        return last is None or not 0 <= now_s - last < interval_s
+
+
+def _stamp_after(earlier: Record, now_s: float, data: bytes | memoryview) -> int:
+    """The stamp that follows a message from before a restart.
+
+    If the clock is behind it, others may hold still later ones of which we know nothing, each a
+    millisecond after the other, and two messages must not get the same header. So it is some
+    minutes later; how much follows from the data.
+    """
+    if as_ms(now_s) > earlier.stamp_ms:
+        return next_stamp_ms(now_s, earlier.stamp_ms)
+    leap_ms = int.from_bytes(blake2b(data, digest_size=8).digest(), "big") % LEAP_MS
+    return next_stamp_ms(now_s, earlier.stamp_ms + leap_ms)

@@ -1,0 +1,386 @@
+"""The shell of a node: one thread, one poller, a port for every peer, TCP and UDP."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import socket
+import threading
+from collections.abc import Callable
+
+import zmq
+
+from mocha_link.clock import Instant
+from mocha_link.links.link_events import LinkEvent
+from mocha_link.node import kernel
+from mocha_link.node.actions import Action, Cast, CastBack, Dial, HangUp, Reply, Send
+from mocha_link.node.connection import CurveLine, Line, TcpLine
+from mocha_link.node.curve import Gatekeeper
+from mocha_link.node.gossip import Gossip
+from mocha_link.node.port import Port
+from mocha_link.node.resolver import Resolver
+from mocha_link.sync.server import Route
+from mocha_link.team.keys import PublicKey, SecretKey
+from mocha_link.team.seal import Seal
+from mocha_link.team.team import Team
+
+TICK_MS = 20  # the node's clock may be a simulated one: look at it often
+FULL_MS = 1  # ZeroMQ does not tell when one of many connections takes more
+LATE_MS = 3  # the same for replies; a connection may sleep for a minute before it breaks
+OBSERVE_S = 0.25
+BURST = 64  # frames of one peer in a row, so that no peer starves the others
+CLOSE_S = 0.9
+PATIENT_S = 300.0
+DATAGRAM_BYTES = 1500
+
+LOG = logging.getLogger("mocha_link")
+
+
+class Transport:
+    """Moves frames between the sockets and a `Gossip`, which it drives under `lock`.
+
+    `deliver` gets the events on the transport's thread. With `secret`, links to peers that have a
+    key in the team file are encrypted.
+    """
+
+    def __init__(  # noqa: PLR0913 - what the shell stands between
+        self,
+        gossip: Gossip,
+        team: Team,
+        *,
+        lock: threading.Lock,
+        now: Callable[[], Instant],
+        deliver: Callable[[LinkEvent], None],
+        secret: SecretKey | None = None,
+        keys: dict[str, PublicKey] | None = None,
+    ) -> None:
+        self._gossip = gossip
+        self._team = team
+        self._me = gossip.me
+        self._lock = lock
+        self._now = now
+        self._deliver = deliver
+        self._secret = secret
+        self._keys = keys or {}
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._poller = zmq.Poller()
+        self._ports: dict[str, Port] = {}
+        self._gate: Gatekeeper | None = None
+        self._lines: dict[str, Line | list[bytes]] = {}  # frames: the address is not known yet
+        self._patient_until_s: dict[str, float] = {}  # peers that requests must not hurry to
+        self._seals: dict[str, Seal] = {}
+        self._caster: socket.socket | None = None
+        self._peers_at: dict[tuple[str, int], str] = {}
+        self._resolver = Resolver(self.wake)
+        self._waker, self._woken = socket.socketpair()
+        self._observed_s = 0.0
+        self._stopping = False
+        self._thread = threading.Thread(
+            target=self._run, name=f"mocha-link {self._me.name}", daemon=True
+        )
+
+    def start(self) -> None:
+        """Bind the ports and begin. Raises PortInUseError or ListenError, and is closed then."""
+        try:
+            if self._secret:
+                self._seals = {p: Seal(self._secret, key) for p, key in self._keys.items()}
+                self._gate = Gatekeeper(self._context, self._keys)
+            for peer in self._me.peers:
+                secret = self._secret if peer in self._keys else None
+                self._ports[peer] = Port(self._context, self._me, peer, secret)
+                if secret and self._gate:
+                    self._gate.watch(self._ports[peer].socket, peer)
+            self._caster = _caster(self._me.listen)
+        except BaseException:
+            self._close_all()
+            raise
+        self._waker.setblocking(False)
+        self._woken.setblocking(False)
+        for port in self._ports.values():
+            port.watch(self._poller)
+        for each in (*(self._gate.sockets if self._gate else ()), self._caster, self._woken):
+            if each:
+                self._poller.register(each, zmq.POLLIN)
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Have the thread look at the gossip now; from any thread."""
+        with contextlib.suppress(OSError):  # full: it is about to wake anyway; closed: too late
+            self._waker.send(b"\0")
+
+    def is_current_thread(self) -> bool:
+        """Whether this is the thread that must not wait."""
+        return self._thread is threading.current_thread()
+
+    def close(self) -> None:
+        """Stop and close everything; from any thread, also from a callback."""
+        self._stopping = True
+        self.wake()
+        if self._thread.ident is None:
+            self._close_all()
+        elif self._thread is not threading.current_thread():
+            self._thread.join(CLOSE_S)
+            if self._thread.is_alive():
+                LOG.error(
+                    "%s: a listener has not returned for %g s; the ports close when it does",
+                    self._me.name,
+                    CLOSE_S,
+                )
+
+    def _run(self) -> None:
+        wait_ms = 0
+        try:
+            while not self._stopping:
+                ready: set[object] = {each for each, _ in self._poller.poll(wait_ms)}
+                wait_ms = TICK_MS
+                try:
+                    wait_ms = self._turn(ready)
+                except Exception:  # nothing that comes from outside may end the node
+                    LOG.exception("%s: an error in the node", self._me.name)
+        finally:
+            self._close_all()
+
+    def _turn(self, ready: set[object]) -> int:
+        """Do what is to be done; how many milliseconds to wait for more."""
+        if self._woken.fileno() in ready:
+            with contextlib.suppress(BlockingIOError):
+                self._woken.recv(4096)
+        for port in self._ports.values():
+            if port.is_late or port.is_ready(ready):
+                self._serve(port)
+        if self._gate and not ready.isdisjoint(self._gate.sockets):
+            self._admit(self._gate)
+        if self._caster and self._caster.fileno() in ready:
+            self._catch(self._caster)
+        now = self._now()
+        observe = now.steady_s - self._observed_s > OBSERVE_S  # what nothing tells to the poller
+        if observe:
+            self._observed_s = now.steady_s
+            self._look()
+        for peer, line in list(self._lines.items()):
+            if isinstance(line, list):
+                self._open_line(peer, line)
+            elif observe or line.is_ready(ready, now.steady_s):
+                self._attend(line, peer, now)
+        with self._lock:
+            self._gossip.tick(now)
+        self._act()
+        wait_ms = min((self._supply(port) for port in self._ports.values()), default=TICK_MS)
+        self._act()
+        return min(wait_ms, self._wait_ms())
+
+    def _wait_ms(self) -> int:
+        with self._lock:
+            wake_s = self._gossip.wake_s
+        for line in self._lines.values():
+            if not isinstance(line, list) and line.wake_s is not None:
+                wake_s = min(wake_s or line.wake_s, line.wake_s)
+        if wake_s is None:
+            return TICK_MS
+        return max(int((wake_s - self._now().steady_s) * 1000 + 0.999), 0)
+
+    def _serve(self, port: Port) -> None:
+        for route, parts in port.resumed():
+            self._answer(port, route, parts)
+        for _ in range(BURST):
+            request = port.receive()
+            if request is None:
+                break
+            self._answer(port, *request)
+        address = self._resolver.address(self._team.robot(port.peer).address)
+        seal = self._seals.get(port.peer)
+        for packet, source in port.packets(BURST):
+            opened = seal.open(packet) if seal else packet
+            # Without a key an address is all there is to tell friends from strangers.
+            if opened is None or (not seal and source[0] != address):
+                continue
+            with self._lock:
+                known = self._gossip.packet_in(port.peer, opened, self._now())
+            if known:
+                port.caller = source
+            self._act()
+
+    def _answer(self, port: Port, route: Route, parts: list[bytes]) -> None:
+        with self._lock:
+            self._gossip.request(port.peer, route, parts, self._now())
+        self._act()
+
+    def _look(self) -> None:
+        for port in self._ports.values():
+            for _ in range(port.look()):
+                with self._lock:
+                    self._gossip.refused(port.peer, "somebody connected too often or sent too much")
+
+    def _supply(self, port: Port) -> int:
+        """Send frames of a sync while the connection takes them; when to go on, in ms."""
+        for _ in range(BURST):
+            with self._lock:
+                route = self._gossip.route(port.peer)
+            if not port.flush(route):
+                return FULL_MS
+            with self._lock:
+                supplied = self._gossip.supply(port.peer)
+            if supplied is None:
+                return LATE_MS if port.is_late else TICK_MS
+            port.push(*supplied)
+        return 0
+
+    def _admit(self, gate: Gatekeeper) -> None:
+        refusals = gate.serve()
+        with self._lock:
+            for refusal in refusals:
+                self._gossip.refused(refusal.peer, f"somebody came {refusal.why}")
+
+    def _catch(self, caster: socket.socket) -> None:
+        for _ in range(BURST):
+            try:
+                packet, source = caster.recvfrom(DATAGRAM_BYTES)
+            except BlockingIOError:
+                return
+            except OSError:
+                continue  # an ICMP error of an earlier datagram
+            peer = self._peers_at.get(source)
+            if peer is None:
+                continue
+            seal = self._seals.get(peer)
+            opened = seal.open(packet) if seal else packet
+            if opened is not None:
+                with self._lock:
+                    self._gossip.packet_back(peer, opened, self._now())
+                self._act()
+
+    def _attend(self, line: Line, peer: str, now: Instant) -> None:
+        arrived = line.turn(now.steady_s)
+        rtt_s = line.rtt_s() if arrived else None
+        with self._lock:
+            if not self._gossip.leaves(peer):  # another thread may have begun a new pull
+                if arrived:
+                    self._gossip.progress(peer, now)
+                if rtt_s is not None:
+                    self._gossip.measured(peer, rtt_s)
+                for parts in line.replies():
+                    self._gossip.reply(peer, parts, self._now())
+                if line.failure and not self._gossip.leaves(peer):
+                    self._gossip.lost(peer, line.failure, now)
+        self._act()
+        if self._lines.get(peer) is line:
+            if line.failure:
+                self._hang_up(peer, void=True)
+            else:
+                line.watch(self._poller)
+
+    def _act(self) -> None:
+        with self._lock:
+            actions, events = self._gossip.take()
+        for action in actions:
+            try:
+                self._do(action)
+            except Exception:
+                LOG.exception("%s: an error in the node", self._me.name)
+        for event in events:
+            self._deliver(event)
+
+    def _do(self, action: Action) -> None:
+        peer = action.peer
+        match action:
+            case Dial():
+                self._hang_up(peer, void=True)
+                self._lines[peer] = []
+            case Send():
+                line = self._lines.get(peer)
+                if isinstance(line, list):
+                    line.append(action.frame)
+                    self._open_line(peer, line)
+                elif line:
+                    line.send(action.frame)
+                    line.watch(self._poller)
+            case HangUp():
+                self._hang_up(peer, void=action.void)
+            case Reply():
+                self._ports[peer].reply(action.route, action.frame)
+            case Cast():
+                self._cast(peer, action.packet)
+            case CastBack():
+                self._ports[peer].cast(self._sealed(peer, action.packet))
+
+    def _open_line(self, peer: str, frames: list[bytes]) -> None:
+        robot = self._team.robot(peer)
+        address = self._resolver.address(robot.address)
+        port = robot.port_for(self._me.name)
+        why = self._resolver.failure(robot.address)
+        if address:
+            try:
+                line = self._new_line(peer, address, port)
+            except (OSError, zmq.ZMQError) as error:
+                why = f"cannot connect to {robot.address}:{port}: {error}"
+            else:
+                self._lines[peer] = line
+                for frame in frames:
+                    line.send(frame)
+                line.watch(self._poller)
+                return
+        if why:
+            self._lines.pop(peer, None)
+            with self._lock:
+                self._gossip.lost(peer, why, self._now())
+
+    def _new_line(self, peer: str, address: str, port: int) -> Line:
+        if self._secret and peer in self._keys:
+            return CurveLine(self._context, address, port, own=self._secret, peer=self._keys[peer])
+        eager = self._now().steady_s >= self._patient_until_s.get(peer, 0.0)
+        return TcpLine(address, port, eager=eager)
+
+    def _hang_up(self, peer: str, *, void: bool) -> None:
+        line = self._lines.pop(peer, None)
+        if line and not isinstance(line, list):
+            now_s = self._now().steady_s
+            if not line.eager and now_s >= self._patient_until_s.get(peer, 0.0):
+                self._patient_until_s[peer] = now_s + PATIENT_S
+            line.forget(self._poller)
+            if void:
+                line.abort()
+            else:
+                line.close()
+
+    def _cast(self, peer: str, packet: bytes) -> None:
+        robot = self._team.robot(peer)
+        address = self._resolver.address(robot.address)
+        if address and self._caster:
+            place = (address, robot.port_for(self._me.name))
+            self._peers_at[place] = peer
+            with contextlib.suppress(OSError):  # full, or no way there now: it is a datagram
+                self._caster.sendto(self._sealed(peer, packet), place)
+
+    def _sealed(self, peer: str, packet: bytes) -> bytes:
+        seal = self._seals.get(peer)
+        return seal.seal(packet) if seal else packet
+
+    def _close_all(self) -> None:
+        for peer in list(self._lines):
+            self._hang_up(peer, void=True)
+        if self._gate:
+            self._gate.close()
+        for port in self._ports.values():
+            port.close()
+        if self._caster:
+            self._caster.close()
+        self._context.term()
+        self._waker.close()
+        self._woken.close()
+
+
+def _caster(listen: str) -> socket.socket | None:
+    """The socket from which our datagrams go; None if there can be none."""
+    caster = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        kernel.let_parts_be_made(caster)
+        if listen != "*":
+            with contextlib.suppress(OSError):  # not Linux; then the address was there
+                kernel.let_address_come_later(caster)
+        caster.bind(("" if listen == "*" else listen, 0))
+        caster.setblocking(False)
+    except OSError as error:
+        caster.close()
+        LOG.warning("no datagrams: %s", error)
+        return None
+    return caster

@@ -1,0 +1,200 @@
+"""What messages mean: JSON values, ROS messages, or bytes, by the type in the team file.
+
+``json/...`` types are UTF-8 JSON. Standard ROS types and those in the team's `definitions` are ROS
+messages, serialized as the robot that publishes them says (`Robot.ros`); they need the extra
+``ros``. All others are bytes.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, Protocol
+
+from mocha_link.errors import MochaLinkError
+from mocha_link.node.node import Message
+from mocha_link.team.team import Robot, Team, Topic
+
+JSON_PACKAGE = "json/"
+
+LOG = logging.getLogger("mocha_link")
+
+Ros = Literal[1, 2]
+
+
+class Codec(Protocol):
+    """What the extra ``ros`` does: see `ros.RosCodec`."""
+
+    def knows(self, kind: str, ros: Ros) -> bool:
+        """Whether a type is known in a version of ROS."""
+
+    def decode(self, kind: str, data: bytes, ros: Ros) -> Any:
+        """A message object."""
+
+    def encode(self, kind: str, value: Any, ros: Ros) -> bytes:
+        """The data of a message."""
+
+    def to_json(self, kind: str, message: Any) -> Any:
+        """A message as plain values."""
+
+    def definition(self, kind: str) -> tuple[str, str]:
+        """Its ROS 1 text and MD5 sum."""
+
+
+class TypedError(MochaLinkError):
+    """Data that are not what their type says, or a value that does not fit it."""
+
+
+class Types:
+    """Turns data into values and back, by the names of types. Any thread may use it.
+
+    Args:
+        definitions: texts of ``.msg`` files by ``pkg/Type``, as in a team file.
+
+    Raises:
+        RosError: one of the definitions cannot be used.
+    """
+
+    def __init__(self, definitions: Mapping[str, str]) -> None:
+        self._codec = _codec(definitions)
+
+    @property
+    def has_ros(self) -> bool:
+        """Whether ROS messages can be read here: the extra ``ros`` is installed."""
+        return self._codec is not None
+
+    def decode(self, kind: str, data: bytes, ros: Ros) -> Any:
+        """A JSON value, a ROS message object, or the bytes. Raises TypedError."""
+        if kind.startswith(JSON_PACKAGE):
+            return _parsed(data)
+        codec = self._codec_for(kind, ros)
+        return _guarded(codec.decode, kind, data, ros) if codec else data
+
+    def plain(self, kind: str, data: bytes, ros: Ros) -> Any:
+        """As `decode`, but ROS messages as values that `json.dumps` takes; bytes stay bytes."""
+        value = self.decode(kind, data, ros)
+        codec = None if kind.startswith(JSON_PACKAGE) else self._codec_for(kind, ros)
+        return _guarded(codec.to_json, kind, value) if codec else value
+
+    def encode(self, kind: str, value: Any, ros: Ros) -> bytes:
+        """The data for a value; ROS messages as objects or as plain values. Raises TypedError."""
+        if kind.startswith(JSON_PACKAGE):
+            try:
+                return json.dumps(value, allow_nan=False, separators=(",", ":")).encode()
+            except (TypeError, ValueError, RecursionError) as error:
+                raise TypedError(f"not a JSON value: {error}") from None
+        codec = self._codec_for(kind, ros)
+        if codec:
+            data: bytes = _guarded(codec.encode, kind, value, ros)
+            return data
+        if not isinstance(value, bytes | bytearray | memoryview):
+            hint = "" if self.has_ros else "; ROS messages need the extra 'ros' here"
+            raise TypedError(f"only bytes can be sent as {kind}{hint}")
+        return bytes(value)
+
+    def converted(self, kind: str, data: bytes, from_ros: Ros, to_ros: Ros) -> bytes:
+        """The same message for the other version of ROS, checked; other bytes as they are.
+
+        Raises TypedError: the data are not what the type says, or cannot be converted here.
+        """
+        if kind.startswith(JSON_PACKAGE):
+            _parsed(data)
+            return data
+        codec = self._codec_for(kind, from_ros)
+        if codec is None:
+            if self._codec is None and from_ros != to_ros:
+                raise TypedError(f"from ROS {from_ros} to {to_ros}: that needs the extra 'ros'")
+            return data
+        value = _guarded(codec.decode, kind, data, from_ros)
+        if from_ros == to_ros == 1:
+            return data
+        # CDR is written anew: another byte order or padding at its end is not for everybody.
+        changed: bytes = _guarded(codec.encode, kind, value, to_ros)
+        return changed
+
+    def about(self, kind: str) -> dict[str, Any]:
+        """What ROS a type is known in, and its ROS 1 MD5 sum and text; nothing if it is no type."""
+        known = [ros for ros in (1, 2) if self._codec_for(kind, ros)]
+        if self._codec is None or 1 not in known:
+            return {"ros": known} if known else {}
+        text, md5 = self._codec.definition(kind)
+        return {"ros": known, "md5": md5, "text": text}
+
+    def _codec_for(self, kind: str, ros: Ros) -> Codec | None:
+        return self._codec if self._codec and self._codec.knows(kind, ros) else None
+
+
+class Typed:
+    """The same for the messages of a team.
+
+    Raises:
+        RosError: the team brings along a definition that cannot be used.
+    """
+
+    def __init__(self, team: Team) -> None:
+        self._team = team
+        self._types = Types(team.definitions)
+
+    def decode(self, message: Message) -> Any:
+        """What a message says: a JSON value, a ROS message object, or its bytes.
+
+        Of a topic with `aggregate` a list of that. Raises TypedError; the message itself is still
+        good to carry.
+        """
+        return self._all(message, self._types.decode)
+
+    def plain(self, message: Message) -> Any:
+        """As `decode`, but ROS messages as values that `json.dumps` takes; bytes stay bytes."""
+        return self._all(message, self._types.plain)
+
+    def encode(self, robot: str, topic: str, value: Any) -> bytes:
+        """The data of a message of a robot; ROS messages as objects or as plain values.
+
+        Raises:
+            UnknownRobotError: the team has no such robot.
+            UnknownTopicError: the robot has no such topic.
+            TypedError: the value does not fit the topic's type.
+        """
+        sender, known = self._known(robot, topic)
+        try:
+            return self._types.encode(known.type, value, sender.ros)
+        except TypedError as error:
+            raise TypedError(f"{robot} {topic}: {error}") from None
+
+    def _all(self, message: Message, work: Callable[[str, bytes, Ros], Any]) -> Any:
+        robot, topic = self._known(message.robot, message.topic)
+        if topic.aggregate and message.data and not message.parts:
+            raise TypedError(f"{message.robot} {message.topic}: not a batch of messages")
+        try:
+            if topic.aggregate:
+                return [work(topic.type, part, robot.ros) for part in message.parts]
+            return work(topic.type, message.data, robot.ros)
+        except TypedError as error:
+            raise TypedError(f"{message.robot} {message.topic}: {error}") from None
+
+    def _known(self, robot: str, topic: str) -> tuple[Robot, Topic]:
+        return self._team.robot(robot), self._team.topic(robot, topic)
+
+
+def _codec(definitions: Mapping[str, str]) -> Codec | None:
+    try:
+        from mocha_link.ros.ros import RosCodec  # noqa: PLC0415 - an extra that may be missing
+    except ModuleNotFoundError as error:
+        LOG.warning("what is not JSON is left as bytes: %s", error)
+        return None
+    return RosCodec(definitions)
+
+
+def _guarded(work: Any, *arguments: Any) -> Any:
+    try:
+        return work(*arguments)
+    except MochaLinkError as error:
+        raise TypedError(str(error)) from None
+
+
+def _parsed(data: bytes) -> Any:
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise TypedError(f"not JSON: {error}") from None

@@ -1,0 +1,1 @@
+"""Messages as they are kept: headers, bodies, the database, and its file."""

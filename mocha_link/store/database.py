@@ -1,0 +1,324 @@
+"""The newest messages of every robot and topic, and what a peer still lacks of them.
+
+In memory; `mocha_link.store.storage` keeps a copy on disk.
+
+Two orders hold it together. Every message that enters gets the next *sequence number*, so "what
+came after number n" is a short answer. And the *wire order* (most urgent first, then newest first)
+is the one in which an original node is told what there is.
+"""
+
+from __future__ import annotations
+
+import secrets
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import reduce
+from hashlib import blake2b
+from math import isfinite
+from operator import xor
+
+from mocha_link.store.header import WRAP_MS, Header, latest_ms
+from mocha_link.store.index import Floors, Kept, WireOrder, follows, rank
+from mocha_link.store.reassembly_buffer import Keeper, Saved
+from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.storage import Storage
+from mocha_link.store.storage_file import Contents
+
+GROUPS = 16
+"""A robot's topics fall into so many groups, each with a digest: group = topic id % GROUPS."""
+
+_STAMP_LIMIT_MS = 1 << 47
+# Numbers that a crash took back may have been told to peers: after a restart ours go on beyond
+# them, and at random, so that a file restored from a copy does not give the same ones again.
+_GAP_BITS = 44
+_GAP = 1 << 32
+
+
+class Database:
+    """Messages by robot and topic: the newest `history` versions of each. Any thread may use it.
+
+    Args:
+        history: how many versions to keep of a robot id and topic id; default: 1.
+        storage: where a copy is kept; what it has is here at once. Its owner closes it.
+    """
+
+    def __init__(
+        self,
+        history: Callable[[int, int], int] | None = None,
+        storage: Storage | None = None,
+    ) -> None:
+        self._history = history
+        self._storage: Storage | None = None
+        self._epoch = secrets.randbits(64) or 1
+        self._sequence = 0
+        self._lock = threading.Lock()
+        self._versions: dict[int, list[Kept]] = {}  # by topic key (see index), newest first
+        self._by_raw: dict[bytes, Kept] = {}
+        self._by_number: dict[int, Kept] = {}  # in the order of the numbers
+        self._floors = Floors()
+        self._wire = WireOrder()
+        self._groups: dict[int, list[int]] = {}
+        self._knowledge: dict[str, Knowledge] = {}
+        self._parts: list[Saved] = []
+        if storage:
+            self._begin(storage)
+
+    @property
+    def keeper(self) -> Keeper | None:
+        """Where parts of messages are kept; None if everything is in memory."""
+        return self._storage
+
+    def take_parts(self) -> list[Saved]:
+        """Once, for a `Shelf`: what was kept of messages that have not come whole."""
+        parts, self._parts = self._parts, []
+        return parts
+
+    @property
+    def epoch(self) -> int:
+        """The name of this database, a random u64 that is not 0. A restart from a file keeps it."""
+        return self._epoch
+
+    @property
+    def sequence(self) -> int:
+        """The last number that was given to a message."""
+        return self._sequence
+
+    def newest(self, robot_id: int, topic_id: int) -> Record | None:
+        """The newest message of a topic of a robot, if there is any."""
+        with self._lock:
+            versions = self._versions.get(robot_id << 8 | topic_id)
+            return versions[0].record if versions else None
+
+    def get(self, header: Header) -> Record | None:
+        """The message with that header, if it is still kept."""
+        with self._lock:
+            kept = self._by_raw.get(header.pack())
+            return kept.record if kept else None
+
+    def history(self, robot_id: int, topic_id: int) -> tuple[Record, ...]:
+        """All kept versions of a topic of a robot, newest first."""
+        with self._lock:
+            return tuple(k.record for k in self._versions.get(robot_id << 8 | topic_id, ()))
+
+    def records(self) -> tuple[Record, ...]:
+        """The newest message of every topic in the order of the wire."""
+        with self._lock:
+            return self._wire.records(self._versions)
+
+    def kept(self) -> tuple[Record, ...]:
+        """All versions of all messages, in the order in which they entered."""
+        with self._lock:
+            return tuple(kept.record for kept in self._by_number.values())
+
+    def header_list(self) -> bytes:
+        """The headers of `records()`, 6 bytes each, as an original node wants them."""
+        with self._lock:
+            return self._wire.headers(self._versions)
+
+    def snapshot(self) -> Mapping[bytes, Kept]:
+        """All that is kept now, by its 6-byte header; it does not change any more."""
+        with self._lock:
+            return dict(self._by_raw)
+
+    def wants(self, header: Header, now_s: float) -> bool:
+        """Whether a message of that header would be stored, seen at Unix `now_s`."""
+        key = header.robot_id << 8 | header.topic_id
+        with self._lock:
+            if header.pack() in self._by_raw:
+                return False
+            return follows(header.stamp_ms(now_s), self._floors[key], latest_ms(now_s))
+
+    def wanted(self, header_list: bytes, now_s: float) -> list[bytes]:
+        """Those of a list of headers that are not here and would be stored, in their order.
+
+        Of several versions of a topic only the newest. Headers with an impossible time are among
+        them, and those of robots that nobody knows: whoever asks checks what comes out of here.
+        `header_list` has a multiple of 6 bytes.
+        """
+        latest = latest_ms(now_s)
+        with self._lock:
+            newer = self._floors.exceeded(header_list, latest)
+            wanted = [raw for raw in newer if raw not in self._by_raw]
+        return self._floors.newest_of_each(wanted, latest)
+
+    def wants_stamp(
+        self, robot_id: int, topic_id: int, stamp_ms: int, now_s: float | None = None
+    ) -> bool:
+        """Whether a message of that full stamp would be stored.
+
+        With `now_s` a stored stamp that was inferred is seen with today's eyes, as `wants` does.
+        """
+        key = robot_id << 8 | topic_id
+        with self._lock:
+            if Header.at(robot_id, topic_id, stamp_ms).pack() in self._by_raw:
+                return False
+            floor_ms = self._floors[key]
+            if now_s is None or floor_ms < 0 or not self._versions[key][-1].record.inferred:
+                return stamp_ms > floor_ms
+            return follows(stamp_ms, floor_ms, latest_ms(now_s))
+
+    def insert(self, record: Record, now_s: float) -> bool:
+        """Store a message if it is among the newest of its topic; says whether it was.
+
+        One with a header that is already here is the same message and not stored again; nor is
+        one whose stamp is not the time of its header, or that was received at no time.
+        """
+        with self._lock:
+            return self._insert(record, latest_ms(now_s))
+
+    def since(self, sequence: int) -> list[Record]:
+        """Everything kept that got a number after `sequence`, in the order of the numbers."""
+        return [record for _, record in self.numbered_since(sequence)]
+
+    def numbered_since(self, sequence: int, limit: int | None = None) -> list[tuple[int, Record]]:
+        """The same with the numbers; the first `limit` of them."""
+        found = []
+        with self._lock:
+            for number, kept in reversed(self._by_number.items()):
+                if number <= sequence:
+                    break
+                found.append((number, kept.record))
+        found.reverse()
+        return found[:limit]
+
+    def remembers(self, epoch: int, sequence: int) -> bool:
+        """Whether `since(sequence)` answers a peer that learnt these numbers from us.
+
+        Not if they are of another database, or of a later state than the one that we came back
+        with, e.g. from a copy of the file.
+        """
+        return epoch == self._epoch and sequence <= self._sequence
+
+    def digests(self) -> dict[int, int]:
+        """For every robot id that has messages, the digest of the headers of all that is kept.
+
+        It is the exclusive or of `digest(header)`, so it does not matter how they came.
+        """
+        with self._lock:
+            return {robot_id: reduce(xor, groups) for robot_id, groups in self._groups.items()}
+
+    def group_digests(self, robot_id: int) -> tuple[int, ...]:
+        """The same by groups of a robot's topics: GROUPS numbers."""
+        with self._lock:
+            return tuple(self._groups.get(robot_id) or [0] * GROUPS)
+
+    def headers_in(self, robot_id: int, group: int) -> list[Record]:
+        """All that is kept of one group of a robot's topics."""
+        keys = range(robot_id << 8 | group, (robot_id + 1) << 8, GROUPS)
+        with self._lock:
+            return [kept.record for key in keys for kept in self._versions.get(key, ())]
+
+    def knowledge(self, peer: str) -> Knowledge | None:
+        """What we know of a peer's database, if we have ever learnt it."""
+        with self._lock:
+            return self._knowledge.get(peer)
+
+    def learn(self, peer: str, knowledge: Knowledge) -> None:
+        """Remember it. What it speaks of must have been inserted before."""
+        with self._lock:
+            self._learn(peer, knowledge)
+
+    def _learn(self, peer: str, knowledge: Knowledge) -> None:
+        self._knowledge[peer] = knowledge
+        if self._storage:
+            self._storage.learn(peer, knowledge)
+
+    def _insert(self, record: Record, latest: int) -> bool:
+        header = record.header
+        time_ms = header.seconds * 1000 + header.milliseconds
+        if record.stamp_ms % WRAP_MS != time_ms or not 0 <= record.stamp_ms < _STAMP_LIMIT_MS:
+            return False
+        if not isfinite(record.received_s):
+            return False
+        return self._keep(record, self._sequence + 1, latest)
+
+    def _keep(self, record: Record, number: int, latest: int) -> bool:
+        header = record.header
+        raw = header.pack()
+        if raw in self._by_raw:
+            return False
+        key = header.robot_id << 8 | header.topic_id
+        versions = self._versions.get(key, [])
+        depth = max(1, self._history(header.robot_id, header.topic_id)) if self._history else 1
+        place = len(versions)
+        while place and _newer(record, versions[place - 1].record, latest):
+            place -= 1
+        if place >= depth:
+            return False
+        self._sequence = number
+        kept = Kept(record, raw, rank(record, key), number)
+        if place == 0:
+            self._wire.changed(key, versions[0].rank if versions else None)
+        versions.insert(place, kept)
+        self._versions[key] = versions
+        self._by_raw[raw] = self._by_number[number] = kept
+        group = self._groups.setdefault(header.robot_id, [0] * GROUPS)
+        group[header.topic_id % GROUPS] ^= digest(raw)
+        if self._storage:
+            self._storage.put(number, record)
+        while len(versions) > depth:
+            self._drop(versions.pop(), group)
+        if len(versions) == depth:
+            self._floors[key] = versions[-1].record.stamp_ms
+        return True
+
+    def _drop(self, old: Kept, group: list[int]) -> None:
+        del self._by_raw[old.raw], self._by_number[old.number]
+        group[old.record.header.topic_id % GROUPS] ^= digest(old.raw)
+        if self._storage:
+            self._storage.drop(old.number)
+
+    def _begin(self, storage: Storage) -> None:
+        """Take what the file has; if not all of it could be read, as a database of another name."""
+        found = storage.load(self._epoch)
+        latest = found.latest_ms()
+        for number, record in found.records.items():
+            self._keep(record, number if found.epoch else self._sequence + 1, latest)
+        if found.epoch:
+            self._parts = found.parts
+            self._epoch = found.epoch
+            self._knowledge.update(found.knowledge)
+            self._sequence = max(found.records, default=0) + _GAP + secrets.randbits(_GAP_BITS)
+            for number in found.records.keys() - self._by_number.keys():
+                storage.drop(number)  # the history is shorter now
+        self._storage = storage
+        storage.start(self._epoch, self._reconcile)
+
+    def _reconcile(self, found: Contents, storage: Storage) -> None:
+        """Take what only the file has, and have written what only we have.
+
+        The file was out of reach for a while, and may be another one now. Runs on its thread.
+        """
+        with self._lock:
+            same = set()
+            for number, record in found.records.items():
+                kept = self._by_number.get(number)
+                if kept and kept.record.header == record.header:
+                    same.add(number)
+                else:
+                    storage.drop(number)
+            latest = found.latest_ms()
+            for number, record in found.records.items():
+                if number not in same:
+                    self._keep(record, self._sequence + 1, latest)
+            for number, kept in self._by_number.items():
+                if number not in same:
+                    storage.put(number, kept.record)
+            for part in found.parts:  # the shelf knows nothing of them
+                storage.drop_parts(part.long, part.total)
+            for peer, known in found.knowledge.items():
+                self._knowledge.setdefault(peer, replace(known, own_sequence=0))
+            for peer, known in self._knowledge.items():
+                storage.learn(peer, known)
+
+
+def digest(header: bytes) -> int:
+    """The number that stands for a header in digests: BLAKE2b-64 of its 6 bytes, big endian."""
+    return int.from_bytes(blake2b(header, digest_size=8).digest(), "big")
+
+
+def _newer(record: Record, stored: Record, latest: int) -> bool:
+    if not record.inferred and not stored.inferred:
+        return record.stamp_ms > stored.stamp_ms
+    return follows(record.stamp_ms, stored.stamp_ms, latest)

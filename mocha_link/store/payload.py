@@ -1,0 +1,298 @@
+"""The body of a message: DTYPE u8, PRIORITY u8, one LZ4 frame, and a trailer behind its end.
+
+Old nodes carry on what stands behind the frame without reading it, so that is where the trailer
+of ours is: magic (4 bytes), version (u8 and its complement), its own length u16, stamp u48 (Unix
+ms), then perhaps a signature (64 bytes), then a CRC-32. Of version 2 that is of robot id, topic id
+and the whole body up to there, so a message cannot be taken for one of another topic of the same
+time; of version 1, which storages may still hold, of the body only. Anything else behind the frame
+is carried on and not read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import lz4.frame
+
+from mocha_link.errors import MochaLinkError
+from mocha_link.team.team import Topic
+
+Body = bytes | memoryview
+
+MAX_BYTES = 64 * 1024 * 1024
+MAX_BODY_BYTES = MAX_BYTES + 1024 * 1024  # incompressible data, and what may stand behind it
+PREFIX = 2
+STAMPS_MS = 2**47
+STAMP_MASK = (1 << 48) - 1  # of a long id
+TAKEN_MS = STAMPS_MS - 2**44  # what comes from others is earlier: its maker must have some left
+MAGIC = b"\xd6mcl"
+VERSION = 2  # version 1: the checksum does not say whose message it is
+SIGNATURE_BYTES = 64
+MAX_BLOCKS = 65_536  # no encoder needs more; each costs us time before anything is known of it
+
+_STEP_BYTES = 1024 * 1024
+_CHECK_BYTES = 120 * 1024  # from the allocator's warm memory; more would be new memory every time
+_FRAME_MAGIC = b"\x04\x22\x4d\x18"
+_BLOCK_BYTES = {4: 1 << 16, 5: 1 << 18, 6: 1 << 20, 7: 1 << 22}
+_MOST_PER_BYTE = 255  # an LZ4 block cannot unpack to more than this per byte
+_STORED = 1 << 31
+_U32 = struct.Struct("<I")
+_U64 = struct.Struct("<Q")
+_CRC = struct.Struct(">I")
+# Magic, version, its complement, length, stamp: the upper 16 and the lower 32 bits.
+_TRAILER = struct.Struct(f">{len(MAGIC)}sBBHHI")
+_BARE, _SIGNED = _TRAILER.size + _CRC.size, _TRAILER.size + SIGNATURE_BYTES + _CRC.size
+
+
+class Ids(NamedTuple):
+    """Whose message it is, and of which of its topics."""
+
+    robot_id: int
+    topic_id: int
+
+
+class PayloadError(MochaLinkError):
+    """A message that cannot be sent, or a received body that is not one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trailer:
+    """What a node of ours says behind the LZ4 frame: when, and perhaps its signature for it."""
+
+    stamp_ms: int
+    signature: bytes | None = None
+    version: int = VERSION
+
+
+class _Frame(NamedTuple):
+    """An LZ4 frame in a body: where it ends, the stated size of its data, the most it may hold."""
+
+    end: int
+    size: int | None
+    most: int
+
+
+def pack(  # noqa: PLR0913 - what a message is made from
+    dtype: int,
+    priority: int,
+    data: bytes,
+    *,
+    stamp_ms: int | None = None,
+    ids: Ids | None = None,
+    sign: Callable[[bytes], bytes] | None = None,
+    checksum: bool = True,
+    frame: bytes | None = None,
+) -> bytes:
+    """The body for data: with a trailer if `stamp_ms` is given, signed if `sign` is.
+
+    Without `ids` the trailer is of version 1. `frame` is what `compress` made of the data, if
+    somebody has called it already.
+
+    Without `stamp_ms` and `checksum` it is byte for byte what original nodes make. A body with a
+    trailer is covered by its CRC; one without has the LZ4 frame's own checksum.
+
+    Raises:
+        PayloadError: larger than any node would accept.
+    """
+    check_size(data)
+    prefix = bytes((dtype, priority))
+    if frame is None:
+        frame = compress(data, checksum=checksum and stamp_ms is None)
+    if stamp_ms is None:
+        return prefix + frame
+    if not 0 <= stamp_ms < STAMPS_MS:
+        raise PayloadError(f"stamp {stamp_ms} ms is no time; set the clock")
+    signature = sign(_statement(prefix, stamp_ms, frame)) if sign else b""
+    length = _SIGNED if signature else _BARE
+    upper, lower = stamp_ms >> 32, stamp_ms & 0xFFFFFFFF
+    version = VERSION if ids else 1
+    head = _TRAILER.pack(MAGIC, version, version ^ 255, length, upper, lower)
+    crc = zlib.crc32(bytes(ids or ()))
+    for part in (prefix, frame, head, signature):
+        crc = zlib.crc32(part, crc)
+    return b"".join((prefix, frame, head, signature, _CRC.pack(crc)))
+
+
+def compress(data: bytes, *, checksum: bool = False) -> bytes:
+    """The LZ4 frame of data: the longest part of `pack`."""
+    frame: bytes = lz4.frame.compress(data, content_checksum=checksum)
+    return frame
+
+
+def check_size(data: bytes) -> None:
+    """Raise PayloadError if data are larger than any node would accept."""
+    size = memoryview(data).nbytes  # TypeError for what is not bytes
+    if size > MAX_BYTES:
+        raise PayloadError(f"{size} bytes; at most {MAX_BYTES} can be sent: split the message")
+
+
+def dtype_of(body: Body) -> int:
+    """The type id in a body. Raises PayloadError."""
+    if len(body) <= PREFIX:
+        raise PayloadError(f"a body of {len(body)} bytes holds no message")
+    return body[0]
+
+
+def check_type(body: Body, topic: Topic) -> None:
+    """Raise PayloadError unless a body is of the type that the topic has in our team file."""
+    if dtype_of(body) != topic.dtype:
+        raise PayloadError(
+            f"type id {body[0]}, but {topic.name} is {topic.type} ({topic.dtype}) here; "
+            "use the same team file everywhere"
+        )
+
+
+def unpack(body: Body, limit: int = MAX_BYTES) -> bytes:
+    """The data in a body, decompressed to at most `limit` bytes. Raises PayloadError.
+
+    Only reads: what came from outside goes through `check` once, before it is kept.
+    """
+    pieces = list(_unpacked(body, _frame(body), limit))
+    return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+
+
+def trailer(body: Body) -> Trailer | None:
+    """What the trailer says, if there is one; unproven before `check`. Raises PayloadError."""
+    return _trailer(body, _frame(body).end)
+
+
+def statement(body: Body) -> bytes:
+    """What the signature of a body with a trailer covers of it. Raises PayloadError."""
+    end = _frame(body).end
+    found = _trailer(body, end)
+    if found is None:
+        raise PayloadError("no trailer, so there is nothing that could be signed")
+    view = memoryview(body)
+    return _statement(view[:PREFIX], found.stamp_ms, view[PREFIX:end])
+
+
+def check(body: Body, ids: Ids | None = None, limit: int = MAX_BYTES) -> Trailer | None:
+    """Verify everything in a body but the signature; its trailer, if it has one.
+
+    `ids` say whose message it is said to be; only what has no trailer of version 2 passes without.
+
+    It takes next to no memory, whatever the body states.
+
+    Raises:
+        PayloadError: not an LZ4 frame, larger than `limit`, damaged on its way, or the message
+            of another robot or topic.
+    """
+    frame = _frame(body)
+    found = _trailer(body, frame.end)
+    if found:
+        length = _SIGNED if found.signature else _BARE
+        crc_at = frame.end + length - _CRC.size
+        seed = zlib.crc32(bytes(ids or ())) if found.version > 1 else 0
+        if zlib.crc32(memoryview(body)[:crc_at], seed) != _CRC.unpack_from(body, crc_at)[0]:
+            raise PayloadError("damaged on its way: its checksum is another one")
+    for _ in _unpacked(body, frame, limit, _CHECK_BYTES):
+        pass
+    return found
+
+
+def _statement(prefix: bytes | memoryview, stamp_ms: int, frame: bytes | memoryview) -> bytes:
+    return bytes(prefix) + stamp_ms.to_bytes(6, "big") + hashlib.sha256(frame).digest()
+
+
+def _trailer(body: Body, at: int) -> Trailer | None:
+    start = body[at : at + len(MAGIC)]
+    if start != MAGIC:
+        # What is nearly the magic was it before a fault. What is not is not for us to read.
+        if sum(a == b for a, b in zip(start, MAGIC, strict=False)) >= len(MAGIC) // 2:
+            raise PayloadError("damaged on its way: its trailer is not readable")
+        return None
+    if len(body) - at < _BARE:
+        raise PayloadError("ends within its trailer")
+    _, version, complement, length, upper, lower = _TRAILER.unpack_from(body, at)
+    if version > VERSION and version ^ complement == 255:
+        return None  # a later format
+    stamp_ms = upper << 32 | lower
+    known = version ^ complement == 255 and version and length in (_BARE, _SIGNED)
+    if not known or stamp_ms >= STAMPS_MS:
+        raise PayloadError("damaged on its way: its trailer is not readable")
+    if len(body) - at < length:
+        raise PayloadError("ends within its trailer")
+    signature_at = at + _TRAILER.size
+    signature = bytes(body[signature_at : at + length - _CRC.size])
+    return Trailer(stamp_ms, signature or None, version)
+
+
+def _frame(body: Body) -> _Frame:
+    """Walk over the blocks of the LZ4 frame in a body without unpacking them."""
+    dtype_of(body)
+    try:
+        return _walk(body)
+    except (struct.error, IndexError):
+        raise PayloadError("ends within its LZ4 frame") from None
+
+
+def _walk(body: Body) -> _Frame:
+    if body[PREFIX : PREFIX + 4] != _FRAME_MAGIC:
+        raise PayloadError("not an LZ4 frame: it does not begin like one")
+    flags, kind = body[PREFIX + 4], body[PREFIX + 5] >> 4 & 7
+    if flags >> 6 != 1 or kind not in _BLOCK_BYTES:
+        raise PayloadError("not an LZ4 frame: its header is of another version")
+    at = PREFIX + 6
+    size = None
+    if flags & 0x08:
+        size = _U64.unpack_from(body, at)[0]
+        at += 8
+    at += 5 if flags & 0x01 else 1  # a dictionary's id, the header's checksum
+    behind = 4 if flags & 0x10 else 0  # each block's checksum
+    largest, most = _BLOCK_BYTES[kind], 0
+    for _ in range(MAX_BLOCKS):
+        length: int = _U32.unpack_from(body, at)[0]
+        at += 4
+        if length == 0:
+            break
+        stored, length = length & _STORED, length & ~_STORED
+        most += length if stored else min(largest, length * _MOST_PER_BYTE)
+        at += length + behind
+    else:
+        raise PayloadError(f"cut into more than {MAX_BLOCKS} blocks")
+    at += 4 if flags & 0x04 else 0  # the checksum of all
+    if at > len(body):
+        raise PayloadError("ends within its LZ4 frame")
+    return _Frame(at, size, most)
+
+
+def _unpacked(body: Body, frame: _Frame, limit: int, step: int | None = None) -> Iterator[bytes]:
+    """The data in pieces, of `step` bytes or as few as possible. Raises PayloadError."""
+    size = frame.size
+    if size is not None and size > limit:
+        raise PayloadError(f"unpacks to more than {limit} bytes")
+    if size is not None and size > frame.most:
+        raise PayloadError(f"not an LZ4 frame: {size} bytes do not fit in its blocks")
+    done, at, over = 0, PREFIX, False
+    view = memoryview(body)
+    context = lz4.frame.create_decompression_context()
+    try:
+        while not over:
+            # One call if the size is stated; otherwise doubling keeps the copies few, and the room
+            # for a bomb is never asked for at once.
+            room = size if size and not done else min(max(done, _STEP_BYTES), limit - done) + 1
+            room = step or room
+            piece, read, over = lz4.frame.decompress_chunk(
+                context, view[at : frame.end], max_length=room
+            )
+            at += read
+            done += len(piece)
+            if done > (limit if size is None else size):
+                raise PayloadError(f"unpacks to more than {limit if size is None else size} bytes")
+            if not over and not piece and not read:
+                raise PayloadError("ends within its LZ4 frame")
+            yield piece
+    except (RuntimeError, EOFError, ValueError, MemoryError) as error:
+        raise PayloadError(f"not an LZ4 frame: {error}") from None
+    if at != frame.end or (size is not None and done != size):
+        raise PayloadError("not an LZ4 frame: its size is another one than it states")
+
+
+def is_body(long: int, total: int) -> bool:
+    """Whether a message of that long id and size is possible."""
+    return 0 < total <= MAX_BODY_BYTES and long & STAMP_MASK < STAMPS_MS

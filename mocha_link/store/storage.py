@@ -1,0 +1,348 @@
+"""The database's copy on disk: written behind its back, in order, by one thread.
+
+What is given to it is committed together with all that has come meanwhile (group commit), so a
+slow disk makes longer transactions, not a longer queue. See `storage_file` for the file.
+
+When the file cannot be written (disk full, damaged, locked by another process, directory missing)
+it is said once, in the log and to `on_fault`; the database works on from memory. The writing is
+tried again every few seconds, and catches up with everything when it works. A damaged file is moved
+aside, and a new one begun with what is in memory; so it is for one that was deleted under the node.
+"""
+
+from __future__ import annotations
+
+import logging
+import sqlite3
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from mocha_link.store import storage_file
+from mocha_link.store.config_hash import Terms
+from mocha_link.store.reassembly_buffer import Saved
+from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.storage_file import (
+    Changes,
+    Contents,
+    StorageDamagedError,
+    StorageError,
+    StorageFile,
+    StorageForeignError,
+    StorageFullError,
+    StorageLockedError,
+    StorageUnreachableError,
+    StorageVersionError,
+)
+
+__all__ = [
+    "Storage",
+    "StorageDamagedError",
+    "StorageError",
+    "StorageForeignError",
+    "StorageFullError",
+    "StorageLockedError",
+    "StorageUnreachableError",
+    "StorageVersionError",
+]
+
+LOG = logging.getLogger("mocha_link")
+
+RETRY_S = 5.0
+CLOSE_S = 1.0
+# These need somebody to replace the file, so it is not read again before that.
+_LASTING = (StorageDamagedError, StorageForeignError, StorageVersionError)
+
+
+class _LostError(StorageUnreachableError):
+    """It is not where it was when it was opened."""
+
+
+class Storage:
+    """Keeps one `Database` in a file; give it to the database, and close it in the end.
+
+    Args:
+        path: the file; it is made if there is none, its directory is not.
+        terms: of the team. Of a file from under other terms only those messages are taken whose
+            ids mean the same; the others go.
+        on_fault: called with what is wrong when the file cannot be used, and with None when it
+            can again; mostly on the storage's thread.
+        retry_s: real seconds until the next try.
+        connect: opens the SQLite file.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        terms: Terms | None = None,
+        on_fault: Callable[[StorageError | None], None] | None = None,
+        retry_s: float = RETRY_S,
+        connect: Callable[[Path], sqlite3.Connection] = storage_file.connect,
+    ) -> None:
+        self.path = Path(path)
+        self._terms = terms
+        self._on_fault = on_fault
+        self._retry_s = retry_s
+        self._connect = connect
+        self._file: StorageFile | None = None
+        self._inode = 0
+        self._refused: tuple[int, ...] | None = None
+        self._epoch = 0
+        self._reconcile: Callable[[Contents, Storage], None] | None = None
+        self._thread: threading.Thread | None = None
+        self._changed = threading.Condition()  # guards all below
+        self._pending = Changes()
+        self._given = 0
+        self._saved = 0
+        self._fault: StorageError | None = None
+        self._hurried = False
+        self._closing = False
+        self._ended = False
+
+    @property
+    def fault(self) -> StorageError | None:
+        """Why the file cannot be used now, if so."""
+        return self._fault
+
+    def load(self, epoch: int) -> Contents:
+        """For the database: what the file has; a new file gets `epoch`."""
+        found = Contents()
+        try:
+            file = self._open(found)
+            found.epoch = found.epoch or epoch
+            file.sign(found.epoch)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the node works without a file
+            self._close_file()
+            self._fail(error)
+        return found
+
+    def start(self, epoch: int, reconcile: Callable[[Contents, Storage], None]) -> None:
+        """For the database: begin to write.
+
+        `reconcile` is called on the storage's thread with what a file has that could not be used
+        before; it answers with `put`, `drop` and `learn`.
+        """
+        self._epoch = epoch
+        self._reconcile = reconcile
+        self._thread = threading.Thread(target=self._run, name="mocha_link storage", daemon=True)
+        self._thread.start()
+
+    def put(self, number: int, record: Record) -> None:
+        """For the database: a message to write."""
+        with self._changed:
+            self._pending.puts[number] = record
+            self._tell()
+
+    def drop(self, number: int) -> None:
+        """For the database: a message that is not kept any longer."""
+        with self._changed:
+            if self._pending.puts.pop(number, None) is None:
+                self._pending.drops.add(number)
+            self._tell()
+
+    def learn(self, peer: str, knowledge: Knowledge) -> None:
+        """For the database: something to remember of a peer, with all that was put before."""
+        with self._changed:
+            self._pending.knowledge[peer] = knowledge
+            self._tell()
+
+    def keep_part(self, part: Saved) -> None:
+        """For the shelf: a part of a message that has not come whole."""
+        with self._changed:
+            self._pending.parts.append(part)
+            self._tell()
+
+    def drop_parts(self, long: int, total: int) -> None:
+        """For the shelf: the parts of a message that need not be kept any longer."""
+        with self._changed:
+            self._pending.part_drops.add((long, total))
+            self._pending.parts = [p for p in self._pending.parts if p[:2] != (long, total)]
+            self._tell()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait until all that the database took before this call is on disk; whether it is.
+
+        It does not wait for the end of a fault: False as soon as the file cannot be used.
+        """
+        with self._changed:
+            target = self._given
+            self._changed.wait_for(
+                lambda: (
+                    self._saved >= target
+                    or self._ended
+                    or (self._fault is not None and not self._hurried)
+                ),
+                timeout_s,
+            )
+            return self._saved >= target
+
+    def retry(self) -> None:
+        """Try the file again now if there was a fault, e.g. because it has been put right."""
+        with self._changed:
+            self._hurried = self._fault is not None
+            self._changed.notify_all()
+
+    def close(self, timeout_s: float = CLOSE_S) -> bool:
+        """Write what is left and give up the file; whether all is on disk by then.
+
+        A disk that is slower than `timeout_s` is written in the background while the process
+        lives. May be called twice.
+        """
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        if self._thread:
+            self._thread.join(timeout_s)
+        with self._changed:
+            left = self._given - self._saved
+        if left:
+            what = "1 change is" if left == 1 else f"{left} changes are"
+            LOG.warning("%s: %s not on disk", self.path, what)
+        return not left
+
+    def _tell(self) -> None:
+        self._given += 1
+        self._changed.notify_all()
+
+    def _run(self) -> None:
+        while self._is_due():
+            self._attempt()
+        if self._given > self._saved:
+            self._attempt()
+        self._close_file()
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+
+    def _is_due(self) -> bool:
+        """Wait until there is something to write, or it is time to try again; False at the end."""
+        with self._changed:
+            if self._fault:
+                self._changed.wait_for(lambda: self._closing or self._hurried, self._retry_s)
+            else:
+                self._changed.wait_for(lambda: self._closing or self._given > self._saved)
+            return not self._closing
+
+    def _attempt(self) -> None:
+        """Write everything that is pending, in one transaction."""
+        changes = Changes()
+        try:
+            self._check_place()
+            file = self._file or self._reopen()
+            with self._changed:
+                changes, self._pending = self._pending, changes
+                given = self._given
+            file.write(changes)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the node works without a file
+            with self._changed:
+                self._put_back(changes)
+            self._fail(error)
+        else:
+            self._succeed(given)
+
+    def _put_back(self, changes: Changes) -> None:
+        for number in changes.puts.keys() - self._pending.drops:
+            self._pending.puts[number] = changes.puts[number]
+        self._pending.drops |= changes.drops
+        self._pending.part_drops |= changes.part_drops
+        # Parts would fill the memory; they come again from peers if need be.
+        self._pending.parts.clear()
+        self._pending.knowledge = changes.knowledge | self._pending.knowledge
+
+    def _reopen(self) -> StorageFile:
+        """Open the file after a fault and find out what it lacks."""
+        if self._fault and self._refused and self._refused == self._state():
+            raise self._fault
+        found = Contents()
+        try:
+            file = self._open(found)
+            file.sign(self._epoch)
+            if self._reconcile:
+                self._reconcile(found, self)
+        except BaseException:
+            self._close_file()
+            raise
+        return file
+
+    def _open(self, found: Contents) -> StorageFile:
+        self._file = StorageFile(self.path, self._connect)
+        self._inode = (self._state() or (0,))[0]
+        self._file.read(found)
+        gone = self._file.adopt(self._terms, found) if self._terms else 0
+        if gone:
+            what = "1 message is" if gone == 1 else f"{gone} messages are"
+            LOG.warning("%s: %s gone: under this team file the ids mean others", self.path, what)
+        return self._file
+
+    def _close_file(self) -> None:
+        file, self._file = self._file, None
+        if file:
+            with suppress(sqlite3.Error):
+                file.close()
+
+    def _check_place(self) -> None:
+        """Raises _LostError if what is open is not what is at the path any more."""
+        if self._file and (self._state() or (None,))[0] != self._inode:
+            raise _LostError(f"{self.path} was deleted or replaced while it was open")
+
+    def _set_aside(self) -> str | None:
+        """Move a damaged file away, for someone to look at; its name then, None if it stays."""
+        number = 1
+        while (to := self.path.with_name(f"{self.path.name}.damaged-{number}")).exists():
+            number += 1
+        try:
+            if not storage_file.is_database(self.path):
+                return None  # the wrong name was given, perhaps: it is not ours to move
+            self.path.rename(to)
+            for tail in ("-wal", "-shm"):
+                with suppress(FileNotFoundError):
+                    Path(f"{self.path}{tail}").rename(f"{to}{tail}")
+        except OSError:
+            return None
+        return str(to)
+
+    def _state(self) -> tuple[int, ...] | None:
+        """Tells a file from another one at its place."""
+        try:
+            stat = self.path.stat()
+        except OSError:
+            return None
+        return stat.st_ino, stat.st_size, stat.st_mtime_ns
+
+    def _fail(self, error: Exception) -> None:
+        fault = storage_file.fault(error, self.path)
+        if not isinstance(fault, StorageFullError):  # nothing but room is missing then
+            self._close_file()
+        aside = self._set_aside() if isinstance(fault, StorageDamagedError) else None
+        anew = aside is not None or isinstance(fault, _LostError)
+        self._refused = self._state() if isinstance(fault, _LASTING) else None
+        with self._changed:
+            is_known = type(fault) is type(self._fault)
+            self._fault = fault
+            self._hurried = anew
+            self._changed.notify_all()
+        if anew:
+            moved = f", and is now {aside}" if aside else ""
+            LOG.error("%s%s; a new one is begun with what is in memory", fault, moved)
+        elif not is_known:
+            LOG.error("%s; working from memory, next try in %g s", fault, self._retry_s)
+        if not is_known:
+            self._report(fault)
+
+    def _succeed(self, given: int) -> None:
+        with self._changed:
+            was, self._fault = self._fault, None
+            self._hurried = False
+            self._saved = given
+            self._changed.notify_all()
+        if was:
+            LOG.warning("%s: all is on disk again", self.path)
+            self._report(None)
+
+    def _report(self, fault: StorageError | None) -> None:
+        if self._on_fault:
+            try:
+                self._on_fault(fault)
+            except Exception:
+                LOG.exception("%s raised an error", self._on_fault)

@@ -1,0 +1,350 @@
+"""The SQLite file that a database is kept in.
+
+Tables (schema 1; `PRAGMA user_version` has its number, `application_id` is "MOCH"):
+
+    record     number (sequence number), robot_id, topic_id, stamp_ms, inferred (0 or 1), priority,
+               received_s, body (as on the wire), checksum (CRC-32 of all the others)
+    knowledge  peer, and epoch, sequence, own_sequence (u64 as 8 bytes, big endian), checksum
+    about      epoch of the database (8 bytes), one row
+    part       of a message that has not come whole: long id (8 bytes), size of the whole, offset,
+               checksum, data
+    terms      what the ids stand for (JSON) and a digest of the terms of the team, at most one row
+
+The journal is a write-ahead log next to the file (`-wal`) and every commit is synchronised, so what
+was committed survives `kill -9` and a loss of power. The pages of deleted rows are used again; when
+most of the file is free, it shrinks (incremental vacuum). While a node runs it has the file locked
+for itself; copy it, or read it, when the node is off.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+import zlib
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mocha_link.errors import MochaLinkError
+from mocha_link.store.config_hash import Terms
+from mocha_link.store.header import Header, HeaderError, latest_ms
+from mocha_link.store.payload import STAMP_MASK, is_body
+from mocha_link.store.reassembly_buffer import Saved
+from mocha_link.store.record import Knowledge, Record
+
+VERSION = 1
+APPLICATION_ID = int.from_bytes(b"MOCH", "big")
+LOCKED_S = 0.2  # how long a lock of another process is waited for
+JOURNAL_BYTES = 4 * 1024 * 1024
+SPARE_PAGES = 256
+
+_MAGIC = b"SQLite format 3\0"
+_CHECKED = struct.Struct(">QBBQ?Bd")
+_PART = struct.Struct(">QII")
+_ALTERED = (struct.error, TypeError, ValueError, OverflowError, HeaderError)
+_TABLES = (
+    """CREATE TABLE about (one INTEGER PRIMARY KEY CHECK (one = 1), epoch BLOB NOT NULL)""",
+    """CREATE TABLE knowledge (
+        peer TEXT PRIMARY KEY, epoch BLOB NOT NULL, sequence BLOB NOT NULL,
+        own_sequence BLOB NOT NULL, checksum INTEGER NOT NULL) WITHOUT ROWID""",
+    """CREATE TABLE record (
+        number INTEGER PRIMARY KEY, robot_id INTEGER NOT NULL, topic_id INTEGER NOT NULL,
+        stamp_ms INTEGER NOT NULL, inferred INTEGER NOT NULL, priority INTEGER NOT NULL,
+        received_s REAL NOT NULL, checksum INTEGER NOT NULL, body BLOB NOT NULL)""",
+)
+_PARTS = """CREATE TABLE IF NOT EXISTS part (
+    long BLOB NOT NULL, total INTEGER NOT NULL, start INTEGER NOT NULL, checksum INTEGER NOT NULL,
+    data BLOB NOT NULL, PRIMARY KEY (long, total, start))"""
+_TERMS = """CREATE TABLE IF NOT EXISTS terms (
+    one INTEGER PRIMARY KEY CHECK (one = 1), mark BLOB NOT NULL, names TEXT NOT NULL)"""
+
+
+class StorageError(MochaLinkError):
+    """The database's file cannot be used now."""
+
+
+class StorageFullError(StorageError):
+    """There is no room for it on the disk."""
+
+
+class StorageDamagedError(StorageError):
+    """It is no SQLite file, or its content has been altered."""
+
+
+class StorageForeignError(StorageError):
+    """It is the SQLite file of another program."""
+
+
+class StorageVersionError(StorageError):
+    """A newer release has written it."""
+
+
+class StorageLockedError(StorageError):
+    """Another process has it open."""
+
+
+class StorageUnreachableError(StorageError):
+    """Its directory is missing, it may not be written, or the disk fails."""
+
+
+@dataclass(slots=True)
+class Contents:
+    """What a file has. Without an `epoch` it could not be read to its end."""
+
+    epoch: int | None = None
+    records: dict[int, Record] = field(default_factory=dict)
+    knowledge: dict[str, Knowledge] = field(default_factory=dict)
+    parts: list[Saved] = field(default_factory=list)
+
+    def latest_ms(self) -> int:
+        """The latest stamp that a header could stand for when the last message came."""
+        if not self.records:
+            return 0
+        return latest_ms(self.records[max(self.records)].received_s)
+
+
+@dataclass(slots=True)
+class Changes:
+    """What one transaction writes: dropped numbers first, then the rest."""
+
+    drops: set[int] = field(default_factory=set)
+    puts: dict[int, Record] = field(default_factory=dict)
+    knowledge: dict[str, Knowledge] = field(default_factory=dict)
+    part_drops: set[tuple[int, int]] = field(default_factory=set)
+    parts: list[Saved] = field(default_factory=list)
+
+
+def connect(path: Path) -> sqlite3.Connection:
+    """Open an SQLite file for use by one thread after another."""
+    return sqlite3.connect(path, timeout=LOCKED_S, isolation_level=None, check_same_thread=False)
+
+
+class StorageFile:
+    """An open file, locked for us. Methods raise StorageError and sqlite3.Error (see `fault`)."""
+
+    def __init__(self, path: Path, connect: Callable[[Path], sqlite3.Connection] = connect) -> None:
+        self._path = path
+        self._connection = connect(path)
+        try:
+            self._prepare()
+        except BaseException:
+            self._connection.close()
+            raise
+
+    def _prepare(self) -> None:
+        run = self._connection.execute
+        run("PRAGMA locking_mode = EXCLUSIVE")
+        is_new = not self._value("SELECT count(*) FROM sqlite_schema")
+        if not is_new and self._value("PRAGMA application_id") != APPLICATION_ID:
+            raise StorageForeignError(f"{self._path} is another program's; name another file")
+        version = self._value("PRAGMA user_version")
+        if version > VERSION:
+            raise StorageVersionError(
+                f"{self._path} has schema {version}, this release knows {VERSION}; "
+                "use the newer release again, or move the file away"
+            )
+        if is_new:
+            run("PRAGMA auto_vacuum = INCREMENTAL")
+        run("PRAGMA journal_mode = WAL")
+        run("PRAGMA synchronous = FULL")
+        run(f"PRAGMA journal_size_limit = {JOURNAL_BYTES}")
+        run("BEGIN IMMEDIATE")
+        if is_new:
+            run(f"PRAGMA application_id = {APPLICATION_ID}")
+            run(f"PRAGMA user_version = {VERSION}")
+            for table in _TABLES:
+                run(table)
+        run(_TERMS)
+        run(_PARTS)
+        run("COMMIT")
+
+    def read(self, contents: Contents) -> None:
+        """Add all that is there, as far as it can be read, and make sure that it is sound.
+
+        The epoch comes last; a file that was never signed has none.
+        """
+        altered = 0
+        run = self._connection.execute
+        for row in run("SELECT * FROM record ORDER BY number"):
+            try:
+                contents.records[row[0]] = _record(*row)
+            except _ALTERED:
+                altered += 1
+        for row in run("SELECT * FROM knowledge"):
+            try:
+                contents.knowledge[row[0]] = _knowledge(*row)
+            except _ALTERED:
+                altered += 1
+        for row in run("SELECT long, total, start, checksum, data FROM part ORDER BY rowid"):
+            with suppress(*_ALTERED):  # it will come again
+                contents.parts.append(_part(*row))
+        found = self._value("PRAGMA quick_check(1)")
+        if altered or found != "ok":
+            what = f"{altered} entries are altered" if altered else found
+            raise StorageDamagedError(_damaged(self._path, what))
+        epoch = run("SELECT epoch FROM about").fetchone()
+        contents.epoch = int.from_bytes(epoch[0], "big") if epoch else None
+
+    def sign(self, epoch: int) -> None:
+        """Write whose file it is; shows that it can be written."""
+        self._connection.execute("INSERT OR REPLACE INTO about VALUES (1, ?)", (_u64(epoch),))
+
+    def adopt(self, terms: Terms, contents: Contents) -> int:
+        """Go on under the terms of a team; how many messages had to go, as their ids mean others.
+
+        What peers have offered was judged by the earlier terms, so it is not known any more.
+        """
+        run = self._connection.execute
+        row = run("SELECT mark, names FROM terms").fetchone()
+        if row and row[0] == terms.mark:
+            return 0
+        contents.knowledge.clear()
+        earlier = Terms.read(row[1]) if row else terms.names
+        void = [n for n, r in contents.records.items() if not terms.keeps(r.header, earlier or {})]
+        for number in void:
+            del contents.records[number]
+        strange = {
+            (part.long, part.total)
+            for part in contents.parts
+            if not terms.keeps(_header_of(part.long), earlier or {})
+        }
+        contents.parts = [p for p in contents.parts if (p.long, p.total) not in strange]
+        if earlier is None:
+            raise StorageDamagedError(_damaged(self._path, "its terms are altered"))
+        run("BEGIN IMMEDIATE")
+        run("INSERT OR REPLACE INTO terms VALUES (1, ?, ?)", (terms.mark, terms.text))
+        run("DELETE FROM knowledge")
+        self._connection.executemany("DELETE FROM record WHERE number = ?", ((n,) for n in void))
+        self._drop_parts(strange)
+        run("COMMIT")
+        return len(void)
+
+    def write(self, changes: Changes) -> None:
+        """Commit, all or nothing."""
+        run, run_many = self._connection.execute, self._connection.executemany
+        run("BEGIN IMMEDIATE")
+        try:
+            run_many("DELETE FROM record WHERE number = ?", ((n,) for n in changes.drops))
+            run_many(
+                "INSERT OR REPLACE INTO record VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                (_row(number, record) for number, record in changes.puts.items()),
+            )
+            run_many(
+                "INSERT OR REPLACE INTO knowledge VALUES (?, ?, ?, ?, ?)",
+                (_knowledge_row(peer, known) for peer, known in changes.knowledge.items()),
+            )
+            self._drop_parts(changes.part_drops)
+            run_many(
+                "INSERT OR REPLACE INTO part VALUES (?, ?, ?, ?, ?)",
+                (
+                    (_u64(part.long), part.total, part.start, _part_checksum(part), part.data)
+                    for part in changes.parts
+                ),
+            )
+            run("COMMIT")
+        except BaseException:
+            with suppress(sqlite3.Error):  # SQLite may have done it by itself
+                run("ROLLBACK")
+            raise
+        dropped = changes.drops or changes.part_drops
+        spare = self._value("PRAGMA freelist_count") if dropped else 0
+        if spare > SPARE_PAGES and spare > self._value("PRAGMA page_count") // 2:
+            run(f"PRAGMA incremental_vacuum({spare})").fetchall()
+
+    def _drop_parts(self, keys: Iterable[tuple[int, int]]) -> None:
+        self._connection.executemany(
+            "DELETE FROM part WHERE long = ? AND total = ?",
+            ((_u64(long), total) for long, total in keys),
+        )
+
+    def close(self) -> None:
+        """Give the file up; what was not committed is gone."""
+        self._connection.close()
+
+    def _value(self, question: str) -> Any:
+        return self._connection.execute(question).fetchone()[0]
+
+
+def fault(error: Exception, path: Path) -> StorageError:
+    """What has happened to a file, in the words of its user."""
+    if isinstance(error, StorageError):
+        return error
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    if code == sqlite3.SQLITE_FULL:
+        return StorageFullError(f"no room to write {path}; free some space")
+    if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
+        return StorageDamagedError(_damaged(path, str(error)))
+    if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+        return StorageLockedError(f"another process uses {path}; end it, or name another file")
+    if not path.parent.is_dir():
+        return StorageUnreachableError(f"there is no directory {path.parent}; make it")
+    return StorageUnreachableError(f"cannot use {path}: {error}; may this user write it?")
+
+
+def _damaged(path: Path, what: str) -> str:
+    return f"{path} is damaged ({what})"
+
+
+def is_database(path: Path) -> bool:
+    """Whether a file was an SQLite database, as far as its beginning says. Raises OSError."""
+    with path.open("rb") as file:
+        return file.read(len(_MAGIC)) in (_MAGIC, bytes(len(_MAGIC)))
+
+
+def _u64(number: int) -> bytes:
+    return number.to_bytes(8, "big")
+
+
+def _row(number: int, record: Record) -> tuple[object, ...]:
+    fields = (
+        record.header.robot_id,
+        record.header.topic_id,
+        record.stamp_ms,
+        record.inferred,
+        record.priority,
+        record.received_s,
+    )
+    return (number, *fields, _checksum(number, fields, record.body), record.body)
+
+
+def _record(number: int, *row: Any) -> Record:
+    *fields, checksum, body = row
+    robot_id, topic_id, stamp_ms, inferred, priority, received_s = fields
+    if _checksum(number, fields, body) != checksum:
+        raise ValueError("altered")
+    header = Header.at(robot_id, topic_id, stamp_ms)
+    return Record(header, priority, body, stamp_ms, received_s, bool(inferred))
+
+
+def _knowledge_row(peer: str, known: Knowledge) -> tuple[object, ...]:
+    numbers = (_u64(known.epoch), _u64(known.sequence), _u64(known.own_sequence))
+    return (peer, *numbers, zlib.crc32(b"".join((*numbers, peer.encode()))))
+
+
+def _knowledge(peer: str, *row: Any) -> Knowledge:
+    known = Knowledge(*(int.from_bytes(number, "big") for number in row[:3]))
+    if _knowledge_row(peer, known) != (peer, *row):
+        raise ValueError("altered")
+    return known
+
+
+def _part(long: bytes, total: int, start: int, checksum: int, data: bytes) -> Saved:
+    part = Saved(int.from_bytes(long, "big"), total, start, data)
+    fits = start >= 0 and data and start + len(data) <= total and is_body(part.long, total)
+    if not fits or checksum != _part_checksum(part):
+        raise ValueError("altered")
+    return part
+
+
+def _part_checksum(part: Saved) -> int:
+    return zlib.crc32(part.data, zlib.crc32(_PART.pack(*part[:3])))
+
+
+def _header_of(long: int) -> Header:
+    return Header.at(long >> 56, long >> 48 & 0xFF, long & STAMP_MASK)
+
+
+def _checksum(number: int, fields: Sequence[object], body: bytes | memoryview) -> int:
+    return zlib.crc32(body, zlib.crc32(_CHECKED.pack(number, *fields)))

@@ -1,0 +1,1 @@
+"""The protocol between two nodes, pure: the original one, and the sync of new nodes."""

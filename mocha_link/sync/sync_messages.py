@@ -1,0 +1,313 @@
+"""What the letters of the sync between two new nodes say (docs/sync-protocol.md).
+
+In the order of a pull: OPEN, HELLO, and if digests were compared GROUPS and ANSWER; SKIP at any
+time, DONE; END says nothing.
+"""
+
+from __future__ import annotations
+
+import enum
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from mocha_link.store.payload import STAMP_MASK, STAMPS_MS, is_body
+from mocha_link.store.reassembly_buffer import MAX_RANGES, Range
+from mocha_link.sync.frames import MAX_LETTER_BYTES, FrameError, long_id
+
+VERSION = 2
+MAX_PARTIALS = 64
+MAX_LISTED = 65_535  # messages of a robot in an ANSWER
+GROUP_COUNT = 16
+
+# Version, sort of knowledge, run, budget, terms, ticket.
+_OPEN = struct.Struct(">BBQQQQ")
+_SINCE = struct.Struct(">QQ")
+_COUNT = struct.Struct(">H")
+_DIGEST = struct.Struct(">BQ")
+_PARTIAL = struct.Struct(">QIB")
+_RANGE = struct.Struct(">II")
+_HELLO = struct.Struct(">BBQQ")  # reception, version, terms, ticket
+_SKIP = struct.Struct(">Q")
+_DONE = struct.Struct(">QQIB")
+_GROUPS = struct.Struct(f">B{GROUP_COUNT}Q")
+_ANSWER = struct.Struct(">BHH")
+_TOPIC_STAMP = struct.Struct(">BHI")
+_KNOWS_SINCE, _KNOWS_HAVE, _KNOWS_DIGEST = 1, 2, 3
+
+
+class VersionError(FrameError):
+    """An OPEN of another version of the sync."""
+
+
+@dataclass(frozen=True, slots=True)
+class Since:
+    """We know what your database `epoch` held at `sequence`; since then we got `longs`."""
+
+    epoch: int
+    sequence: int
+    longs: Sequence[int]
+
+
+@dataclass(frozen=True, slots=True)
+class Have:
+    """All that we hold."""
+
+    longs: Sequence[int]
+
+
+@dataclass(frozen=True, slots=True)
+class Digest:
+    """The digest of all that we hold of each robot."""
+
+    digests: dict[int, int]
+
+
+class Wish(NamedTuple):
+    """A message of which a part is there, and what is missing of it."""
+
+    long: int
+    total: int
+    missing: list[Range]
+
+
+@dataclass(frozen=True, slots=True)
+class Open:
+    """What the asking side says first: what it has, what it has in part, what it may take.
+
+    `run` is a number of its process. `budget` is in bytes of frames; 0: no limit. `terms` stands
+    for what ids mean to it (`terms.shared_mark`). `ticket` is the last one that the serving side
+    has given it; 0: none.
+    """
+
+    run: int
+    budget: int
+    knowledge: Since | Have | Digest
+    wishes: Sequence[Wish] = ()
+    terms: int = 0
+    ticket: int = 0
+
+    def encode(self) -> bytes:
+        """The content of the letter."""
+        match self.knowledge:
+            case Since(epoch, sequence, longs):
+                sort = _KNOWS_SINCE
+                parts = [_SINCE.pack(epoch, sequence), _counted(longs)]
+            case Have(longs):
+                sort = _KNOWS_HAVE
+                parts = [_counted(longs)]
+            case Digest(digests):
+                sort = _KNOWS_DIGEST
+                parts = [_COUNT.pack(len(digests))]
+                parts += [_DIGEST.pack(*item) for item in digests.items()]
+        parts.append(bytes((len(self.wishes),)))
+        for wish in self.wishes:
+            parts.append(_PARTIAL.pack(wish.long, wish.total, len(wish.missing)))
+            parts += [_RANGE.pack(*each) for each in wish.missing]
+        head = _OPEN.pack(VERSION, sort, self.run, self.budget, self.terms, self.ticket)
+        return head + b"".join(parts)
+
+    @classmethod
+    def decode(cls, content: bytes) -> Open:
+        """Read the content of the letter. Raises FrameError, or VersionError."""
+        if content[:1] != bytes((VERSION,)):
+            raise VersionError(f"version {content[:1].hex()} of the sync; ours is {VERSION}")
+        reader = _Reader(content)
+        _, sort, run, budget, terms, ticket = reader.read(_OPEN)
+        knowledge: Since | Have | Digest
+        if sort == _KNOWS_SINCE:
+            epoch, sequence = reader.read(_SINCE)
+            knowledge = Since(epoch, sequence, reader.longs())
+        elif sort == _KNOWS_HAVE:
+            knowledge = Have(reader.longs())
+        elif sort == _KNOWS_DIGEST:
+            knowledge = Digest(dict(reader.table(_DIGEST, reader.read(_COUNT)[0])))
+        else:
+            raise FrameError(f"knowledge of sort {sort}")
+        wishes = [_wish(reader) for _ in range(reader.byte())]
+        if len(wishes) > MAX_PARTIALS:
+            raise FrameError(f"{len(wishes)} partial messages")
+        reader.end()
+        return cls(run, budget, knowledge, wishes, terms, ticket)
+
+
+def _wish(reader: _Reader) -> Wish:
+    long, total, count = reader.read(_PARTIAL)
+    missing: list[Range] = reader.table(_RANGE, count)
+    bounds = [bound for each in missing for bound in each]
+    if (
+        not 0 < count <= MAX_RANGES
+        or not is_body(long, total)
+        or bounds != sorted(set(bounds))
+        or bounds[-1] > total
+    ):
+        raise FrameError("a partial message with impossible ranges")
+    return Wish(long, total, missing)
+
+
+class Reception(enum.IntEnum):
+    """How the serving side takes an OPEN."""
+
+    WELCOME = 0
+    UNKNOWN = 1  # it cannot tell what is new since the Since
+    OTHER_TERMS = 2  # ids mean something else to it: nothing follows
+    UNREADABLE = 3  # damaged, or of another version: nothing follows
+
+
+class Hello(NamedTuple):
+    """The serving side's first word, with its own terms and version, and a ticket.
+
+    Who shows the ticket in a later OPEN has been reached at its address.
+    """
+
+    reception: Reception = Reception.WELCOME
+    terms: int = 0
+    version: int = VERSION
+    ticket: int = 0
+
+    def encode(self) -> bytes:
+        """The content of the letter."""
+        return _HELLO.pack(self.reception, self.version, self.terms, self.ticket)
+
+    @classmethod
+    def decode(cls, content: bytes) -> Hello:
+        """Read the content of the letter. Raises FrameError.
+
+        Of another version only that is read: it says nothing else that we know how to take.
+        """
+        if len(content) > 1 and content[1] != VERSION:
+            return cls(Reception.UNREADABLE, 0, content[1])
+        reception, _, terms, ticket = _only(_HELLO, content)
+        if reception > max(Reception):
+            raise FrameError(f"a reception of sort {reception}")
+        return cls(Reception(reception), terms, ticket=ticket)
+
+
+class Done(NamedTuple):
+    """The serving side's last word: all up to its `sequence` has been said, in `frames` frames.
+
+    `cut_short`: the budget ended before that.
+    """
+
+    epoch: int
+    sequence: int
+    frames: int
+    cut_short: bool
+
+    def encode(self) -> bytes:
+        """The content of the letter."""
+        return _DONE.pack(*self)
+
+    @classmethod
+    def decode(cls, content: bytes) -> Done:
+        """Read the content of the letter. Raises FrameError."""
+        epoch, sequence, frames, cut_short = _only(_DONE, content)
+        return cls(epoch, sequence, frames, bool(cut_short))
+
+
+DONE_BYTES = _DONE.size
+
+
+def encode_groups(groups: Iterable[tuple[int, Sequence[int]]]) -> bytes:
+    """Robot ids and the digests of the groups of their topics."""
+    return b"".join(_GROUPS.pack(robot_id, *digests) for robot_id, digests in groups)
+
+
+def decode_groups(content: bytes) -> dict[int, tuple[int, ...]]:
+    """The reverse of `encode_groups`. Raises FrameError."""
+    if len(content) % _GROUPS.size:
+        raise FrameError(f"group digests in {len(content)} bytes")
+    return {each[0]: each[1:] for each in _GROUPS.iter_unpack(content)}
+
+
+class Answer(NamedTuple):
+    """All that the asking side holds in some groups (a bit each) of a robot's topics."""
+
+    robot_id: int
+    groups: int
+    longs: Sequence[int]
+
+
+def encode_answers(answers: Iterable[Answer]) -> bytes:
+    """The content of an ANSWER. What does not fit in a letter is left out, and may come twice."""
+    parts = []
+    room = MAX_LETTER_BYTES - (1 << 8) * _ANSWER.size
+    for robot_id, groups, longs in answers:
+        listed = longs[: min(room // _TOPIC_STAMP.size, MAX_LISTED)]
+        room -= len(listed) * _TOPIC_STAMP.size
+        parts.append(_ANSWER.pack(robot_id, groups, len(listed)))
+        parts += [long.to_bytes(8, "big")[1:] for long in listed]
+    return b"".join(parts)
+
+
+def decode_answers(content: bytes) -> list[Answer]:
+    """The reverse of `encode_answers`. Raises FrameError."""
+    reader = _Reader(content)
+    answers = []
+    while not reader.at_end:
+        robot_id, groups, count = reader.read(_ANSWER)
+        table = reader.table(_TOPIC_STAMP, count)
+        longs = [long_id(robot_id, topic, upper << 32 | lower) for topic, upper, lower in table]
+        answers.append(Answer(robot_id, groups, longs))
+    return answers
+
+
+def encode_skip(long: int) -> bytes:
+    """The content of a SKIP: a message whose rest need not be sent."""
+    return _SKIP.pack(long)
+
+
+def decode_skip(content: bytes) -> int:
+    """The reverse of `encode_skip`. Raises FrameError."""
+    long: int = _only(_SKIP, content)[0]
+    return long
+
+
+def _counted(longs: Sequence[int]) -> bytes:
+    return struct.pack(f">H{len(longs)}Q", len(longs), *longs)
+
+
+def _only(layout: struct.Struct, content: bytes) -> tuple[Any, ...]:
+    if len(content) != layout.size:
+        raise FrameError(f"a letter of {len(content)} bytes, not {layout.size}")
+    return layout.unpack(content)
+
+
+class _Reader:
+    """Reads what stands one after another."""
+
+    def __init__(self, content: bytes) -> None:
+        self._content = content
+        self._at = 0
+
+    @property
+    def at_end(self) -> bool:
+        return self._at == len(self._content)
+
+    def read(self, layout: struct.Struct) -> tuple[Any, ...]:
+        return layout.unpack(self._take(layout.size))
+
+    def byte(self) -> int:
+        return self._take(1)[0]
+
+    def table(self, layout: struct.Struct, count: int) -> list[tuple[Any, ...]]:
+        return list(layout.iter_unpack(self._take(layout.size * count)))
+
+    def longs(self) -> tuple[int, ...]:
+        (count,) = self.read(_COUNT)
+        longs = struct.unpack(f">{count}Q", self._take(8 * count))
+        if any(long & STAMP_MASK >= STAMPS_MS for long in longs):
+            raise FrameError("a stamp that is no time")
+        return longs
+
+    def end(self) -> None:
+        if not self.at_end:
+            raise FrameError(f"{len(self._content) - self._at} bytes too many")
+
+    def _take(self, size: int) -> bytes:
+        part = self._content[self._at : self._at + size]
+        if len(part) != size:
+            raise FrameError(f"ends {size - len(part)} bytes too early")
+        self._at += size
+        return part

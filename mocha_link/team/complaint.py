@@ -1,0 +1,193 @@
+"""What pydantic finds wrong, in words for the person who wrote the file: what, and what to do."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import types
+import typing
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Annotated, Any
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
+
+Key = str | int
+
+_WANTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "set_type": "a list",
+    "dict_type": "a mapping (key: value)",
+    "model_type": "a mapping (key: value)",
+    "model_attributes_type": "a mapping (key: value)",
+}
+_LIMITS = {
+    "greater_than": ("greater than", "gt"),
+    "greater_than_equal": ("at least", "ge"),
+    "less_than": ("less than", "lt"),
+    "less_than_equal": ("at most", "le"),
+}
+
+_LENGTHS = {"too_short": ("at least", "min_length"), "too_long": ("at most", "max_length")}
+
+
+_CODES = {
+    "missing": "missing-key",
+    "extra_forbidden": "unknown-key",
+    "literal_error": "unknown-word",
+    "enum": "unknown-word",
+    "string_pattern_mismatch": "wrong-form",
+    "too_short": "wrong-length",
+    "too_long": "wrong-length",
+    **dict.fromkeys(_WANTED, "wrong-type"),
+    **dict.fromkeys(_LIMITS, "out-of-range"),
+}
+
+
+def code_of(detail: ErrorDetails) -> str:
+    """The code of a pydantic error; a model's own errors may be named in their `type`."""
+    kind = detail["type"]
+    return _CODES.get(kind, kind if "-" in kind else "invalid-value")
+
+
+def as_label(key: Any) -> str:
+    """A key as the text that JSON makes of it; how keys of a document are compared."""
+    if isinstance(key, bool):
+        return str(key).lower()
+    return "null" if key is None else str(key)
+
+
+def complaint(detail: ErrorDetails, model: type[BaseModel]) -> str:
+    """One line about one pydantic error: what is wrong and what to do."""
+    kind, keys, found = detail["type"], detail["loc"], detail.get("input")
+    context = detail.get("ctx", {})
+    name = _name(keys)
+    what = f"{name}: {detail['msg']}, found {_shown(found)}; change it"
+    if kind == "missing":
+        what = f"missing key '{keys[-1]}'{_about(model, keys)}; add it"
+    elif kind == "extra_forbidden":
+        known = _field_names(model, keys[:-1])
+        what = f"unknown key '{keys[-1]}'; {_suggestion(str(keys[-1]), known)}"
+    elif kind in _WANTED:
+        what = f"{name} must be {_WANTED[kind]}, found {_shown(found)}; {_advice(kind, found)}"
+    elif kind in _LIMITS:
+        words, limit = _LIMITS[kind]
+        what = f"{name} must be {words} {context.get(limit)}, found {_shown(found)}; change it"
+    elif kind in ("literal_error", "enum"):
+        choices = re.findall(r"'([^']*)'", str(context.get("expected", "")))
+        what = f"{name} cannot be {_shown(found)}; {_suggestion(str(found), choices)}"
+    elif kind == "string_pattern_mismatch" and (wanted := _described(model, keys)):
+        what = f"{name} must be {wanted}, found {_shown(found)}; correct it"
+    elif kind in ("too_short", "too_long"):
+        words, limit = _LENGTHS[kind]
+        count = context.get(limit)
+        what = f"{name} must have {words} {count} {'entry' if count == 1 else 'entries'}, "
+        what += f"found {context.get('actual_length') or 'none'}; change it"
+    elif "-" in kind:  # an error of a model of ours, that says itself what to do
+        what = f"{name}: {detail['msg']}"
+    elif kind == "value_error":
+        what = f"{name}: {context.get('error', detail['msg'])}"
+    return what
+
+
+def _name(keys: Sequence[Key]) -> str:
+    path = ""
+    for key in keys:
+        if isinstance(key, int):
+            path += f"[{key}]"
+        elif key != "[key]":
+            path += f".{key}" if path else key
+    return f"'{path}'" if path else "the document"
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, str):
+        return f"text '{value if len(value) <= 40 else value[:37] + '...'}'"
+    if isinstance(value, list):
+        return "a list"
+    if isinstance(value, dict):
+        return "a mapping"
+    label = as_label(value)
+    return label if len(label) <= 40 else f"{label[:37]}..."
+
+
+def _advice(kind: str, found: Any) -> str:
+    if kind in ("float_type", "int_type", "bool_type") and isinstance(found, str):
+        bare = _as_number(found) is not None or found in ("true", "false")
+        return "write the value without quotes" if bare else "correct it"
+    if kind == "string_type" and isinstance(found, bool | int | float):
+        return "put it in quotes"
+    return "correct it" if found is not None else "fill it in"
+
+
+def _as_number(text: str) -> float | None:
+    """The number that a text spells; None if it spells none."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _suggestion(word: str, known: Iterable[str]) -> str:
+    known = sorted(known)
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    if close:
+        return f"did you mean '{close[0]}'?"
+    return f"use one of {', '.join(known)}" if known else "remove it"
+
+
+def _about(model: type[BaseModel], keys: Sequence[Key]) -> str:
+    description = _described(model, keys)
+    return f" ({description})" if description else ""
+
+
+def _described(model: type[BaseModel], keys: Sequence[Key]) -> str:
+    for parent in _models_at(model, keys[:-1]):
+        for name, field in parent.model_fields.items():
+            if keys[-1] in (name, field.alias) and field.description:
+                return field.description
+    return ""
+
+
+def _field_names(model: type[BaseModel], keys: Sequence[Key]) -> set[str]:
+    return {
+        field.alias or name
+        for parent in _models_at(model, keys)
+        for name, field in parent.model_fields.items()
+    }
+
+
+def _models_at(annotation: Any, keys: Sequence[Key]) -> Iterator[type[BaseModel]]:
+    """The models that can stand at a key path below an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel) and not keys:
+        yield annotation
+    for inner, rest in _steps(annotation, keys):
+        yield from _models_at(inner, rest)
+
+
+def _steps(annotation: Any, keys: Sequence[Key]) -> Iterator[tuple[Any, Sequence[Key]]]:
+    """What an annotation is made of, each with the keys that are left to walk inside it."""
+    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        yield arguments[0], keys
+    elif origin in (typing.Union, types.UnionType):
+        for member in arguments:
+            yield member, keys
+            # pydantic puts the name of the tried member between the keys
+            if keys and keys[0] == getattr(member, "__name__", None):
+                yield member, keys[1:]
+    elif origin is not None:  # a list, tuple or mapping: one step into it
+        if keys:
+            yield from ((item, keys[1:]) for item in arguments)
+    elif isinstance(annotation, type) and issubclass(annotation, BaseModel) and keys:
+        for name, field in annotation.model_fields.items():
+            if keys[0] in (name, field.alias):
+                yield field.annotation, keys[1:]

@@ -1,0 +1,370 @@
+"""A YAML document whose every value knows its place, so that every error can name it.
+
+Scalars follow the YAML 1.2 core schema: only ``true`` and ``false`` are booleans (a robot may be
+called ``no``), ``1e3`` is a number, ``12:30`` and ``2026-01-01`` are text.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pydantic
+import yaml
+from pydantic_core import ErrorDetails
+
+from mocha_link.team.complaint import Key, as_label, code_of, complaint
+from mocha_link.team.problem import DocumentError, Problem, ProblemList
+
+__all__ = ["Document", "DocumentError", "Problem", "as_yaml"]
+
+MAX_BYTES = 4 * 1024 * 1024
+MAX_VALUES = 200_000  # aliases may repeat a value; this bounds what they expand to
+
+MAX_DEPTH = 60
+_LARGE = 50_000
+"""Characters from which on an error is told in the words of the quick parser: the other one takes
+a second for so many."""
+
+M = TypeVar("M", bound=pydantic.BaseModel)
+
+_TAG = "tag:yaml.org,2002:"
+_MAPPING, _SEQUENCE = _TAG + "map", _TAG + "seq"
+
+
+class _Loader(yaml.SafeLoader):
+    """Composes nodes with marks; reads plain scalars by the YAML 1.2 core schema."""
+
+    yaml_implicit_resolvers = {}  # noqa: RUF012 - PyYAML reads and fills this very attribute
+
+
+for _name, _pattern, _first in (
+    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
+    (
+        "float",
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+        "-+.0123456789",
+    ),
+    ("merge", r"<<", "<"),
+):
+    _Loader.add_implicit_resolver(_TAG + _name, re.compile(f"^(?:{_pattern})$"), list(_first))
+
+if yaml.__with_libyaml__:
+
+    class _QuickLoader(yaml.CSafeLoader):
+        """The same in C: ten times as quick, but it overflows the stack where nesting is deep."""
+
+        yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
+
+
+def _compose(text: str) -> yaml.Node | None:
+    """The document as nodes. Raises YAMLError: it is none; _TooDeepError."""
+    if not yaml.__with_libyaml__:
+        _check_depth(text, _Loader)
+        return _Loader(text).get_single_node()
+    try:
+        _check_depth(text, _QuickLoader)
+        return _QuickLoader(text).get_single_node()
+    except yaml.YAMLError:
+        if len(text) > _LARGE:
+            raise
+    return _Loader(text).get_single_node()  # its words do not depend on what is installed
+
+
+class _TooDeepError(Exception):
+    """Nested deeper than any honest file; both parsers take very long for it, or crash."""
+
+    def __init__(self, line: int, column: int) -> None:
+        super().__init__()
+        self.place = (line + 1, column + 1)
+
+
+def _check_depth(text: str, loader: type[_Loader | _QuickLoader]) -> None:
+    depth = 0
+    for event in yaml.parse(text, Loader=loader):
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            if depth > MAX_DEPTH:
+                mark = event.start_mark
+                raise _TooDeepError(*((mark.line, mark.column) if mark else (0, 0)))
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+
+
+class Document:
+    """A loaded YAML file: plain values in ``data``, and the place of each of them.
+
+    Made by `Document.load` (a file) or `Document.from_text`.
+    """
+
+    def __init__(self, path: Path, root: yaml.Node | None, data: Any) -> None:
+        self.path = path
+        self.data = data
+        self._root = root
+
+    @classmethod
+    def load(cls, path: Path | str) -> Document:
+        """Read and check a file.
+
+        Raises:
+            DocumentError: the file cannot be read, is larger than 4 MiB, is not UTF-8, is not
+                YAML, repeats a key or uses a YAML feature that we do not read.
+        """
+        path = Path(path)
+        try:
+            with path.open("rb") as file:
+                raw = file.read(MAX_BYTES + 1)
+        except OSError as error:
+            reason = error.strerror or type(error).__name__
+            raise _one(
+                path, 1, 1, f"cannot read the file: {reason}; check the path", "unreadable"
+            ) from None
+        if len(raw) > MAX_BYTES:
+            raise _one(
+                path,
+                1,
+                1,
+                f"larger than {MAX_BYTES} bytes; split the file or thin it out",
+                "too-large",
+            )
+        try:
+            text = raw.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            line, column = _line_column(raw[: error.start])
+            raise _one(
+                path, line, column, "not UTF-8 text; save the file as UTF-8", "not-utf8"
+            ) from None
+        return cls.from_text(text, path)
+
+    @classmethod
+    def from_text(cls, text: str, path: Path) -> Document:
+        """Read YAML from `text`; `path` only names it in messages. Raises DocumentError."""
+        try:
+            root = _compose(text)
+            plain = _Plain(path)
+            data = None if root is None else plain.value(root)
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+            what = " ".join(filter(None, (error.context, error.problem))) or "not readable"
+            raise _one(
+                path, line, column, f"not valid YAML: {what}; correct it", "not-yaml"
+            ) from None
+        except yaml.reader.ReaderError as error:
+            line, column = _line_column(text[: error.position].encode())
+            raise _one(
+                path, line, column, "control character in the text; remove it", "not-yaml"
+            ) from None
+        except _TooDeepError as error:
+            message = f"nested more than {MAX_DEPTH} deep; flatten it"
+            raise _one(path, *error.place, message, "too-deep") from None
+        if plain.problems:
+            raise DocumentError(plain.problems)
+        return cls(path, root, data)
+
+    def place(self, *keys: Key) -> tuple[int, int]:
+        """Line and column (1-based) of the value at a key path, or of its nearest parent."""
+        value, _ = self._find(keys)
+        return _mark(value)
+
+    def place_of_key(self, *keys: Key) -> tuple[int, int]:
+        """Line and column (1-based) of the last key itself, or of its nearest parent."""
+        value, key = self._find(keys)
+        return _mark(key or value)
+
+    def node(self, *keys: Key) -> yaml.Node | None:
+        """The YAML node of the value at a key path, or of its nearest parent."""
+        return self._find(keys)[0]
+
+    def problem(self, keys: Sequence[Key], message: str, code: str) -> Problem:
+        """A problem with the value at a key path, for checks that a model cannot do."""
+        return Problem(self.path, *self.place(*keys), message, code, tuple(keys))
+
+    def parse(self, model: type[M]) -> M:
+        """The document as a pydantic model, strictly: no text for a number, no unknown key.
+
+        Raises:
+            DocumentError: with all problems at once. A missing key points to the mapping that
+                lacks it, an unknown one to the key itself.
+        """
+        # Strictness as in JSON: arrays may fill tuples and text may fill enums, nothing else bends.
+        text = json.dumps(self.data)
+        try:
+            return model.model_validate_json(text, strict=True, extra="forbid")
+        except pydantic.ValidationError as error:
+            problems = ProblemList()
+            for detail in error.errors(include_url=False):
+                problems.add(self.path, code_of(detail), partial(self._problem, detail, model))
+            raise DocumentError(problems) from None
+
+    def _problem(self, detail: ErrorDetails, model: type[pydantic.BaseModel]) -> Problem:
+        unknown = detail["type"] == "extra_forbidden"
+        missing = detail["type"] == "missing"
+        keys = detail["loc"][:-1] if missing else detail["loc"]
+        place = self.place_of_key(*keys) if unknown else self.place(*keys)
+        return Problem(self.path, *place, complaint(detail, model), code_of(detail), tuple(keys))
+
+    def _find(self, keys: Sequence[Key]) -> tuple[yaml.Node | None, yaml.Node | None]:
+        """The value node and its key node; steps that the document does not have are skipped."""
+        value, key = self._root, None
+        for step in keys:
+            if isinstance(value, yaml.MappingNode):
+                for key_node, value_node in value.value:
+                    if as_label(_scalar(key_node)) == as_label(step):
+                        value, key = value_node, key_node
+                        break
+            elif isinstance(value, yaml.SequenceNode) and step in range(len(value.value)):
+                value, key = value.value[int(step)], None
+        return value, key
+
+
+class _Plain:
+    """Turns nodes into plain values and collects what is wrong with them."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.problems: list[Problem] = []
+        self._count = 0
+        self._open: set[int] = set()
+
+    def value(self, node: yaml.Node) -> Any:
+        self._count += 1
+        if id(node) in self._open:
+            message = "an alias inside its own anchor; remove it"
+            raise DocumentError([self._problem(node, message, "yaml-feature")])
+        if self._count > MAX_VALUES:
+            message = f"more than {MAX_VALUES} values; split the file or thin it out"
+            raise DocumentError([self._problem(node, message, "too-large")])
+        self._open.add(id(node))
+        try:
+            if isinstance(node, yaml.CollectionNode) and node.tag not in (_MAPPING, _SEQUENCE):
+                self._add(node, _strange(node), "yaml-feature")
+                return None
+            if isinstance(node, yaml.MappingNode):
+                return self._mapping(node)
+            if isinstance(node, yaml.SequenceNode):
+                return [self.value(item) for item in node.value]
+            return self._scalar(node)
+        finally:
+            self._open.discard(id(node))
+
+    def _mapping(self, node: yaml.MappingNode) -> dict[Any, Any]:
+        result: dict[Any, Any] = {}
+        first_line: dict[str, int] = {}
+        for key_node, value_node in node.value:
+            if key_node.tag == _TAG + "merge":
+                self._add(
+                    key_node, "merge keys (<<) are not read; write the keys out", "yaml-feature"
+                )
+                continue
+            if not isinstance(key_node, yaml.ScalarNode):
+                self._add(
+                    key_node,
+                    "a key must be a word, not a list or a mapping; rename it",
+                    "wrong-type",
+                )
+                continue
+            key = self._scalar(key_node)
+            label = as_label(key)
+            if label in first_line:
+                where = first_line[label]
+                self._add(
+                    key_node,
+                    f"key '{label}' is already on line {where}; remove one",
+                    "repeated-key",
+                )
+                continue
+            first_line[label] = key_node.start_mark.line + 1
+            result[key] = self.value(value_node)
+        return result
+
+    def _scalar(self, node: yaml.Node) -> Any:
+        try:
+            return _scalar(node)
+        except ValueError as error:
+            self._add(node, str(error), "wrong-value")
+            return None
+
+    def _add(self, node: yaml.Node, message: str, code: str) -> None:
+        self.problems.append(self._problem(node, message, code))
+
+    def _problem(self, node: yaml.Node, message: str, code: str) -> Problem:
+        return Problem(self.path, *_mark(node), message, code)
+
+
+def _whole(text: str) -> int:
+    return int(text, 0) if text.startswith(("0o", "0x")) else int(text)
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError
+    return number
+
+
+_READERS: dict[str, Callable[[str], Any]] = {
+    "str": str,
+    "null": lambda _: None,
+    "bool": lambda text: {"true": True, "false": False}[text.lower()],
+    "int": _whole,
+    "float": _finite,
+}
+
+
+def _scalar(node: yaml.Node) -> Any:
+    """The plain value of a scalar node. Raises ValueError with words for the user."""
+    kind = node.tag.removeprefix(_TAG)
+    if kind not in _READERS:
+        raise ValueError(_strange(node))
+    try:
+        return _READERS[kind](node.value)
+    except (KeyError, ValueError):
+        text = f"{node.value[:40]!r} is not a finite {kind} value; correct it"
+        raise ValueError(text) from None
+
+
+def _strange(node: yaml.Node) -> str:
+    return f"YAML tag {node.tag} is not read; remove it"
+
+
+def _mark(node: yaml.Node | None) -> tuple[int, int]:
+    return (node.start_mark.line + 1, node.start_mark.column + 1) if node else (1, 1)
+
+
+def _line_column(before: bytes) -> tuple[int, int]:
+    line = before.count(b"\n") + 1
+    column = len(before.rpartition(b"\n")[2].decode("utf-8", "replace")) + 1
+    return line, column
+
+
+def _one(path: Path, line: int, column: int, message: str, code: str) -> DocumentError:
+    return DocumentError([Problem(path, line, column, message, code)])
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes exactly what `_Loader` would not read as text."""
+
+    yaml_implicit_resolvers = _Loader.yaml_implicit_resolvers
+
+
+def as_yaml(data: Any, *, short_in_line: bool = False) -> str:
+    """Plain values as YAML text that `Document.from_text` reads back as they are.
+
+    With `short_in_line`, lists and mappings that hold no others are written on one line.
+    """
+    return yaml.dump(
+        data,
+        Dumper=_Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        default_flow_style=None if short_in_line else False,
+        width=100,
+    )

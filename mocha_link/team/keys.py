@@ -1,0 +1,228 @@
+"""Who a robot is: an Ed25519 key pair. The team file has the public half, a file the secret one.
+
+The Curve25519 keys of encrypted links are derived from the same pair, so a robot has one key.
+Needs the extra ``keys`` (PyNaCl); importing this module does not.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+import struct
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from zmq.utils import z85
+
+from mocha_link.errors import MochaLinkError
+from mocha_link.team.team import Robot, Team
+
+try:
+    import nacl.bindings
+    import nacl.exceptions
+    import nacl.signing
+except ImportError:  # pragma: no cover - the development set-up has it
+    _AVAILABLE = False
+else:
+    _AVAILABLE = True
+
+SEED_BYTES = 32
+Z85_CHARACTERS = 40
+_FILE_BYTES = 4096
+
+
+class KeysUnavailableError(MochaLinkError):
+    """Keys are configured, and the library that reads them is not installed."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "keys need PyNaCl, which is not installed here; run: pip install 'air-router[keys]'"
+        )
+
+
+class KeyFileError(MochaLinkError):
+    """A secret key file that is missing, is not one, or that others can read."""
+
+
+class KeyMismatchError(MochaLinkError):
+    """A key that is not one, or a secret that is not of the public key in the team file."""
+
+
+@dataclass(frozen=True, slots=True)
+class PublicKey:
+    """The public half, as the team file has it (Z85, 40 characters).
+
+    Raises:
+        KeyMismatchError: not a key of this kind.
+        KeysUnavailableError: PyNaCl is missing.
+    """
+
+    text: str
+    raw: bytes = field(init=False, repr=False)
+    curve: bytes = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        require()
+        raw = _decoded(self.text)
+        try:
+            curve = nacl.bindings.crypto_sign_ed25519_pk_to_curve25519(raw)
+        except nacl.exceptions.RuntimeError:
+            raise KeyMismatchError(
+                f"'{self.text}' is not a public key; write one with 'mocha-link keys'"
+            ) from None
+        object.__setattr__(self, "raw", raw)
+        object.__setattr__(self, "curve", curve)
+
+    def proves(self, signature: bytes, message: bytes) -> bool:
+        """Whether the holder of the secret half made this signature of the message."""
+        try:
+            nacl.bindings.crypto_sign_open(signature + message, self.raw)
+        except (nacl.exceptions.BadSignatureError, nacl.exceptions.ValueError):
+            return False
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class SecretKey:
+    """The secret half: 32 random bytes. It never shows itself in a log."""
+
+    seed: bytes = field(repr=False)
+    public: PublicKey = field(init=False)
+    curve: bytes = field(init=False, repr=False)
+    _signing: bytes = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        require()
+        raw, signing = nacl.bindings.crypto_sign_seed_keypair(self.seed)
+        object.__setattr__(self, "public", PublicKey(_encoded(raw)))
+        object.__setattr__(self, "_signing", signing)
+        curve = nacl.bindings.crypto_sign_ed25519_sk_to_curve25519(signing)
+        object.__setattr__(self, "curve", curve)
+
+    @classmethod
+    def generate(cls) -> SecretKey:
+        """A new key pair."""
+        return cls(os.urandom(SEED_BYTES))
+
+    def sign(self, message: bytes) -> bytes:
+        """The 64 bytes that prove that the holder of this key has said the message."""
+        signed: bytes = nacl.bindings.crypto_sign(message, self._signing)
+        return signed[: nacl.bindings.crypto_sign_BYTES]
+
+
+def available() -> bool:
+    """Whether PyNaCl is there."""
+    return _AVAILABLE
+
+
+def require() -> None:
+    """Raise KeysUnavailableError unless keys can be used here."""
+    if not available():
+        raise KeysUnavailableError
+
+
+def public_key(robot: Robot) -> PublicKey | None:
+    """The key that the team file has for a robot. Raises as `PublicKey`."""
+    if robot.key is None:
+        return None
+    try:
+        return PublicKey(robot.key)
+    except KeyMismatchError as error:
+        raise KeyMismatchError(f"key of {robot.name} in the team file: {error}") from None
+
+
+def secret_key(team: Team, name: str, directory: Path | None) -> SecretKey | None:
+    """The secret of a robot, from ``<name>.key`` in `directory`; None if the team has no key of it.
+
+    Raises:
+        KeyFileError: no directory, no file there, others can read it, or it holds no key.
+        KeyMismatchError: it is not the secret of the key in the team file.
+        KeysUnavailableError: PyNaCl is missing.
+        UnknownRobotError: the team has no robot of that name.
+    """
+    public = public_key(team.robot(name))
+    if public is None:
+        return None
+    if directory is None:
+        raise KeyFileError(
+            f"{team.path} has a key for {name}: say where its secret is, the folder with "
+            f"{name}.key (mocha-link node ... --keys DIR)"
+        )
+    path = path_of(name, directory)
+    secret = read(path)
+    if secret.public != public:
+        raise KeyMismatchError(
+            f"{path} is not the secret of the key that {team.path} has for {name}; copy the right "
+            "file and the same team file to the robot, or make new keys with 'mocha-link keys "
+            "--force'"
+        )
+    return secret
+
+
+def open_because(robot: Robot, other: Robot) -> str | None:
+    """Why the link of two robots is not protected by keys; None if it is."""
+    for each in (robot, other):
+        if each.original:
+            return f"{each.name} runs the original MOCHA"
+        if each.key is None:
+            return f"{each.name} has no key"
+    return None
+
+
+def path_of(name: str, directory: Path) -> Path:
+    """Where the secret of a robot is."""
+    return directory / f"{name}.key"
+
+
+def read(path: Path) -> SecretKey:
+    """Read a secret key file. Raises KeyFileError or KeysUnavailableError."""
+    try:
+        with path.open("rb") as file:
+            mode = os.fstat(file.fileno()).st_mode
+            text = file.read(_FILE_BYTES).decode("ascii", "replace")
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise KeyFileError(f"cannot read the secret key {path}: {reason}") from None
+    if stat.S_IMODE(mode) & 0o077:
+        raise KeyFileError(
+            f"others can read or change the secret key {path}; run: chmod 600 '{path}'"
+        )
+    lines = [line.strip() for line in text.splitlines() if not line.startswith("# ")]
+    with contextlib.suppress(KeyMismatchError):
+        return SecretKey(_decoded("".join(lines)))
+    raise KeyFileError(f"{path} is not a secret key; copy it again, or make a new one")
+
+
+def write(path: Path, name: str, secret: SecretKey, *, replace: bool = False) -> None:
+    """Write a secret key file that only its owner can read. Raises KeyFileError."""
+    text = f"# The secret key of {name}: it belongs on that robot only.\n{_encoded(secret.seed)}\n"
+    fresh = path.with_name(path.name + ".new") if replace else path
+    try:
+        if replace:
+            fresh.unlink(missing_ok=True)
+        place = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(place, "w", encoding="ascii") as file:
+            os.fchmod(place, 0o600)
+            file.write(text)
+            file.flush()
+            os.fsync(place)
+        if replace:
+            fresh.replace(path)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise KeyFileError(f"cannot write the secret key {path}: {reason}") from None
+
+
+def _encoded(raw: bytes) -> str:
+    return bytes(z85.encode(raw)).decode("ascii")
+
+
+def _decoded(text: str) -> bytes:
+    """32 bytes from 40 characters of Z85. Raises KeyMismatchError."""
+    if len(text) == Z85_CHARACTERS:
+        with contextlib.suppress(ValueError, KeyError, struct.error):
+            raw = bytes(z85.decode(text.encode("ascii")))
+            if _encoded(raw) == text:
+                return raw
+    raise KeyMismatchError(f"'{text}' is not a key of {Z85_CHARACTERS} Z85 characters")

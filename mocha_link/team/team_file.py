@@ -1,0 +1,178 @@
+"""What stands in a team file: its keys, and what must fit together between them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, StringConstraints
+from pydantic import Field as Key
+
+from mocha_link.team.document import Document, Problem
+from mocha_link.team.port_range import PortRange
+from mocha_link.team.url import checked
+
+MAX_RADIO_ID = 128  # some MAC addresses and an IP address
+IDS = 256  # robot, topic and type ids are one byte on the wire
+MAX_HISTORY = 1000
+
+
+def _a_name(text: str) -> str:
+    if not re.fullmatch(r"[^\s/:]{1,64}", text):
+        raise ValueError(f"'{text:.40}' is no name: use 1 to 64 characters without spaces, / and :")
+    return text
+
+
+def _a_type(text: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9_]+/[A-Za-z0-9_]+", text):
+        raise ValueError(f"'{text:.40}' is no type: write package/Type, letters, digits and _ only")
+    return text
+
+
+Name = Annotated[str, AfterValidator(_a_name)]
+TypeKey = Annotated[str, AfterValidator(_a_type)]
+Host = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
+
+
+TypeName = Annotated[
+    str,
+    StringConstraints(pattern=r"^[A-Za-z0-9_]+/[A-Za-z0-9_]+$"),
+    Key(description="package/Type, letters, digits and _ only"),
+]
+
+
+class TopicModel(BaseModel):
+    """One topic of a kind."""
+
+    name: Annotated[str, StringConstraints(min_length=1, max_length=256)]
+    type: TypeName
+    priority: Literal["none", "low", "medium", "high"] = "none"
+    min_interval_s: Annotated[float, Key(ge=0)] = 0.0
+    history: Annotated[int, Key(ge=1, le=MAX_HISTORY, description="how many messages to keep")] = 1
+    aggregate: bool = False
+
+
+class KindModel(BaseModel):
+    """What robots of a kind say."""
+
+    topics: Annotated[list[TopicModel], Key(max_length=IDS)]
+
+
+class RobotModel(BaseModel):
+    """One robot."""
+
+    kind: Annotated[str, Key(description="one of the names under kinds")]
+    address: Annotated[Host, Key(description="host name or IPv4 address that the others dial")]
+    base_port: Annotated[int, Key(ge=1, le=65535, description="first of its ports")]
+    clients: Annotated[
+        list[Name | None], Key(description="the robots that may link to it, in port order")
+    ]
+    listen: Annotated[
+        str,
+        StringConstraints(pattern=r"^(\*|[A-Za-z0-9][A-Za-z0-9._-]*)$"),
+        Key(description="* or an address of this machine"),
+    ] = "*"
+    radio: Annotated[
+        Annotated[str, AfterValidator(checked)] | None,
+        Key(description="the URL of its radio, e.g. udp://host:port"),
+    ] = None
+    radio_id: Annotated[
+        Annotated[str, StringConstraints(min_length=1, max_length=MAX_RADIO_ID)] | None,
+        Key(description=f"its addresses for radios, 1 to {MAX_RADIO_ID} characters"),
+    ] = None
+    key: Annotated[
+        Annotated[str, StringConstraints(pattern=r"^[0-9A-Za-z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}$")]
+        | None,
+        Key(description="40 characters in quotes, as 'mocha-link keys' writes them"),
+    ] = None
+    original: bool = False
+    ros: Literal[1, 2] = 1
+
+
+class TriggerModel(BaseModel):
+    """When nodes pull."""
+
+    rssi_threshold_dbm: Annotated[float, Key(ge=-200, le=200)] = -75.0
+    snr_threshold_db: Annotated[float, Key(ge=-200, le=200)] = 10.0
+    device_threshold: Annotated[float, Key(ge=-1e6, le=1e6)] = 20.0
+    hysteresis_db: Annotated[float, Key(ge=0, le=100)] = 3.0
+    interval_s: Annotated[float, Key(gt=0)] = 2.0
+    budget_bytes: Annotated[int, Key(ge=1024)] | None = None
+
+
+class TeamModel(BaseModel):
+    """All of it."""
+
+    robots: Annotated[dict[Name, RobotModel], Key(min_length=1, max_length=IDS)]
+    kinds: dict[str, KindModel]
+    trigger: TriggerModel = TriggerModel()
+    trust: Literal["relays", "signed"] = "relays"
+    definitions: dict[TypeKey, str] = {}
+
+
+def problems_of(document: Document, model: TeamModel) -> Iterator[Problem]:
+    """What a model of single values cannot see: names that must fit together, ports that clash."""
+    count = 0
+    original = next((name for name, robot in model.robots.items() if robot.original), None)
+    for name, kind in model.kinds.items():
+        seen: dict[str, int] = {}
+        for index, topic in enumerate(kind.topics):
+            keys = ("kinds", name, "topics", index, "name")
+            if topic.name in seen:
+                message = f"topic '{topic.name}' is listed twice; remove one"
+                yield document.problem(keys, message, "named-twice")
+            seen[topic.name] = index
+            count += 1
+            if topic.aggregate and not topic.min_interval_s:
+                message = "aggregate needs min_interval_s: the seconds of messages that go together"
+                where = ("kinds", name, "topics", index, "aggregate")
+                yield document.problem(where, message, "aggregate-without-interval")
+            if topic.aggregate and original:
+                message = (
+                    f"the original node of {original} ends over messages that go together; "
+                    "remove aggregate"
+                )
+                where = ("kinds", name, "topics", index, "aggregate")
+                yield document.problem(where, message, "not-for-original-nodes")
+    if count > IDS:
+        message = f"{count} topics, at most {IDS} fit; remove some"
+        yield document.problem(["kinds"], message, "too-many")
+    for name, robot in model.robots.items():
+        if robot.kind not in model.kinds:
+            kinds = ", ".join(model.kinds) or "none"
+            message = f"no kind '{robot.kind}' under kinds; use one of {kinds}, or add it"
+            yield document.problem(["robots", name, "kind"], message, "unknown-kind")
+        if robot.key and robot.original:
+            message = "an original node knows no keys; remove key, or original"
+            yield document.problem(["robots", name, "key"], message, "not-for-original-nodes")
+        yield from _client_problems(document, model, name, robot)
+    yield from _port_problems(document, model)
+
+
+def _client_problems(
+    document: Document, model: TeamModel, name: str, robot: RobotModel
+) -> Iterator[Problem]:
+    for index, client in enumerate(robot.clients):
+        keys = ("robots", name, "clients", index)
+        if client is None:
+            continue  # a port that stays unused
+        if client in robot.clients[:index]:
+            message = f"'{client}' is listed twice; remove one"
+            yield document.problem(keys, message, "named-twice")
+        elif client not in model.robots:
+            names = ", ".join(sorted(model.robots))
+            message = f"no robot '{client}' under robots; use one of {names}"
+            yield document.problem(keys, message, "unknown-robot")
+        elif name not in model.robots[client].clients:
+            message = f"'{client}' does not list '{name}'; add it to the clients of {client}"
+            yield document.problem(keys, message, "client-one-sided")
+
+
+def _port_problems(document: Document, model: TeamModel) -> Iterator[Problem]:
+    before: dict[str, PortRange] = {}
+    for name, robot in model.robots.items():
+        ports = PortRange(robot.address, robot.base_port, len(robot.clients))
+        for code, message in ports.faults(before, "base_port"):
+            yield document.problem(("robots", name, "base_port"), message, code)
+        before[name] = ports

@@ -1,0 +1,1 @@
+"""The command line `sitl`: one module per command."""

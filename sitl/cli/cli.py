@@ -1,0 +1,60 @@
+"""The command line: `sitl vehicle | team | px4 | conform | rehearse | experiment | town`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from air_router.cli.command_line import Program
+from mocha_link.cli.command_table import Command
+
+COMMANDS = (
+    Command(
+        "vehicle",
+        "sitl.cli.vehicle_command",
+        "simulate a vehicle that behaves as PX4 does, over MAVLink",
+    ),
+    Command(
+        "team",
+        "sitl.cli.team_command",
+        "simulate the ground robots, radios and the camera beside a vehicle",
+    ),
+    Command("px4", "sitl.cli.px4_command", "start a real PX4 simulator"),
+    Command(
+        "conform",
+        "sitl.cli.conform_command",
+        "compare a vehicle with how PX4 was recorded to behave",
+    ),
+    Command(
+        "rehearse",
+        "sitl.rehearsal.command",
+        "fly a mission hundreds of times while something goes wrong",
+    ),
+    Command("experiment", "sitl.experiment.command", "run many simulated teams and compare them"),
+    Command(
+        "town", "sitl.experiment.towns.town_command", "check, draw or make a town for experiments"
+    ),
+)
+
+PROGRAM = Program(
+    "sitl",
+    "The simulated world: a PX4 vehicle, ground robots, radios, a camera.",
+    "exit codes: 0 done, 1 ended otherwise, 2 wrong usage, 3 invalid file, 4 nobody answers, "
+    "5 refused, 130 interrupted",
+    COMMANDS,
+)
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command line can say."""
+    return PROGRAM.parser()
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns its exit code."""
+    return PROGRAM.run(argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,116 @@
+"""`sitl px4`: a real PX4 SITL in one command."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from air_router.errors import ExitCode
+from sitl.cli.vehicle_command import (
+    add_place,
+    battery,
+    instance,
+    parameter,
+    place_of,
+    positive,
+    speed,
+)
+from sitl.process.px4_install import ENVIRONMENT, IMAGE, find_px4
+from sitl.process.px4_process import Px4Process, Px4Settings
+from sitl.process.stop_signal import stop_signal
+
+_EPILOG = f"""\
+Looks for a PX4 with its built-in simulator (SIH): --px4, the environment variable {ENVIRONMENT},
+`px4` on the PATH, then Docker or Podman with {IMAGE}. Prints one JSON line
+on stdout when it can arm: {{"ready": true, "mavlink": ..., "gcs": ..., "truth": ..., "px4": ...}}.
+Runs until SIGINT or SIGTERM; PX4 is stopped with it, whatever happens.
+
+examples:
+  sitl px4 missions/pennovation/mission.yaml --speed 5
+  sitl px4 --home 40.4406,-79.9959,280 --px4 ~/PX4-Autopilot --param GF_ACTION=3
+"""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `px4` to the command line."""
+    parser = commands.add_parser(
+        "px4",
+        help="start a real PX4 simulator",
+        description="Find a PX4 SITL on this machine and run it at a mission's home.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_place(parser)
+    parser.add_argument(
+        "--px4",
+        metavar="PATH",
+        help="a build folder, source tree or px4 executable; or docker, podman",
+    )
+    parser.add_argument(
+        "--instance", type=instance, metavar="N", help="PX4's (default: the first that is free)"
+    )
+    parser.add_argument(
+        "--speed", type=speed, default=1.0, metavar="X", help="times real time (default 1)"
+    )
+    parser.add_argument(
+        "--param",
+        type=parameter,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a parameter that is to differ from PX4's default; may be given again",
+    )
+    parser.add_argument(
+        "--battery-minutes",
+        type=positive,
+        default=25.0,
+        metavar="M",
+        help="minutes from full to empty (default 25)",
+    )
+    parser.add_argument(
+        "--log-dir", type=Path, metavar="DIR", help="keep PX4's files and what it says there"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run PX4 until a signal comes; returns the exit code."""
+    install = find_px4(arguments.px4)
+    settings = Px4Settings(
+        place_of(arguments),
+        speed=arguments.speed,
+        parameters=battery(arguments.battery_minutes) | dict(arguments.param),
+        instance=arguments.instance,
+        folder=arguments.log_dir,
+    )
+    with stop_signal() as stopped, Px4Process(install, settings) as process:
+        if process.wait_until_armable(stopped):
+            sys.stdout.write(json.dumps(_ready(process, settings, install.words)) + "\n")
+            sys.stdout.flush()
+        while process.running and not stopped():
+            time.sleep(0.2)
+        ended = not stopped()
+    return ExitCode.NO_VEHICLE if ended else ExitCode.DONE
+
+
+def _ready(process: Px4Process, settings: Px4Settings, words: str) -> dict[str, Any]:
+    number, place = process.instance, settings.place
+    return {
+        "ready": True,
+        "mavlink": f"udpin://0.0.0.0:{14540 + number if number <= 9 else 14549}",
+        "gcs": "udpin://127.0.0.1:14550",
+        "truth": f"udp://127.0.0.1:{19410 + number}",
+        "system_id": number + 1,
+        "speed": settings.speed,
+        "home": {
+            "latitude_deg": place.latitude_deg,
+            "longitude_deg": place.longitude_deg,
+            "altitude_amsl_m": place.altitude_m,
+        },
+        "px4": words,
+        "process_id": process.process_id,
+    }

@@ -1,0 +1,163 @@
+"""`sitl team`: the ground robots, radios and camera of a simulation, as a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from air_router.errors import ExitCode, UsageError
+from air_router.mission.loading import load_mission
+from air_router.mission.mission import Mission
+from air_router.vehicle.pace import PaceClient
+from mocha_link.team.team import Team
+from sitl.cli.vehicle_command import epoch, pace_source
+from sitl.process.stop_signal import stop_signal
+from sitl.team.free_ports import derive_team
+from sitl.team.team import (
+    DEFAULT_CAMERA,
+    DEFAULT_TRUTH,
+    Places,
+    TeamError,
+    TeamSimulation,
+    crew_of,
+    write_report,
+)
+from sitl.world.default_team import default_team
+from sitl.world.world_file import load_world
+
+_log = logging.getLogger(__name__)
+
+_EPILOG = """\
+Prints one JSON line on stdout when it is ready: {"ready": true, "team": ..., "camera": ...,
+"truth": ..., "vehicle": ..., "robots": [...], "vehicles": {...}}. Runs until SIGINT or SIGTERM,
+then writes the report. See docs/world-file.md.
+
+example: sitl team missions/pennovation/mission.yaml --free-ports /tmp/world --report world.json
+"""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `team` to the command line."""
+    parser = commands.add_parser(
+        "team",
+        help="simulate the ground robots, radios and the camera beside a vehicle",
+        description="Simulate the ground robots of a team, the radios and the camera around a "
+        "simulated vehicle, whose true position and time are followed.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission file or .plan")
+    parser.add_argument("--team", type=Path, metavar="FILE", help="default: the mission's team")
+    parser.add_argument("--world", type=Path, metavar="FILE", help="default: the mission's world")
+    parser.add_argument(
+        "--truth",
+        action="append",
+        default=[],
+        metavar="[NAME=]URL",
+        help=f"where the vehicle sends HIL_STATE_QUATERNION (default {DEFAULT_TRUTH}, PX4's SIH); "
+        "once for each UAV of a mission for several (default: the next ports)",
+    )
+    parser.add_argument(
+        "--camera",
+        action="append",
+        default=[],
+        metavar="[NAME=]URL",
+        help=f"where the camera publishes what it sees (ZeroMQ PUB, default {DEFAULT_CAMERA}); "
+        "once for each UAV of a mission for several (default: the next ports)",
+    )
+    parser.add_argument(
+        "--free-ports",
+        type=Path,
+        metavar="DIR",
+        help="write a team file with free loopback addresses and ports into DIR and use that one, "
+        "so that simulations can run side by side; a mission without a team gets a built-in one",
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write a report at the end")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all that is random")
+    parser.add_argument(
+        "--epoch",
+        type=epoch,
+        metavar="UNIX_S",
+        help="Unix time at the vehicle's time zero; give the vehicle the same one (default: so "
+        "that the vehicle's first packet comes now)",
+    )
+    parser.add_argument(
+        "--pace-from",
+        type=pace_source,
+        metavar="HOST:PORT",
+        help="let that vehicle's clock (`sitl vehicle --pace`) wait for the team",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate until a signal comes; returns the exit code."""
+    _simulate(arguments)
+    return ExitCode.DONE
+
+
+def _simulate(arguments: argparse.Namespace) -> None:
+    mission = load_mission(arguments.mission)
+    team = _team(arguments, mission)
+    crew = crew_of(mission, team)
+    plan = load_world(arguments.world or mission.world, mission, crew.ground, arguments.seed)
+    if arguments.free_ports is not None:
+        team = derive_team(team, arguments.free_ports)
+    with stop_signal() as stopped:
+        places = _places(arguments, (crew.vehicle, *crew.others))
+        with (
+            PaceClient(arguments.pace_from, "team") as pace,
+            TeamSimulation(mission, team, plan, places, epoch_s=arguments.epoch) as simulation,
+        ):
+            sys.stdout.write(json.dumps(simulation.ready()) + "\n")
+            sys.stdout.flush()
+            simulation.run(stopped, pace.reached)
+            content = simulation.report()
+        if arguments.report is not None:
+            write_report(arguments.report, content)
+
+
+def _places(arguments: argparse.Namespace, vehicles: Sequence[str]) -> Places:
+    """Where each vehicle's truth comes from and its camera publishes."""
+    truths = _of_each("--truth", arguments.truth, vehicles, DEFAULT_TRUTH)
+    cameras = _of_each("--camera", arguments.camera, vehicles, DEFAULT_CAMERA)
+    first, *others = vehicles
+    return Places(
+        truths[first],
+        cameras[first],
+        {name: Places(truths[name], cameras[name]) for name in others},
+    )
+
+
+def _of_each(
+    option: str, given: Sequence[str], vehicles: Sequence[str], default: str
+) -> dict[str, str]:
+    """The value of a repeated option for each vehicle: NAME=URL, or a bare one for the first.
+
+    Raises:
+        UsageError: it names nobody who flies.
+    """
+    start, _, port = default.rpartition(":")
+    values = {name: f"{start}:{int(port) + number}" for number, name in enumerate(vehicles)}
+    for text in given:
+        name, equals, url = text.partition("=")
+        if equals and name not in values:
+            raise UsageError(f"{option} {text}: {' and '.join(vehicles)} fly this mission")
+        values[name if equals else vehicles[0]] = url if equals else text
+    return values
+
+
+def _team(arguments: argparse.Namespace, mission: Mission) -> Team:
+    path = arguments.team or mission.team
+    if path is not None:
+        return Team.load(path)
+    if arguments.free_ports is not None:
+        return default_team()
+    raise TeamError(
+        f"{mission.path} names no team; add 'team: team.yaml' to it, give --team FILE, or "
+        "--free-ports DIR for a built-in team of three ground robots"
+    )

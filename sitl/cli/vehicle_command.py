@@ -1,0 +1,326 @@
+"""`sitl vehicle`: a simulated PX4 multirotor, as a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from air_router.cli.arguments import add_uav
+from air_router.errors import ExitCode, UsageError
+from air_router.mission.loading import load_mission
+from air_router.vehicle.pace import PaceSource
+from sitl.mavlink.mavlink_vehicle import VehicleSettings
+from sitl.mavlink.udp_link import Address
+from sitl.process.pace_link import FollowedPace, PaceServer, WorldPace
+from sitl.process.stop_signal import stop_signal
+from sitl.process.vehicle import Ports, VehicleProcess, px4_ports
+from sitl.px4sim.motion.wind import WindSettings
+from sitl.px4sim.state.parameters import DEFAULTS
+from sitl.px4sim.state.px4_version import VERSIONS
+from sitl.px4sim.state.situation import Place
+
+PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
+"""Where PX4's own simulator starts if nobody says otherwise."""
+
+_MOST_INSTANCES: Final = 250
+_MOST_WIND_M_S: Final = 25.0
+_LAST_EPOCH_S: Final = 2.0**32
+_EPILOG = """\
+Prints one JSON line on stdout when it runs: {"ready": true, "mavlink": ..., "gcs": ...,
+"truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM, and ends
+with another: {"simulated_s": ..., "pace": {"asked": ..., "kept": ..., "processes": ...}}.
+Ports are PX4's: instance N sends to 127.0.0.1 port 14540+N (API), 14550 (ground station) and
+19410+N (truth), and keeps, on each link, to the first partner that talks to it.
+
+examples:
+  sitl vehicle missions/pennovation/mission.yaml --speed 10
+  sitl vehicle --home 40.4406,-79.9959,280 --instance 1 --wind 6,270,2
+"""
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `vehicle` to the command line."""
+    parser = commands.add_parser(
+        "vehicle",
+        help="simulate a vehicle that behaves as PX4 does, over MAVLink",
+        description="Simulate a multirotor with an autopilot that behaves as PX4 1.17 does.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_place(parser)
+    parser.add_argument(
+        "--instance", type=instance, default=0, metavar="N", help="ports +N, system id N+1"
+    )
+    parser.add_argument(
+        "--speed", type=speed, default=1.0, metavar="X", help="at most, times real time (default 1)"
+    )
+    parser.add_argument(
+        "--pace",
+        type=_address,
+        metavar="HOST:PORT",
+        help="let the clock wait for the processes that tell there how far they are",
+    )
+    parser.add_argument(
+        "--pace-for",
+        type=int,
+        default=1,
+        metavar="N",
+        help="how many of them (default 1); until all have told it the clock goes slowly",
+    )
+    parser.add_argument(
+        "--pace-from", type=pace_source, metavar="HOST:PORT", help="follow that vehicle's clock"
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the position noise")
+    parser.add_argument(
+        "--epoch", type=epoch, metavar="UNIX_S", help="Unix time at time zero (default: now)"
+    )
+    parser.add_argument(
+        "--battery-minutes",
+        type=positive,
+        default=25.0,
+        metavar="M",
+        help="minutes from full to empty (default 25)",
+    )
+    parser.add_argument(
+        "--wind",
+        type=_wind,
+        default=WindSettings(),
+        metavar="SPEED,FROM[,GUSTS]",
+        help="m/s, degrees that it comes from, and the gusts' spread in m/s (default 0.3 of it)",
+    )
+    parser.add_argument(
+        "--px4-version", choices=VERSIONS, default=VERSIONS[0], help="that it behaves as"
+    )
+    parser.add_argument(
+        "--param",
+        type=parameter,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a parameter that is to differ from PX4's default; may be given again",
+    )
+    parser.add_argument(
+        "--api-to",
+        type=_address,
+        metavar="HOST:PORT",
+        help="send the API link there (default 127.0.0.1:14540+N), from a free port",
+    )
+    parser.add_argument(
+        "--gcs-to", type=_address, metavar="HOST:PORT", help="the same for the GCS link (14550)"
+    )
+    parser.add_argument("--no-gcs", action="store_true", help="no link to a ground station")
+    parser.add_argument(
+        "--truth-to", type=_address, metavar="HOST:PORT", help="the same for the truth (19410+N)"
+    )
+    parser.set_defaults(run=run)
+
+
+def add_place(parser: argparse.ArgumentParser) -> None:
+    """Add MISSION, --home and --uav; `place_of` reads them."""
+    place = parser.add_mutually_exclusive_group()
+    place.add_argument(
+        "mission",
+        type=Path,
+        nargs="?",
+        metavar="MISSION",
+        help="mission file or .plan: start at its home (default: PX4's, near Zurich)",
+    )
+    place.add_argument(
+        "--home", type=_place, metavar="LAT,LON,ALT", help="start here: degrees, metres AMSL"
+    )
+    add_uav(parser)
+
+
+def place_of(arguments: argparse.Namespace) -> Place:
+    """Where the command line says that the vehicle starts."""
+    home: Place | None = arguments.home
+    return home or _home_of(arguments.mission, arguments.uav)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate until a signal comes; returns the exit code."""
+    if arguments.no_gcs and arguments.gcs_to is not None:
+        raise UsageError("--no-gcs and --gcs-to contradict each other; give one of them")
+    if arguments.pace is not None and arguments.pace_from is not None:
+        raise UsageError("--pace and --pace-from contradict each other; give one of them")
+    _simulate(arguments)
+    return ExitCode.DONE
+
+
+def _simulate(arguments: argparse.Namespace) -> None:
+    settings = VehicleSettings(
+        place_of(arguments),
+        system_id=arguments.instance + 1,
+        seed=arguments.seed,
+        speed=arguments.speed,
+        start_unix_s=time.time() if arguments.epoch is None else arguments.epoch,
+        parameters=battery(arguments.battery_minutes) | dict(arguments.param),
+        wind=arguments.wind,
+        ground_link=not arguments.no_gcs,
+        px4_version=arguments.px4_version,
+    )
+    ports = _ports(arguments)
+    with stop_signal() as stopped, VehicleProcess(settings, ports, _pace(arguments)) as process:
+        sys.stdout.write(json.dumps(_ready(settings, ports)) + "\n")
+        sys.stdout.flush()
+        process.run(stopped)
+        simulated_s = round(process.vehicle.autopilot.time_s, 1)
+        ended = {"simulated_s": simulated_s, "pace": process.pace()}
+    with contextlib.suppress(BrokenPipeError):  # the program that started it has gone
+        sys.stdout.write(json.dumps(ended) + "\n")
+        sys.stdout.flush()
+
+
+def _pace(arguments: argparse.Namespace) -> WorldPace:
+    """Which processes the clock waits for."""
+    if arguments.pace is not None:
+        return PaceServer(arguments.pace, arguments.pace_for)
+    if arguments.pace_from is not None:
+        return FollowedPace(arguments.pace_from, f"vehicle {arguments.instance + 1}")
+    return WorldPace()
+
+
+def _home_of(path: Path | None, uav: str | None) -> Place:
+    if path is None:
+        return PX4_HOME
+    mission = load_mission(path, uav=uav)
+    latitude_deg, longitude_deg = mission.frame.to_geodetic(mission.home)
+    altitude_m = mission.home_altitude_amsl_m
+    return Place(latitude_deg, longitude_deg, 0.0 if altitude_m is None else altitude_m)
+
+
+def _ports(arguments: argparse.Namespace) -> Ports:
+    """PX4's, except where the command line names a partner: those links take a free port."""
+    ports = px4_ports(arguments.instance)
+    if arguments.api_to is not None:
+        ports = replace(ports, onboard_bind=("", 0), onboard_to=arguments.api_to)
+    if arguments.gcs_to is not None:
+        ports = replace(ports, ground_bind=("", 0), ground_to=arguments.gcs_to)
+    if arguments.no_gcs:
+        ports = replace(ports, ground_to=None)
+    if arguments.truth_to is not None:
+        ports = replace(ports, truth_bind=("", 0), truth_to=arguments.truth_to)
+    return ports
+
+
+def _ready(settings: VehicleSettings, ports: Ports) -> dict[str, Any]:
+    ground = ports.ground_to
+    return {
+        "ready": True,
+        "mavlink": f"udpin://127.0.0.1:{ports.onboard_to[1]}",
+        "gcs": None if ground is None else f"udpin://127.0.0.1:{ground[1]}",
+        "truth": f"udp://{ports.truth_to[0]}:{ports.truth_to[1]}",
+        "system_id": settings.system_id,
+        "speed": settings.speed,
+        "home": {
+            "latitude_deg": settings.place.latitude_deg,
+            "longitude_deg": settings.place.longitude_deg,
+            "altitude_amsl_m": settings.place.altitude_m,
+        },
+    }
+
+
+def _place(text: str) -> Place:
+    try:
+        latitude_deg, longitude_deg, altitude_m = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is not LAT,LON,ALT; write for example 47.397742,8.545594,489.4"
+        ) from None
+    place = Place(latitude_deg, longitude_deg, altitude_m)
+    if not (abs(latitude_deg) < 90 and abs(longitude_deg) <= 180 and abs(altitude_m) < 10000):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a place on Earth")
+    return place
+
+
+def battery(minutes: float) -> dict[str, float]:
+    """Parameters of a battery that lasts so long; PX4's own stops draining at half."""
+    return {"SIM_BAT_DRAIN": minutes * 60.0, "SIM_BAT_MIN_PCT": 0.0}
+
+
+def parameter(text: str) -> tuple[str, float]:
+    """NAME=VALUE of a command line; the name must be one of PX4's."""
+    name, _, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"'{text}' is not NAME=VALUE; write GF_ACTION=3")
+    if name not in DEFAULTS:
+        raise argparse.ArgumentTypeError(f"'{name}' is not a parameter of PX4's SITL")
+    return name, number
+
+
+def _wind(text: str) -> WindSettings:
+    try:
+        speed_m_s, from_deg, *rest = (float(part) for part in text.split(","))
+        wind = WindSettings(speed_m_s, from_deg, *rest)
+    except (ValueError, TypeError):
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is not SPEED,FROM[,GUSTS]; write for example 5,270,2"
+        ) from None
+    gusts = wind.gusts_m_s or 0.0
+    if not (0 <= speed_m_s <= _MOST_WIND_M_S and 0 <= gusts <= _MOST_WIND_M_S):
+        raise argparse.ArgumentTypeError(f"'{text}': winds go from 0 to {_MOST_WIND_M_S:g} m/s")
+    return wind
+
+
+def pace_source(text: str) -> PaceSource:
+    """Where the pace of a simulation is set, of a command line."""
+    try:
+        return PaceSource.of(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is not HOST:PORT; write 127.0.0.1:24900"
+        ) from None
+
+
+def _address(text: str) -> Address:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise argparse.ArgumentTypeError(f"'{text}' is not HOST:PORT; write 127.0.0.1:14540")
+    return host, int(port)
+
+
+def positive(text: str) -> float:
+    """A number above zero of a command line."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or value <= 0:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number above zero")
+    return value
+
+
+def instance(text: str) -> int:
+    """A PX4 instance of a command line."""
+    if not text.isdecimal() or int(text) > _MOST_INSTANCES:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is not an instance; write 0 to {_MOST_INSTANCES}"
+        )
+    return int(text)
+
+
+def speed(text: str) -> float:
+    """A speed factor of a command line."""
+    value = positive(text)
+    if not 0.1 <= value <= 100:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a speed between 0.1 and 100")
+    return value
+
+
+def epoch(text: str) -> float:
+    """Unix seconds of a command line; raises ArgumentTypeError on what is no such time."""
+    value = positive(text)
+    if value > _LAST_EPOCH_S:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a time in Unix seconds")
+    return value

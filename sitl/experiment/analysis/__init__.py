@@ -1,0 +1,1 @@
+"""What the runs show: tables, intervals, tests of the claims."""

@@ -1,0 +1,141 @@
+"""Carries an experiment out: what is missing is run, and each finished run is kept at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from air_router.counted import counted
+from air_router.flight.status import StatusLine
+from sitl.experiment.campaign.plan import Experiment, Row, Task
+from sitl.experiment.campaign.program import program
+from sitl.experiment.campaign.progress import Progress, longest_first
+from sitl.experiment.campaign.run_log import usable
+from sitl.experiment.campaign.worker_pool import (
+    Crew,
+    Failed,
+    Finished,
+    Lost,
+    News,
+    Outcome,
+    Record,
+    Work,
+)
+
+_MOST_FAILURES: Final = 5
+"""After so many runs that ended in an error of the program the rest would too."""
+
+
+@dataclass(slots=True)
+class Campaign:
+    """An experiment with its rows and seeds, and its finished runs.
+
+    Attributes:
+        experiment: all of it.
+        rows: those that are wanted now.
+        seeds: how many runs of each row.
+        kept: all runs that are finished already.
+        folder: where they are, for messages.
+        status: where the progress is shown.
+        failed: runs that ended in an error of the program, or whose workers died too often.
+    """
+
+    experiment: Experiment
+    rows: tuple[Row, ...]
+    seeds: int
+    kept: list[Record]
+    folder: Path
+    status: StatusLine
+    failed: list[Failed | Lost] = field(default_factory=list)
+    _finished: dict[Any, Record] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Look at what is finished. Raises MixedRunsError."""
+        self._finished = usable(self.kept, self.experiment, self.folder)
+
+    @property
+    def wanted(self) -> list[Task]:
+        """All runs of the chosen rows."""
+        labels = {row.label for row in self.rows}
+        return [task for task in self.experiment.tasks(self.seeds) if task.row.label in labels]
+
+    @property
+    def missing(self) -> list[Task]:
+        """The runs that are still to be made, in the order in which to make them."""
+        finished = self._finished
+        return longest_first(
+            task for task in self.wanted if (task.row.label, task.number) not in finished
+        )
+
+    @property
+    def records(self) -> list[Record]:
+        """The finished runs of the chosen rows and seeds, in the order of rows and seeds."""
+        order = {row.label: place for place, row in enumerate(self.rows)}
+        keys = sorted(
+            (order[label], number, label)
+            for label, number in self._finished
+            if label in order and number < self.seeds
+        )
+        return [self._finished[label, number] for _, number, label in keys]
+
+    def carry_out(self, crew: Crew, work: Work, keep: Callable[[Record], None]) -> None:
+        """Make the missing runs, and `keep` each at once."""
+        tasks = self.missing
+        progress = Progress(tuple(tasks), min(crew.workers, max(len(tasks), 1)))
+        with closing(crew.run(work, tasks)) as outcomes:
+            try:
+                for outcome in outcomes:
+                    progress.workers = crew.workers
+                    self._take(outcome, progress, keep)
+                    self.status.show(progress.line)
+                    if len(self.failed) >= _MOST_FAILURES and not progress.simulated_s:
+                        self.status.say("every run fails; the rest is not begun")
+                        break
+            finally:
+                self.status.end()
+        if tasks and progress.simulated_s:
+            self.status.say(_told(progress))
+
+    def _take(self, outcome: Outcome, progress: Progress, keep: Callable[[Record], None]) -> None:
+        if isinstance(outcome, Finished) and outcome.record["program"] != program():
+            outcome = _of_another_program(outcome)
+        if isinstance(outcome, Finished):
+            record, task = outcome.record, outcome.task
+            keep(record)
+            self._finished[task.row.label, task.number] = record
+            measures = record["measures"]
+            simulated_s = measures["wall_s"] * (measures["speed_up"] or 0.0)
+            progress.finished(task, measures["wall_s"], simulated_s)
+        elif isinstance(outcome, Failed):
+            self.failed.append(outcome)
+            progress.gone(outcome.task)
+            self.status.say(f"{outcome.task.name} failed: {outcome.why.strip().splitlines()[-1]}")
+        elif isinstance(outcome, Lost):
+            what = "it is begun again" if outcome.again else "given up"
+            if not outcome.again:
+                self.failed.append(outcome)
+                progress.gone(outcome.task)
+            self.status.say(
+                f"{outcome.task.name} lost its worker ({outcome.why}), "
+                f"{counted(outcome.tries, 'times')}; {what}"
+            )
+        elif isinstance(outcome, News):
+            self.status.say(outcome.text)
+
+
+def _of_another_program(outcome: Finished) -> Failed:
+    record = outcome.record
+    return Failed(
+        outcome.task,
+        f"made by another version of the program: {record['program']} on {record['machine']}, "
+        f"{program()} here; install the same one everywhere",
+    )
+
+
+def _told(progress: Progress) -> str:
+    minutes = progress.elapsed_s / 60
+    speed = progress.simulated_s / max(progress.elapsed_s, 1e-9)
+    return f"{counted(progress.done, 'runs')} in {minutes:.1f} min, {speed:,.0f} x real time"

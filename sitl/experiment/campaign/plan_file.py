@@ -1,0 +1,320 @@
+"""Reads experiment files: YAML, checked, each problem told with its place (docs/experiments.md)."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import GenericAlias
+from typing import Annotated, Any, Literal, get_type_hints
+
+from pydantic import BaseModel, Field, create_model
+
+from mocha_link.team.document import Document, DocumentError, Problem
+from sitl.experiment.campaign.plan import Experiment, Row, varied
+from sitl.experiment.campaign.shipped import (
+    UnknownPlaceError,
+    experiment_file,
+    mission_file,
+    town_file,
+)
+from sitl.experiment.campaign.wording import phrase
+from sitl.experiment.model.settings import ChannelKind, PlacedBy, ProtocolKind
+
+MOST_ROWS = 1000
+
+_Positive = Annotated[float, Field(gt=0, le=1e9)]
+_Share = Annotated[float, Field(ge=0, le=1e9)]
+_Level = Annotated[float, Field(ge=-300, le=300)]
+_Name = Annotated[
+    str,
+    Field(
+        pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$",
+        description="a short word of small letters, digits, - and _",
+    ),
+]
+
+
+_UNSET: Any = None
+"""The default of what may be left out, and may not be `null`."""
+
+
+class _Timers(BaseModel):
+    init_s: _Positive = _UNSET
+    explore_s: _Positive = _UNSET
+    search_s: _Positive = _UNSET
+    communicate_s: _Positive = _UNSET
+
+
+class _Paper(BaseModel):
+    header_rate_1_s: _Positive = _UNSET
+    data_rate_1_s: _Positive = _UNSET
+    end_rate_1_s: _Positive = _UNSET
+    cut: Literal["timeout", "hold", "drop"] = _UNSET
+    timeout_s: _Positive = _UNSET
+    order: Literal["fixed", "arrival", "random"] = _UNSET
+    pull_every_s: _Positive | None = _UNSET
+    piece: Literal["message", "frame"] = _UNSET
+
+
+class _PathLoss(BaseModel):
+    tx_power_dbm: _Level = _UNSET
+    reference_loss_db: _Share = _UNSET
+    path_loss_exponent: _Positive = _UNSET
+    ground_to_ground_loss_db: _Share = _UNSET
+    shadowing_db: _Share = _UNSET
+    shadowing_interval_s: _Positive = _UNSET
+    building_loss_db_m: _Share = _UNSET
+    most_building_db: _Share = _UNSET
+    trigger_dbm: _Level = _UNSET
+    hysteresis_db: _Share = _UNSET
+    carrier_dbm: _Level = _UNSET
+    rate_bytes_s: _Positive = _UNSET
+    least_rate_bytes_s: _Positive = _UNSET
+    round_trip_s: _Positive = _UNSET
+    pull_every_s: _Positive | None = _UNSET
+
+
+class _Trace(BaseModel):
+    path: str
+    trigger_dbm: _Level = _UNSET
+    rate_bytes_s: _Positive = _UNSET
+    round_trip_s: _Positive = _UNSET
+    pull_every_s: _Positive | None = _UNSET
+
+
+class _Explorer(BaseModel):
+    speed_m_s: _Positive = _UNSET
+    progress: Annotated[float, Field(gt=0, le=1)] = _UNSET
+    sight_m: _Positive = _UNSET
+    recognition_m: _Positive = _UNSET
+    same_goal_m: _Positive = _UNSET
+    arrival_m: _Positive = _UNSET
+    patience_s_m: _Positive = _UNSET
+    thinking_s: _Positive = _UNSET
+    idle: Literal["return", "explore"] = _UNSET
+    pose_interval_s: _Positive = _UNSET
+    reachability_interval_s: _Positive = _UNSET
+
+
+class SettingsModel(BaseModel):
+    """What a run is made of; the names and meanings are those of `settings.RunSettings`."""
+
+    town: str = _UNSET
+    mission: str = _UNSET
+    uavs: Annotated[int, Field(ge=0, le=50)] = _UNSET
+    ugvs: Annotated[int, Field(ge=0, le=200)] = _UNSET
+    base_station: bool = _UNSET
+    base_goals: list[str] = _UNSET
+    explorer: _Explorer = _UNSET
+    goals: PlacedBy = _UNSET
+    starts: PlacedBy = _UNSET
+    channel: ChannelKind = _UNSET
+    radius_m: _Positive = _UNSET
+    paper: _Paper = _UNSET
+    path_loss: _PathLoss = _UNSET
+    trace: _Trace = _UNSET
+    protocol: ProtocolKind = _UNSET
+    duration_s: _Positive = _UNSET
+    policy: Literal["round_robin", "freshest", "rendezvous"] = _UNSET
+    passive: bool = _UNSET
+    timers: _Timers = _UNSET
+    uav_speed_m_s: _Positive = _UNSET
+    uav_altitude_m: _Positive = _UNSET
+    uav_acceleration_m_s2: _Positive = _UNSET
+    uav_climb_m_s: _Positive = _UNSET
+    map_interval_s: _Positive = _UNSET
+    telemetry_s: _Positive = _UNSET
+    sample_s: _Positive = _UNSET
+
+
+class _RowModel(SettingsModel):
+    label: Annotated[str, Field(min_length=1, max_length=60)] = _UNSET
+
+
+_Axes: type[BaseModel] = create_model(
+    "_Axes",
+    **{  # type: ignore[call-overload]  # pydantic's own way to make models by name
+        name: (Annotated[GenericAlias(list, (kind,)), Field(min_length=1)], _UNSET)
+        for name, kind in get_type_hints(SettingsModel, include_extras=True).items()
+    },
+)
+
+
+class _Model(BaseModel):
+    name: _Name
+    title: str
+    question: str = ""
+    seeds: Annotated[int, Field(ge=1, le=100_000)] = 30
+    settings: SettingsModel = SettingsModel()
+    cross: _Axes | None = None  # type: ignore[valid-type]
+    rows: Annotated[list[_RowModel], Field(min_length=1)] | None = None
+    paired: list[str] = ["policy", "protocol", "passive"]
+
+
+def load_experiment(name: str) -> tuple[Experiment, Path]:
+    """Read an experiment by the name of a shipped one or by its file; also that file's path.
+
+    Raises:
+        UnknownPlaceError: there is no shipped experiment of this name.
+        DocumentError: the file is wrong; with all problems.
+    """
+    path = experiment_file(name)
+    document = Document.load(path)
+    model = document.parse(_Model)
+    return _Reading(document, model).experiment(), path
+
+
+@dataclass(slots=True)
+class _Reading:
+    """Turns a checked file into rows and collects what is wrong with them."""
+
+    document: Document
+    model: _Model
+
+    def experiment(self) -> Experiment:
+        problems = list(self._problems())
+        if problems:
+            raise DocumentError(problems)
+        model = self.model
+        shared = _plain(model.settings)
+        variants = list(self._variants())
+        rows = [_merged(shared, variant) for _, variant in variants]
+        for row in rows:
+            row.setdefault("town", "urban")
+        problems = [*self._file_problems(rows), *self._repeated(rows)]
+        if problems:
+            raise DocumentError(problems)
+        differing = varied(rows)
+        return Experiment(
+            name=model.name,
+            title=model.title,
+            question=" ".join(model.question.split()),
+            rows=tuple(
+                Row(label or _label(row, differing), {**row, "sources": self._sources(row)})
+                for (label, _), row in zip(variants, rows, strict=True)
+            ),
+            seeds=model.seeds,
+            paired=tuple(model.paired),
+            varied=differing,
+            folder=str(self.document.path.parent.absolute()),
+        )
+
+    def _problems(self) -> Iterator[Problem]:
+        model = self.model
+        if (model.cross is None) == (model.rows is None):
+            message = "write either 'rows' (a list) or 'cross' (lists of values to combine)"
+            yield self.document.problem(("rows",), message, "one-rows-key")
+        known = set(SettingsModel.model_fields)
+        for index, name in enumerate(model.paired):
+            if name not in known:
+                message = f"'{name}' is no setting; remove it"
+                yield self.document.problem(("paired", index), message, "unknown-word")
+        if model.cross is not None:
+            count = 1
+            for values in _plain(model.cross).values():
+                count *= len(values)
+            if count > MOST_ROWS:
+                message = f"{count} rows, at most {MOST_ROWS}; combine less"
+                yield self.document.problem(("cross",), message, "out-of-range")
+
+    def _variants(self) -> Iterator[tuple[str | None, dict[str, Any]]]:
+        if self.model.rows is not None:
+            for row in self.model.rows:
+                values = _plain(row)
+                yield values.pop("label", None), values
+        elif self.model.cross is not None:
+            values_of = _plain(self.model.cross)
+            axes = {key: values_of[key] for key in self.document.data["cross"]}
+            for values in itertools.product(*axes.values()):
+                yield None, dict(zip(axes, values, strict=True))
+
+    def _file_problems(self, rows: list[dict[str, Any]]) -> Iterator[Problem]:
+        told = set()
+        for index, row in enumerate(rows):
+            try:
+                files_of(row, self.document.path.parent)
+            except UnknownPlaceError as error:
+                keys = self._keys(index, error.key)
+                if (keys, str(error)) not in told:
+                    told.add((keys, str(error)))
+                    yield self.document.problem(keys, str(error), "no-such-file")
+            if row.get("channel") == "trace" and "path" not in row.get("trace", {}):
+                message = "'channel: trace' needs 'trace.path', the recorded links; add it"
+                yield self.document.problem(self._keys(index, "channel"), message, "missing-key")
+            elif "path" in row.get("trace", {}) and not self._trace(row).is_file():
+                message = f"there is no file {self._trace(row)}; correct the path"
+                yield self.document.problem(self._keys(index, "trace"), message, "no-such-file")
+
+    def _repeated(self, rows: list[dict[str, Any]]) -> Iterator[Problem]:
+        labels: dict[str, int] = {}
+        differing = varied(rows)
+        given = [label for label, _ in self._variants()]
+        for index, row in enumerate(rows):
+            label = given[index] or _label(row, differing)
+            if label in labels:
+                message = f"row {index + 1} is called '{label}' like row {labels[label]}; "
+                message += "remove it, or give it a label"
+                yield self.document.problem(self._keys(index, "label"), message, "same-name")
+            labels.setdefault(label, index + 1)
+
+    def _keys(self, index: int, key: str) -> tuple[str | int, ...]:
+        data = self.document.data
+        if self.model.rows is not None and key in {*data["rows"][index], "label"}:
+            return ("rows", index, key)
+        section = "cross" if key in (data.get("cross") or {}) else "settings"
+        return (section, key)
+
+    def _trace(self, row: Mapping[str, Any]) -> Path:
+        return self.document.path.parent / str(row["trace"]["path"])
+
+    def _sources(self, row: Mapping[str, Any]) -> dict[str, str]:
+        """What the files that a row names contain, as hashes: another content is another row."""
+        paths = files_of(row, self.document.path.parent)
+        return {key: content_hash(path) for key, path in paths.items()}
+
+
+def files_of(row: Mapping[str, Any], folder: Path) -> dict[str, Path]:
+    """The files that a row's settings name: town, mission (unless there is none), trace.
+
+    Raises:
+        UnknownPlaceError: the town or the mission is not there.
+    """
+    town = town_file(row["town"], folder)
+    mission = mission_file(row.get("mission"), town, folder)
+    paths = {"town": town, **({"mission": mission} if mission is not None else {})}
+    if "trace" in row:
+        paths["trace"] = folder / str(row["trace"]["path"])
+    return paths
+
+
+def content_hash(path: Path) -> str:
+    """Sixteen hexadecimal digits that change with a file's content."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+def _plain(model: BaseModel) -> dict[str, Any]:
+    return model.model_dump(exclude_unset=True)
+
+
+def _merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings with some replaced; what is a mapping in both is merged."""
+    merged = dict(shared)
+    for key, value in own.items():
+        before = merged.get(key)
+        both = isinstance(before, Mapping) and isinstance(value, Mapping)
+        merged[key] = _merged(before, value) if both else value  # type: ignore[arg-type]
+    return merged
+
+
+def _label(row: Mapping[str, Any], differing: tuple[str, ...]) -> str:
+    """A row's name from the settings in which it differs from others."""
+    return ", ".join(_named(key, row.get(key, "default")) for key in differing) or "all"
+
+
+def _named(key: str, value: Any) -> str:
+    if isinstance(value, bool):
+        return (key if value else f"not {key}").replace("_", " ")
+    return f"{phrase(key, value)} m" if key == "radius_m" else phrase(key, value)

@@ -1,0 +1,1 @@
+"""Radio channels, one model each behind one port."""

@@ -1,0 +1,145 @@
+"""A radio as robots have it: power that falls with distance, fades, and is lost in buildings.
+
+Contact begins and ends by received power, the rate follows from it, and transmissions far enough
+apart do not disturb each other. `sitl.world.radio` has the model of the power itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from geo.grid import Terrain
+from mocha_link.node.gossip import TIMEOUT_S
+from sitl.experiment.channels.channel import Change, Link, Load, Places
+from sitl.experiment.model.settings import PathLossModel
+from sitl.experiment.towns.town import Town
+from sitl.world.radio import Antenna, RadioModel
+from sitl.world.terrain import Raster
+
+FULL_RATE_DB: Final = 30.0
+"""So much above the trigger a link carries all that it can."""
+
+_ROOF_M: Final = 25.0
+"""Antennas higher than this look over the buildings."""
+
+_LOOK_S: Final = 1.0
+_SAMPLE_M: Final = 1.0
+
+
+class PathLossChannel:
+    """Who hears whom in a town, and how well.
+
+    Args:
+        model: Powers and rates.
+        town: Its buildings.
+        names: Of the robots, in the order of their numbers.
+        seed: Makes the fading.
+    """
+
+    patience_s = TIMEOUT_S
+    frame_by_frame = True
+
+    def __init__(self, model: PathLossModel, town: Town, names: Sequence[str], seed: int) -> None:
+        self.pull_every_s = model.pull_every_s
+        self._model = model
+        self._names = names
+        self._buildings = _Buildings(town.raster, model.building_loss_db_m, model.most_building_db)
+        self._radio = RadioModel(
+            tx_power_dbm=model.tx_power_dbm,
+            reference_loss_db=model.reference_loss_db,
+            path_loss_exponent=model.path_loss_exponent,
+            ground_to_ground_loss_db=model.ground_to_ground_loss_db,
+            shadowing_db=model.shadowing_db,
+            shadowing_interval_s=model.shadowing_interval_s,
+            sensitivity_dbm=min(model.carrier_dbm, model.trigger_dbm - model.hysteresis_db),
+            seed=seed,
+        )
+        self._farthest_m = self._radio.longest_range_m()
+        self._rssi_dbm: dict[tuple[int, int], float] = {}
+        self._hears: list[set[int]] = [{number} for number in range(len(names))]
+        self._up: set[tuple[int, int]] = set()
+        self._look_at_s = 0.0
+
+    def look(self, now_s: float, places: Places) -> list[Change]:
+        """What the radios hear now, once a second."""
+        if now_s < self._look_at_s:
+            return []
+        self._look_at_s = now_s + _LOOK_S
+        self._measure(now_s, places)
+        model, changes = self._model, []
+        for pair in combinations(range(len(self._names)), 2):
+            least_dbm = model.trigger_dbm - (model.hysteresis_db if pair in self._up else 0.0)
+            up = self._rssi_dbm.get(pair, -np.inf) >= least_dbm
+            if up != (pair in self._up):
+                self._up ^= {pair}
+                changes.append(Change(*pair, up))
+        return changes
+
+    def duration_s(self, link: Link, load: Load, now_s: float) -> float:  # noqa: ARG002 - a port's
+        """Round trips, and the bytes at the rate that the power allows."""
+        model = self._model
+        rssi_dbm = self._rssi_dbm.get((min(link), max(link)), model.trigger_dbm)
+        share = min(max((rssi_dbm - model.trigger_dbm) / FULL_RATE_DB, 0.0), 1.0)
+        rate = model.least_rate_bytes_s + share * (model.rate_bytes_s - model.least_rate_bytes_s)
+        return load.round_trips * model.round_trip_s + load.size / rate
+
+    def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
+        """Who has waited longest."""
+        return (ready_s, *link)
+
+    def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
+        """The first that disturbs nobody and is not disturbed."""
+        deaf = {number for link in busy for each in link for number in self._hears[each]}
+        for place, (asking, answering) in enumerate(waiting):
+            if asking not in deaf and answering not in deaf:
+                return place
+        return None
+
+    def _measure(self, now_s: float, places: Places) -> None:
+        away_m = np.sqrt(((places[:, None] - places) ** 2).sum(axis=2))
+        antennas = [
+            Antenna(float(east), float(north), float(up), on_ground=up < _ROOF_M)
+            for east, north, up in places
+        ]
+        self._rssi_dbm.clear()
+        self._hears = [{number} for number in range(len(self._names))]
+        for row in np.argwhere(np.triu(away_m <= self._farthest_m, 1)):
+            a, b = int(row[0]), int(row[1])
+            rssi_dbm = self._radio.rssi_dbm(
+                self._names[a], antennas[a], self._names[b], antennas[b], now_s
+            )
+            if rssi_dbm < self._radio.sensitivity_dbm:
+                continue
+            if antennas[a].on_ground and antennas[b].on_ground:
+                rssi_dbm -= self._buildings.loss_db(places[a], places[b])
+            self._rssi_dbm[a, b] = round(rssi_dbm, 6)
+            if rssi_dbm >= self._model.carrier_dbm:
+                self._hears[a].add(b)
+                self._hears[b].add(a)
+
+
+class _Buildings:
+    """What a straight line through the town loses in buildings."""
+
+    def __init__(self, raster: Raster, loss_db_m: float, most_db: float) -> None:
+        self._inside = raster.cells == Terrain.BUILDING
+        self._raster = raster
+        self._loss_db_m = loss_db_m
+        self._most_db = most_db
+
+    def loss_db(self, start: Places, end: Places) -> float:
+        """Metres of building between two places, and what they cost."""
+        east_m, north_m = end[0] - start[0], end[1] - start[1]
+        count = max(2, int(np.hypot(east_m, north_m) / _SAMPLE_M))
+        along = (np.arange(count) + 0.5) / count
+        raster = self._raster
+        columns = ((start[0] + along * east_m - raster.west_m) / raster.resolution_m).astype(int)
+        rows = ((start[1] + along * north_m - raster.south_m) / raster.resolution_m).astype(int)
+        height, width = self._inside.shape
+        within = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        hits = np.count_nonzero(self._inside[rows[within], columns[within]])
+        return float(min(self._most_db, self._loss_db_m * hits * _SAMPLE_M))

@@ -1,0 +1,1 @@
+"""One run in simulated time, and what it amounts to."""

@@ -1,0 +1,355 @@
+"""What is on the air: exchanges between nodes wait for the channel, cross it, and are cut.
+
+The nodes decide what they say; the channel's model decides who is in contact, whose turn it is,
+and how long it takes. This carries it out.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import insort
+from collections.abc import Sequence
+from functools import partial
+from typing import Final
+
+from mocha_link.node.actions import Action, Dial, HangUp, Reply, Send
+from mocha_link.store.header import Header
+from mocha_link.sync.protocol import ACK, CODE_BYTES, ID_BYTES, SYNC1
+from sitl.experiment.channels.channel import Change, Channel, Link, Load, Places, Stage
+from sitl.experiment.engine.airtime import Account, ContactRow
+from sitl.experiment.engine.exchange import (
+    Exchange,
+    code_of,
+    finished_in,
+    is_data,
+    needs_turn,
+    size_of,
+    stage_of,
+)
+from sitl.experiment.model.event_queue import Agenda
+from sitl.experiment.robots.node import Node
+
+_REQUEST_TRIPS: Final = 4
+"""Round trips of a request of an original node: it makes a new connection for each (measured)."""
+
+_OPENING_TRIPS: Final = 2
+"""Round trips until our node has its first answer on a new connection (docs/protocol.md)."""
+
+
+class Air:
+    """Connects the nodes of a run.
+
+    Args:
+        nodes: In the order of their numbers.
+        account: Keeps the account of it.
+    """
+
+    def __init__(
+        self,
+        agenda: Agenda,
+        channel: Channel,
+        nodes: Sequence[Node],
+        account: Account,
+    ) -> None:
+        self._agenda = agenda
+        self._channel = channel
+        self._nodes = nodes
+        self._numbers = {node.name: node.number for node in nodes}
+        self._account = account
+        self._contacts: dict[tuple[int, int], float] = {}  # since when
+        self._exchanges: dict[Link, Exchange] = {}
+        self._pulled_s: dict[Link, float] = {}
+        self._waiting: list[tuple[tuple[float, ...], int, Exchange]] = []
+        self._busy: list[Link] = []
+        self._count = 0
+        self._replies: list[bytes] = []
+
+    @property
+    def open(self) -> int:
+        """Pulls that are under way or wait."""
+        return len(self._exchanges)
+
+    def lasting(self) -> list[ContactRow]:
+        """Contacts that have not ended."""
+        now_s = self._agenda.now_s
+        return [(began_s, now_s, *pair) for pair, began_s in self._contacts.items()]
+
+    def look(self, places: Places) -> None:
+        """Robots have moved: contacts begin and end."""
+        for change in self._channel.look(self._agenda.now_s, places):
+            if change.up:
+                self._meet(change)
+            else:
+                self._part(change)
+        every_s = self._channel.pull_every_s
+        if every_s is not None:
+            due_s = self._agenda.now_s - every_s
+            for a, b in self._contacts:
+                for link in (Link(a, b), Link(b, a)):
+                    if self._pulled_s[link] <= due_s and link not in self._exchanges:
+                        self._pull(link)
+        self._grant()
+
+    def _meet(self, change: Change) -> None:
+        a, b, _ = change
+        self._contacts[a, b] = self._agenda.now_s
+        self._tell_contact(a, b, self._agenda.now_s, up=True)
+        for link in (Link(a, b), Link(b, a)):
+            exchange = self._exchanges.get(link)
+            if exchange is None:
+                self._pull(link)
+            else:
+                exchange.again, exchange.parting = True, 0
+                self._arm(exchange)
+
+    def _part(self, change: Change) -> None:
+        a, b, _ = change
+        began_s = self._contacts.pop((a, b))
+        self._account.parted((began_s, self._agenda.now_s, a, b))
+        self._tell_contact(a, b, began_s, up=False)
+        for link in (Link(a, b), Link(b, a)):
+            exchange = self._exchanges.get(link)
+            if exchange is None:
+                continue
+            self._withdraw(exchange)
+            exchange.again = False
+            self._count += 1
+            exchange.parting = self._count
+            patience_s = self._channel.patience_s
+            if patience_s == 0:
+                self._give_up(exchange)
+            elif patience_s < math.inf:
+                self._agenda.after(patience_s, partial(self._lose, exchange, self._count))
+
+    def _tell_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
+        self._nodes[a].contact(self._nodes[b].name, began_s, up=up)
+        self._nodes[b].contact(self._nodes[a].name, began_s, up=up)
+
+    def _lose(self, exchange: Exchange, parting: int) -> None:
+        """Patience is over, unless contact came back meanwhile."""
+        if exchange.parting == parting and not exchange.over:
+            self._give_up(exchange)
+
+    def _give_up(self, exchange: Exchange) -> None:
+        node = self._nodes[exchange.link.asking]
+        node.gossip.lost(self._nodes[exchange.link.answering].name, "out of reach", node.now)
+        self._settle(node)
+
+    def _in_contact(self, link: Link) -> bool:
+        return (min(link), max(link)) in self._contacts
+
+    def _pull(self, link: Link) -> None:
+        self._pulled_s[link] = self._agenda.now_s
+        node = self._nodes[link.asking]
+        node.refresh()  # what it has to say itself belongs to what it has
+        node.gossip.sync(self._nodes[link.answering].name, node.now)
+        self._settle(node)
+
+    # Turns.
+
+    def _arm(self, exchange: Exchange) -> None:
+        """Have an exchange wait for the channel if it has something to send."""
+        link = exchange.link
+        if exchange.over or exchange.start_s is not None or not self._in_contact(link):
+            return
+        while exchange.asked and not any(map(needs_turn, exchange.asked)):
+            self._ask(exchange, exchange.asked.popleft())
+            if exchange.over:
+                return
+        if not (exchange.asked or exchange.load or self._supplies(exchange)):
+            return
+        if exchange.ready_s is None:
+            exchange.ready_s = self._agenda.now_s
+        if exchange.turn is None:
+            self._count += 1
+            turn = self._channel.turn(link, exchange.ready_s)
+            exchange.turn = (turn, self._count)
+            insort(self._waiting, (turn, self._count, exchange))
+
+    def _supplies(self, exchange: Exchange) -> bool:
+        """Whether the answering node may have frames for it."""
+        answering = self._nodes[exchange.link.answering].gossip
+        name = self._nodes[exchange.link.asking].name
+        return not exchange.dry and answering.route(name) == exchange.route
+
+    def _withdraw(self, exchange: Exchange) -> None:
+        """Contact is lost, or the exchange is over: off the air, and out of the queue."""
+        if exchange.turn is not None:
+            self._waiting.remove((*exchange.turn, exchange))
+            exchange.turn = None
+        if exchange.start_s is not None:
+            now_s = self._agenda.now_s
+            part = (now_s - exchange.start_s) / max(exchange.end_s - exchange.start_s, 1e-9)
+            self._account.sent(exchange, now_s, part)
+            self._busy.remove(exchange.link)
+            exchange.start_s = None
+
+    def _grant(self) -> None:
+        """Let those begin whose turn it is."""
+        while self._waiting:
+            place = self._channel.pick((each[2].link for each in self._waiting), self._busy)
+            if place is None:
+                return
+            exchange = self._waiting.pop(place)[2]
+            exchange.turn = None
+            self._begin(exchange)
+
+    def _begin(self, exchange: Exchange) -> None:
+        if exchange.load is None:
+            exchange.load = self._load(exchange)
+        if exchange.load is None:  # nothing that takes time
+            exchange.ready_s = None
+            self._hand_over(exchange)
+            self._arm(exchange)
+            return
+        now_s = self._agenda.now_s
+        took_s = self._channel.duration_s(exchange.link, exchange.load, now_s)
+        exchange.start_s = now_s
+        exchange.end_s = now_s + took_s
+        self._busy.append(exchange.link)
+
+        def end() -> None:
+            if exchange.start_s == now_s:  # it was not cut meanwhile
+                self._end(exchange)
+
+        self._agenda.at(exchange.end_s, end)
+
+    def _load(self, exchange: Exchange) -> Load | None:
+        """What an exchange whose turn it is sends; None: nothing that takes time."""
+        answering = self._nodes[exchange.link.answering]
+        if exchange.asked:
+            request = exchange.asked[0]
+            stage = stage_of(request)
+            if stage is Stage.HEADER:
+                answering.refresh()
+                self._settle(answering)
+            if code_of(request) == SYNC1 or exchange.opened:
+                return Load(Stage.HEADER, 0, sum(map(len, exchange.asked)), _OPENING_TRIPS)
+            messages = int(stage is Stage.DATA)
+            size = len(request) + self._reply_size(answering, request)
+            return Load(stage, messages, size, _REQUEST_TRIPS)
+        answering.refresh()
+        self._settle(answering)
+        name = self._nodes[exchange.link.asking].name
+        messages = size = 0
+        data = False
+        while not messages or not data:
+            supplied = answering.gossip.supply(name)
+            if supplied is None:
+                exchange.dry = True
+                break
+            exchange.supplied.append(supplied[1])
+            size += size_of(supplied[1])
+            if is_data(supplied[1]):
+                data = True
+                messages += finished_in(supplied[1])
+                if self._channel.frame_by_frame:
+                    break
+        return Load(Stage.DATA, messages, size, 0) if data else None
+
+    @staticmethod
+    def _reply_size(node: Node, request: bytes) -> int:
+        """Bytes of the reply that an original request gets, as things stand."""
+        database, argument = node.gossip.database, request[ID_BYTES + CODE_BYTES :]
+        match stage_of(request):
+            case Stage.HEADER:
+                return ID_BYTES + len(database.header_list())
+            case Stage.DATA:
+                record = database.get(Header.parse(argument))
+                return ID_BYTES + (len(record.body) if record else 0)
+            case Stage.END:
+                return ID_BYTES + len(ACK)
+
+    # Transmissions.
+
+    def _end(self, exchange: Exchange) -> None:
+        self._account.sent(exchange, self._agenda.now_s)
+        self._busy.remove(exchange.link)
+        exchange.start_s = exchange.ready_s = exchange.load = None
+        if exchange.supplied:
+            self._hand_over(exchange)
+        elif code_of(exchange.asked[0]) == SYNC1 or exchange.opened:
+            exchange.opened = True
+            while exchange.asked and not exchange.over:
+                self._ask(exchange, exchange.asked.popleft())
+            self._greet(exchange)
+        else:
+            self._ask(exchange, exchange.asked.popleft())
+        self._arm(exchange)
+        self._grant()
+
+    def _hand_over(self, exchange: Exchange) -> None:
+        """Frames of data arrive."""
+        for parts in exchange.supplied:
+            self._answer(exchange, parts)
+        exchange.supplied.clear()
+
+    def _greet(self, exchange: Exchange) -> None:
+        """What the other node says to an opening comes along with it."""
+        link = exchange.link
+        supplied = self._nodes[link.answering].gossip.supply(self._nodes[link.asking].name)
+        if supplied is not None:
+            self._answer(exchange, supplied[1])
+
+    def _ask(self, exchange: Exchange, request: bytes) -> None:
+        """A request arrives, and what is answered at once comes back."""
+        answering = self._nodes[exchange.link.answering]
+        asking = self._nodes[exchange.link.asking]
+        exchange.dry = False
+        answering.gossip.request(asking.name, exchange.route, [request], answering.now)
+        self._settle(answering)
+        replies, self._replies = self._replies, []
+        for reply in replies:
+            self._answer(exchange, [reply])
+
+    def _answer(self, exchange: Exchange, parts: Sequence[bytes | memoryview]) -> None:
+        """A frame arrives at the asking node, unless it has hung up."""
+        if not exchange.over:
+            asking = self._nodes[exchange.link.asking]
+            peer = self._nodes[exchange.link.answering].name
+            asking.gossip.reply(peer, parts, asking.now)
+            self._settle(asking)
+
+    # Nodes.
+
+    def settle(self) -> None:
+        """Carry out what robots have had their nodes do by themselves."""
+        for node in self._nodes:
+            self._settle(node)
+
+    def _settle(self, node: Node) -> None:
+        more = True
+        while more:
+            actions, more = node.take()
+            for action in actions:
+                self._do(node, action)
+                more = True
+
+    def _do(self, node: Node, action: Action) -> None:
+        if isinstance(action, Reply):
+            self._replies.append(action.frame)
+            return
+        link = Link(node.number, self._numbers[action.peer])
+        if isinstance(action, Dial):
+            self._count += 1
+            self._exchanges[link] = Exchange(link, (self._count.to_bytes(8),))
+            return
+        exchange = self._exchanges[link]
+        if isinstance(action, Send):
+            exchange.asked.append(action.frame)
+            self._arm(exchange)
+        elif isinstance(action, HangUp):
+            self._hang_up(exchange, void=action.void)
+
+    def _hang_up(self, exchange: Exchange, *, void: bool) -> None:
+        self._withdraw(exchange)
+        exchange.over = True
+        del self._exchanges[exchange.link]
+        self._account.pulled(broken=void)
+        if exchange.again and self._in_contact(exchange.link):
+            self._agenda.at(self._agenda.now_s, lambda: self._pull_again(exchange.link))
+
+    def _pull_again(self, link: Link) -> None:
+        if link not in self._exchanges and self._in_contact(link):
+            self._pull(link)
+            self._grant()

@@ -1,0 +1,254 @@
+"""One run of an experiment: a town full of robots in simulated time, from its settings and a seed.
+
+    result = run(settings, seed)
+
+Nothing here reads a clock to decide anything, nothing depends on the order of a set or a hash, and
+all chance comes from the seed. The same seed gives the same event log on another machine as far as
+both round alike: floats are IEEE 754 doubles everywhere; what logarithms and the functions of
+angles of another C library may give differently in the last bit is rounded away (times to a
+microsecond, positions to a millimetre) before anything is decided by it.
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from air_router.controller.motion.navigator import REACTION_S
+from geo.frame import Point
+from mocha_link.links.link_events import LinkEvent, MessageStored
+from sitl.experiment.channels.by_name import channel_of
+from sitl.experiment.engine.airtime import Account
+from sitl.experiment.engine.channel_sim import Air
+from sitl.experiment.engine.result import GoalVisit, RunResult
+from sitl.experiment.engine.samples import Samples
+from sitl.experiment.model.event_log import EventLog
+from sitl.experiment.model.event_queue import Agenda
+from sitl.experiment.model.settings import RunSettings
+from sitl.experiment.robots.base_station import BaseStation
+from sitl.experiment.robots.explorer import GroundRobot
+from sitl.experiment.robots.fleet import crowd_of
+from sitl.experiment.robots.node import Node
+from sitl.experiment.robots.scenery import Scenery, scenery_of
+from sitl.experiment.robots.uav import COMMAND_S, Uav, controllers_of
+from sitl.experiment.towns.town import Town
+from sitl.experiment.towns.town_generator import drawn_starts, scatter
+
+GROUND_S: Final = 1.0
+"""Ground robots drive and think in steps of this."""
+
+GROUND_ANTENNA_M: Final = 0.5
+
+MOST_TELEMETRY_S: Final = REACTION_S - COMMAND_S
+"""A motion that is on its way to the vehicle for `COMMAND_S` would be from too old a position."""
+
+
+def run(settings: RunSettings, seed: int) -> RunResult:
+    """Make one run.
+
+    Args:
+        settings: The team, the channel, the protocol.
+        seed: All chance follows from it.
+
+    Raises:
+        AirRouterError: files of the settings are not what they should be.
+        ValueError: settings that no run can be made of; the message says which.
+    """
+    return Run(settings, seed).finish()
+
+
+class Run:
+    """A run under way."""
+
+    def __init__(self, settings: RunSettings, seed: int) -> None:
+        self._began = time.perf_counter(), time.process_time()
+        _check(settings)
+        self._settings = settings
+        self._seed = seed
+        self.agenda = Agenda()
+        self._scenery = self._as_seeded(scenery_of(settings))
+        self.log = EventLog(self.agenda, keep=settings.keep_log)
+        self.crowd = crowd_of(
+            settings.uavs,
+            settings.ugvs,
+            base=settings.base_station,
+            original=settings.protocol == "original",
+        )
+        self.names = self.crowd.names
+        self._numbers = {name: number for number, name in enumerate(self.names)}
+        self.robots = self._ground_robots()
+        self.uavs = self._uavs()
+        self.nodes = [self._node(number, name) for number, name in enumerate(self.names)]
+        for uav in self.uavs:
+            uav.node = self.nodes[self._numbers[uav.name]]
+        self._places = np.zeros((len(self.names), 3))
+        self._places[:, :2] = self.town.home
+        self._places[:, 2] = GROUND_ANTENNA_M
+        for uav in self.uavs:
+            self._locate(uav)
+        for name, robot in self.robots.items():
+            self._places[self._numbers[name], :2] = robot.position
+        self._travelled_m = np.zeros(len(self.names))
+        channel = channel_of(settings, self.town, self.names, seed)
+        self.account = Account(self.log.sent)
+        self.air = Air(self.agenda, channel, self.nodes, self.account)
+        self.samples = Samples(self.nodes, [self._numbers[uav.name] for uav in self.uavs])
+        self._goals: dict[str, GoalVisit] = {}
+        self._counted = dict.fromkeys(self.crowd.ugvs, 0)
+        self._ground_at_s = 0.0
+
+    def finish(self) -> RunResult:
+        """Let it run to its end."""
+        settings, agenda = self._settings, self.agenda
+        agenda.every(settings.telemetry_s, self._tick)
+        agenda.every(settings.sample_s, self._sample)
+        agenda.run(settings.duration_s)
+        wall_s, cpu_s = self._began
+        return RunResult(
+            seed=self._seed,
+            robots=self.names,
+            kinds=self.crowd.kinds,
+            travelled_m=tuple(self._travelled_m.tolist()),
+            goals_total=len(self.town.goals),
+            goal_places=tuple((goal.id, goal.position) for goal in self.town.goals),
+            goals=tuple(sorted(self._goals.values(), key=lambda v: (v.time_s, v.goal))),
+            transmissions=self.account.transmissions(),
+            contacts=self.account.contacts(self.air.lasting()),
+            exchanges_complete=self.account.complete,
+            exchanges_broken=self.account.broken,
+            exchanges_open=self.air.open,
+            sample_times_s=self.samples.times_s,
+            positions_m=self.samples.positions_m,
+            pose_age_s=self.samples.pose_age_s,
+            map_age_s=self.samples.map_age_s,
+            known_share=self.samples.known_share,
+            states=tuple((uav.name, *state) for uav in self.uavs for state in uav.states),
+            decisions=self.log.actions,
+            digest=self.log.digest,
+            log=self.log.lines,
+            wall_s=time.perf_counter() - wall_s,
+            cpu_s=time.process_time() - cpu_s,
+        )
+
+    @property
+    def town(self) -> Town:
+        """Where it happens."""
+        return self._scenery.town
+
+    # Who takes part.
+
+    def _as_seeded(self, scenery: Scenery) -> Scenery:
+        """With the vehicles elsewhere, if the settings say so; no route depends on them."""
+        if self._settings.goals == "town":
+            return scenery
+        town = scatter(scenery.town, self._seed, len(scenery.town.goals))
+        return replace(scenery, town=town)
+
+    def _ground_robots(self) -> dict[str, GroundRobot]:
+        town = self.town
+        count = len(self.crowd.ugvs)
+        seeded = self._settings.starts == "seed"
+        starts = drawn_starts(town, self._seed, count) if seeded else _starts(town, count)
+        return {
+            name: GroundRobot(
+                name, town, _seed_of(self._seed, name), start, self._settings.explorer
+            )
+            for name, start in zip(self.crowd.ugvs, starts, strict=True)
+        }
+
+    def _uavs(self) -> list[Uav]:
+        controllers = controllers_of(self.crowd, self._scenery, self._settings)
+        return [
+            Uav(name, self._scenery, self._settings, self.agenda, self.log, controller)
+            for name, controller in controllers.items()
+        ]
+
+    def _node(self, number: int, name: str) -> Node:
+        publish: Callable[[], list[tuple[str, bytes]]]
+        hear: Callable[[LinkEvent], None]
+        uav = next((each for each in self.uavs if each.name == name), None)
+        if uav is not None:
+            publish, hear = uav.say, uav.hear
+        elif name in self.robots:
+            publish, hear = self.robots[name].outbox, self._ear(name)
+        else:
+            station = BaseStation(self.town, self._settings.base_goals, self.agenda)
+            publish, hear = station.say, _deaf
+        return Node(number, name, self.crowd.team, self.agenda, publish=publish, hear=hear)
+
+    def _ear(self, name: str) -> Callable[[LinkEvent], None]:
+        """What a ground robot does with what happens on its links."""
+        robot, number = self.robots[name], self._numbers[name]
+
+        def hear(event: LinkEvent) -> None:
+            if isinstance(event, MessageStored) and event.robot != name:
+                data = self.nodes[number].data_of(event)
+                robot.take(event.robot, event.topic, data, self.agenda.now_s)
+
+        return hear
+
+    # What happens.
+
+    def _tick(self) -> None:
+        now_s = self.agenda.now_s
+        before = self._places[:, :2].copy()
+        for uav in self.uavs:
+            uav.tick()
+            self._locate(uav)
+        if now_s >= self._ground_at_s:
+            self._ground_at_s += GROUND_S
+            for name, robot in self.robots.items():
+                robot.step(now_s)
+                self._places[self._numbers[name], :2] = robot.position
+                self._count_goals(name, robot)
+        self._travelled_m += np.sqrt(((self._places[:, :2] - before) ** 2).sum(axis=1))
+        self.air.settle()
+        self.air.look(self._places)
+
+    def _locate(self, uav: Uav) -> None:
+        self._places[self._numbers[uav.name]] = (
+            *uav.flyer.position,
+            max(uav.flyer.altitude_m, GROUND_ANTENNA_M),
+        )
+
+    def _count_goals(self, name: str, robot: GroundRobot) -> None:
+        for visit in robot.visited[self._counted[name] :]:
+            if visit.goal not in self._goals:
+                self._goals[visit.goal] = GoalVisit(visit.goal, visit.time_s, name)
+                self.log.goal(visit.goal, name)
+        self._counted[name] = len(robot.visited)
+
+    def _sample(self) -> None:
+        known_share = self.uavs[0].painter.known_share if self.uavs else 0.0
+        self.samples.take(self.agenda.now_s, self._places, known_share)
+
+
+def _check(settings: RunSettings) -> None:
+    if settings.uavs + settings.ugvs + settings.base_station == 0:
+        raise ValueError("nobody takes part; say uavs, ugvs or base_station")
+    if not 0 < settings.telemetry_s <= MOST_TELEMETRY_S:
+        raise ValueError(
+            f"telemetry_s of {settings.telemetry_s:g}; nothing is commanded from positions older "
+            f"than {MOST_TELEMETRY_S:g} s"
+        )
+
+
+def _deaf(_event: LinkEvent) -> None:
+    """Nothing that happens on its links matters to a base station."""
+
+
+def _seed_of(seed: int, name: str) -> int:
+    """A seed of its own for one robot."""
+    return random.Random(f"{seed} {name}").getrandbits(62)  # noqa: S311 - repeatable on purpose
+
+
+def _starts(town: Town, count: int) -> list[Point]:
+    """Where robots start: at the town's places in their order, over again if there are too few."""
+    if not town.starts:
+        raise ValueError(f"{town.name} has no place where a ground robot could start")
+    return [town.starts[number % len(town.starts)] for number in range(count)]

@@ -1,0 +1,182 @@
+"""What the figures share: colours that everybody can tell apart, panels, titles, legends.
+
+The colours are those of M. Okabe and K. Ito; lines that differ in one setting more differ in their
+dashes too, so the figures can be read in black and white.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from air_router.errors import PictureError
+from sitl.experiment.campaign.plan import Experiment, Row
+from sitl.experiment.campaign.wording import words
+from sitl.experiment.campaign.worker_pool import Record
+
+try:
+    import matplotlib as mpl
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+except ImportError as error:
+    raise PictureError(
+        "figures need matplotlib, which is not installed; pip install 'air-router[experiments]'"
+    ) from error
+
+INK, FAINT, GRID = "#30363d", "#7b838b", "#e3e5e8"
+COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+DASHES: Final[tuple[Any, ...]] = ("-", (0, (4, 1.6)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
+_DPI: Final = 140
+_MOST_LINES: Final = 9
+_MOST_EXAMPLES: Final = 4
+
+_STYLE: Final[dict[Any, Any]] = {
+    "font.size": 8.5,
+    "axes.titlesize": 9.5,
+    "axes.labelsize": 8.5,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
+    "text.color": INK,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """Some rows of an experiment that are drawn into the same axes."""
+
+    title: str
+    rows: tuple[Row, ...]
+    labels: tuple[str, ...]
+
+
+def panels(experiment: Experiment, records: Sequence[Record]) -> list[Panel]:
+    """The rows that have runs, put into panels by their first settings, at most nine lines each."""
+    labels = {record["row"] for record in records}
+    rows = [row for row in experiment.rows if row.label in labels]
+    keys = list(experiment.varied)
+    outer: list[str] = []
+    while keys[:-1] and _largest(rows, outer) > _MOST_LINES:
+        outer.append(keys.pop(0))
+    if not outer and len(keys) > 2 and len(rows) > 4:
+        outer.append(keys.pop(0))
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(words(row.settings, outer), []).append(row)
+    return [
+        Panel(
+            title or experiment.title,
+            tuple(group),
+            tuple(words(row.settings, keys) or row.label for row in group),
+        )
+        for title, group in groups.items()
+    ]
+
+
+def _largest(rows: Sequence[Row], keys: Sequence[str]) -> int:
+    counts: dict[str, int] = {}
+    for row in rows:
+        key = words(row.settings, keys)
+        counts[key] = counts.get(key, 0) + 1
+    return max(counts.values(), default=0)
+
+
+def styles(rows: Sequence[Row], keys: Sequence[str]) -> list[dict[str, Any]]:
+    """A colour and a dash for each line: the last setting chooses the colour, others the dash."""
+    last = keys[-1] if keys else ""
+    colours = list(dict.fromkeys(str(row.settings.get(last)) for row in rows))
+    dashes = list(dict.fromkeys(words(row.settings, keys[:-1]) for row in rows))
+    if len(rows) != len(set(rows)) or len(colours) == 1:
+        return [{"color": COLOURS[i % len(COLOURS)], "linestyle": "-"} for i in range(len(rows))]
+    return [
+        {
+            "color": COLOURS[colours.index(str(row.settings.get(last))) % len(COLOURS)],
+            "linestyle": DASHES[dashes.index(words(row.settings, keys[:-1])) % len(DASHES)],
+        }
+        for row in rows
+    ]
+
+
+def examples(experiment: Experiment, records: Sequence[Record]) -> list[Record]:
+    """The first runs of a few rows that are spread over the experiment."""
+    first: dict[str, Record] = {}
+    for record in records:
+        first.setdefault(record["row"], record)
+    found = [first[row.label] for row in experiment.rows if row.label in first]
+    if len(found) <= _MOST_EXAMPLES:
+        return found
+    last, steps = len(found) - 1, _MOST_EXAMPLES - 1
+    return [found[round(i * last / steps)] for i in range(_MOST_EXAMPLES)]
+
+
+def example_sheet(
+    experiment: Experiment,
+    records: Sequence[Record],
+    title: str,
+    subtitle: str,
+    *,
+    high: float = 2.7,
+) -> tuple[Figure, list[tuple[Axes, Record]]]:
+    """A figure with a panel for each example, under one title; and the first run of each."""
+    chosen = examples(experiment, records)
+    figure, axes = sheet(len(chosen), title, f"{experiment.title}; {subtitle}", high=high)
+    for one, run in zip(axes, chosen, strict=True):
+        one.set_title(run["row"], loc="left")
+    return figure, list(zip(axes, chosen, strict=True))
+
+
+def styled() -> AbstractContextManager[None]:
+    """Everything that is drawn within looks alike."""
+    return mpl.rc_context(_STYLE)
+
+
+def sheet(count: int, title: str, subtitle: str, *, high: float = 2.7) -> tuple[Figure, list[Axes]]:
+    """A figure with panels in up to two columns, under one title."""
+    columns = 1 if count == 1 else 2
+    figure, grid = panel_sheet(-(-count // columns), columns, title, subtitle, high=high)
+    axes = [one for row in grid for one in row]
+    for empty in axes[count:]:
+        empty.set_visible(False)
+    return figure, axes[:count]
+
+
+def panel_sheet(
+    rows: int, columns: int, title: str, subtitle: str, *, high: float = 2.4
+) -> tuple[Figure, list[list[Axes]]]:
+    """A figure with panels in rows and columns, under one title."""
+    tall = high * rows + 0.75
+    layout = ConstrainedLayoutEngine(rect=(0, 0, 1, 1 - 0.55 / tall))
+    figure = Figure(figsize=({1: 6.4, 2: 9.6}.get(columns, 10.8), tall), layout=layout)
+    figure.text(0.012, 1 - 0.08 / tall, title, va="top", fontsize=12, fontweight="bold")
+    figure.text(0.012, 1 - 0.32 / tall, subtitle, va="top", fontsize=8.5, color=FAINT)
+    grid = figure.subplots(rows, columns, squeeze=False)
+    return figure, [list(row) for row in grid]
+
+
+def runs_of(row: Row, records: Sequence[Record]) -> list[Record]:
+    """The runs of a row."""
+    return [record for record in records if record["row"] == row.label]
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; the name's ending chooses the format. Raises PictureError."""
+    try:
+        figure.savefig(path, dpi=_DPI, facecolor="white")
+    except (OSError, ValueError) as error:
+        raise PictureError(f"cannot write the figure {path}: {error}") from None

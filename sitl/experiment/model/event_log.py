@@ -1,0 +1,91 @@
+"""The event log of a run: everything that was decided on, and everything that was decided.
+
+One JSON object per line, in the order in which things happened:
+
+    {"t": 12.5, "uav": "uav01", "event": {...}}     a controller was told (see record.serialization)
+    {"t": 12.5, "uav": "uav01", "action": {...}}    what it asked for then
+        with "of": n, if it is a motion or what became of one: the n-th that was asked for
+    {"t": 12.5, "sent": [...]}                      a transmission ended: result.TRANSMISSION
+    {"t": 12.5, "goal": "g3", "robot": "ugv02"}     a robot reached a goal
+
+Its digest is the run's: the same seed gives the same log, whatever machine writes it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
+
+from air_router.controller.model.actions import Action, Motion
+from air_router.controller.model.events import CommandConfirmed, CommandFailed, Event
+from air_router.record import serialization as journal
+from sitl.experiment.model.event_queue import Agenda
+
+
+class EventLog:
+    """Writes the log of a run.
+
+    Args:
+        agenda: Tells the time.
+        keep: Keep the lines; otherwise only their digest.
+
+    Attributes:
+        actions: How many there were.
+    """
+
+    def __init__(self, agenda: Agenda, *, keep: bool) -> None:
+        self.actions = 0
+        self._agenda = agenda
+        self._keep = keep
+        self._lines: list[str] = []
+        self._motions: list[Motion] = []
+        self._digest = hashlib.sha256()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all lines so far, in hex."""
+        return self._digest.hexdigest()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """All lines so far, if they are kept."""
+        return tuple(self._lines)
+
+    def event(self, uav: str, event: Event) -> None:
+        """A controller is told."""
+        if isinstance(event, CommandConfirmed | CommandFailed):
+            self._write(uav=uav, event=journal.encode(event), of=self._number(event.action))
+        else:
+            self._write(uav=uav, event=journal.encode(event))
+
+    def action(self, uav: str, action: Action) -> None:
+        """A controller asks for something."""
+        self.actions += 1
+        if isinstance(action, Motion):
+            self._motions.append(action)
+            self._write(uav=uav, action=journal.encode(action), of=self._number(action))
+        else:
+            self._write(uav=uav, action=journal.encode(action))
+
+    def sent(self, row: tuple[Any, ...]) -> None:
+        """A transmission ended."""
+        self._write(sent=row)
+
+    def goal(self, goal: str, robot: str) -> None:
+        """A robot reached a goal."""
+        self._write(goal=goal, robot=robot)
+
+    def _number(self, motion: Motion) -> int:
+        """Which one it is: there may be several alike."""
+        for number in range(len(self._motions) - 1, -1, -1):
+            if self._motions[number] is motion:
+                return number
+        raise AssertionError(f"{motion} was not asked for")
+
+    def _write(self, **fields: Any) -> None:
+        line = json.dumps({"t": self._agenda.now_s, **fields}, separators=(",", ":"))
+        self._digest.update(line.encode())
+        self._digest.update(b"\n")
+        if self._keep:
+            self._lines.append(line)

@@ -1,0 +1,242 @@
+"""What one simulated run is made of: the team, the channel, the protocol, and every reading.
+
+A reading is a choice where the paper's text leaves one. Each has one default for all rows; how the
+defaults came about is told in docs/experiments.md. An experiment that takes another one says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from air_router.files.settings import DEFAULT_SEEK_POLICY, SeekPolicy, Timers
+
+ChannelKind = Literal["paper", "path_loss", "trace"]
+"""`paper`: one transmission at a time anywhere, random latencies per stage, contact by radius.
+`path_loss`: received power, a rate that follows from it, and spatial reuse.
+`trace`: contacts and rates as they were recorded."""
+
+ProtocolKind = Literal["original", "ours"]
+"""`original`: one request at a time (GHEAD, a GDATA per message, DENDT), as MOCHA does.
+`ours`: the sync between two nodes of `mocha_link`."""
+
+PlacedBy = Literal["town", "seed"]
+"""Whether places are those of the town's file, or others in every run."""
+
+SIMULATION_TIMERS: Final = Timers(init_s=150.0, explore_s=60.0, search_s=5.0, communicate_s=30.0)
+"""The timers of the authors' simulated experiments."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperModel:
+    """The paper's transmission model, and how its text is read.
+
+    Each stage of an exchange takes an exponentially distributed time; the rates are those that the
+    authors fitted to their field data. They are taken as 1/s per stage (the text says "latency per
+    byte", which would make a map of 100 KB take hours).
+
+    Attributes:
+        header_rate_1_s: Rate of the header request (the paper's lambda_h).
+        data_rate_1_s: Rate of each piece of data (lambda_t).
+        end_rate_1_s: Rate of the end of communication (lambda_e).
+        cut: What becomes of an exchange whose robots lose contact. `timeout`: it goes on if contact
+            comes back within `timeout_s`, and what was on the air is sent again; otherwise it ends,
+            and the next contact begins a new one, as the paper says of its node. `drop`: it ends at
+            once. `hold`: it waits for the next contact, however long.
+        timeout_s: The node's time-out in the paper's experiments.
+        order: Who gets the channel. `fixed`: the waiting exchange that comes first in the order of
+            the robots' names (who pulls, then from whom). `arrival`: who has waited longest.
+            `random`: any of them.
+        pull_every_s: Pull again after so long in a contact that lasts; None: once per contact,
+            when it begins.
+        piece: What a piece of data is in our protocol, which packs several messages into a frame.
+            `message`: every message takes its own time, as in the original. `frame`: a frame does.
+    """
+
+    header_rate_1_s: float = 2.67
+    data_rate_1_s: float = 7.63
+    end_rate_1_s: float = 0.51
+    cut: Literal["timeout", "hold", "drop"] = "timeout"
+    timeout_s: float = 5.0
+    order: Literal["fixed", "arrival", "random"] = "fixed"
+    pull_every_s: float | None = None
+    piece: Literal["message", "frame"] = "message"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathLossModel:
+    """Log-distance path loss with shadowing and buildings; see `sitl.world.radio`.
+
+    Two transmissions exclude one another only if one of the four robots hears one of the other
+    two; so far apart they share the channel in space.
+
+    Attributes:
+        tx_power_dbm: Power of every transmitter.
+        reference_loss_db: Loss over the first metre.
+        path_loss_exponent: How fast power falls.
+        ground_to_ground_loss_db: Extra loss between two low antennas.
+        shadowing_db: Standard deviation of slow fading.
+        shadowing_interval_s: Time over which it changes.
+        building_loss_db_m: Extra loss per metre of building on the line between two robots on the
+            ground; a vehicle above the roofs looks over them.
+        most_building_db: No line loses more than this to buildings: waves go around.
+        trigger_dbm: At this power a contact begins.
+        hysteresis_db: So much weaker it ends.
+        carrier_dbm: At this power a transmission of others keeps one from sending.
+        rate_bytes_s: What a link at 30 dB above `trigger_dbm` carries.
+        least_rate_bytes_s: What a link at `trigger_dbm` carries; between both it is linear in dB.
+        round_trip_s: Time of a round trip without any data.
+        pull_every_s: Pull again after so long in a contact; None: once per contact.
+    """
+
+    tx_power_dbm: float = 20.0
+    reference_loss_db: float = 40.0
+    path_loss_exponent: float = 2.95
+    ground_to_ground_loss_db: float = 10.5
+    shadowing_db: float = 4.0
+    shadowing_interval_s: float = 10.0
+    building_loss_db_m: float = 1.0
+    most_building_db: float = 30.0
+    trigger_dbm: float = -75.0
+    hysteresis_db: float = 3.0
+    carrier_dbm: float = -85.0
+    rate_bytes_s: float = 1.0e6
+    least_rate_bytes_s: float = 3.0e4
+    round_trip_s: float = 0.01
+    pull_every_s: float | None = 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TraceModel:
+    """Links as they were recorded; `sitl.experiment.channels.trace` says what the file holds.
+
+    Attributes:
+        path: CSV or JSON lines.
+        trigger_dbm: Lines with a signal and no word on the link: up at this power and more.
+        rate_bytes_s: What a link carries where the trace does not say.
+        round_trip_s: Time of a round trip without any data.
+        pull_every_s: Pull again after so long in a contact; None: once per contact.
+    """
+
+    path: Path
+    trigger_dbm: float = -75.0
+    rate_bytes_s: float = 1.0e6
+    round_trip_s: float = 0.01
+    pull_every_s: float | None = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class ExplorerSettings:
+    """How a ground robot drives and decides; the defaults are the paper's and its authors' code.
+
+    Attributes:
+        speed_m_s: The most that it drives.
+        progress: What it makes of that on a road on average, stops to look and to plan included;
+            elsewhere it is slower. How fast the paper's simulated robots were is not told. Their
+            authors' code gives a goal up after 3 s per metre, in the simulation after 10 s: so
+            0.3 m/s is the most at which the first is too little.
+        sight_m: It knows the ground within this distance of where it was.
+        recognition_m: It recognises a vehicle within this distance, if no building is between.
+        same_goal_m: Two sightings within this distance are one goal.
+        arrival_m: It has reached a goal within this distance.
+        patience_s_m: It gives a goal up after so many seconds per metre of way.
+        thinking_s: Without a goal it looks for one so often.
+        idle: Without a goal: `return` to where it started and wait; `explore` what is unknown.
+        pose_interval_s: It tells its pose so often.
+        reachability_interval_s: It tells so often at most what its eyes have added to the maps.
+    """
+
+    speed_m_s: float = 1.5
+    progress: float = 0.2
+    sight_m: float = 7.0
+    recognition_m: float = 7.0
+    same_goal_m: float = 17.85
+    arrival_m: float = 5.0
+    patience_s_m: float = 10.0
+    thinking_s: float = 5.0
+    idle: Literal["return", "explore"] = "return"
+    pose_interval_s: float = 1.0
+    reachability_interval_s: float = 30.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSettings:
+    """One run but for its seed. Everything in it can be pickled and compared.
+
+    Attributes:
+        town: The file of the town: roads, buildings, goals (`sitl.experiment.towns.town`).
+        mission: The mission that the UAVs fly over it: waypoints, fence, no-fly zones. Its timers,
+            speed and altitude are replaced by those below. None: lanes over the whole town.
+        uavs: How many UAVs. The first explores and searches, the others only search.
+        ugvs: How many ground robots.
+        explorer: How ground robots drive and decide.
+        goals: Where the vehicles that are to be found stand: as the `town` has them, or as many
+            beside its roads as the `seed` has it.
+        starts: Where ground robots start: at the first places of the `town`, or at those that the
+            `seed` draws.
+        base_station: Whether there is a base station at home. The UAVs seek it like a robot.
+        base_goals: Ids of the town's goals that the base station knows and tells from the start.
+        channel: Which model of the radio.
+        radius_m: Contact is nearer than this (`paper`). Horizontal distance: the paper's UAV flies
+            at 60 m and meets robots within 5 to 30 m, so its height cannot count.
+        paper, path_loss, trace: The models' numbers; the one that `channel` names counts.
+        protocol: What the nodes speak.
+        duration_s: Simulated time of the run.
+        policy: Whom the UAVs seek, a choice of the mission file (`seek`).
+        passive: The UAVs never seek anybody: they go round the waypoints, and talk to whom they
+            pass.
+        timers: Of the UAVs' mission.
+        uav_speed_m_s, uav_altitude_m, uav_acceleration_m_s2: How UAVs fly.
+        uav_climb_m_s: How fast they take off (PX4's default), straight up from home.
+        map_interval_s: A UAV publishes its map so often.
+        telemetry_s: A UAV's controller hears of it so often.
+        sample_s: How often positions, ages and the explored share are sampled.
+        keep_log: Keep the event log itself in the result, and not only its digest.
+    """
+
+    town: Path
+    mission: Path | None = None
+    uavs: int = 1
+    ugvs: int = 3
+    explorer: ExplorerSettings = field(default_factory=ExplorerSettings)
+    goals: PlacedBy = "town"
+    starts: PlacedBy = "town"
+    base_station: bool = True
+    base_goals: tuple[str, ...] = ()
+    channel: ChannelKind = "paper"
+    radius_m: float = 30.0
+    paper: PaperModel = field(default_factory=PaperModel)
+    path_loss: PathLossModel = field(default_factory=PathLossModel)
+    trace: TraceModel | None = None
+    protocol: ProtocolKind = "original"
+    duration_s: float = 1800.0
+    policy: SeekPolicy = DEFAULT_SEEK_POLICY
+    passive: bool = False
+    timers: Timers = SIMULATION_TIMERS
+    uav_speed_m_s: float = 5.0
+    uav_altitude_m: float = 60.0
+    uav_acceleration_m_s2: float = 2.0
+    uav_climb_m_s: float = 1.5
+    map_interval_s: float = 10.0
+    telemetry_s: float = 0.5
+    sample_s: float = 10.0
+    keep_log: bool = False
+
+
+_DEFAULTS: Final = {
+    each.name: each.default
+    for each in fields(RunSettings)
+    if isinstance(each.default, str | int | float)
+}
+
+
+def value_of(settings: Mapping[str, Any], key: str) -> Any:
+    """A setting of a row, which need not say what is as usual; None: it is neither said nor usual.
+
+    Args:
+        settings: Plain values, as a file has them.
+        key: A field of `RunSettings`.
+    """
+    return settings.get(key, _DEFAULTS.get(key))

@@ -1,0 +1,1 @@
+"""The robots of a run: explorers, base station, UAVs, and their gossip nodes."""

@@ -1,0 +1,288 @@
+"""A ground robot that looks for vehicles: where it drives, what it knows, what it tells.
+
+A pure object: time and messages come in, positions and messages come out. It goes to the nearest
+goal that it knows, that nobody else has claimed and that a way over known ground leads to; without
+one it returns to where it started and waits for news, as the authors' robots do.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Final, NamedTuple
+
+from air_router.messages import MAP_TOPIC, MessageError
+from geo.frame import FrameError, Point
+from geo.grid import GridError, Terrain
+from sitl.experiment.model.lattice import Cell
+from sitl.experiment.model.settings import ExplorerSettings
+from sitl.experiment.model.ways import PASSABLE, Ways, length_m
+from sitl.experiment.robots.explorer_messages import (
+    CLAIMS_TOPIC,
+    OBJECTS_TOPIC,
+    REACHABILITY_TOPIC,
+    TARGETS_TOPIC,
+)
+from sitl.experiment.robots.explorer_post import ExplorerPost, read_claims, read_places
+from sitl.experiment.robots.goal_book import GoalBook
+from sitl.experiment.robots.knowledge import Knowledge
+from sitl.experiment.robots.map_reading import read_map
+from sitl.experiment.towns.town import Town
+
+PACE: Final = {
+    Terrain.ROAD: 1.0,
+    Terrain.GRAVEL: 0.8,
+    Terrain.GRASS: 0.8,
+    Terrain.HUMAN: 0.5,
+    Terrain.VEHICLE: 0.5,
+    Terrain.VEGETATION: 0.5,
+}
+"""Share of its mean speed on roads that a robot makes on each ground."""
+
+_PACE: Final = tuple(PACE.get(terrain, 0.5) for terrain in Terrain)
+_INSIDE_M: Final = 0.5
+"""Ways to a goal end so far within the distance at which it counts as reached."""
+
+_NO_VEHICLE_M: Final = 8.0
+"""A place that is farther than this from every vehicle is a false goal: visited, but not found."""
+
+_HEARD: Final = frozenset(
+    {MAP_TOPIC, REACHABILITY_TOPIC, CLAIMS_TOPIC, OBJECTS_TOPIC, TARGETS_TOPIC}
+)
+
+
+class Visit(NamedTuple):
+    """A goal of the town that a robot has reached, and when."""
+
+    goal: str
+    time_s: float
+
+
+_DEFAULTS: Final = ExplorerSettings()
+
+
+class GroundRobot:
+    """A robot that explores a town.
+
+    Args:
+        name: Its name in the team; of two robots that claim one goal, the first by name keeps it.
+        town: What it drives in. It uses the town only through its eyes.
+        seed: Makes its random choices.
+        start: Where it stands at first: a place that robots can drive at.
+        settings: How it drives and decides.
+
+    Attributes:
+        position: Where it is.
+        heading_deg: Clockwise from north.
+        visited: Goals reached, in order; each id at most once per robot.
+        driven_m: Metres driven so far.
+        refused: Messages that were not what their topic promises.
+        knowledge: What it knows of the ground.
+        book: What it knows of goals.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        town: Town,
+        seed: int,
+        start: Point,
+        settings: ExplorerSettings = _DEFAULTS,
+    ) -> None:
+        self.name = name
+        self.town = town
+        self.settings = settings
+        self.position = start
+        self.heading_deg = 0.0
+        self.visited: list[Visit] = []
+        self.driven_m = 0.0
+        self.refused = 0
+        self.knowledge = Knowledge(town.lattice, town.ground, settings.sight_m)
+        self.book = GoalBook(name, settings.same_goal_m)
+        self._post = ExplorerPost(
+            town.frame, settings.pose_interval_s, settings.reachability_interval_s
+        )
+        self._start = start
+        self._mean_speed_m_s = settings.speed_m_s * settings.progress
+        self._cell: Cell = -1
+        self._way: list[Cell] = []
+        self._objects: list[Point] = []
+        self._deadline_s = math.inf
+        self._now_s = -math.inf
+        self._next_thought_s = random.Random(seed).uniform(0, settings.thinking_s)  # noqa: S311
+        self._thought_of: tuple[int, int] | None = None
+
+    def step(self, now_s: float) -> None:
+        """Drive, look and decide up to this time; the first call only looks around.
+
+        Times never run back.
+        """
+        if self._now_s == -math.inf:
+            self._next_thought_s += now_s
+            self._enter(self.town.lattice.cell(self.position))
+        else:
+            self._drive(now_s - self._now_s, now_s)
+        self._now_s = now_s
+        if self.book.current is not None and now_s > self._deadline_s:
+            self._leave(now_s, failed=True)
+        if now_s >= self._next_thought_s:
+            self._next_thought_s = now_s + self.settings.thinking_s
+            self._think()
+
+    def outbox(self) -> list[tuple[str, bytes]]:
+        """Messages to publish since the last call: (topic, data), at most one per topic."""
+        if self._now_s == -math.inf:
+            return []
+        return self._post.collect(self._now_s, self.position, self.heading_deg, self.knowledge)
+
+    def take(self, robot: str, topic: str, data: bytes, now_s: float) -> bool:
+        """A gossiped message of another robot has arrived; False if it is refused.
+
+        Topics that it does not use are taken and left alone.
+        """
+        if topic not in _HEARD or robot == self.name:
+            return True
+        try:
+            if topic in {MAP_TOPIC, REACHABILITY_TOPIC}:
+                reading = read_map(data, self.town.lattice, self.town.frame.origin)
+                self.knowledge.learn(reading.cells)
+                self.book.learn(reading.vehicles)
+            elif topic == CLAIMS_TOPIC:
+                stamp_s, claims = read_claims(data, self.town.frame)
+                if self.book.hear(robot, stamp_s, claims):
+                    self._leave(now_s, failed=False)
+            else:
+                self.book.learn(read_places(topic, data, self.town.frame))
+        except (MessageError, GridError, FrameError):
+            self.refused += 1
+            return False
+        return True
+
+    def _drive(self, time_s: float, now_s: float) -> None:
+        while time_s > 0 and self._way:
+            target = self.town.lattice.centre(self._way[0])
+            distance_m = math.dist(self.position, target)
+            speed_m_s = self._mean_speed_m_s * _PACE[self.knowledge.cells[self._cell]]
+            step_m = min(distance_m, speed_m_s * time_s)
+            if step_m > 0:
+                east_m, north_m = target[0] - self.position[0], target[1] - self.position[1]
+                self.heading_deg = math.degrees(math.atan2(east_m, north_m)) % 360
+                part = step_m / distance_m
+                self.position = Point(
+                    self.position[0] + part * east_m, self.position[1] + part * north_m
+                )
+                self.driven_m += step_m
+            if step_m == distance_m:
+                self.position = target
+                time_s -= distance_m / speed_m_s
+                self._enter(self._way.pop(0))
+                self._arrive(now_s - time_s)
+            else:
+                time_s = 0.0
+
+    def _enter(self, cell: Cell) -> None:
+        """Look around in a new cell; a way that turns out to be none is planned again."""
+        self._cell = cell
+        contradicted = self.knowledge.see(cell)
+        seen = [
+            goal.position
+            for goal in self.town.vehicles_seen_from(cell, self.settings.recognition_m)
+            if goal.position not in self._objects
+        ]
+        if seen:
+            self._objects += seen
+            self.book.learn(seen)
+            self._post.objects = self._objects
+        if contradicted and not PASSABLE[self.knowledge.cells[self._way]].all():
+            self._replan()
+
+    def _arrive(self, time_s: float) -> None:
+        goal = self.book.current
+        if goal is None or math.dist(self.position, goal) > self.settings.arrival_m:
+            return
+        self._way = []
+        self.book.visit()
+        self._post.claims = list(self.book.claims)
+        near = min(self.town.goals, key=lambda other: math.dist(goal, other.position), default=None)
+        if near is None or math.dist(goal, near.position) > _NO_VEHICLE_M:
+            return
+        if all(near.id != visit.goal for visit in self.visited):
+            self.visited.append(Visit(near.id, time_s))
+
+    def _think(self) -> None:
+        """Choose where to go, unless there is a goal, or nothing is new since the last time."""
+        if self.book.current is not None:
+            return
+        news = self.book.version, self.knowledge.version
+        waits = self._at_start and not self.book.failed
+        if news == self._thought_of and (self._way or waits):
+            return
+        self._thought_of = news
+        ways = Ways(self.town.lattice, self.knowledge.cells, self._cell)
+        for goal in self.book.free(self.position):
+            cell = ways.nearest(goal, self.settings.arrival_m - _INSIDE_M)
+            if cell is not None:
+                self._claim(goal, ways.to(cell))
+                return
+        if self.settings.idle == "explore":
+            if self._way:
+                return
+            edge = ways.nearest_edge(self.knowledge.cells)
+            if edge is not None:
+                self._follow(ways.to(edge))
+                return
+        if not self._at_start:
+            self._go_home(ways)
+        else:
+            self.book.forgive()
+
+    @property
+    def _at_start(self) -> bool:
+        return math.dist(self.position, self._start) <= self.settings.arrival_m
+
+    def _claim(self, goal: Point, way: list[Cell]) -> None:
+        self.book.claim(goal)
+        self._post.claims = list(self.book.claims)
+        way_m = length_m(self.town.lattice, self.position, way)
+        self._deadline_s = self._now_s + self.settings.patience_s_m * way_m
+        self._follow(way)
+        self._arrive(self._now_s)
+
+    def _leave(self, now_s: float, *, failed: bool) -> None:
+        """Give the current goal up; think of another one at the next step."""
+        self.book.give_up(failed=failed)
+        self._post.claims = list(self.book.claims)
+        self._way = []
+        self._next_thought_s = now_s
+
+    def _go_home(self, ways: Ways) -> None:
+        cell = ways.nearest(self._start, self.settings.arrival_m - _INSIDE_M)
+        self._follow([] if cell is None else ways.to(cell))
+
+    def _replan(self) -> None:
+        ways = Ways(self.town.lattice, self.knowledge.cells, self._cell)
+        goal = self.book.current
+        if goal is None:
+            self._way = []
+            return
+        cell = ways.nearest(goal, self.settings.arrival_m - _INSIDE_M)
+        if cell is None:
+            self._leave(self._now_s, failed=True)
+        else:
+            self._follow(ways.to(cell))
+
+    def _follow(self, way: list[Cell]) -> None:
+        self._way = way
+        centres = [self.position, *map(self.town.lattice.centre, way)]
+        self._post.way = _corners(centres)
+
+
+def _corners(places: list[Point]) -> list[Point]:
+    """The places of a way at which it turns, and its end."""
+    return [
+        here
+        for before, here, after in zip(places, places[1:], [*places[2:], None], strict=False)
+        if after is None
+        or (here[0] - before[0]) * (after[1] - here[1])
+        != (here[1] - before[1]) * (after[0] - here[0])
+    ]

@@ -1,0 +1,146 @@
+"""A vehicle that flies as the controller asks, without an autopilot's inner life.
+
+It knows Mission mode (jumps to plan items) and Hold mode (go to a point, or stop), flies straight
+with a limited acceleration, and comes to rest at its target. It begins on the ground and takes off
+at once, straight up; from then on its height stays. Positions are whole millimetres and nothing but
+square roots is taken of them, so that every machine flies the same way.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Final
+
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
+from air_router.mission.flight_plan import FlightPlan
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+
+STEP_S: Final = 0.1
+_AT_REST_M: Final = 0.05
+_AT_REST_M_S: Final = 0.2
+
+
+class Flyer:
+    """A vehicle in the air.
+
+    Args:
+        plan: What is on board: nodes and their items.
+        position: Where it takes off.
+        cruise_m: Altitude above home to which it climbs.
+        climb_m_s: How fast it does.
+        speed_m_s: Cruise speed.
+        acceleration_m_s2: What it speeds up, turns and brakes with.
+
+    Attributes:
+        position: Metres east/north.
+        altitude_m: Above home.
+        velocity_m_s: East, north.
+        direction: East, north; where it flew to last.
+    """
+
+    def __init__(  # noqa: PLR0913 - what flight is limited by
+        self,
+        plan: FlightPlan,
+        position: Point,
+        *,
+        cruise_m: float,
+        climb_m_s: float,
+        speed_m_s: float,
+        acceleration_m_s2: float,
+    ) -> None:
+        self.position = position
+        self.velocity_m_s = (0.0, 0.0)
+        self.direction = (0.0, 1.0)
+        self._plan = plan
+        self.altitude_m = 0.0
+        self._cruise_m = cruise_m
+        self._climb_m_s = climb_m_s
+        self._speed_m_s = speed_m_s
+        self._acceleration_m_s2 = acceleration_m_s2
+        self._mode = FlightMode.MISSION
+        self._item: int | None = None
+        self._target: Point | None = None
+        self._now_s = 0.0
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it hovers and will go on to."""
+        return self._target is None and self.velocity_m_s == (0.0, 0.0)
+
+    def command(self, motion: Motion) -> None:
+        """Do what the controller asks from now on."""
+        match motion:
+            case FlyToNode(node=node, position=position):
+                self._mode, self._item = FlightMode.MISSION, self._plan.item_of(node)
+                self._target = position
+            case FlyToPoint(position=position):
+                self._mode, self._item = FlightMode.HOLD, None
+                self._target = position
+            case HoldHere():
+                self._mode, self._item, self._target = FlightMode.HOLD, None, None
+            case LandHere():
+                self._mode, self._item, self._target = FlightMode.LAND, None, None
+
+    def fly(self, now_s: float) -> None:
+        """Move on to a time, which is 0 on the ground."""
+        self.altitude_m = min(self._cruise_m, round(self._climb_m_s * now_s, 3))
+        while self._now_s < now_s - 1e-9:
+            if self.at_rest:
+                self._now_s = now_s
+                return
+            step_s = min(STEP_S, now_s - self._now_s)
+            self._step(step_s)
+            self._now_s += step_s
+        self._now_s = now_s
+
+    def telemetry(self) -> Telemetry:
+        """What the vehicle says of itself."""
+        return Telemetry(
+            time_s=self._now_s,
+            position=self.position,
+            altitude_m=self.altitude_m,
+            velocity_m_s=self.velocity_m_s,
+            armed=True,
+            in_air=self.altitude_m > 0,
+            mode=self._mode,
+            item=self._item,
+        )
+
+    def _step(self, step_s: float) -> None:
+        east_m, north_m = self.position
+        speed_m_s = self._speed_m_s
+        ahead_m = (0.0, 0.0) if self._target is None else _between(self.position, self._target)
+        away_m = sqrt(ahead_m[0] * ahead_m[0] + ahead_m[1] * ahead_m[1])
+        old_east, old_north = self.velocity_m_s
+        moving_m_s = sqrt(old_east * old_east + old_north * old_north)
+        if away_m <= _AT_REST_M and moving_m_s <= _AT_REST_M_S:
+            if self._target is not None:
+                self.position = self._target
+            self._target, self.velocity_m_s = None, (0.0, 0.0)
+            return
+        # Slow enough to stop at the target, seen from where this step ends.
+        speed_m_s = min(speed_m_s, _braking_m_s(away_m, self._acceleration_m_s2, step_s))
+        share = speed_m_s / away_m if away_m > 0 else 0.0
+        change = (ahead_m[0] * share - old_east, ahead_m[1] * share - old_north)
+        size = sqrt(change[0] * change[0] + change[1] * change[1])
+        most = self._acceleration_m_s2 * step_s
+        factor = 1.0 if size <= most else most / size
+        new_east = round(old_east + change[0] * factor, 6)
+        new_north = round(old_north + change[1] * factor, 6)
+        self.position = Point(
+            round(east_m + new_east * step_s, 3), round(north_m + new_north * step_s, 3)
+        )
+        self.velocity_m_s = (new_east, new_north)
+        if new_east * new_east + new_north * new_north > 1.0:
+            self.direction = self.velocity_m_s
+
+
+def _between(start: Point, end: Point) -> tuple[float, float]:
+    return end[0] - start[0], end[1] - start[1]
+
+
+def _braking_m_s(away_m: float, acceleration_m_s2: float, step_s: float) -> float:
+    """The speed from which a vehicle comes to rest after a distance, braking in steps."""
+    lag_m_s = acceleration_m_s2 * step_s / 2
+    return min(sqrt(2 * acceleration_m_s2 * away_m + lag_m_s * lag_m_s) - lag_m_s, away_m / step_s)

@@ -1,0 +1,116 @@
+"""A robot's gossip node in simulated time: `mocha_link`'s own, without sockets and threads."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import Final
+
+from mocha_link.clock import Instant
+from mocha_link.links.link_events import ContactBegan, ContactEnded, LinkEvent, MessageStored
+from mocha_link.links.trigger import NOT_HEARD
+from mocha_link.node.actions import Action
+from mocha_link.node.gossip import Gossip
+from mocha_link.store import payload
+from mocha_link.sync.protocol import ID_BYTES
+from mocha_link.team.team import Team
+from sitl.experiment.model.event_queue import Agenda
+
+EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
+"""Unix seconds at the beginning of a run: no header's time wraps within 17 hours of it."""
+
+REFRESH_S: Final = 1.0
+"""A robot publishes at most so often; and nothing while nobody asks, since only the newest message
+of a topic is ever exchanged."""
+
+
+class Node:
+    """A node, and what its robot does with it.
+
+    Args:
+        number: Of the robot in the run.
+        name: Its name in the team.
+        agenda: Tells the time.
+        publish: Asks the robot for what it has to say: (topic, data), at most one per topic.
+        hear: Tells the robot what has happened on its links.
+    """
+
+    def __init__(  # noqa: PLR0913 - what connects a robot with others
+        self,
+        number: int,
+        name: str,
+        team: Team,
+        agenda: Agenda,
+        *,
+        publish: Callable[[], list[tuple[str, bytes]]],
+        hear: Callable[[LinkEvent], None],
+    ) -> None:
+        self.number = number
+        self.name = name
+        ids = itertools.count(number << 32)
+        self.gossip = Gossip(
+            team,
+            name,
+            by_timer=False,
+            new_id=lambda: next(ids).to_bytes(ID_BYTES),
+            datagrams=False,
+        )
+        self._team = team
+        self._agenda = agenda
+        self._publish = publish
+        self._hear = hear
+        self._topics = {topic.name: topic for topic in team.topics_of(name)}
+        self._fresh_s = -REFRESH_S
+        self._known_ids: dict[tuple[str, str], tuple[int, int]] = {}
+
+    @property
+    def now(self) -> Instant:
+        """The present, as the node sees it."""
+        return Instant(EPOCH_S + self._agenda.now_s, self._agenda.now_s)
+
+    def refresh(self) -> None:
+        """Somebody is about to be told what is new: let the robot speak first."""
+        if self._agenda.now_s - self._fresh_s >= REFRESH_S:
+            self._fresh_s = self._agenda.now_s
+            for topic, data in self._publish():
+                self.publish(topic, data)
+
+    def publish(self, topic: str, data: bytes) -> None:
+        """Put a message into the database; topics that the team does not have are left out."""
+        known = self._topics.get(topic)
+        if known is not None:
+            self.gossip.publish(known, data, self.now, at_once=True)
+
+    def contact(self, peer: str, began_s: float, *, up: bool) -> None:
+        """The radio hears a peer, or not any more: the robot is told, as by a node with a radio."""
+        at_s = self.now.unix_s
+        if up:
+            self._hear(ContactBegan(peer, at_s, None))
+        else:
+            self._hear(ContactEnded(peer, at_s, self._agenda.now_s - began_s, NOT_HEARD))
+
+    def take(self) -> tuple[list[Action], bool]:
+        """What the node wants done, and whether it told its robot of anything."""
+        actions, events = self.gossip.take()
+        for event in events:
+            self._hear(event)
+        return actions, bool(events)
+
+    def data_of(self, event: MessageStored) -> bytes:
+        """The message that an event tells of."""
+        record = self.gossip.database.get(event.header)
+        return b"" if record is None else payload.unpack(record.body)
+
+    def age_s(self, robot: str, topic: str) -> float:
+        """The age of the newest message of a robot's topic that is here; inf: there is none."""
+        record = self.gossip.database.newest(*self._ids(robot, topic))
+        return math.inf if record is None else self.now.unix_s - record.stamp_s
+
+    def _ids(self, robot: str, topic: str) -> tuple[int, int]:
+        key = robot, topic
+        known = self._known_ids.get(key)
+        if known is None:
+            robot_id = self._team.robot(robot).robot_id
+            known = self._known_ids[key] = (robot_id, self._team.topic(robot, topic).topic_id)
+        return known

@@ -1,0 +1,98 @@
+"""What all runs of a process share: the town, the mission over it, and the routes of that."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+from air_router.errors import MissionFileError
+from air_router.files.settings import SeekPolicy, Timers
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.loading import judge, read_draft
+from air_router.mission.mission import Mission
+from air_router.routing.graph import WaypointGraph
+from air_router.routing.router import Router
+from sitl.experiment.model.settings import RunSettings
+from sitl.experiment.towns.town import Town
+from sitl.experiment.towns.town_file import load_town
+from sitl.experiment.towns.town_mission import mission_over
+
+_DAY: Final = datetime(2026, 6, 1, 12, tzinfo=UTC)
+"""When missions are flown: zones that apply at certain times are the same in every run."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scenery:
+    """A town and how UAVs fly over it. Nothing in it changes during a run.
+
+    Attributes:
+        town: What stands where.
+        mission: Without an end: a run ends by its own time.
+        plan: What is on board of every UAV.
+        router: Its answers depend on the question only.
+    """
+
+    town: Town
+    mission: Mission
+    plan: FlightPlan
+    router: Router
+
+
+def scenery_of(settings: RunSettings) -> Scenery:
+    """The scenery of a run, made once per process.
+
+    Raises:
+        AirRouterError: the files of town and mission are not what they should be.
+    """
+    return _scenery(
+        settings.town,
+        settings.mission,
+        settings.timers,
+        settings.uav_speed_m_s,
+        settings.uav_altitude_m,
+        settings.policy,
+        passive=settings.passive,
+    )
+
+
+@lru_cache(maxsize=8)
+def _scenery(  # noqa: PLR0913, PLR0917 - what makes a difference to it
+    town_file: Path,
+    mission_file: Path | None,
+    timers: Timers,
+    speed_m_s: float,
+    altitude_m: float,
+    policy: SeekPolicy,
+    *,
+    passive: bool,
+) -> Scenery:
+    town = load_town(town_file)
+    if mission_file is None:
+        mission = mission_over(town, altitude_m=altitude_m, speed_m_s=speed_m_s)
+    else:
+        mission = _mission(mission_file, speed_m_s=speed_m_s, altitude_m=altitude_m)
+    mission = dataclasses.replace(
+        mission,
+        timers=dataclasses.replace(timers, init_s=math.inf) if passive else timers,
+        seek_policy=policy,
+        duration_s=None,
+        endurance_s=None,
+    )
+    return Scenery(town, mission, FlightPlan.of(mission), Router(WaypointGraph(mission)))
+
+
+def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
+    """A mission at another speed and altitude, on a day that is always the same."""
+    draft = read_draft(path)
+    draft.start = _DAY
+    draft.speed_m_s, draft.altitude_m = speed_m_s, altitude_m
+    draft.waypoints = [dataclasses.replace(spot, altitude_m=None) for spot in draft.waypoints]
+    mission = judge(draft)
+    if draft.problems or mission is None:
+        raise MissionFileError(draft.problems)
+    return mission

@@ -1,0 +1,242 @@
+"""A UAV of a run: the mission controller of `air_router`, and a vehicle, map and node for it.
+
+It does what `air_router.flight` does around the same controller: events in, actions out, motions
+sent a moment later and looked at again before they leave.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Final
+
+from air_router.controller.controller import Controller
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import (
+    Action,
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    LandHere,
+    Motion,
+    PublishMap,
+    Seeking,
+    StateChanged,
+)
+from air_router.controller.model.events import (
+    CommandConfirmed,
+    CommandFailed,
+    Event,
+    RobotPath,
+    RobotPose,
+)
+from air_router.gossip.team_messages import Reader
+from air_router.messages import (
+    MAP_TOPIC,
+    POSE_TOPIC,
+    SEEK_TOPIC,
+    MessageError,
+    PoseMessage,
+    SeekMessage,
+)
+from air_router.mission.mission import Mission
+from geo.frame import FrameError, Point
+from mocha_link.links.link_events import LinkEvent, MessageStored
+from sitl.experiment.model.event_log import EventLog
+from sitl.experiment.model.event_queue import Agenda
+from sitl.experiment.model.settings import RunSettings
+from sitl.experiment.robots.explorer_messages import degrees
+from sitl.experiment.robots.fleet import Crowd
+from sitl.experiment.robots.flyer import Flyer
+from sitl.experiment.robots.node import EPOCH_S, Node
+from sitl.experiment.robots.painter import Painter
+from sitl.experiment.robots.scenery import Scenery
+from sitl.world.camera import Camera
+
+COMMAND_S: Final = 0.05
+"""From a decision to the vehicle following it."""
+
+CAMERA: Final = Camera(fov_across_deg=60.0, fov_along_deg=45.0)
+"""As in the world of missions/urban: from 60 m it sees 69 m by 50 m."""
+
+PICTURE_S: Final = 2.0
+SEEK_AGAIN_S: Final = 30.0
+
+
+class Uav:
+    """One UAV.
+
+    Attributes:
+        node: Its gossip node; set once it is made.
+        controller: Its mission controller, from `controllers_of`.
+        states: (time, state) of every change of it.
+    """
+
+    node: Node
+
+    def __init__(  # noqa: PLR0913, PLR0917 - what a flight is put together from
+        self,
+        name: str,
+        scenery: Scenery,
+        settings: RunSettings,
+        agenda: Agenda,
+        log: EventLog,
+        controller: Controller,
+    ) -> None:
+        mission = scenery.mission
+        self.name = name
+        self.flyer = Flyer(
+            scenery.plan,
+            mission.home,
+            cruise_m=mission.altitude_above_home_m,
+            climb_m_s=settings.uav_climb_m_s,
+            speed_m_s=mission.speed_m_s,
+            acceleration_m_s2=settings.uav_acceleration_m_s2,
+        )
+        self.painter = Painter(scenery.town, CAMERA)
+        self.controller = controller
+        self.states: list[tuple[float, str]] = []
+        self._mission = mission
+        self._agenda = agenda
+        self._log = log
+        self._reader = Reader(mission.frame)
+        self._waiting: Motion | None = None
+        self._map_every_s = settings.map_interval_s
+        self._map_at_s = self._picture_at_s = self._seek_at_s = -math.inf
+        self._sought: str | None = None
+
+    @property
+    def heading_deg(self) -> float:
+        """Where it flew to last, in whole degrees clockwise from north."""
+        east, north = self.flyer.direction
+        return float(round(math.degrees(math.atan2(east, north))) % 360)
+
+    def tick(self) -> None:
+        """Fly on, and tell the controller."""
+        now_s = self._agenda.now_s
+        self.flyer.fly(now_s)
+        if now_s - self._picture_at_s >= PICTURE_S:
+            self._picture_at_s = now_s
+            self.painter.look(self.flyer.position, self.flyer.altitude_m, self.heading_deg)
+        self._tell(self.flyer.telemetry())
+
+    def hear(self, event: LinkEvent) -> None:
+        """Something has happened on the links."""
+        if isinstance(event, MessageStored) and event.robot == self.name:
+            return  # the controller knows what it has said
+        self._tell(event)
+        if not isinstance(event, MessageStored):
+            return
+        try:
+            news = self._reader.event_of(
+                event.robot,
+                event.topic,
+                self.node.data_of(event),
+                peer=event.peer,
+                unix_s=self.node.now.unix_s,
+            )
+        except (MessageError, FrameError) as error:
+            raise AssertionError(f"a robot of ours says nonsense: {error}") from error
+        if news is not None:
+            self._tell(_rounded(news))
+
+    def say(self) -> list[tuple[str, bytes]]:
+        """What it has to say to whoever asks now."""
+        now_s = self._agenda.now_s
+        latitude_deg, longitude_deg = degrees(self._mission.frame, self.flyer.position)
+        pose = PoseMessage(
+            stamp_s=EPOCH_S + now_s,
+            latitude_deg=latitude_deg,
+            longitude_deg=longitude_deg,
+            heading_deg=self.heading_deg,
+        )
+        said = [(POSE_TOPIC, pose.encode())]
+        if now_s - self._map_at_s >= self._map_every_s:
+            said += self._map()
+        if now_s - self._seek_at_s >= SEEK_AGAIN_S and math.isfinite(self._seek_at_s):
+            said.append(self._word())
+        return said
+
+    def _tell(self, event: Event) -> None:
+        self._log.event(self.name, event)
+        for action in self.controller.handle(event, self._agenda.now_s):
+            self._log.action(self.name, action)
+            self._act(action)
+
+    def _act(self, action: Action) -> None:
+        match action:
+            case FlyToNode() | FlyToPoint() | HoldHere() | LandHere():
+                if self._waiting is None:
+                    self._agenda.after(COMMAND_S, self._send)
+                self._waiting = action
+            case PublishMap():
+                for topic, data in self._map():
+                    self.node.publish(topic, data)
+            case Seeking(robot=robot):
+                self._sought = robot
+                self.node.publish(*self._word())
+            case StateChanged(target=target):
+                self.states.append((self._agenda.now_s, target.name))
+            case _:
+                pass  # words for a pilot whom nobody simulates
+
+    def _send(self) -> None:
+        """Send the newest motion, if it is still the right one from where the vehicle is."""
+        motion, self._waiting = self._waiting, None
+        if motion is None:
+            raise AssertionError("a motion was waiting")
+        now_s = self._agenda.now_s
+        objection = self.controller.objection(motion, now_s)
+        if objection is not None:
+            self._tell(CommandFailed(motion, objection))
+            return
+        self.flyer.fly(now_s)
+        self.flyer.command(motion)
+        self._tell(CommandConfirmed(motion))
+
+    def _map(self) -> list[tuple[str, bytes]]:
+        self._map_at_s = self._agenda.now_s
+        grown = self.painter.publish()
+        return [] if grown is None else [(MAP_TOPIC, grown)]
+
+    def _word(self) -> tuple[str, bytes]:
+        self._seek_at_s = self._agenda.now_s
+        message = SeekMessage(stamp_s=EPOCH_S + self._agenda.now_s, robot=self._sought)
+        return SEEK_TOPIC, message.encode()
+
+
+def controllers_of(crowd: Crowd, scenery: Scenery, settings: RunSettings) -> dict[str, Controller]:
+    """The controllers of a run's UAVs: the first explores and searches, the others only search."""
+    base = () if crowd.base is None else (crowd.base,)
+    seek = () if settings.passive else (*crowd.ugvs, *base)
+    setups = [
+        FlightSetup(scenery.mission, seek, explore=number == 0 or settings.passive, name=name)
+        for number, name in enumerate(crowd.uavs)
+    ]
+    controllers = {setup.name: setup.controller(scenery.router, scenery.plan) for setup in setups}
+    if settings.passive:
+        waypoints = scenery.mission.waypoints * _rounds(scenery.mission, settings.duration_s)
+        for controller in controllers.values():
+            controller.exploration.waypoints = waypoints
+    return controllers
+
+
+def _rounded(news: Event) -> Event:
+    """The same to a millimetre: projections differ in their last digits from machine to machine."""
+    if isinstance(news, RobotPose):
+        return replace(news, position=_millimetres(news.position))
+    if isinstance(news, RobotPath):
+        return replace(news, points=tuple(map(_millimetres, news.points)))
+    return news
+
+
+def _millimetres(place: Point) -> Point:
+    return Point(round(place.east_m, 3), round(place.north_m, 3))
+
+
+def _rounds(mission: Mission, duration_s: float) -> int:
+    """How often a vehicle can go round the waypoints in a run, and once more."""
+    places = [waypoint.position for waypoint in mission.waypoints]
+    round_m = sum(math.dist(a, b) for a, b in pairwise([*places, places[0]]))
+    return 2 + int(duration_s * mission.speed_m_s / max(round_m, 1.0))

@@ -1,0 +1,1 @@
+"""Towns: what stands where; read, made, drawn."""

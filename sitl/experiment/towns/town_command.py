@@ -1,0 +1,130 @@
+"""`sitl town`: check a town, draw it, or make one from a seed."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+from air_router.counted import counted
+from air_router.errors import ExitCode, UsageError
+from air_router.files.whole_file import write_whole
+from mocha_link.team.document import DocumentError
+from sitl.experiment.towns.town import Town
+
+_EPILOG = """\
+TOWN is a file, or COLUMNSxROWS: a new town of so many blocks of about 65 m. With --out a folder is
+written: town.yaml, and for a new town a mission.yaml over it. Experiments take both.
+
+examples:
+  sitl town missions/urban/town.yaml --picture town.png
+  sitl town 8x6 --seed 3 --goals 40 --out missions/large --picture large.png
+  sitl town missions/urban/town.yaml --scatter 15 --seed 7 --out missions/urban-7
+"""
+
+_BLOCKS: Final = re.compile(r"(\d{1,2})x(\d{1,2})")
+
+
+def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `town` to the command line."""
+    parser = commands.add_parser(
+        "town",
+        help="check, draw or make a town for experiments",
+        description="Check a town's file, draw it, or make one of any size.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("town", metavar="TOWN", help="a file, or COLUMNSxROWS for a new town")
+    parser.add_argument(
+        "--seed", type=int, metavar="N", help="makes a new town, or new places (default 1)"
+    )
+    parser.add_argument(
+        "--goals", type=int, metavar="N", help="vehicles of a new town (default 15)"
+    )
+    parser.add_argument(
+        "--scatter", type=int, metavar="N", help="put N vehicles at other places beside the roads"
+    )
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="write town.yaml there")
+    parser.add_argument("--force", action="store_true", help="replace what is there")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw it (png, svg, pdf)")
+    parser.add_argument("--json", action="store_true", help="print facts as JSON")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do what was asked; returns the exit code."""
+    from sitl.experiment.towns.town_file import load_town  # noqa: PLC0415 - needs scipy
+    from sitl.experiment.towns.town_generator import generate, scatter  # noqa: PLC0415
+
+    new = _BLOCKS.fullmatch(arguments.town)
+    if not new:
+        _check_for_file(arguments)
+    seed = 1 if arguments.seed is None else arguments.seed
+    try:
+        if new:
+            goals = 15 if arguments.goals is None else arguments.goals
+            town = generate(seed, int(new[1]), int(new[2]), goals=goals)
+        else:
+            town = load_town(Path(arguments.town))
+        if arguments.scatter is not None:
+            town = scatter(town, seed, arguments.scatter)
+    except DocumentError as error:
+        print(error, file=sys.stderr)
+        return ExitCode.INVALID_FILE
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    if arguments.out is not None:
+        _write(town, arguments.out, new=bool(new), force=arguments.force)
+    if arguments.picture is not None:
+        _draw(town, arguments.picture)
+    facts = _facts(town)
+    if arguments.json:
+        print(json.dumps(facts))
+    else:
+        print(
+            f"{town.name}: {facts['area_m2']:,} m2, {counted(len(town.goals), 'vehicles')}, "
+            f"{counted(len(town.buildings), 'buildings')}, room for "
+            f"{counted(len(town.starts), 'ground robots')}"
+        )
+    return ExitCode.DONE
+
+
+def _check_for_file(arguments: argparse.Namespace) -> None:
+    """What is only for new towns, or new places, would do nothing to a file's."""
+    if arguments.goals is not None:
+        raise UsageError("--goals is for a new town; --scatter N puts N vehicles into this one")
+    if arguments.seed is not None and arguments.scatter is None:
+        raise UsageError("--seed is for a new town or with --scatter; nothing else is by chance")
+
+
+def _facts(town: Town) -> dict[str, Any]:
+    return {
+        "name": town.name,
+        "area_m2": round(town.area_m2),
+        "bounds": town.bounds._asdict(),
+        "goals": {goal.id: list(goal.position) for goal in town.goals},
+        "buildings": len(town.buildings),
+        "starts": len(town.starts),
+    }
+
+
+def _write(town: Town, folder: Path, *, new: bool, force: bool) -> None:
+    from sitl.experiment.towns.town_mission import mission_text  # noqa: PLC0415 - it is slow to load
+    from sitl.experiment.towns.town_write import town_text  # noqa: PLC0415
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_whole(folder / "town.yaml", town_text(town), replace=force)
+        if new:
+            write_whole(folder / "mission.yaml", mission_text(town), replace=force)
+    except OSError as error:
+        raise UsageError(f"cannot write to {folder}: {error.strerror}") from None
+
+
+def _draw(town: Town, path: Path) -> None:
+    from sitl.experiment.towns.town_picture import draw_town  # noqa: PLC0415 - needs matplotlib
+
+    draw_town(town, path)

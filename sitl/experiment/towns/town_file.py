@@ -1,0 +1,169 @@
+"""Reads towns from YAML; the format is described in docs/town.md."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from geo.airspace.zone import ZoneError, checked_ring
+from geo.frame import FrameError, Geodetic, LocalFrame, Point
+from mocha_link.team.document import Document, DocumentError, Problem
+from sitl.experiment.model.lattice import GRAIN_M, Bounds
+from sitl.experiment.model.settings import ExplorerSettings
+from sitl.experiment.model.ways import PASSABLE, Ways
+from sitl.experiment.towns.town import RESOLUTION_M, Goal, Ring, Town
+from sitl.world.terrain import MAX_CELLS, Road
+
+Keys = tuple[str | int, ...]
+_Metres = Annotated[float, Field(ge=-1e4, le=1e4)]
+_Pair = Annotated[list[_Metres], Field(min_length=2, max_length=2)]
+_Name = Annotated[str, Field(min_length=1, max_length=64)]
+_SETTINGS = ExplorerSettings()
+
+
+class _Frame(BaseModel):
+    origin: Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class _Bounds(BaseModel):
+    west_m: _Metres
+    south_m: _Metres
+    east_m: _Metres
+    north_m: _Metres
+
+
+class _Road(BaseModel):
+    points: Annotated[list[_Pair], Field(min_length=2)]
+    width_m: Annotated[float, Field(gt=0, le=1000)]
+
+
+class _Town(BaseModel):
+    name: _Name
+    frame: _Frame
+    home: _Pair
+    bounds: _Bounds
+    outline: list[_Pair]
+    roads: Annotated[list[_Road], Field(min_length=1)]
+    vegetation: list[list[_Pair]] = []
+    buildings: list[list[_Pair]] = []
+    yards: list[list[_Pair]] = []
+    goals: dict[_Name, _Pair]
+    starts: Annotated[list[_Pair], Field(min_length=1)]
+
+
+def load_town(path: Path) -> Town:
+    """The town of a file.
+
+    Raises:
+        DocumentError: every problem of the file, with line and column.
+    """
+    document = Document.load(path)
+    return _Reader(document, document.parse(_Town)).town()
+
+
+@dataclass(slots=True)
+class _Reader:
+    document: Document
+    model: _Town
+    problems: list[Problem] = field(default_factory=list)
+
+    def town(self) -> Town:
+        model = self.model
+        frame, bounds = self._frame(), self._bounds()
+        rings = {
+            key: self._rings(getattr(model, key), key)
+            for key in ("vegetation", "buildings", "yards")
+        }
+        outline = self._ring(model.outline, ("outline",))
+        if self.problems or frame is None:
+            raise DocumentError(self.problems)
+        town = Town(
+            name=model.name,
+            frame=frame,
+            bounds=bounds,
+            outline=outline,
+            roads=tuple(Road(_points(road.points), road.width_m) for road in model.roads),
+            goals=tuple(Goal(name, Point(*place)) for name, place in model.goals.items()),
+            starts=_points(model.starts),
+            home=Point(*model.home),
+            **rings,
+        )
+        self._check_places(town)
+        if self.problems:
+            raise DocumentError(self.problems)
+        return town
+
+    def _frame(self) -> LocalFrame | None:
+        try:
+            return LocalFrame(Geodetic(*self.model.frame.origin))
+        except FrameError as error:
+            message = f"{error}; correct it (latitude comes first)"
+            self._complain(("frame", "origin"), message, "not-on-earth")
+            return None
+
+    def _bounds(self) -> Bounds:
+        bounds = Bounds(**self.model.bounds.model_dump())
+        for key, value in bounds._asdict().items():
+            if value % GRAIN_M:
+                message = f"{key}: {value} is no multiple of {GRAIN_M:g} m; round it outwards"
+                self._complain(("bounds", key), message, "bounds-uneven")
+        width_m, height_m = bounds.east_m - bounds.west_m, bounds.north_m - bounds.south_m
+        if width_m <= 0 or height_m <= 0:
+            message = "the bounds enclose nothing; exchange west and east, or south and north"
+            self._complain(("bounds",), message, "bounds-inverted")
+        elif width_m * height_m / RESOLUTION_M**2 > MAX_CELLS:
+            message = f"larger than {MAX_CELLS} cells of {RESOLUTION_M} m; make the town smaller"
+            self._complain(("bounds",), message, "too-large")
+        return bounds
+
+    def _rings(self, polygons: Sequence[list[list[float]]], key: str) -> tuple[Ring, ...]:
+        return tuple(self._ring(pairs, (key, index)) for index, pairs in enumerate(polygons))
+
+    def _ring(self, pairs: list[list[float]], keys: Keys) -> Ring:
+        try:
+            return checked_ring(_points(pairs))
+        except ZoneError as error:
+            message = f"cannot be an area: {error}; draw it again"
+            self._complain(keys, message, error.code)
+            return ()
+
+    def _check_places(self, town: Town) -> None:
+        """Robots must be able to start, and to get from there to every goal."""
+        standing = PASSABLE[town.ground[[town.lattice.cell(place) for place in town.starts]]]
+        for index in np.flatnonzero(~standing).tolist():
+            message = "no robot can stand here: a building reaches into this 2 m cell; move it"
+            self._complain(("starts", index), message, "start-in-building")
+        if not standing[0]:
+            return
+        ways = Ways(town.lattice, town.ground, town.lattice.cell(town.starts[0]))
+        for index, place in enumerate(town.starts):
+            if standing[index] and math.isinf(ways.costs[town.lattice.cell(place)]):
+                message = "no way leads from the first start to this one; open one, or move it"
+                self._complain(("starts", index), message, "start-unreachable")
+        for goal in town.goals:
+            keys = ("goals", goal.id)
+            if ways.nearest(goal.position, _SETTINGS.arrival_m) is None:
+                message = f"no way leads from the first start to {goal.id}; open one, or move it"
+                self._complain(keys, message, "goal-unreachable")
+        for index, goal in enumerate(town.goals):
+            for other in town.goals[:index]:
+                distance_m = math.dist(goal.position, other.position)
+                if distance_m <= _SETTINGS.same_goal_m:
+                    message = (
+                        f"{distance_m:.1f} m from {other.id}: robots take both for one goal; "
+                        f"move it beyond {_SETTINGS.same_goal_m} m"
+                    )
+                    self._complain(("goals", goal.id), message, "goals-too-near")
+
+    def _complain(self, keys: Keys, message: str, code: str) -> None:
+        self.problems.append(self.document.problem(keys, message, code))
+
+
+def _points(pairs: Iterable[Sequence[float]]) -> tuple[Point, ...]:
+    return tuple(Point(east_m, north_m) for east_m, north_m in pairs)

@@ -1,0 +1,1 @@
+"""The simulated autopilot's MAVLink: links, streams, microservices."""

@@ -1,0 +1,333 @@
+"""PX4's side of the MAVLink mission microservice: upload, download, clear, set current.
+
+A pure state machine, one per link; the plan is shared. Time comes in as an argument. The
+behaviour is that of PX4 1.17's mission manager, its answers, silences and time-outs included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from typing import Any, Final
+
+from sitl.px4sim.plan.mission_items import (
+    MissionItem,
+    MissionResult,
+    MissionType,
+    RefusedItemError,
+    checksum,
+    stored_item,
+)
+from sitl.px4sim.plan.plan_store import CAPACITY, PlanStore
+from sitl.px4sim.state.notice import Notice, Severity
+from sitl.px4sim.state.outgoing import Outgoing
+
+RETRY_S: Final = 0.25
+TIMEOUT_S: Final = 5.0
+_MISSION_PLANNER: Final = 190
+
+Reply = Outgoing | Notice
+
+
+class _State(Enum):
+    IDLE = "idle"
+    SENDING = "sending"
+    RECEIVING = "receiving"
+
+
+class MissionProtocol:
+    """One link's mission manager.
+
+    Args:
+        plan: The plan on board.
+        system_id: The vehicle's.
+        component_id: The autopilot's.
+    """
+
+    def __init__(self, plan: PlanStore, system_id: int, component_id: int = 1) -> None:
+        self._plan = plan
+        self._system_id = system_id
+        self._components = (component_id, _MISSION_PLANNER, 0)
+        self._state = _State.IDLE
+        self._type = 0
+        self._partner = (0, 0)
+        self._sequence = 0
+        self._count = 0
+        self._items: list[MissionItem] = []
+        self._checksum = 0
+        self._marked: int | None = None
+        self._as_float = False
+        self._sent_s = 0.0
+        self._received_s = 0.0
+        self.uploads = 0
+        """How many uploads were begun: MISSION_ITEM_REACHED starts anew with each."""
+
+        self._handlers: dict[str, Callable[[Any, tuple[int, int], float], list[Reply]]] = {
+            "MISSION_ACK": self._on_ack,
+            "MISSION_SET_CURRENT": self._on_set_current,
+            "MISSION_REQUEST_LIST": self._on_request_list,
+            "MISSION_REQUEST": self._on_float_request,
+            "MISSION_REQUEST_INT": self._on_int_request,
+            "MISSION_COUNT": self._on_count,
+            "MISSION_ITEM": self._on_float_item,
+            "MISSION_ITEM_INT": self._on_int_item,
+            "MISSION_CLEAR_ALL": self._on_clear_all,
+        }
+
+    @property
+    def idle(self) -> bool:
+        """Whether no transfer is under way on this link."""
+        return self._state is _State.IDLE
+
+    def handles(self, name: str) -> bool:
+        """Whether a message belongs to this microservice."""
+        return name in self._handlers
+
+    def handle(self, message: Any, now_s: float) -> list[Reply]:
+        """Take a message in; messages for others are ignored.
+
+        Args:
+            message: As pymavlink decodes it.
+            now_s: Seconds, ever rising.
+        """
+        mine = message.target_system == self._system_id
+        if not mine or message.target_component not in self._components:
+            return []
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        return self._handlers[message.get_type()](message, sender, now_s)
+
+    def tick(self, now_s: float) -> list[Reply]:
+        """Repeat a request that was not answered, or give up; call it every step."""
+        if self._state is _State.IDLE:
+            return []
+        if self._state is _State.RECEIVING and now_s - self._sent_s > RETRY_S:
+            return [self._request(now_s)]
+        if now_s - self._received_s > TIMEOUT_S:
+            self._finish()
+            return [_say("Operation timeout", "mavlink_mission_op_timeout")]
+        return []
+
+    # Downloads
+
+    def _on_request_list(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        if self._state is _State.SENDING and self._sequence == len(self._stored(self._type)):
+            self._state = _State.IDLE  # everything was sent, only the last MISSION_ACK is missing
+        again = self._state is _State.SENDING and (self._type, self._partner) == (
+            message.mission_type,
+            sender,
+        )
+        if self._state is not _State.IDLE and not again:
+            words = "Mission download request ignored, already active"
+            return [Notice(Severity.INFO, words, "mavlink_mission_req_ignored", Severity.WARNING)]
+        self._state, self._type, self._partner = _State.SENDING, message.mission_type, sender
+        self._sequence, self._count = 0, len(self._stored(self._type))
+        self._received_s = now_s
+        return [
+            self._outgoing(
+                "MISSION_COUNT",
+                sender,
+                count=self._count,
+                opaque_id=self._identifier(self._type),
+            )
+        ]
+
+    def _on_float_request(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        self._as_float = True
+        return self._on_request(message, sender, now_s)
+
+    def _on_int_request(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        self._as_float = False
+        return self._on_request(message, sender, now_s)
+
+    def _on_request(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        if sender != self._partner:
+            event = "mavlink_mission_partner_id_mismatch2"
+            return [_say("WPM: REJ. CMD: partner id mismatch", event)]
+        if self._state is _State.RECEIVING:
+            return [_say("WPM: REJ. CMD: Busy", "mavlink_mission_mis_req_ignored_busy")]
+        if self._state is _State.IDLE or message.mission_type != self._type:
+            return []
+        self._received_s = now_s
+        items = self._stored(self._type)
+        if message.seq == self._sequence < self._count:
+            self._sequence += 1
+        elif message.seq != self._sequence - 1:
+            return self._unexpected_request("mavlink_mission_wp_unexpected")
+        if message.seq >= len(items):
+            return self._unexpected_request("mavlink_mission_wp_unexpected2")
+        name = "MISSION_ITEM" if self._as_float else "MISSION_ITEM_INT"
+        current = self._type == MissionType.MISSION and message.seq == self._plan.active
+        fields = items[message.seq].fields(as_float=self._as_float)
+        return [
+            self._outgoing(name, sender, seq=message.seq, current=int(current), **fields),
+        ]
+
+    def _unexpected_request(self, event: str) -> list[Reply]:
+        self._state = _State.IDLE
+        return [
+            self._ack(MissionResult.ERROR),
+            _say("WPM: REJ. CMD: Req. WP was unexpected", event),
+        ]
+
+    def _on_ack(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        if sender != self._partner:
+            return [_say("REJ. WP CMD: partner id mismatch", "mavlink_mission_partner_id_mismatch")]
+        if self._state is _State.SENDING and message.mission_type == self._type:
+            self._state = _State.IDLE
+        elif self._state is _State.RECEIVING:
+            if message.type == MissionResult.UNSUPPORTED:
+                self._as_float = not self._as_float
+                return [self._request(now_s)]
+            if message.type == MissionResult.OPERATION_CANCELLED:
+                self._finish()
+        return []
+
+    # Uploads
+
+    def _on_count(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        if self._state is _State.SENDING:
+            return [
+                _say("WPM: IGN MISSION_COUNT: Busy", "mavlink_mission_ignore_mis_count"),
+                self._ack(MissionResult.ERROR, sender),
+            ]
+        self._received_s = now_s
+        if self._state is _State.IDLE:
+            answer = self._begin_upload(message, sender)
+            if answer:
+                return answer
+        elif sender != self._partner:
+            return [self._ack(MissionResult.ERROR, sender)]
+        elif self._sequence > 0:
+            return [
+                _say("WPM: REJ. CMD: Busy", "mavlink_mission_getlist_busy"),
+                self._ack(MissionResult.ERROR),
+            ]
+        return [self._request(now_s)]
+
+    def _begin_upload(self, message: Any, sender: tuple[int, int]) -> list[Reply]:
+        if self._plan.transferring:  # by another link
+            return [self._ack(MissionResult.ERROR, sender)]
+        self._partner, self._type = sender, message.mission_type
+        self._checksum, self.uploads = 0, self.uploads + 1
+        if message.count > self._capacity():
+            return [self._ack(MissionResult.NO_SPACE)]
+        if message.count == 0:
+            if self._type in CAPACITY:
+                self._plan.store(MissionType(self._type), (), 0, 0)
+            return [self._ack(MissionResult.ACCEPTED)]
+        self._plan.transferring = True
+        self._state = _State.RECEIVING
+        self._sequence, self._count = 0, message.count
+        self._items, self._marked = [], None
+        return []
+
+    def _on_float_item(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        self._as_float = True
+        return self._on_item(message, sender, now_s)
+
+    def _on_int_item(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        self._as_float = False
+        return self._on_item(message, sender, now_s)
+
+    def _on_item(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        if sender != self._partner:
+            event = "mavlink_mission_item_partner_id_mismatch"
+            return [_say("REJ. MIS ITEM: partner id mismatch", event)]
+        if message.mission_type != self._type:
+            return [self._ack(MissionResult.ERROR)]
+        if self._state is not _State.RECEIVING:
+            return self._on_stray_item(message.seq)
+        self._received_s = now_s
+        return self._take(message, now_s) if message.seq == self._sequence else []
+
+    def _on_stray_item(self, sequence: int) -> list[Reply]:
+        if self._state is _State.SENDING:
+            words = _say("IGN MISSION_ITEM: Busy", "mavlink_mission_mis_item_busy")
+        elif sequence + 1 == self._sequence:  # our last MISSION_ACK was lost, presumably
+            return [self._ack(MissionResult.ACCEPTED, identifier=self._checksum)]
+        else:
+            words = _say("IGN MISSION_ITEM: No transfer", "mavlink_mission_no_transfer")
+        return [words, self._ack(MissionResult.ERROR)]
+
+    def _take(self, message: Any, now_s: float) -> list[Reply]:
+        try:
+            item = stored_item(message, self._type, as_float=self._as_float)
+        except RefusedItemError as refusal:
+            self._finish()
+            words = _say("IGN MISSION_ITEM: Invalid item", "mavlink_mission_mis_item_invalid")
+            return [words] * refusal.said + [self._ack(refusal.result)]
+        self._checksum = checksum(message, self._checksum, as_float=self._as_float)
+        self._items.append(item)
+        if message.current:
+            self._marked = message.seq
+        self._sequence += 1
+        if self._sequence < self._count:
+            return [self._request(now_s)]
+        kind = MissionType(self._type)
+        self._plan.store(kind, tuple(self._items), self._checksum, self._marked)
+        self._finish()
+        return [self._ack(MissionResult.ACCEPTED, identifier=self._checksum)]
+
+    # The rest
+
+    def _on_clear_all(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        if self._state is not _State.IDLE:
+            return [_say("WPM: IGN CLEAR CMD: Busy", "mavlink_mission_ignore_clear")]
+        self._received_s = now_s
+        self._type = message.mission_type
+        for kind in CAPACITY:
+            if message.mission_type in (kind, MissionType.ALL):
+                self._plan.store(kind, (), 0, 0)
+        return [self._ack(MissionResult.ACCEPTED, sender)]
+
+    def _on_set_current(self, message: Any, sender: tuple[int, int], now_s: float) -> list[Reply]:
+        del sender
+        if self._state is not _State.IDLE:
+            return [_say("WPM: IGN WP CURR CMD: Busy", "mavlink_mission_state_busy")]
+        self._received_s = now_s
+        if message.seq >= len(self._plan.items(MissionType.MISSION)):
+            return [_say("WPM: WP CURR CMD: Not in list", "mavlink_mission_seq_out_of_bounds")]
+        self._plan.set_current(message.seq)
+        return []
+
+    def _finish(self) -> None:
+        if self._state is _State.RECEIVING:
+            self._plan.transferring = False
+        self._state = _State.IDLE
+
+    def _request(self, now_s: float) -> Outgoing:
+        self._sent_s = now_s
+        name = "MISSION_REQUEST" if self._as_float else "MISSION_REQUEST_INT"
+        return self._outgoing(name, self._partner, seq=self._sequence)
+
+    def _ack(
+        self,
+        result: MissionResult,
+        receiver: tuple[int, int] | None = None,
+        identifier: int = 0,
+    ) -> Outgoing:
+        receiver = self._partner if receiver is None else receiver
+        return self._outgoing("MISSION_ACK", receiver, type=result.value, opaque_id=identifier)
+
+    def _outgoing(self, name: str, receiver: tuple[int, int], **fields: Any) -> Outgoing:
+        target = {
+            "target_system": receiver[0],
+            "target_component": receiver[1],
+            "mission_type": self._type,
+        }
+        return Outgoing(name, target | fields)
+
+    def _stored(self, mission_type: int) -> tuple[MissionItem, ...]:
+        known = mission_type in CAPACITY
+        return self._plan.items(MissionType(mission_type)) if known else ()
+
+    def _identifier(self, mission_type: int) -> int:
+        known = mission_type in CAPACITY
+        return self._plan.identifier(MissionType(mission_type)) if known else 0
+
+    def _capacity(self) -> int:
+        return CAPACITY[MissionType(self._type)] if self._type in CAPACITY else 0
+
+
+def _say(text: str, event: str) -> Notice:
+    return Notice(Severity.CRITICAL, text, event, Severity.ERROR)

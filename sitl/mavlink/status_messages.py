@@ -1,0 +1,213 @@
+"""Messages about the vehicle's state: modes, health, battery, time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Final
+
+from sitl.mavlink.position_messages import POSITION_AFTER_S
+from sitl.px4sim.autopilot import Autopilot
+from sitl.px4sim.state.px4_modes import FlightMode
+
+_QUADROTOR: Final = 2
+_PX4: Final = 12
+_ARMED: Final = 128
+_PRESENT: Final = 0x0300402F
+_ENABLED: Final = 0x0301402F
+_HEALTHY: Final = 0x0320C83F
+_XY_CONTROL: Final = 0x4000
+_PREARM_CHECK: Final = 0x10000000
+_CAPABILITIES: Final = 59647 & ~32  # PX4's, without MAVLink FTP, which is not offered here
+_STANDARD_MODES: Final = {
+    FlightMode.POSCTL: 1,
+    FlightMode.ALTCTL: 4,
+    FlightMode.AUTO_RTL: 5,
+    FlightMode.AUTO_MISSION: 6,
+    FlightMode.AUTO_LAND: 7,
+    FlightMode.AUTO_TAKEOFF: 8,
+}
+
+Fields = dict[str, Any]
+
+
+class StatusMessages:
+    """Builds the fields of status messages.
+
+    Args:
+        autopilot: Whose.
+        start_unix_s: Unix time of the simulation's start; SYSTEM_TIME goes on from it.
+        version: AUTOPILOT_VERSION.flight_sw_version.
+
+    Attributes:
+        events_sent: How many EVENTs there were, for their sequence numbers.
+    """
+
+    def __init__(self, autopilot: Autopilot, start_unix_s: float, version: int) -> None:
+        self._autopilot = autopilot
+        self._situation = autopilot.situation
+        self._start_unix_s = start_unix_s
+        self._version_number = version
+        self.events_sent = 0
+
+    def builders(self) -> dict[str, Callable[[], Fields | None]]:
+        """By message name."""
+        return {
+            "HEARTBEAT": self._heartbeat,
+            "SYS_STATUS": self._sys_status,
+            "SYSTEM_TIME": self._system_time,
+            "TIMESYNC": self._timesync,
+            "BATTERY_STATUS": self._battery,
+            "ESTIMATOR_STATUS": self._estimator,
+            "EXTENDED_SYS_STATE": self._extended_state,
+            "CURRENT_EVENT_SEQUENCE": self._event_sequence,
+            "CURRENT_MODE": self._current_mode,
+            "AUTOPILOT_VERSION": self._version,
+            "FLIGHT_INFORMATION": self._flight_information,
+        }
+
+    @property
+    def boot_ms(self) -> int:
+        """time_boot_ms."""
+        return round(self._situation.time_s * 1e3)
+
+    @property
+    def boot_us(self) -> int:
+        """time_usec."""
+        return round(self._situation.time_s * 1e6)
+
+    def _heartbeat(self) -> Fields:
+        autopilot = self._autopilot
+        if autopilot.terminated:
+            status = 8
+        elif autopilot.failsafe.acting:
+            status = 5
+        elif autopilot.armed:
+            status = 4
+        else:
+            status = 3 if autopilot.can_arm else 0
+        return {
+            "type": _QUADROTOR,
+            "autopilot": _PX4,
+            "base_mode": autopilot.mode.base_mode | (_ARMED if autopilot.armed else 0),
+            "custom_mode": autopilot.mode.custom_mode,
+            "system_status": status,
+            "mavlink_version": 3,
+        }
+
+    def _sys_status(self) -> Fields:
+        battery = self._autopilot.battery
+        ready = self._autopilot.can_arm or self._autopilot.armed
+        health = _HEALTHY if self._autopilot.positioning.fused else _HEALTHY & ~_XY_CONTROL
+        return {
+            "onboard_control_sensors_present": _PRESENT,
+            "onboard_control_sensors_enabled": _ENABLED,
+            "onboard_control_sensors_health": health | (_PREARM_CHECK if ready else 0),
+            "load": 140,
+            "voltage_battery": int(battery.voltage_v * 1e3),
+            "current_battery": -100,
+            "battery_remaining": math.ceil(battery.remaining * 100),
+            **dict.fromkeys(("drop_rate_comm", "errors_comm"), 0),
+            **{f"errors_count{number}": 0 for number in range(1, 5)},
+            "onboard_control_sensors_present_extended": 0,
+            "onboard_control_sensors_enabled_extended": 0,
+            "onboard_control_sensors_health_extended": 1,
+        }
+
+    def _system_time(self) -> Fields:
+        unix_s = self._start_unix_s + self._situation.time_s
+        return {"time_unix_usec": round(unix_s * 1e6), "time_boot_ms": self.boot_ms}
+
+    def _timesync(self) -> Fields:
+        return {
+            "tc1": 0,
+            "ts1": self.boot_us * 1000,
+        }
+
+    def _battery(self) -> Fields:
+        battery = self._autopilot.battery
+        return {
+            "id": 0,
+            "battery_function": 1,
+            "type": 1,
+            "temperature": 32767,
+            "voltages": (int(battery.voltage_v * 1e3), *(65535,) * 9),
+            "current_battery": -100,
+            "current_consumed": -1,
+            "energy_consumed": -1,
+            "battery_remaining": math.ceil(battery.remaining * 100),
+            "time_remaining": 0,
+            "charge_state": battery.warning + 1,
+            "voltages_ext": (0, 0, 0, 0),
+            "mode": 0,
+            "fault_bitmask": 0,
+        }
+
+    def _estimator(self) -> Fields:
+        return {
+            "time_usec": self.boot_us,
+            "flags": self._estimator_flags(),
+            **dict.fromkeys(
+                ("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio", "mag_ratio", "hagl_ratio"), 0.1
+            ),
+            "tas_ratio": math.nan,
+            "pos_horiz_accuracy": self._autopilot.positioning.accuracy_m,
+            "pos_vert_accuracy": 0.3,
+        }
+
+    def _estimator_flags(self) -> int:
+        if self._situation.time_s < POSITION_AFTER_S:
+            return 229
+        if not self._situation.landed:
+            return 895 if self._autopilot.positioning.fused else 101
+        return 831
+
+    def _extended_state(self) -> Fields:
+        autopilot = self._autopilot
+        if autopilot.situation.landed:
+            state = 1
+        elif autopilot.landing:
+            state = 4
+        else:
+            state = 3 if autopilot.taking_off else 2
+        return {"vtol_state": 0, "landed_state": state}
+
+    def _event_sequence(self) -> Fields:
+        return {"sequence": (self.events_sent - 1) & 0xFFFF, "flags": 0}
+
+    def _current_mode(self) -> Fields:
+        mode, intended = self._autopilot.mode, self._autopilot.intended
+        return {
+            "standard_mode": _STANDARD_MODES.get(mode, 0),
+            "custom_mode": mode.custom_mode,
+            "intended_custom_mode": intended.custom_mode,
+        }
+
+    def _flight_information(self) -> Fields:
+        situation = self._situation
+        flies = situation.armed and situation.took_off_s is not None
+        return {
+            "time_boot_ms": self.boot_ms,
+            "arming_time_utc": 0,  # only its take-off is looked at
+            "takeoff_time_utc": round((situation.took_off_s or 0.0) * 1e6) if flies else 0,
+            "flight_uuid": 0,
+            "landing_time": 0,
+        }
+
+    def _version(self) -> Fields:
+        identifier = self._autopilot.parameters["MAV_SYS_ID"]
+        return {
+            "capabilities": _CAPABILITIES,
+            "flight_sw_version": self._version_number,
+            "middleware_sw_version": self._version_number,
+            "os_sw_version": 0,
+            "board_version": 1,
+            **dict.fromkeys(
+                ("flight_custom_version", "middleware_custom_version", "os_custom_version"),
+                (0,) * 8,
+            ),
+            "vendor_id": 0,
+            "product_id": 0,
+            "uid": 0x5157000000000000 | int(identifier) & 0xFF,
+            "uid2": (0,) * 18,
+        }

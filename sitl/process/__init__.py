@@ -1,0 +1,1 @@
+"""Simulated and real vehicles as processes, started, paced and ended for certain."""

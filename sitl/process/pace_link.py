@@ -1,0 +1,245 @@
+"""The pace of the world over TCP: the process that sets it, and other vehicles that follow it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import socket
+import time
+from collections.abc import Collection
+from typing import Any, Final
+
+from air_router.vehicle.pace import ALLOWANCE_S, PaceSource, line
+from mocha_link.node.lifetime import Closeable
+from sitl.mavlink.udp_link import Address, PortInUseError
+from sitl.process.pace import PATIENCE_S, STALLED_SPEED, STARTING_SPEED, Limit, Pace
+
+_log = logging.getLogger(__name__)
+
+_READ: Final = 4096
+_LONGEST: Final = 1000  # bytes of a line; a peer that sends more is not one of ours
+_AGAIN_S: Final = 0.1  # between two attempts to connect
+
+
+class WorldPace(Closeable):
+    """How a vehicle's clock may go on: this one waits for no other process."""
+
+    def __init__(self, expected: int = 0) -> None:
+        self._pace = Pace(expected)
+
+    @property
+    def sockets(self) -> Collection[socket.socket]:
+        """What to `select` on."""
+        return ()
+
+    def attend(self, ready: Collection[object]) -> bool:  # noqa: ARG002 - there are no sockets
+        """Read what has come; whether the world may go farther than before."""
+        return False
+
+    def limit(self, time_s: float, wall_s: float) -> Limit:
+        """How far the vehicle may go, being at `time_s` of its clock."""
+        return self._pace.limit(time_s, wall_s)
+
+    def told(self, speed: float) -> dict[str, Any]:
+        """What the result says; see `Pace.told`."""
+        return self._pace.told(speed)
+
+    def close(self) -> None:
+        """Free what is open; from now on no process is waited for."""
+
+
+class PaceServer(WorldPace):
+    """Where the processes of a world connect; see `air_router.vehicle.pace` for what they say.
+
+    A vehicle that follows says `follows` as well, and is told the limit.
+
+    Args:
+        bind: Host and port to listen on; port 0 takes a free one.
+        expected: How many processes will take part.
+
+    Raises:
+        PortInUseError: the port is taken.
+    """
+
+    def __init__(self, bind: Address, expected: int) -> None:
+        super().__init__(expected)
+        self._unread: dict[socket.socket, bytes] = {}
+        self._followers: set[socket.socket] = set()
+        self._last: Limit | None = None
+        try:
+            self._listener = socket.create_server(bind)
+        except OSError as error:
+            raise PortInUseError(
+                f"pace: cannot use TCP port {bind[1]}: {error.strerror}; another simulation runs "
+                "on it: end that, or choose another --pace"
+            ) from None
+        self._listener.setblocking(False)
+
+    @property
+    def port(self) -> int:
+        """The port it listens on."""
+        return int(self._listener.getsockname()[1])
+
+    @property
+    def sockets(self) -> Collection[socket.socket]:
+        """See `WorldPace.sockets`."""
+        return (self._listener, *self._unread)
+
+    def attend(self, ready: Collection[object]) -> bool:
+        """See `WorldPace.attend`."""
+        if self._listener in ready:
+            self._accept()
+        come = [client for client in self._unread if client in ready]
+        for client in come:
+            self._read(client)
+        return bool(come)
+
+    def limit(self, time_s: float, wall_s: float) -> Limit:
+        """See `WorldPace.limit`; tells it to those who follow."""
+        limit = super().limit(time_s, wall_s)
+        if self._followers:
+            self._tell(Limit(min(time_s + ALLOWANCE_S, limit.until_s), limit.most_speed))
+        return limit
+
+    def close(self) -> None:
+        """Free the port; no process is waited for any more."""
+        self._listener.close()
+        for client in tuple(self._unread):
+            self._drop(client)
+
+    def _accept(self) -> None:
+        try:
+            client, _ = self._listener.accept()
+        except OSError:
+            return  # it has gone again
+        client.setblocking(False)
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._unread[client] = b""
+        self._pace.joined(client)
+
+    def _read(self, client: socket.socket) -> None:
+        try:
+            chunk = client.recv(_READ)
+        except BlockingIOError:
+            return
+        except OSError:
+            chunk = b""
+        *whole, rest = (self._unread[client] + chunk).split(b"\n")
+        try:
+            for text in whole[-1:]:  # the newest says it all
+                self._take(client, json.loads(text))
+        except (ValueError, KeyError, TypeError):
+            _log.warning("what came in on the port of the pace is none of it: hung up")
+            chunk = b""
+        if chunk and len(rest) <= _LONGEST:
+            self._unread[client] = rest
+        else:
+            self._drop(client)
+
+    def _take(self, client: socket.socket, fields: Any) -> None:
+        name, time_s = str(fields["name"]), float(fields["reached_s"])
+        if not math.isfinite(time_s):
+            raise ValueError("no time")
+        self._pace.reached(client, name, time_s, time.monotonic())
+        if fields.get("follows"):
+            self._followers.add(client)
+
+    def _drop(self, client: socket.socket) -> None:
+        del self._unread[client]
+        self._followers.discard(client)
+        self._pace.left(client)
+        client.close()
+
+    def _tell(self, limit: Limit) -> None:
+        if limit == self._last:
+            return
+        self._last = limit
+        told = line({"until_s": round(limit.until_s, 3), "most_speed": limit.most_speed})
+        for client in tuple(self._followers):
+            try:
+                client.send(told)
+            except BlockingIOError:
+                continue  # it has not read the last thousand yet
+            except OSError:
+                self._drop(client)
+
+
+class FollowedPace(WorldPace):
+    """Of a vehicle that follows the clock of another one; without that it runs on by itself.
+
+    Args:
+        source: Where the other one sets the pace.
+        name: Of the vehicle.
+    """
+
+    def __init__(self, source: PaceSource, name: str) -> None:
+        super().__init__()
+        self._source = source
+        self._name = name
+        self._socket: socket.socket | None = None
+        self._again_s = 0.0
+        self._unread = b""
+        self._limit = Limit(most_speed=STARTING_SPEED)
+        self._told_s = -math.inf
+        self._news_s = 0.0
+        self._ended = False
+
+    @property
+    def sockets(self) -> Collection[socket.socket]:
+        """See `WorldPace.sockets`."""
+        return () if self._socket is None else (self._socket,)
+
+    def attend(self, ready: Collection[object]) -> bool:
+        """See `WorldPace.attend`."""
+        if self._socket is None or self._socket not in ready:
+            return False
+        try:
+            chunk = self._socket.recv(_READ)
+        except BlockingIOError:
+            return False
+        except OSError:
+            chunk = b""
+        if not chunk:
+            self.close()
+            return True
+        *whole, self._unread = (self._unread + chunk).split(b"\n")
+        for text in whole[-1:]:
+            fields = json.loads(text)
+            self._limit = Limit(float(fields["until_s"]), float(fields["most_speed"]))
+            self._news_s = time.monotonic()
+        return bool(whole)
+
+    def limit(self, time_s: float, wall_s: float) -> Limit:
+        """See `WorldPace.limit`; tells the other one how far we are."""
+        free = super().limit(time_s, wall_s)
+        if self._ended:
+            return free
+        self._tell(time_s, wall_s)
+        if time_s >= self._limit.until_s and wall_s - self._news_s > PATIENCE_S:
+            return Limit(most_speed=STALLED_SPEED)
+        return self._limit
+
+    def close(self) -> None:
+        """Follow no more."""
+        self._ended = True
+        self._limit = Limit()
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _tell(self, time_s: float, wall_s: float) -> None:
+        try:
+            if self._socket is None:
+                if wall_s < self._again_s:
+                    return
+                self._again_s = wall_s + _AGAIN_S
+                self._socket = self._source.connect()
+            if time_s != self._told_s:
+                self._told_s = time_s
+                fields = {"name": self._name, "reached_s": round(time_s, 3), "follows": True}
+                self._socket.send(line(fields))
+        except (BlockingIOError, ConnectionRefusedError):
+            pass  # it has a thousand of ours to read, or is about to begin
+        except OSError:
+            self.close()

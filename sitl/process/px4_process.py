@@ -1,0 +1,257 @@
+"""A real PX4 SITL as a child process: started, waited for, and stopped for certain."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import logging
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from air_router.errors import AirRouterError, NoVehicleError
+from mocha_link.node.lifetime import Closeable
+from sitl.process.px4_install import Px4Install
+from sitl.px4sim.state.situation import Place
+
+_log = logging.getLogger(__name__)
+
+_LOCK: Final = "/tmp/px4_lock"  # noqa: S108 - PX4's own
+_STANDBY: Final = 3  # HEARTBEAT.system_status: it can arm
+_AUTOPILOT: Final = 1
+_STOP_S: Final = 5.0
+_READY_S: Final = 60.0
+_LARGEST: Final = 65535
+_MOST_INSTANCES: Final = 10
+_LAST_WORDS: Final = 12
+_PARAMETER: Final = re.compile(r"[A-Z][A-Z0-9_]{1,15}\Z")
+
+
+class Px4Error(NoVehicleError):
+    """PX4 did not start, or stopped; the message says what it said last."""
+
+
+class PortsInUseError(AirRouterError):
+    """The ports of PX4's instances are taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class Px4Settings:
+    """How PX4 is started.
+
+    Attributes:
+        place: Home.
+        speed: Times real time.
+        parameters: Values that differ from its defaults.
+        instance: Ports + N, system id N + 1; None: the first that is free.
+        folder: Where its log and files go; None: a folder that is removed at the end.
+    """
+
+    place: Place
+    speed: float = 1.0
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    instance: int | None = None
+    folder: Path | None = None
+
+
+class Px4Process(Closeable):
+    """Runs a PX4 SITL with its built-in simulator; a context manager that ends it.
+
+    It also ends when this process is killed.
+
+    Args:
+        install: Which PX4.
+        settings: How.
+
+    Attributes:
+        instance: PX4's instance number.
+        log: What it says.
+
+    Raises:
+        PortsInUseError: no instance is free, or the wanted one is not.
+    """
+
+    def __init__(self, install: Px4Install, settings: Px4Settings) -> None:
+        self._install = install
+        self._settings = settings
+        self._stack = contextlib.ExitStack()
+        self.instance = _free_instance(settings.instance)
+        folder = settings.folder
+        if folder is None:
+            temporary = tempfile.TemporaryDirectory(prefix="px4-", ignore_cleanup_errors=True)
+            folder = Path(self._stack.enter_context(temporary))
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder = folder.absolute()
+        self.log = self._folder / "px4.log"
+        variables = environment(settings)
+        command = install.command(self.instance, self._folder, variables)
+        try:
+            with self.log.open("wb") as log:
+                self._process = subprocess.Popen(  # noqa: S603 - what the user installed
+                    [
+                        sys.executable,
+                        "-m",
+                        "sitl.process.end_with_parent",
+                        str(os.getpid()),
+                        *command,
+                    ],
+                    cwd=self._folder,
+                    env={**_inherited(), **variables, "PYTHONPATH": os.pathsep.join(sys.path)},
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    start_new_session=True,  # Ctrl-C is for us: we end it
+                )
+        except BaseException:
+            self._stack.close()
+            raise
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended."""
+        return self._process.poll() is None
+
+    @property
+    def process_id(self) -> int:
+        """Of PX4."""
+        return self._process.pid
+
+    def wait_until_armable(
+        self, stopped: Callable[[], bool] = lambda: False, timeout_s: float = _READY_S
+    ) -> bool:
+        """Wait until PX4's health and arming checks pass.
+
+        It listens on the gimbal's port and says nothing, so that the API link's first partner is
+        whoever flies.
+
+        Args:
+            stopped: Ends the waiting.
+            timeout_s: Of real time.
+
+        Returns:
+            False if `stopped` said so.
+
+        Raises:
+            Px4Error: it ended, or cannot arm in time.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+            ear.bind(("127.0.0.1", 13280 + self.instance))
+            ear.settimeout(0.2)
+            while not stopped():
+                if not self.running:
+                    raise Px4Error(
+                        f"PX4 ended with code {self._process.returncode}; {self.last_words()}"
+                    )
+                if time.monotonic() > deadline_s:
+                    raise Px4Error(f"PX4 cannot arm after {timeout_s:.0f} s; {self.last_words()}")
+                with contextlib.suppress(TimeoutError):
+                    if _can_arm(ear.recv(_LARGEST)):
+                        return True
+        return False
+
+    def close(self) -> None:
+        """End it and wait until it has ended; does nothing the second time."""
+        stop_command = self._install.stop_command()
+        if self.running and stop_command is not None:
+            subprocess.run(stop_command, check=False, capture_output=True)  # noqa: S603
+        for number, patience_s in ((signal.SIGTERM, _STOP_S), (signal.SIGKILL, None)):
+            if not self.running:
+                break
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, number)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(patience_s)
+        self._stack.close()
+
+    def last_words(self) -> str:
+        """What it said last, for an error message."""
+        lines = self.log.read_text(errors="replace").splitlines()[-_LAST_WORDS:]
+        return "it said last:\n  " + "\n  ".join(lines) if lines else "it said nothing"
+
+
+def environment(settings: Px4Settings) -> dict[str, str]:
+    """The variables that PX4's start script reads.
+
+    Raises:
+        Px4Error: a parameter's name is none.
+    """
+    place = settings.place
+    variables = {
+        "PX4_SIM_MODEL": "sihsim_quadx",
+        "PX4_SIMULATOR": "sihsim",
+        "PX4_HOME_LAT": repr(place.latitude_deg),
+        "PX4_HOME_LON": repr(place.longitude_deg),
+        "PX4_HOME_ALT": repr(place.altitude_m),
+        "PX4_SIM_SPEED_FACTOR": f"{settings.speed:g}",
+    }
+    for name, value in settings.parameters.items():
+        if not _PARAMETER.match(name):
+            raise Px4Error(f"'{name}' is not the name of a PX4 parameter")
+        variables[f"PX4_PARAM_{name}"] = f"{value:g}"
+    return variables
+
+
+def _inherited() -> dict[str, str]:
+    """This process's environment without what would make PX4 start as something else."""
+    dropped = ("PX4_", "ROS_DOMAIN_ID")
+    return {name: value for name, value in os.environ.items() if not name.startswith(dropped)}
+
+
+def _free_instance(wanted: int | None) -> int:
+    """An instance whose ports nobody has; PX4's own lock files are looked at, too."""
+    instances = range(_MOST_INSTANCES) if wanted is None else (wanted,)
+    for instance in instances:
+        if not _is_locked(instance) and all(_is_free(port) for port in _ports(instance)):
+            return instance
+    words = "PX4's instances 0 to 9 run" if wanted is None else f"instance {wanted} runs"
+    raise PortsInUseError(
+        f"{words} already, or something else has their UDP ports (14580 + N ...); end one of them"
+        + ("" if wanted is None else ", or take another --instance")
+    )
+
+
+def _is_locked(instance: int) -> bool:
+    """Whether a PX4 has this instance, also one that has just begun and listens nowhere yet."""
+    try:
+        with Path(f"{_LOCK}-{instance}").open("r+b") as file:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # until it is closed
+    except BlockingIOError:
+        return True
+    except OSError:  # mostly: there is no such file
+        return False
+    return False
+
+
+def _ports(instance: int) -> Iterator[int]:
+    for first in (14580, 14540, 18570, 19450, 19410, 13030, 13280, 14280):
+        yield first + instance
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+def _can_arm(datagram: bytes) -> bool:
+    parser = mavlink.MAVLink(None)
+    parser.robust_parsing = True
+    for message in parser.parse_buffer(datagram) or ():
+        if message.get_type() == "HEARTBEAT" and message.get_srcComponent() == _AUTOPILOT:
+            return bool(message.system_status >= _STANDBY)
+    return False

@@ -1,0 +1,156 @@
+"""The simulated vehicle as a process: UDP sockets and the wall clock around `MavlinkVehicle`."""
+
+from __future__ import annotations
+
+import logging
+import select
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from mocha_link.node.lifetime import Closeable
+from sitl.mavlink.mavlink_link import MavlinkLink
+from sitl.mavlink.mavlink_vehicle import STEP_S, MavlinkVehicle, VehicleSettings
+from sitl.mavlink.udp_link import Address, UdpLink
+from sitl.process.pace_link import WorldPace
+
+_log = logging.getLogger(__name__)
+
+_LEAST_WAIT_S: Final = 0.004  # at high speeds several steps are done at once
+_MOST_BEHIND_S: Final = 0.25
+_SOON_S: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """Where a vehicle listens and sends; see `px4_ports` for PX4's.
+
+    Attributes:
+        onboard_bind: Of the API link.
+        onboard_to: Its partner until somebody talks.
+        ground_bind: Of the ground station link.
+        ground_to: Its partner until somebody talks; None: no such link.
+        truth_bind: Of the truth link.
+        truth_to: Its receiver.
+    """
+
+    onboard_bind: Address
+    onboard_to: Address
+    ground_bind: Address
+    ground_to: Address | None
+    truth_bind: Address
+    truth_to: Address
+
+
+def px4_ports(instance: int) -> Ports:
+    """The ports of PX4's SITL instance N; it only ever sends to its own machine."""
+    return Ports(
+        ("", 14580 + instance),
+        ("127.0.0.1", 14540 + instance if instance <= 9 else 14549),
+        ("", 18570 + instance),
+        ("127.0.0.1", 14550),
+        ("127.0.0.1", 19450 + instance),
+        ("127.0.0.1", 19410 + instance),
+    )
+
+
+class VehicleProcess(Closeable):
+    """Runs a vehicle; a context manager that frees its ports.
+
+    Args:
+        settings: The vehicle; its `speed` is what the clock keeps to, where `pace` lets it.
+        ports: Its places on the network.
+        pace: Which processes the clock waits for; None: none. Closed with the vehicle.
+
+    Raises:
+        PortInUseError: one of the ports is taken.
+    """
+
+    def __init__(
+        self, settings: VehicleSettings, ports: Ports, pace: WorldPace | None = None
+    ) -> None:
+        self._speed = settings.speed
+        self._pace = pace or WorldPace()
+        self._vehicle = MavlinkVehicle(settings)
+        self._links: list[tuple[MavlinkLink, UdpLink]] = []
+        try:
+            self._open(self._vehicle.onboard, ports.onboard_bind, ports.onboard_to, "API link")
+            if ports.ground_to is not None:
+                self._open(self._vehicle.ground, ports.ground_bind, ports.ground_to, "GCS link")
+            self._open(self._vehicle.truth, ports.truth_bind, ports.truth_to, "truth")
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def vehicle(self) -> MavlinkVehicle:
+        """The vehicle that runs."""
+        return self._vehicle
+
+    def port(self, link: MavlinkLink) -> int:
+        """The port that a link receives on."""
+        return next(end.port for opened, end in self._links if opened is link)
+
+    def pace(self) -> dict[str, Any]:
+        """What became of the speed that was asked for; see `Pace.told`."""
+        return self._pace.told(self._speed)
+
+    def run(self, stopped: Callable[[], bool]) -> None:
+        """Run until `stopped` says so; it is asked at least fifty times a second."""
+        level = logging.WARNING
+        next_s = time.monotonic()
+        held = False
+        while not stopped():
+            now_s = time.monotonic()
+            limit = self._pace.limit(self._vehicle.autopilot.time_s, now_s)
+            step_s = STEP_S / min(self._speed, limit.most_speed)
+            if now_s - next_s > _MOST_BEHIND_S:
+                if not held:
+                    late_s = now_s - next_s
+                    _log.log(level, "too slow for this speed: %.2f s of real time lost", late_s)
+                    level = logging.DEBUG  # once is enough
+                next_s = now_s
+            while next_s <= now_s and self._vehicle.autopilot.time_s < limit.until_s - _SOON_S:
+                self._vehicle.step()
+                next_s += step_s
+            held = next_s <= now_s
+            self._flush()
+            wait_s = next_s - time.monotonic()
+            least_wait_s = _LEAST_WAIT_S if step_s < _LEAST_WAIT_S else 0.0
+            self._receive(STEP_S if held else min(max(wait_s, least_wait_s), STEP_S), held=held)
+
+    def close(self) -> None:
+        """Free the ports."""
+        self._pace.close()
+        for _, end in self._links:
+            end.close()
+        self._links.clear()
+
+    def _open(self, link: MavlinkLink, bind: Address, partner: Address, what: str) -> None:
+        self._links.append((link, UdpLink(bind, partner, what)))
+
+    def _receive(self, timeout_s: float, *, held: bool) -> None:
+        """Answer what comes in until it is time for the next step, or the clock is held no more."""
+        end_s = time.monotonic() + timeout_s
+        while (left_s := end_s - time.monotonic()) > 0:
+            ends: list[UdpLink | socket.socket] = [end for _, end in self._links]
+            ready = select.select([*ends, *self._pace.sockets], [], [], left_s)[0]
+            if self._pace.attend(ready) and held:
+                return
+            for link, end in self._links:
+                if end not in ready:
+                    continue
+                for datagram in end.receive():
+                    if link is not self._vehicle.truth:
+                        self._vehicle.receive(link, datagram)
+            if ready:
+                self._flush()
+
+    def _flush(self) -> None:
+        for link in (self._vehicle.onboard, self._vehicle.ground, self._vehicle.truth):
+            frames = link.take_frames()
+            end = next((end for opened, end in self._links if opened is link), None)
+            if frames and end is not None:
+                end.send(frames)

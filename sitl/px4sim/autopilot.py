@@ -1,0 +1,424 @@
+"""The simulated autopilot: modes, arming, take-off and landing, as PX4 1.17 does them.
+
+Pure: `step` moves the simulated time on, methods are commands that came in, `take_notices` is
+what it says. It knows nothing of MAVLink but PX4's mode numbers and item layouts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from sitl.px4sim.ground_contact import GroundContact
+from sitl.px4sim.modes.auto_modes import go_to, stop_ahead
+from sitl.px4sim.modes.flight_modes import FlightModes
+from sitl.px4sim.modes.mission_flight import MissionFlight
+from sitl.px4sim.modes.sticks import Sticks
+from sitl.px4sim.motion.battery import Battery
+from sitl.px4sim.motion.dynamics import Multirotor
+from sitl.px4sim.motion.estimator import EstimateErrors
+from sitl.px4sim.motion.guidance import Setpoint, SetpointKind, wanted_velocity
+from sitl.px4sim.motion.projection import MapProjection
+from sitl.px4sim.motion.wind import Wind, WindSettings
+from sitl.px4sim.plan.plan_store import PlanStore
+from sitl.px4sim.plan_intake import PlanIntake
+from sitl.px4sim.positioning import Positioning
+from sitl.px4sim.safety.arming import ArmingReason, disarm_due
+from sitl.px4sim.safety.failsafe import Action, Cause, Failsafe
+from sitl.px4sim.safety.fence_guard import FenceGuard
+from sitl.px4sim.state.notice import Notice, Severity
+from sitl.px4sim.state.parameters import Parameters
+from sitl.px4sim.state.px4_modes import FlightMode
+from sitl.px4sim.state.situation import Place, Situation
+from sitl.px4sim.watchdog import Watchdog
+
+HOME_AFTER_S: Final = 2.2
+ARMABLE_AFTER_S: Final = 4.5
+_DRAG_LEAVES: Final = 0.9
+
+
+class Autopilot:
+    """A multirotor and its autopilot.
+
+    Args:
+        place: Where it stands.
+        parameters: On board.
+        seed: Of the estimate's errors.
+        time_scale: How much faster than the wall clock the simulation is meant to run; links are
+            watched on the wall's clock.
+        wind: That blows; None: no wind.
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        parameters: Parameters,
+        *,
+        seed: int = 0,
+        time_scale: float = 1.0,
+        wind: WindSettings | None = None,
+    ) -> None:
+        self.place = place
+        self.parameters = parameters
+        self.airframe = Multirotor()
+        self.errors = EstimateErrors(seed)
+        self.wind = Wind(wind or WindSettings(), seed)
+        self.battery = Battery()
+        self.plan = PlanStore()
+        self.positioning = Positioning()
+        self.failsafe = Failsafe()
+        self.watchdog = Watchdog(time_scale)
+        self.guard = FenceGuard(self.plan)
+        self.mission = MissionFlight()
+        self.modes = FlightModes(self.mission)
+        self.situation = Situation(
+            MapProjection(place.latitude_deg, place.longitude_deg),
+            parameters,
+            self._ask_mode,
+            place.altitude_m,
+            altitude_m=place.altitude_m,
+            home_altitude_m=place.altitude_m,
+        )
+        self.mode = self.intended = self._after_disarming = FlightMode.AUTO_LOITER
+        self._flying_mode: FlightMode | None = None
+        self.setpoint = Setpoint()
+        self.terminated = False
+        self.report_asked = False
+        self._intake = PlanIntake(self.plan, self.guard, self.mission, self.modes.returning)
+        self._home_base_m = place.altitude_m
+        self._ground = GroundContact()
+        self._armed_s = 0.0
+        self._ever_asked = False
+
+    # What the world may see
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds since the start."""
+        return self.situation.time_s
+
+    @property
+    def armed(self) -> bool:
+        """Whether the motors turn."""
+        return self.situation.armed
+
+    @property
+    def flying_mode(self) -> FlightMode | None:
+        """The mode that is flown; None while disarmed."""
+        return self._flying_mode
+
+    @property
+    def can_arm(self) -> bool:
+        """Whether PX4's health and arming checks pass in the present mode."""
+        blocked = self.modes.blocks_arming(self.mode, self.situation)
+        ready = self.time_s >= ARMABLE_AFTER_S and not self.guard.violated
+        return ready and not blocked and not self.terminated
+
+    @property
+    def taking_off(self) -> bool:
+        """Whether EXTENDED_SYS_STATE says "taking off"."""
+        return not self.situation.landed and (
+            self.mode is FlightMode.AUTO_TAKEOFF
+            or (self.mode is FlightMode.AUTO_MISSION and self.mission.climbing)
+        )
+
+    @property
+    def landing(self) -> bool:
+        """Whether EXTENDED_SYS_STATE says "landing"."""
+        return not self.situation.landed and self.setpoint.kind is SetpointKind.LAND
+
+    def take_notices(self) -> list[Notice]:
+        """What was said since the last call."""
+        said, self.situation.notices = self.situation.notices, []
+        return said
+
+    # Commands
+
+    def request_mode(self, mode: FlightMode, *, forced: bool = False) -> bool:
+        """Change the mode as PX4's users do; whether it was allowed.
+
+        Disarmed nearly everything is. A mode command during a failsafe takes the vehicle over.
+        """
+        can_fly = self.modes.can_fly(mode, self.situation)
+        if self.terminated or (self.armed and not forced and not can_fly):
+            return False
+        self.intended = mode
+        self._ever_asked = True
+        if not mode.prevents_arming and mode is not FlightMode.AUTO_TAKEOFF:
+            self._after_disarming = mode
+        self.failsafe.taken_over(self.situation)
+        return True
+
+    def reposition(
+        self,
+        point: tuple[float, float] | None,
+        altitude_m: float | None,
+        yaw_rad: float | None = None,
+        speed_m_s: float | None = None,
+    ) -> None:
+        """Go to a point in Hold mode, which is asked for separately.
+
+        Without a point it goes on to where it was going, at the altitude and heading that are
+        given; without anything it stops.
+        """
+        if not self.armed:
+            return
+        situation = self.situation
+        if point is None:
+            nothing = altitude_m is None and yaw_rad is None
+            north, east = self._stop() if nothing else self._kept()
+        else:
+            north, east = point
+        goal = point or (situation.north_m, situation.east_m)
+        if not self.guard.allows(*goal) or not self.guard.near_home(*goal, situation):
+            situation.say(
+                "Reposition is outside geofence",
+                "navigator_reposition_outside_geofence",
+                Severity.CRITICAL,
+                Severity.ERROR,
+            )
+            return
+        target_m = situation.altitude_m if altitude_m is None else altitude_m
+        target = replace(go_to(north, east, target_m, situation), yaw_rad=yaw_rad)
+        self.modes.hold.reposition(target, speed_m_s)
+
+    def change_altitude(self, altitude_m: float | None) -> None:
+        """Stop in Hold mode, which is asked for separately, and climb or descend; None: stay."""
+        if not self.armed:
+            return
+        situation = self.situation
+        target_m = situation.altitude_m if altitude_m is None else altitude_m
+        self.modes.hold.reposition(go_to(*self._stop(), target_m, situation))
+
+    def _stop(self) -> tuple[float, float]:
+        """Where it comes to a stop, north and east; in a take-off that is here."""
+        situation = self.situation
+        if self.setpoint.kind is SetpointKind.TAKEOFF:
+            return situation.north_m, situation.east_m
+        ahead = stop_ahead(situation)
+        return ahead.north_m, ahead.east_m
+
+    def _kept(self) -> tuple[float, float]:
+        """Where it is going, north and east; here if that is no place."""
+        if self.setpoint.kind is SetpointKind.POSITION:
+            return self.setpoint.north_m, self.setpoint.east_m
+        return self.situation.north_m, self.situation.east_m
+
+    def take_off(self, altitude_m: float) -> None:
+        """Set the height of the next take-off, AMSL; NaN: MIS_TAKEOFF_ALT above here."""
+        self.modes.takeoff.request(altitude_m)
+
+    def move_sticks(self, sticks: Sticks) -> None:
+        """A pilot's sticks are there; moved, they take an automatic mode over (COM_RC_OVERRIDE)."""
+        situation, pilot = self.situation, self.modes.pilot
+        pilot.hear(sticks, situation)
+        if not self.armed:
+            if not self._ever_asked:
+                self.request_mode(FlightMode.POSCTL)
+            return
+        override = int(self.parameters["COM_RC_OVERRIDE"])
+        overridden = (2 if self.mode is FlightMode.OFFBOARD else 1) & override
+        if self.mode.needs_pilot or not overridden or not pilot.takes_over(situation):
+            return
+        acting = self.failsafe.acting
+        if self.request_mode(FlightMode.POSCTL) and not acting:
+            situation.say("Pilot took over using sticks", "commander_rc_override")
+
+    def set_home(self, point: tuple[float, float], altitude_m: float) -> None:
+        """Move home."""
+        self.situation.home = point
+        self._home_base_m = altitude_m - self.errors.home_altitude_m
+
+    def arm(self, reason: ArmingReason = ArmingReason.COMMAND) -> bool:
+        """Start the motors if PX4's checks allow it."""
+        if self.armed:
+            return True
+        if not self.can_arm or self.watchdog.refuses_arming(self.situation):
+            self.situation.say(
+                "Arming denied: Resolve system health failures first",
+                "commander_arm_denied_resolve_failures",
+                Severity.CRITICAL,
+            )
+            return False
+        situation = self.situation
+        situation.armed, situation.took_off_s = True, None
+        self._armed_s = self.time_s
+        self._ground.armed(self.time_s)
+        self.watchdog.armed()
+        self._set_home_here()
+        situation.say(f"Armed by {reason.words}", "commander_armed_by", arguments=bytes((reason,)))
+        return True
+
+    def arm_for_mission(self) -> bool:
+        """What MISSION_START does."""
+        return self.request_mode(FlightMode.AUTO_MISSION) and self.arm(ArmingReason.MISSION_START)
+
+    def disarm(self, reason: ArmingReason = ArmingReason.COMMAND, *, forced: bool = False) -> bool:
+        """Stop the motors; in flight only if forced, and then it falls."""
+        situation = self.situation
+        if not self.armed:
+            return True
+        if not situation.landed and not forced:
+            situation.say(
+                "Disarming denied: not landed",
+                "commander_disarm_denied_not_landed",
+                Severity.CRITICAL,
+            )
+            return False
+        situation.armed = False
+        self.intended = self._after_disarming
+        self.mission.disarmed()
+        self.failsafe.disarmed()
+        self.modes.hold.forget()
+        situation.say(
+            f"Disarmed by {reason.words}", "commander_disarmed_by", arguments=bytes((reason,))
+        )
+        return True
+
+    def terminate(self) -> bool:
+        """Flight termination: motors off for good."""
+        if not self.armed:
+            return False
+        self.terminated = True
+        return True
+
+    def take_up_plan(self) -> None:
+        """Look whether another plan was stored; also done with every step."""
+        self._intake.step(self.situation)
+
+    # Time
+
+    def step(self, step_s: float) -> None:
+        """Let `step_s` simulated seconds pass."""
+        self._renew(step_s)
+        self._watch(step_s)
+        self.take_up_plan()
+        self._fly(step_s)
+        self._end_step()
+
+    def _renew(self, step_s: float) -> None:
+        situation, airframe, errors = self.situation, self.airframe, self.errors
+        situation.time_s += step_s
+        errors.step(step_s, in_air=not situation.landed)
+        self.positioning.step(step_s, errors, situation)
+        situation.north_m = airframe.north_m + errors.north_m
+        situation.east_m = airframe.east_m + errors.east_m
+        situation.altitude_m = self.place.altitude_m + airframe.up_m + errors.altitude_m
+        situation.velocity_m_s = (
+            airframe.velocity_north_m_s,
+            airframe.velocity_east_m_s,
+            airframe.velocity_up_m_s,
+        )
+        situation.heading_rad = airframe.yaw_rad
+        situation.home_altitude_m = self._home_base_m + errors.home_altitude_m
+        if situation.home is None and self.time_s >= HOME_AFTER_S:
+            self._set_home_here()
+
+    def _watch(self, step_s: float) -> None:
+        parameters, situation = self.parameters, self.situation
+        self.battery.step(
+            step_s,
+            armed=self.armed,
+            drain_s=parameters["SIM_BAT_DRAIN"],
+            least=parameters["SIM_BAT_MIN_PCT"] / 100.0,
+            thresholds=(
+                parameters["BAT_LOW_THR"],
+                parameters["BAT_CRIT_THR"],
+                parameters["BAT_EMERGEN_THR"],
+            ),
+        )
+        sticks = self.modes.pilot.present(situation)
+        causes = self.watchdog.sticks(self.intended, situation, present=sticks)
+        for action, cause in (*causes, *self.watchdog.step(self.battery, situation)):
+            self.failsafe.trigger(action, cause, self.intended, situation)
+        action = self.guard.breach(situation)
+        if action is Action.HOLD:
+            # It holds where the breach was seen: it overshoots and comes back to that point.
+            here = (situation.north_m, situation.east_m, situation.altitude_m)
+            self.modes.hold.reposition(go_to(*here, situation))
+        self.failsafe.trigger(action, Cause.GENERIC, self.intended, situation)
+        self.failsafe.fall_back(
+            self.modes.fallback(self.intended, situation), self.intended, situation
+        )
+        self.failsafe.step(self.intended, situation)
+
+    def _fly(self, step_s: float) -> None:
+        situation = self.situation
+        self.mode = self.failsafe.mode(self.intended)
+        if self.terminated or self.mode is FlightMode.TERMINATION:
+            self.terminated, self.mode = True, FlightMode.TERMINATION
+        flying_mode = self.mode if self.armed else None
+        flight = self.modes.flight(self.mode) if self.armed else None
+        if flying_mode is not self._flying_mode:
+            if self._flying_mode is FlightMode.AUTO_MISSION:
+                self.mission.deactivate()
+            self._flying_mode = flying_mode
+            if flight is not None:
+                flight.activate(situation, self.setpoint)
+            if self.mode in (FlightMode.AUTO_TAKEOFF, FlightMode.AUTO_LAND) and self.armed:
+                self.mission.result.finished = False
+        self.setpoint = Setpoint() if flight is None else flight.update(situation)
+        self._complete_mode()
+        self._move(step_s)
+
+    def _complete_mode(self) -> None:
+        """A take-off or a mission that has ended goes over into Hold."""
+        if self._flying_mode is FlightMode.AUTO_TAKEOFF and self.modes.takeoff.done:
+            self.mission.result.finished = True
+            self.request_mode(FlightMode.AUTO_LOITER, forced=True)
+        elif self._flying_mode is FlightMode.AUTO_LAND and self.situation.landed:
+            self.mission.result.finished = True
+        elif (
+            self._flying_mode is FlightMode.AUTO_MISSION
+            and self.mission.result.finished
+            and self.intended is FlightMode.AUTO_MISSION
+            and not self.situation.landed
+        ):
+            self.request_mode(FlightMode.AUTO_LOITER, forced=True)
+
+    def _move(self, step_s: float) -> None:
+        situation = self.situation
+        airframe = self.airframe
+        velocity_m_s = (airframe.velocity_north_m_s, airframe.velocity_east_m_s)
+        push = self.wind.step(step_s, velocity_m_s, flying=not airframe.on_ground)
+        if not self.armed or self.terminated:
+            airframe.step(step_s, None, push)
+            return
+        wanted = self._ground.hold_down(self.setpoint, situation) or wanted_velocity(
+            self.setpoint,
+            (situation.north_m, situation.east_m, situation.altitude_m),
+            situation.ground_altitude_m,
+            situation.cruise_m_s,
+            situation.pace(),
+        )
+        if not situation.position_valid:  # it cannot know where it drifts, and brakes by drag alone
+            wanted = replace(
+                wanted,
+                north_m_s=velocity_m_s[0] * _DRAG_LEAVES,
+                east_m_s=velocity_m_s[1] * _DRAG_LEAVES,
+            )
+        airframe.step(step_s, wanted, push)
+
+    def _end_step(self) -> None:
+        situation = self.situation
+        if self._ground.detect(self.airframe, situation):
+            self._set_home_here()
+        if not self.armed or not situation.landed:
+            return
+        landed_s = self._ground.landed_s
+        reason = disarm_due(
+            self.parameters,
+            armed_for_s=self.time_s - self._armed_s,
+            landed_for_s=None if landed_s is None else self.time_s - landed_s,
+            in_mission=self.mode is FlightMode.AUTO_MISSION and not self.mission.result.finished,
+        )
+        if reason is not None:
+            self.disarm(reason)
+
+    def _ask_mode(self, mode: FlightMode) -> None:
+        self.request_mode(mode)
+
+    def _set_home_here(self) -> None:
+        situation = self.situation
+        self.set_home((situation.north_m, situation.east_m), situation.altitude_m)
+        situation.home_altitude_m = situation.altitude_m

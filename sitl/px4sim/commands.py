@@ -1,0 +1,242 @@
+"""MAVLink commands as PX4 1.17 takes them, and what it answers."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+from sitl.px4sim.autopilot import Autopilot
+from sitl.px4sim.state.notice import Severity
+from sitl.px4sim.state.px4_modes import FlightMode, UnsupportedAutoModeError, requested_mode
+from sitl.px4sim.state.px4_version import Px4Version
+
+_log = logging.getLogger(__name__)
+
+_FORCE: Final = 21196
+_GROUND_STATION_COMPONENT: Final = 190
+
+
+class CommandResult(IntEnum):
+    """MAV_RESULT."""
+
+    ACCEPTED = 0
+    TEMPORARILY_REJECTED = 1
+    DENIED = 2
+    UNSUPPORTED = 3
+    FAILED = 4
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRequest:
+    """A COMMAND_LONG or COMMAND_INT.
+
+    Attributes:
+        command: MAV_CMD.
+        params: param1..7; 5 and 6 are degrees where they are a place, NaN where they are nothing.
+        component_id: The sender's.
+    """
+
+    command: int
+    params: tuple[float, float, float, float, float, float, float]
+    component_id: int
+
+
+class Commands:
+    """Carries out what concerns the vehicle, not the link."""
+
+    def __init__(self, autopilot: Autopilot, version: Px4Version) -> None:
+        self._autopilot = autopilot
+        self._handlers: dict[int, Callable[[CommandRequest], CommandResult]] = {
+            20: self._return,
+            21: self._land,
+            22: self._take_off,
+            34: self._orbit,
+            176: self._set_mode,
+            178: self._change_speed,
+            179: self._set_home,
+            185: self._terminate,
+            186: self._change_altitude,
+            192: self._reposition,
+            195: self._accept,  # regions of interest: there is no camera to point
+            197: self._accept,
+            201: self._accept,
+            246: self._reboot,
+            300: self._start_mission,
+            400: self._arm,
+            401: self._report_checks,
+        }
+        if version.sets_item_by_command:
+            self._handlers[224] = self._set_item
+
+    def execute(self, request: CommandRequest) -> CommandResult:
+        """Do it, and say what COMMAND_ACK is to say."""
+        handler = self._handlers.get(request.command)
+        if handler is None:
+            _log.warning("command %d is not known here: answered UNSUPPORTED", request.command)
+            return CommandResult.UNSUPPORTED
+        return handler(request)
+
+    def _mode(self, mode: FlightMode, *, forced: bool = False, said: bool = True) -> CommandResult:
+        if self._autopilot.request_mode(mode, forced=forced):
+            return CommandResult.ACCEPTED
+        if said:
+            self._autopilot.situation.say(
+                f"Switching to {mode.label} is currently not available",
+                "commander_modeswitch_not_avail",
+                Severity.CRITICAL,
+            )
+        return CommandResult.TEMPORARILY_REJECTED
+
+    def _set_mode(self, request: CommandRequest) -> CommandResult:
+        base_mode, main, sub = (_byte(value) for value in request.params[:3])
+        try:
+            mode = requested_mode(base_mode, main, sub)
+        except UnsupportedAutoModeError:
+            self._autopilot.situation.say(
+                "Unsupported auto mode",
+                "commander_unsupported_auto_mode",
+                Severity.CRITICAL,
+                Severity.ERROR,
+            )
+            return CommandResult.TEMPORARILY_REJECTED
+        if mode is None:
+            return CommandResult.ACCEPTED
+        said = request.component_id == _GROUND_STATION_COMPONENT
+        return self._mode(mode, forced=mode is FlightMode.AUTO_LAND, said=said)
+
+    def _return(self, _: CommandRequest) -> CommandResult:
+        result = self._mode(FlightMode.AUTO_RTL)
+        if result is CommandResult.ACCEPTED:
+            self._autopilot.situation.say("Returning to launch", "commander_rtl")
+        return result
+
+    def _land(self, _: CommandRequest) -> CommandResult:
+        result = self._mode(FlightMode.AUTO_LAND, forced=True)
+        if result is CommandResult.ACCEPTED:
+            self._autopilot.situation.say(
+                "Landing at current position", "commander_landing_current_pos"
+            )
+        return result
+
+    def _take_off(self, request: CommandRequest) -> CommandResult:
+        self._autopilot.take_off(request.params[6])
+        return self._mode(FlightMode.AUTO_TAKEOFF)
+
+    def _orbit(self, request: CommandRequest) -> CommandResult:
+        radius_m, speed_m_s, _, _, latitude, longitude, altitude = request.params
+        situation = self._autopilot.situation
+        place = math.isfinite(latitude) and math.isfinite(longitude)
+        self._autopilot.modes.orbit.request(
+            situation.projection.to_local(latitude, longitude) if place else None,
+            altitude if math.isfinite(altitude) else None,
+            radius_m,
+            speed_m_s,
+        )
+        return self._mode(FlightMode.ORBIT)
+
+    def _change_speed(self, request: CommandRequest) -> CommandResult:
+        speed = request.params[1]
+        wanted = speed if math.isfinite(speed) and speed > 0 else None
+        self._autopilot.situation.speed_m_s = wanted
+        return CommandResult.ACCEPTED
+
+    def _set_home(self, request: CommandRequest) -> CommandResult:
+        autopilot, situation = self._autopilot, self._autopilot.situation
+        latitude, longitude, altitude = request.params[4:]
+        if request.params[0] > 0.5:
+            here = (situation.north_m, situation.east_m)
+            autopilot.set_home(here, situation.altitude_m)
+        elif all(map(math.isfinite, (latitude, longitude, altitude))):
+            autopilot.set_home(situation.projection.to_local(latitude, longitude), altitude)
+        else:
+            return CommandResult.DENIED
+        return CommandResult.ACCEPTED
+
+    def _terminate(self, request: CommandRequest) -> CommandResult:
+        wanted = request.params[0] > 0.5
+        done = wanted and self._autopilot.terminate()
+        return CommandResult.ACCEPTED if done else CommandResult.DENIED
+
+    def _reposition(self, request: CommandRequest) -> CommandResult:
+        """Only with the change-mode flag; the altitude is always AMSL, whatever the frame."""
+        if request.params[1] != 1:
+            return CommandResult.UNSUPPORTED
+        speed, _, _, yaw_rad, latitude, longitude, altitude = request.params
+        place = math.isfinite(latitude) and math.isfinite(longitude)
+        result = self._mode(FlightMode.AUTO_LOITER)
+        if result is CommandResult.ACCEPTED:
+            self._autopilot.reposition(
+                self._autopilot.situation.projection.to_local(latitude, longitude)
+                if place
+                else None,
+                altitude if math.isfinite(altitude) else None,
+                yaw_rad if math.isfinite(yaw_rad) else None,
+                speed if math.isfinite(speed) and speed > 0 else None,
+            )
+        return result
+
+    def _change_altitude(self, request: CommandRequest) -> CommandResult:
+        altitude = request.params[0]
+        result = self._mode(FlightMode.AUTO_LOITER)
+        if result is CommandResult.ACCEPTED:
+            wanted = altitude if math.isfinite(altitude) else None
+            self._autopilot.change_altitude(wanted)
+        return result
+
+    def _start_mission(self, request: CommandRequest) -> CommandResult:
+        autopilot = self._autopilot
+        result = autopilot.mission.result
+        if not result.valid:
+            autopilot.situation.say(
+                "Mission start denied! No valid mission",
+                "commander_mission_start_denied_no_mission",
+                Severity.CRITICAL,
+            )
+            return CommandResult.DENIED
+        first = request.params[0]
+        if not math.isfinite(first) or not -1 <= first < result.total:
+            return CommandResult.DENIED
+        if first >= 0:
+            autopilot.plan.set_current(int(first))
+        if autopilot.arm_for_mission():
+            return CommandResult.ACCEPTED
+        return CommandResult.TEMPORARILY_REJECTED
+
+    def _set_item(self, request: CommandRequest) -> CommandResult:
+        number = request.params[0]
+        total = self._autopilot.mission.result.total
+        if not math.isfinite(number) or not 0 <= number < total:
+            return CommandResult.DENIED
+        self._autopilot.plan.set_current(int(number))
+        return CommandResult.ACCEPTED
+
+    def _arm(self, request: CommandRequest) -> CommandResult:
+        action, forced = request.params[0], request.params[1] == _FORCE
+        if math.isfinite(action) and round(action) == 1:
+            done = self._autopilot.arm()
+        elif math.isfinite(action) and round(action) == 0:
+            done = self._autopilot.disarm(forced=forced)
+        else:
+            return CommandResult.UNSUPPORTED
+        return CommandResult.ACCEPTED if done else CommandResult.TEMPORARILY_REJECTED
+
+    def _report_checks(self, _: CommandRequest) -> CommandResult:
+        self._autopilot.report_asked = True
+        return CommandResult.ACCEPTED
+
+    def _reboot(self, request: CommandRequest) -> CommandResult:
+        if request.params[0] == 0:
+            return CommandResult.ACCEPTED
+        _log.warning("a reboot was asked for: not simulated, answered DENIED")
+        return CommandResult.DENIED
+
+    def _accept(self, _: CommandRequest) -> CommandResult:
+        return CommandResult.ACCEPTED
+
+
+def _byte(value: float) -> int:
+    return int(value) & 0xFF if math.isfinite(value) else 0

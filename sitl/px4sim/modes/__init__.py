@@ -1,0 +1,1 @@
+"""PX4's flight modes, one object each."""

@@ -1,0 +1,306 @@
+"""Flying a mission: PX4's AUTO.MISSION, item by item.
+
+Pure. What matters to a controller that jumps between waypoints: an item without `autocontinue`
+is flown to, reported reached and held at; a jump flies straight from wherever the vehicle is;
+from item to item the vehicle follows the connecting line.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass, replace
+from typing import Final
+
+from sitl.px4sim.modes.auto_modes import go_to
+from sitl.px4sim.motion.guidance import Setpoint, SetpointKind
+from sitl.px4sim.plan.item_order import ItemOrder
+from sitl.px4sim.plan.mission_items import FRAME_RELATIVE, Command, MissionItem, positive
+from sitl.px4sim.state.px4_modes import FlightMode
+from sitl.px4sim.state.situation import Situation
+
+_HOME_MOVED_M: Final = 0.05
+_INSTANT: Final = frozenset(
+    {20, 178, 179, 187, 189, 195, 196, 197, 200, 201, 203, 204, 205, 206, 214, 260, 400}
+    | {530, 532, 534, 1001, 2000, 2001, 2003, 2500, 2501}
+)
+_TIMED: Final = {1000: 2.0, 211: 2.0, 42600: 2.0}  # gimbal, gripper, winch: done after a while
+
+
+@dataclass(slots=True)
+class MissionResult:
+    """What the mission says of itself.
+
+    Attributes:
+        valid: Whether the stored mission can be flown.
+        finished: Whether it, or a take-off, or a landing, is at its end.
+        current: Index of the current item.
+        reached: Index of the item reached last, -1 if none.
+        total: Number of items.
+    """
+
+    valid: bool = False
+    finished: bool = False
+    current: int = 0
+    reached: int = -1
+    total: int = 0
+
+
+class MissionFlight:
+    """Executes the stored mission.
+
+    Attributes:
+        result: What is published of it.
+    """
+
+    def __init__(self) -> None:
+        self._order = ItemOrder((), 0)
+        self.result = MissionResult()
+        self._flying = False
+        self._activated = False
+        self._disarmed_since = False
+        self._item: MissionItem | None = None
+        self._climb: Setpoint | None = None
+        self._moving_to_land = False
+        self._target = Setpoint()
+        self._reached_s: float | None = None
+        self._begun_s = 0.0
+
+    @property
+    def index(self) -> int:
+        """The current item."""
+        return self._order.index
+
+    @property
+    def under_way(self) -> bool:
+        """Whether items are being flown."""
+        return self._flying
+
+    @property
+    def climbing(self) -> bool:
+        """Whether the climb before the first item goes on."""
+        return self._flying and self._climb is not None
+
+    def load(self, items: tuple[MissionItem, ...], index: int, *, valid: bool) -> None:
+        """Take over a newly stored mission, to begin at `index`."""
+        self._order = ItemOrder(items, index)
+        self._activated = self._flying
+        self.judge(valid=valid)
+        self.result.finished = False
+
+    def judge(self, *, valid: bool) -> None:
+        """Renew the verdict on the stored mission."""
+        self.result.valid = valid
+        self.result.total = len(self._order.items)
+        self.result.reached = -1
+        self.result.current = self.index
+
+    def jump(self, index: int, situation: Situation) -> None:
+        """MISSION_SET_CURRENT: fly there at once if a mission is being flown."""
+        self._order.index = index
+        self.result.current = index
+        self.result.reached = -1
+        if self._flying:
+            self.result.finished = False
+            self._set_item(situation, previous=None)
+
+    def restart(self, situation: Situation) -> None:
+        """Fly the current item anew: the plan was replaced in flight."""
+        self._begin(situation)
+
+    def activate(self, situation: Situation, last: Setpoint) -> None:
+        """Enter Mission mode."""
+        del last
+        situation.speed_m_s = None
+        if self._disarmed_since and self._activated and self._order.at_last:
+            self._order.index = 0
+        self._activated, self._disarmed_since = True, False
+        for item in self._order.items[: self.index]:  # what earlier items set is in force again
+            if item.command == Command.DO_CHANGE_SPEED:
+                situation.speed_m_s = positive(item.params[1])
+        self._prepare_climb(situation)
+        self._begin(situation)
+
+    def deactivate(self) -> None:
+        """Leave Mission mode; what was published stays so, PX4 says nothing then."""
+        self._flying = False
+        self._climb = None
+
+    def disarmed(self) -> None:
+        """The motors stopped."""
+        self._disarmed_since = True
+
+    def update(self, situation: Situation) -> Setpoint:
+        """What to fly to now."""
+        if self._flying and self._is_reached(situation):
+            self._on_reached(situation)
+        if self._flying:
+            self._follow_home(situation)
+        return self._target
+
+    def _begin(self, situation: Situation) -> None:
+        if not self._order.items or not self.result.valid:
+            words = "refusing takeoff" if situation.landed else "loitering"
+            event = "mission_not_valid_refuse" if situation.landed else "mission_not_valid_loiter"
+            situation.say(f"No valid mission available, {words}", event)
+            self._end(situation)
+            return
+        if not self._flying:
+            situation.say("Executing Mission", "mission_execute")
+        self._flying = True
+        self.result.finished, self.result.reached = False, -1
+        self._set_item(situation, previous=None)
+
+    def _prepare_climb(self, situation: Situation) -> None:
+        """Before the first item the vehicle climbs to its height where it is."""
+        self._climb = None
+        item = self._order.position_from(self.index)
+        if item is None:
+            return
+        altitude_m = item.altitude_amsl_m(situation.home_altitude_m, situation.altitude_m)
+        if altitude_m - situation.altitude_m > situation.altitude_acceptance_m:
+            self._climb = Setpoint(
+                SetpointKind.TAKEOFF, situation.north_m, situation.east_m, altitude_m
+            )
+
+    def _follow_home(self, situation: Situation) -> None:
+        """Home's altitude moves in flight; heights above home move with it."""
+        item = self._item
+        if item is None or item.frame != FRAME_RELATIVE or item.command == Command.NAV_LAND:
+            return
+        altitude_m = item.altitude_amsl_m(situation.home_altitude_m, self._target.altitude_m)
+        if abs(altitude_m - self._target.altitude_m) > _HOME_MOVED_M:
+            self._target = replace(self._target, altitude_m=altitude_m)
+
+    def _set_item(self, situation: Situation, previous: tuple[float, float] | None) -> None:
+        """Make the current item the one that is flown."""
+        self.result.current = self.index
+        item = self._order.items[self.index]
+        self._item = item
+        self._reached_s = None
+        self._begun_s = situation.time_s
+        self._moving_to_land = False
+        if item.command == Command.NAV_RETURN_TO_LAUNCH:
+            situation.say("Returning to launch", "commander_rtl")
+            situation.ask_mode(FlightMode.AUTO_RTL)
+        elif item.command == Command.DO_CHANGE_SPEED:
+            situation.speed_m_s = positive(item.params[1])
+        if not item.has_position:
+            if self._target.kind is SetpointKind.IDLE and not situation.landed:
+                self._target = go_to(
+                    situation.north_m, situation.east_m, situation.altitude_m, situation
+                )
+            return
+        if self._climb is not None:
+            above_m = self._climb.altitude_m - situation.home_altitude_m
+            situation.say(
+                f"Climb to {above_m:.1f} meters above home",
+                "mission_climb_before_start",
+                arguments=struct.pack("<f", above_m),
+            )
+            self._target = self._climb
+            return
+        self._target = self._position_target(item, situation, previous)
+
+    def _position_target(
+        self, item: MissionItem, situation: Situation, previous: tuple[float, float] | None
+    ) -> Setpoint:
+        north, east = situation.projection.to_local(item.latitude_deg, item.longitude_deg)
+        radius_m = item.params[1] if item.command == Command.NAV_WAYPOINT else math.nan
+        acceptance_m = radius_m if radius_m > 1e-6 else situation.acceptance_m
+        altitude_m = item.altitude_amsl_m(situation.home_altitude_m, situation.altitude_m)
+        kind = SetpointKind.POSITION
+        if item.command == Command.NAV_LAND and not situation.landed:
+            altitude_m = situation.altitude_m
+            away_m = math.hypot(north - situation.north_m, east - situation.east_m)
+            self._moving_to_land = away_m > situation.acceptance_m
+            kind = SetpointKind.POSITION if self._moving_to_land else SetpointKind.LAND
+        yaw_deg = item.params[3] if item.command == Command.NAV_WAYPOINT else math.nan
+        return Setpoint(
+            kind,
+            north,
+            east,
+            altitude_m,
+            previous=None if self._moving_to_land else previous,
+            following=self._following(item, situation),
+            yaw_rad=math.radians(yaw_deg) if math.isfinite(yaw_deg) else None,
+            acceptance_m=acceptance_m,
+        )
+
+    def _following(self, item: MissionItem, situation: Situation) -> tuple[float, float] | None:
+        following = self._order.position_from(self.index + 1)
+        if following is None or not item.autocontinue or item.time_inside_s > 0:
+            return None
+        return situation.projection.to_local(following.latitude_deg, following.longitude_deg)
+
+    def _is_reached(self, situation: Situation) -> bool:
+        item = self._item
+        if item is None:
+            return False
+        if not item.has_position or item.command == Command.NAV_LOITER_UNLIM:
+            return self._is_done(item, situation)
+        if self._climb is not None:
+            enough_m = self._climb.altitude_m - situation.altitude_acceptance_m
+            return not situation.landed and situation.altitude_m > enough_m
+        if item.command == Command.NAV_LAND and not self._moving_to_land:
+            return situation.landed
+        return self._is_there(item, situation)
+
+    def _is_done(self, item: MissionItem, situation: Situation) -> bool:
+        """Whether an item is over that is not about being somewhere."""
+        waited_s = situation.time_s - self._begun_s
+        if item.command in _TIMED:
+            return waited_s > _TIMED[item.command]
+        if item.command == Command.NAV_DELAY:
+            return waited_s >= (positive(item.params[0]) or 0.0)
+        return item.command in _INSTANT
+
+    def _is_there(self, item: MissionItem, situation: Situation) -> bool:
+        target = self._target
+        if self._reached_s is None:
+            distance_m = math.hypot(
+                target.north_m - situation.north_m, target.east_m - situation.east_m
+            )
+            height_m = abs(target.altitude_m - situation.altitude_m)
+            near = distance_m <= target.acceptance_m and height_m <= situation.altitude_acceptance_m
+            if situation.landed or not near:
+                return False
+            self._reached_s = situation.time_s
+        if target.yaw_rad is not None:
+            error_rad = math.remainder(target.yaw_rad - situation.heading_rad, math.tau)
+            if abs(error_rad) > math.radians(situation.parameters["MIS_YAW_ERR"]):
+                return False
+        return situation.time_s - self._reached_s >= item.time_inside_s
+
+    def _on_reached(self, situation: Situation) -> None:
+        if self._climb is not None and self._item is not None and self._item.has_position:
+            self._climb = None
+            self._set_item(situation, previous=None)
+            return
+        if self._moving_to_land:
+            self._set_item(situation, previous=None)
+            return
+        self.result.reached = self.index
+        item, self._reached_s = self._item, None
+        if item is not None and item.autocontinue:
+            self._advance(situation)
+
+    def _advance(self, situation: Situation) -> None:
+        if not self._order.advance():
+            words = "landed" if situation.landed else "loitering"
+            event = "mission_finished" if situation.landed else "mission_finished_loiter"
+            situation.say(f"Mission finished, {words}", event)
+            self._end(situation)
+            return
+        self._set_item(situation, previous=(self._target.north_m, self._target.east_m))
+
+    def _end(self, situation: Situation) -> None:
+        self._flying = False
+        self._item, self._climb = None, None
+        self.result.finished = True
+        if situation.landed:
+            self._target = Setpoint()
+        elif self._target.kind is not SetpointKind.POSITION:
+            self._target = go_to(
+                situation.north_m, situation.east_m, situation.altitude_m, situation
+            )

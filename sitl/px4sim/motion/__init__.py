@@ -1,0 +1,1 @@
+"""How the simulated vehicle moves, and what it believes of that."""

@@ -1,0 +1,193 @@
+"""From where the vehicle is to go to the velocity that it should have now.
+
+The speed profile is PX4's (position smoothing of its multicopter tasks): as fast as allowed, but
+never faster than lets it stop, with its acceleration and jerk limits, at the target. Between two
+mission waypoints it follows their connecting line, and it does not stop at a waypoint that it
+only passes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+from sitl.px4sim.motion.direct_control import Direct, Reach, direct_velocity
+from sitl.px4sim.motion.dynamics import Wanted
+
+_LOOK_AHEAD_M: Final = 5.0
+_HEADING_DISTANCE_M: Final = 2.0
+
+
+class SetpointKind(Enum):
+    """What the autopilot wants of the position controller."""
+
+    IDLE = "idle"
+    TAKEOFF = "takeoff"
+    POSITION = "position"
+    LAND = "land"
+    DIRECT = "direct"
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """Where to go; north, east in metres, altitudes AMSL.
+
+    Attributes:
+        kind: See `SetpointKind`.
+        north_m: Target.
+        east_m: Target.
+        altitude_m: Target, AMSL; of no meaning for IDLE and LAND.
+        previous: Start (north, east) of the line to follow; None flies straight from anywhere.
+        following: Where it goes after the target (north, east); None stops there.
+        yaw_rad: Heading; None looks where it flies.
+        acceptance_m: How near counts as there; corners are cut by about that much.
+        direct: What is asked for in DIRECT; it is the only thing that counts then.
+    """
+
+    kind: SetpointKind = SetpointKind.IDLE
+    north_m: float = 0.0
+    east_m: float = 0.0
+    altitude_m: float = 0.0
+    previous: tuple[float, float] | None = None
+    following: tuple[float, float] | None = None
+    yaw_rad: float | None = None
+    acceptance_m: float = 2.0
+    direct: Direct | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """Speed limits in m/s and m/s2: the vehicle's parameters that shape a flight.
+
+    Attributes:
+        up_m_s: MPC_Z_V_AUTO_UP.
+        down_m_s: MPC_Z_V_AUTO_DN.
+        takeoff_m_s: MPC_TKO_SPEED.
+        land_m_s: MPC_LAND_SPEED.
+        acceleration_m_s2: MPC_ACC_HOR.
+        jerk_m_s3: MPC_JERK_AUTO.
+        reach: Greatest speeds, for what is flown directly.
+    """
+
+    up_m_s: float = 3.0
+    down_m_s: float = 1.5
+    takeoff_m_s: float = 1.5
+    land_m_s: float = 0.7
+    acceleration_m_s2: float = 3.0
+    jerk_m_s3: float = 4.0
+    reach: Reach = field(default_factory=Reach)
+
+
+def approach_speed(
+    distance_m: float, pace: Pace, final_m_s: float = 0.0, acceleration_m_s2: float | None = None
+) -> float:
+    """The greatest speed at a distance from which the wanted final speed can still be reached."""
+    acceleration = pace.acceleration_m_s2 if acceleration_m_s2 is None else acceleration_m_s2
+    ramp = 4.0 * acceleration * acceleration / pace.jerk_m_s3
+    root = math.sqrt(
+        ramp * ramp + 4.0 * (2.0 * acceleration * max(distance_m, 0.0) + final_m_s * final_m_s)
+    )
+    return max(0.5 * (root - ramp), final_m_s)
+
+
+def braking_distance(speed_m_s: float, pace: Pace) -> float:
+    """How far ahead PX4 puts the place to hold at, when told to hold at some speed."""
+    return speed_m_s * (speed_m_s / (2.0 * pace.acceleration_m_s2) + 0.6)
+
+
+def wanted_velocity(
+    setpoint: Setpoint,
+    position: tuple[float, float, float],
+    ground_altitude_m: float,
+    cruise_m_s: float,
+    pace: Pace,
+) -> Wanted:
+    """The velocity to have now.
+
+    Args:
+        setpoint: Where to go.
+        position: North, east in metres and altitude AMSL, as the autopilot believes it.
+        ground_altitude_m: AMSL; landing slows down above it.
+        cruise_m_s: Horizontal speed, at most.
+        pace: Limits.
+    """
+    north_m, east_m, altitude_m = position
+    if setpoint.kind is SetpointKind.IDLE:
+        return Wanted()
+    if setpoint.direct is not None:
+        return direct_velocity(setpoint.direct, position, pace.reach)
+    to_north, to_east = setpoint.north_m - north_m, setpoint.east_m - east_m
+    distance_m = math.hypot(to_north, to_east)
+    speed = approach_speed(distance_m, pace, _corner_speed(setpoint, pace))
+    speed = min(speed, cruise_m_s)
+    aim_north, aim_east = _line_point(setpoint, north_m, east_m, to_north, to_east)
+    aim = math.hypot(aim_north, aim_east) or 1.0
+    yaw_rad = setpoint.yaw_rad
+    if yaw_rad is None and distance_m > _HEADING_DISTANCE_M:
+        yaw_rad = math.atan2(to_east, to_north)
+    return Wanted(
+        speed * aim_north / aim,
+        speed * aim_east / aim,
+        _vertical(setpoint, altitude_m, ground_altitude_m, distance_m / max(speed, 0.3), pace),
+        yaw_rad,
+    )
+
+
+def _line_point(
+    setpoint: Setpoint, north_m: float, east_m: float, to_north: float, to_east: float
+) -> tuple[float, float]:
+    """The vector to a point a little ahead on the line to follow, or to the target."""
+    if setpoint.previous is None or math.hypot(to_north, to_east) <= _LOOK_AHEAD_M:
+        return to_north, to_east
+    line_north = setpoint.north_m - setpoint.previous[0]
+    line_east = setpoint.east_m - setpoint.previous[1]
+    length_m = math.hypot(line_north, line_east)
+    if length_m < 1e-3:
+        return to_north, to_east
+    line_north, line_east = line_north / length_m, line_east / length_m
+    from_north, from_east = north_m - setpoint.previous[0], east_m - setpoint.previous[1]
+    along_m = from_north * line_north + from_east * line_east
+    across_m = from_east * line_north - from_north * line_east
+    look_m = math.sqrt(max(_LOOK_AHEAD_M**2 - across_m**2, 0.0))
+    reach_m = min(max(along_m + look_m, 0.0), length_m)
+    return (
+        setpoint.previous[0] + reach_m * line_north - north_m,
+        setpoint.previous[1] + reach_m * line_east - east_m,
+    )
+
+
+def _corner_speed(setpoint: Setpoint, pace: Pace) -> float:
+    """How fast a waypoint may be passed: that of a circle that fits into the corner."""
+    if setpoint.previous is None or setpoint.following is None:
+        return 0.0
+    in_north = setpoint.previous[0] - setpoint.north_m
+    in_east = setpoint.previous[1] - setpoint.east_m
+    out_north = setpoint.following[0] - setpoint.north_m
+    out_east = setpoint.following[1] - setpoint.east_m
+    lengths = math.hypot(in_north, in_east) * math.hypot(out_north, out_east)
+    if lengths < 1e-6:
+        return 0.0
+    cosine = max(-1.0, min(1.0, (in_north * out_north + in_east * out_east) / lengths))
+    tangent = math.tan(min(math.acos(cosine), math.pi - 1e-6) / 2.0)
+    # PX4 turns with half of its acceleration, and its corner is the acceptance circle.
+    return math.sqrt(0.5 * pace.acceleration_m_s2 * setpoint.acceptance_m * tangent)
+
+
+def _vertical(
+    setpoint: Setpoint, altitude_m: float, ground_altitude_m: float, time_left_s: float, pace: Pace
+) -> float:
+    if setpoint.kind is SetpointKind.LAND:
+        height_m = altitude_m - ground_altitude_m
+        part = max(0.0, min(1.0, (height_m - 5.0) / 5.0))  # MPC_LAND_ALT2 .. MPC_LAND_ALT1
+        return -(pace.land_m_s + part * (pace.down_m_s - pace.land_m_s))
+    missing_m = setpoint.altitude_m - altitude_m
+    limit = pace.down_m_s if missing_m < 0 else pace.up_m_s
+    if setpoint.kind is SetpointKind.TAKEOFF and missing_m > 0:
+        limit = pace.takeoff_m_s
+    speed = min(limit, approach_speed(abs(missing_m), pace))
+    if setpoint.kind is SetpointKind.POSITION and time_left_s > 1.0:
+        # On the way to a waypoint the height changes evenly, along the straight line to it.
+        speed = min(speed, abs(missing_m) / time_left_s)
+    return math.copysign(speed, missing_m)

@@ -1,0 +1,1 @@
+"""Missions, fences and rally points on board: stored, checked, ordered."""

@@ -1,0 +1,63 @@
+"""Satellite positioning, and how long the estimate lives without it.
+
+PX4's simulated receiver has no fix with fewer than four satellites (SIM_GPS_USED). The estimator
+then goes on by itself for EKF2_NOAID_TOUT, ever worse; after that no mode that needs a position can
+be flown. With a fix again it takes two seconds.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from sitl.px4sim.motion.estimator import EstimateErrors
+from sitl.px4sim.state.situation import Situation
+
+FEWEST_SATELLITES: Final = 4
+_STOPPED_S: Final = 7.0
+_RECOVERY_S: Final = 2.0
+_ACCURACY_M: Final = 0.29
+_GROWTH_M_S2: Final = 0.05
+
+
+class Positioning:
+    """Whether there is a fix, and what the estimate is worth.
+
+    Attributes:
+        accuracy_m: That the estimator believes to have, horizontally.
+        fused: Whether the estimator uses the receiver.
+    """
+
+    def __init__(self) -> None:
+        self._lost_s: float | None = None
+        self._regained_s: float | None = None
+        self.accuracy_m = _ACCURACY_M
+        self.fused = True
+
+    def step(self, step_s: float, errors: EstimateErrors, situation: Situation) -> None:
+        """Look at the receiver; renews `situation.position_valid` and the estimate's errors."""
+        now_s = situation.time_s
+        if situation.parameters["SIM_GPS_USED"] < FEWEST_SATELLITES:
+            self._lost_s = now_s if self._lost_s is None else self._lost_s
+            self._regained_s = None
+        elif self._lost_s is not None:
+            self._regained_s = now_s if self._regained_s is None else self._regained_s
+            if now_s - self._regained_s >= _RECOVERY_S:
+                self._recover(errors, situation)
+        if self._lost_s is None:
+            return
+        errors.coast(step_s)
+        lost_for_s = now_s - self._lost_s
+        self.accuracy_m = _ACCURACY_M + _GROWTH_M_S2 * lost_for_s * lost_for_s
+        patience_s = situation.parameters.limited("EKF2_NOAID_TOUT", 5e5, 1e7) / 1e6
+        situation.position_valid = lost_for_s < patience_s
+        if self.fused and lost_for_s > _STOPPED_S:
+            self.fused = False
+            situation.say("", "check_estimator_gnss_fusion_stopped")
+
+    def _recover(self, errors: EstimateErrors, situation: Situation) -> None:
+        self._lost_s = self._regained_s = None
+        self.accuracy_m = _ACCURACY_M
+        if not self.fused:
+            situation.say("", "check_estimator_gnss_fusion_started")
+        self.fused = situation.position_valid = True
+        errors.recover()

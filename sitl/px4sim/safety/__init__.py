@@ -1,0 +1,1 @@
+"""What the autopilot does by itself: arming checks, failsafes, its fence."""

@@ -1,0 +1,152 @@
+"""What the judge accepts of a flight, one row per fault; every row can be read aloud.
+
+A flight with two faults may end as either of them may, and is excused what both excuse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+from functools import reduce
+from types import MappingProxyType
+from typing import Final
+
+from sitl.rehearsal.judge.judge_space import NONE, Tolerance
+
+
+class End(Enum):
+    """How a flight ended."""
+
+    LANDED = "landed at home"
+    PILOT = "held or landed by the pilot"
+    FAILSAFE = "in the autopilot's failsafe"
+    HOVERS = "hovers where its last leg ended"
+    STAYED = "stayed on the ground"
+    ELSEWHERE = "landed away from home"
+    FELL = "fell"
+    NOT = "did not end"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What is accepted when something goes wrong.
+
+    Attributes:
+        ends: How the flight may end.
+        tolerance: What of clearance and heights is excused.
+        notice_s: How much longer than usual the companion has to notice that it was taken over.
+        says: A pattern that one of its lines has to match; empty: nothing has to be said.
+    """
+
+    ends: frozenset[End]
+    tolerance: Tolerance = NONE
+    notice_s: float = 0.0
+    says: str = ""
+
+    def with_(self, other: Row) -> Row:
+        """What is accepted when both happen."""
+        mine, its = self.tolerance, other.tolerance
+        return Row(
+            self.ends | other.ends,
+            Tolerance(
+                mine.room_m + its.room_m, mine.height_m + its.height_m, mine.home_m + its.home_m
+            ),
+            max(self.notice_s, other.notice_s),
+        )
+
+
+def _row(*ends: End, **more: object) -> Row:
+    return Row(frozenset(ends), **more)  # type: ignore[arg-type]
+
+
+_HOME: Final = _row(End.LANDED)
+_HOME_OR_FAILSAFE: Final = _row(End.LANDED, End.FAILSAFE)
+_PILOTS: Final = _row(End.PILOT, says="pilot|ground station|taken|took")
+_HEIGHT_OFF: Final = _row(
+    *(End.LANDED, End.FAILSAFE, End.PILOT),
+    tolerance=Tolerance(height_m=4.0),  # until the satellites' altitude shows it
+    says="altitude|height|high",
+)
+
+ACCEPTED: Final = MappingProxyType(
+    {
+        # The weather and the estimate: it comes home.
+        "NONE": _HOME,
+        "GUSTS": _row(End.LANDED, tolerance=Tolerance(home_m=2.0)),
+        "STORM": _row(*End, tolerance=Tolerance(30.0, 10.0, 60.0)),
+        "JUMPS": _HOME,  # the scene says by how much the estimate is off, and that is excused
+        "DRIFT": _HOME_OR_FAILSAFE,
+        "ALTITUDE_JUMPS": _HEIGHT_OFF,
+        "BAROMETER": _HEIGHT_OFF,
+        # The link: it comes home, or stays where its plan did not get on board.
+        "LOSS_1": _HOME,
+        "LOSS_5": _row(End.LANDED, End.STAYED),  # it arms once: that may be lost
+        "LOSS_20": _row(End.LANDED, End.STAYED, notice_s=3.0),
+        "BURSTS": _row(End.LANDED, End.STAYED, notice_s=3.0),
+        "LATE": _row(End.LANDED, End.PILOT, notice_s=4.0),  # what is late may look like a pilot's
+        "OLD": _row(End.LANDED, End.PILOT, notice_s=2.0),
+        "SILENCE": _HOME,
+        "NO_FIX": _HOME_OR_FAILSAFE,
+        "UPLOAD": _row(End.LANDED, End.STAYED),
+        "BUSY": _HOME,
+        # One message stream alone: said, held, or home; for a moment: nothing comes of it.
+        "BRIEF_STREAM": _HOME,
+        # For ever: it holds, or commands nothing, until the pilot or a battery failsafe ends it.
+        # What has to be said of it, and when, `judge_inputs` knows.
+        "LOST_POSITION": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
+        "LOST_BATTERY": _HOME,
+        "LOST_FIX": _HOME,
+        "LOST_LANDED": _HOME,
+        "LOST_ITEM": _row(End.LANDED, End.NOT),  # a wrong one is another's choice: hands off
+        "LOST_MODE": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
+        # The pilot and other stations: the vehicle is theirs, and that is said.
+        "PILOT": _PILOTS,
+        "HAND_BACK": _row(End.LANDED, End.PILOT),
+        "TAKEN_IN_HASTE": _row(End.PILOT, says="pilot|ground station|taken|took"),
+        "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
+        "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),
+        "STICKS": _row(End.LANDED, End.PILOT, notice_s=2.0),
+        "STICKS_ONLY": _HOME,  # without COM_RC_OVERRIDE they are nothing to the autopilot
+        "PLAN_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
+        "FENCE_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="fence|plan"),
+        "PLAN_REPLACED": _row(
+            *(End.LANDED, End.PILOT), notice_s=3.0, says="plan on board was|another plan is"
+        ),
+        "SAME_PLAN": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
+        "ZONE": _row(End.PILOT, End.LANDED, notice_s=3.0, says="fence|plan"),
+        "HOME_MOVED": _row(End.LANDED, End.HOVERS, End.PILOT, says="home"),
+        "SPEED": _row(End.LANDED, says="speed|fast|m/s"),
+        "DISARMED": _row(End.STAYED, End.PILOT, says="disarm"),
+        "KILLED_IN_AIR": _row(End.FELL, says="disarm|kill|motors"),
+        "TWO_STATIONS": _row(End.PILOT, End.LANDED, notice_s=3.0),
+        # The companion and the autopilot themselves.
+        "RESTART": _HOME,
+        "KILL": _row(End.HOVERS),
+        "STOPPED": _HOME,
+        "MOVED_LINK": _HOME,
+        "REBOOT": _row(*End, says="reboot|restart|start|silent|anew"),
+        "BATTERY": _HOME_OR_FAILSAFE,  # where home could not be reached in time
+        "BATTERY_LIES": _HOME_OR_FAILSAFE,
+        # Robots and strangers: nothing that they say moves or ends a flight.
+        "VANISH": _HOME,
+        "MAD_ROBOTS": _HOME,
+        "HOSTILE": _HOME,
+        "ONE_DEAD": _HOME,
+        "TWO_VEHICLES": _HOME,
+        # The operator.
+        "RELOAD": _HOME,
+        "WALL": _HOME_OR_FAILSAFE,  # walled in for good it hovers until the battery's failsafe
+        "REQUESTS": _HOME,
+        "ZONE_ACROSS": _HOME,
+        "ZONE_IN_HASTE": _HOME,
+        "CORNERS": _HOME,
+    }
+)
+
+
+def accepted(faults: Iterable[str]) -> Row | None:
+    """The row of a flight's faults together; None: one of them has none."""
+    rows = [ACCEPTED.get(fault) for fault in sorted(faults) if fault != "TWO"] or [_HOME]
+    known = [row for row in rows if row is not None]
+    return reduce(Row.with_, known) if len(known) == len(rows) else None

@@ -1,0 +1,244 @@
+"""Measures a true track: its room to every zone and fence, and its heights."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from sitl.rehearsal.judge.judge_track import LAND_MODE, By, Floats, Sky, Track, Violation
+from sitl.rehearsal.judge.mission_reader import Area
+
+STOP_M: Final = 12.0
+"""Nearer than this no vehicle stops: what is drawn there need not be kept out of at once."""
+
+STOP_S: Final = 6.0
+"""What a vehicle has to stop in front of, or in, a zone that appears where it cannot stop."""
+
+DRIFT_M: Final = 2.0
+"""So much nearer a vehicle may come while it stops where a pilot left it too near to a zone."""
+
+BESIDE_HOME_M: Final = 3.0
+"""So far beyond the acceptance radius it may climb, and begin to land."""
+
+_PART: Final = 25
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """What a fault excuses.
+
+    Attributes:
+        room_m: So much less than the clearance may be kept.
+        height_m: So much higher or lower than the plan's band may be flown.
+        home_m: So much farther from home may be landed.
+    """
+
+    room_m: float = 0.0
+    height_m: float = 0.0
+    home_m: float = 0.0
+
+
+NONE: Final = Tolerance()
+"""Nothing is excused."""
+
+
+@dataclass(slots=True)
+class SpaceJudge:
+    """Judges one track.
+
+    Attributes:
+        violations: Found so far.
+        nearest_m: The least room while each of them answered.
+        seconds: For how long each answered in the air.
+    """
+
+    track: Track
+    tolerance: Tolerance = NONE
+    violations: list[Violation] = field(default_factory=list)
+    nearest_m: dict[By, float] = field(default_factory=dict)
+    seconds: dict[By, float] = field(default_factory=dict)
+
+    def judge(self) -> None:
+        """Look at the whole track."""
+        track = self.track
+        for index, step_s in enumerate(np.diff(track.time_s)):
+            if track.flying[index]:
+                by = track.by[index]
+                self.seconds[by] = self.seconds.get(by, 0.0) + float(step_s)
+        for number, sky in enumerate(track.skies):
+            until_s = track.skies[number + 1].from_s if number + 1 < len(track.skies) else math.inf
+            known = [a for a, _ in sky_areas(track.skies[number - 1])] if number else []
+            for area, fence in sky_areas(sky):
+                new = number > 0 and not any(_same(area, other) for other in known)
+                self._judge_area((sky.from_s, until_s), area, fence=fence, new=new)
+        self._judge_heights()
+
+    def _judge_area(self, span: tuple[float, float], area: Area, *, fence: bool, new: bool) -> None:
+        track = self.track
+        first, last = (bisect.bisect_left(track.time_s, at_s) for at_s in span)
+        rooms = rooms_m(track, area, first, last, fence=fence)
+        limit_m, leaving, before = area.clearance_m, False, By.OURS
+        worst: tuple[float, int, float] | None = None
+        for index, room_m in zip(range(first, last), rooms, strict=True):
+            by = track.by[index]
+            self.nearest_m[by] = min(self.nearest_m.get(by, math.inf), room_m)
+            if by is By.OURS and math.isfinite(room_m):
+                appears = new and index == first
+                if appears or (before is not By.OURS and room_m < area.clearance_m):
+                    excuse_m = STOP_M if appears else DRIFT_M
+                    limit_m, leaving = min(area.clearance_m, room_m - excuse_m), True
+                elif leaving and room_m >= area.clearance_m:
+                    leaving = new and track.time_s[index] < span[0] + STOP_S
+                    limit_m = limit_m if leaving else area.clearance_m
+                allowed_m = limit_m - self.tolerance.room_m - track.off_m[index]
+                if room_m < allowed_m and (worst is None or allowed_m - room_m > worst[0]):
+                    worst = allowed_m - room_m, index, allowed_m
+            before = by
+        if worst is not None:
+            _, index, allowed_m = worst
+            room_m = float(rooms[index - first])
+            side = "outside" if fence else "inside"
+            where = f"{room_m:.2f} m from" if room_m > 0 else f"{-room_m:.2f} m {side} of"
+            text = f"{where} {area.name}, {allowed_m:.2f} m are to be kept"
+            time_s = float(track.time_s[index])
+            self.violations.append(Violation(time_s, "room", text, room_m, allowed_m))
+
+    def _judge_heights(self) -> None:
+        track, mission = self.track, self.track.mission
+        margin_m = mission.vertical_margin_m + self.tolerance.height_m
+        low_m, high_m = min(mission.altitudes_m) - margin_m, max(mission.altitudes_m) + margin_m
+        near_m = mission.acceptance_m + BESIDE_HOME_M + self.tolerance.home_m
+        worst: dict[str, tuple[float, Violation]] = {}
+        up = landing = False
+        excuse_m, before = 0.0, By.OURS
+
+        def note(kind: str, text: str, value: float, limit: float) -> None:
+            short = abs(value - limit)
+            if kind not in worst or short > worst[kind][0]:
+                time_s = float(track.time_s[index])
+                worst[kind] = short, Violation(time_s, kind, text, value, limit)
+
+        for index in map(int, np.flatnonzero(track.flying)):
+            by, above_m, home_m = (
+                track.by[index],
+                float(track.above_m[index]),
+                track.from_home_m(index),
+            )
+            beyond_m = max(low_m - above_m, above_m - high_m, 0.0)
+            up |= above_m >= low_m
+            excuse_m = 0.0 if beyond_m == 0.0 else excuse_m
+            if by is By.OURS:
+                if before is not By.OURS and beyond_m:  # it may not get farther off from here
+                    excuse_m = beyond_m + DRIFT_M
+                lands = track.evidence.samples[index].custom_mode == LAND_MODE
+                begins = (lands and not landing) or not (up or excuse_m or lands)
+                if begins and home_m > (allowed_m := near_m + track.off_m[index]):
+                    text = f"{home_m:.1f} m from home, {allowed_m:.1f} m are allowed"
+                    note("landing" if lands else "climb", text, home_m, allowed_m)
+                if up and not lands and beyond_m > excuse_m:
+                    text = f"at {above_m:.1f} m, the plan flies {low_m:.1f} to {high_m:.1f} m"
+                    note("altitude", text, above_m, low_m if above_m < low_m else high_m)
+                landing = lands
+            before = by
+        self.violations += [violation for _, violation in worst.values()]
+
+
+def sky_areas(sky: Sky) -> list[tuple[Area, bool]]:
+    """The zones and fences of a mission file, and whether each is a fence."""
+    mission = sky.mission
+    return [(zone, False) for zone in mission.zones] + [(fence, True) for fence in mission.fences]
+
+
+def _same(area: Area, other: Area) -> bool:
+    return area.radius_m == other.radius_m and bool(area.outline.equals(other.outline))
+
+
+def rooms_m(track: Track, area: Area, first: int, last: int, *, fence: bool) -> Floats:
+    """The room that the way from each sample to the next keeps; infinite where nothing counts.
+
+    Parts of the track that stay far away are measured as a whole.
+    """
+    rooms = np.full(last - first, math.inf)
+    places = np.column_stack((track.east_m, track.north_m))
+    for begin in range(first, last, _PART):
+        end = min(begin + _PART, last)
+        counts = _counting(track, area, begin, end)
+        if not counts.any():
+            continue
+        part = places[begin : end + 1]
+        if len(part) > 1:
+            roughly_m = room_m(area, shapely.linestrings(part), fence=fence)
+            if roughly_m > 4 * area.clearance_m:
+                rooms[begin - first : end - first][counts] = roughly_m
+                continue
+        for index in map(int, np.flatnonzero(counts) + begin):
+            step = _clipped(track, area, places, index)
+            if step is not None:
+                rooms[index - first] = room_m(area, step, fence=fence)
+    return rooms
+
+
+def _counting(track: Track, area: Area, begin: int, end: int) -> npt.NDArray[np.bool_]:
+    counts = track.flying[begin:end].copy()
+    start_s = track.evidence.start_unix_s
+    if area.periods and start_s is not None:
+        counts &= [area.applies(start_s + t) for t in track.time_s[begin:end]]
+    return counts
+
+
+def _clipped(track: Track, area: Area, places: Floats, index: int) -> Any:
+    """The part of the way to the next sample that is within the area's altitudes; None: none."""
+    after = min(index + 1, len(places) - 1)
+    this, that = (track.evidence.samples[at] for at in (index, after))
+    if this.armed and not that.armed and that.landed:
+        after = index  # down at once: a simulated vehicle that was started anew stands at home
+    heights = track.above_m[[index, after]] + track.ground_m
+    span = heights[1] - heights[0]
+    if span == 0.0:
+        shares = (0.0, 1.0) if area.lower_m <= heights[0] <= area.upper_m else None
+    else:
+        ends = sorted(
+            (limit - heights[0]) / span
+            if math.isfinite(limit)
+            else math.copysign(math.inf, limit * span)
+            for limit in (area.lower_m, area.upper_m)
+        )
+        begin, end = max(ends[0], 0.0), min(ends[1], 1.0)
+        shares = (begin, end) if begin <= end else None
+    if shares is None:
+        return None
+    step = places[after] - places[index]
+    return shapely.LineString([places[index] + share * step for share in shares])
+
+
+def room_m(area: Area, way: Any, *, fence: bool) -> float:
+    """What a line keeps from a zone, or from the border within a fence; negative: how deep."""
+    corners = shapely.points(shapely.get_coordinates(way))
+    outline = area.outline
+    if area.radius_m:
+        if fence:
+            return area.radius_m - float(shapely.distance(outline, corners).max())
+        return float(outline.distance(way)) - area.radius_m
+    border_m = float(outline.boundary.distance(way))
+    if fence:
+        outside_m = float(shapely.distance(outline, corners).max())
+        return -outside_m if outside_m > 0 else (border_m if outline.covers(way) else 0.0)
+    if not outline.intersects(way):
+        return border_m
+    inside = shapely.intersects(outline, corners)
+    depths_m = np.asarray(shapely.distance(outline.boundary, corners))[inside]
+    return -float(depths_m.max(initial=0.0))
+
+
+def straight_room_m(
+    area: Area, begin: Sequence[float], end: Sequence[float], *, fence: bool
+) -> float:
+    """The room of a straight leg."""
+    return room_m(area, shapely.LineString([begin, end]), fence=fence)

@@ -1,0 +1,86 @@
+"""A team that disturbs nobody: the same robots on loopback addresses and ports that are free."""
+
+from __future__ import annotations
+
+import random
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+from air_router.errors import AirRouterError
+from mocha_link.team.team import Robot, Team
+
+_ATTEMPTS = 50
+_PORTS = range(20_000, 32_000)  # below the ephemeral range, whose ports any program may hold
+
+
+class NoFreePortsError(AirRouterError):
+    """No free block of ports was found; the message says what to do."""
+
+
+def derive_team(team: Team, directory: Path, name: str = "team.yaml") -> Team:
+    """Write a copy of the team, with free loopback addresses and ports, into a directory.
+
+    Each robot gets an address that the others dial and another one that its node listens on, so
+    that relays fit in between. Simulations side by side land on different loopback networks.
+
+    Raises:
+        NoFreePortsError: nothing free was found, or this system has no 127.0.0.0/8.
+        OSError: the directory cannot be written.
+    """
+    # Chosen by chance and not by the seed: runs with equal seeds are run side by side as well.
+    chance = random.SystemRandom()
+    for _ in range(_ATTEMPTS):
+        candidate = team.with_robots(_places(team, chance))
+        if all(_all_free(robot) for robot in candidate.robots.values()):
+            directory.mkdir(parents=True, exist_ok=True)
+            path = directory / name
+            path.write_text(candidate.dump(), encoding="utf-8")
+            return Team.load(path)
+    raise NoFreePortsError(
+        f"found no free loopback ports in {_ATTEMPTS} attempts; the system must let programs bind "
+        "any address of 127.0.0.0/8 (Linux does; on macOS: sudo ifconfig lo0 alias ADDRESS)"
+    )
+
+
+def _places(team: Team, chance: random.Random) -> dict[str, dict[str, object]]:
+    network = f"127.{chance.randint(1, 254)}.{chance.randint(0, 255)}"
+    needed = sum(len(robot.clients) + 1 for robot in team.robots.values())
+    port = chance.randrange(_PORTS.start, max(_PORTS.start + 1, _PORTS.stop - needed))
+    places: dict[str, dict[str, object]] = {}
+    for index, robot in enumerate(team.robots.values()):
+        listen = f"{network}.{1 + index % 120}"
+        places[robot.name] = {
+            "address": f"{network}.{128 + index % 120}",
+            "listen": listen,
+            "base_port": port,
+            "radio": f"udp://{listen}:{port + len(robot.clients)}",
+            "key": None,  # the relays have none
+        }
+        port += len(robot.clients) + 1
+    return places
+
+
+def _all_free(robot: Robot) -> bool:
+    return all(
+        _free(kind, host, port)
+        for kind, host, port in (
+            *_tcp_places(robot),
+            (socket.SOCK_DGRAM, robot.listen, robot.base_port + len(robot.clients)),
+        )
+    )
+
+
+def _tcp_places(robot: Robot) -> Iterator[tuple[socket.SocketKind, str, int]]:
+    for offset in range(len(robot.clients)):
+        for host in (robot.address, robot.listen):
+            yield socket.SOCK_STREAM, host, robot.base_port + offset
+
+
+def _free(kind: socket.SocketKind, host: str, port: int) -> bool:
+    with socket.socket(socket.AF_INET, kind) as attempt:
+        try:
+            attempt.bind((host, port))
+        except OSError:
+            return False
+    return True

@@ -1,0 +1,135 @@
+"""The gossip nodes of the simulated ground robots, and what each has come to hold."""
+
+from __future__ import annotations
+
+import logging
+import queue
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Final, Self
+
+from geo.grid import GridError, SemanticGrid
+from mocha_link.clock import Clock
+from mocha_link.links.metrics import LinkEvent, LinkMetrics, MessageStored
+from mocha_link.node.node import Message, Node
+from mocha_link.team.team import Team
+from sitl.world.world import Publication
+
+_log = logging.getLogger(__name__)
+
+MAP_TYPE: Final = "grid/SemanticMap"
+MAP_HISTORY_LIMIT: Final = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class HeldMap:
+    """The newest map that a robot holds: who made it, when, and how much of it is known."""
+
+    maker: str
+    stamp_s: float
+    grid: SemanticGrid
+    known_cells: int
+
+
+@dataclass(slots=True)
+class MapKeeper:
+    """Takes the maps that reach a robot.
+
+    Attributes:
+        newest: The map in use.
+        history: (Unix seconds of the simulation, known cells) at every map that came.
+        refused: Maps that could not be read.
+    """
+
+    newest: HeldMap | None = None
+    history: list[tuple[float, int]] = field(default_factory=list)
+    refused: int = 0
+
+    def take(self, message: Message, now_s: float) -> None:
+        """Use a map message from now on; one that makes no sense is counted and left alone."""
+        try:
+            grid = SemanticGrid.decode(message.data)
+        except GridError as error:
+            self.refused += 1
+            _log.warning("a map of %s makes no sense: %s", message.robot, error)
+            return
+        known_cells = grid.known_cells
+        self.newest = HeldMap(message.robot, message.stamp_s, grid, known_cells)
+        if len(self.history) < MAP_HISTORY_LIMIT:
+            self.history.append((now_s, known_cells))
+
+
+class GroundNodes:
+    """One gossip node per ground robot, each with its own sockets and thread.
+
+    Args:
+        team: Who listens where.
+        names: The ground robots.
+        clock: The simulation's clock, which the nodes stamp with.
+
+    Raises:
+        mocha_link.errors.MochaLinkError: a node cannot listen.
+    """
+
+    def __init__(self, team: Team, names: Iterable[str], clock: Clock) -> None:
+        self._team = team
+        self._clock = clock
+        self._arrivals: queue.SimpleQueue[tuple[str, MessageStored]] = queue.SimpleQueue()
+        self._unsubscribe: list[Callable[[], object]] = []
+        self.keepers: dict[str, MapKeeper] = {name: MapKeeper() for name in names}
+        self.nodes: dict[str, Node] = {}
+        try:
+            for name in self.keepers:
+                node = self.nodes[name] = Node(team, name, clock=clock)
+                self._unsubscribe.append(node.subscribe(partial(self._note, name)))
+                node.start()
+        except BaseException:
+            self.close()
+            raise
+
+    def publish(self, publications: Iterable[Publication]) -> None:
+        """Let robots say something."""
+        for said in publications:
+            self.nodes[said.robot].publish(said.topic, said.data)
+
+    def take_maps(self) -> None:
+        """Let each robot look at the maps that have arrived since the last call."""
+        while True:
+            try:
+                name, event = self._arrivals.get_nowait()
+            except queue.Empty:
+                return
+            message = self.nodes[name].latest(event.robot, event.topic)
+            if message is not None:
+                self.keepers[name].take(message, event.at_s)
+
+    def messages(self) -> Mapping[str, list[Message]]:
+        """What each robot holds."""
+        return {name: node.messages() for name, node in self.nodes.items()}
+
+    def links(self) -> Mapping[str, Mapping[str, LinkMetrics]]:
+        """The links of each robot, by peer."""
+        return {name: node.links() for name, node in self.nodes.items()}
+
+    def close(self) -> None:
+        """Stop all nodes, at the same time."""
+        for unsubscribe in self._unsubscribe:
+            unsubscribe()
+        if self.nodes:
+            with ThreadPoolExecutor(len(self.nodes)) as pool:
+                list(pool.map(lambda node: node.close(), self.nodes.values()))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _note(self, name: str, event: LinkEvent) -> None:
+        """On the node's thread, so quick: maps are looked at later."""
+        if not isinstance(event, MessageStored) or event.robot == name:
+            return
+        if self._team.topic(event.robot, event.topic).type == MAP_TYPE:
+            self._arrivals.put((name, event))

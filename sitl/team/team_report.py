@@ -1,0 +1,137 @@
+"""What became of the ground robots in a simulation: contacts, data, maps, as one JSON object."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mocha_link.links.metrics import LinkMetrics
+from mocha_link.node.node import Message
+from sitl.team.ground_nodes import MapKeeper
+from sitl.world.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Holdings:
+    """What the nodes of the ground robots hold, by robot; taken before the nodes are closed.
+
+    Attributes:
+        messages: The newest message of every robot and topic.
+        links: The state of each link, by peer.
+        keepers: The maps that came.
+    """
+
+    messages: Mapping[str, Sequence[Message]]
+    links: Mapping[str, Mapping[str, LinkMetrics]]
+    keepers: Mapping[str, MapKeeper]
+
+
+def report(world: World, holdings: Holdings, *, now_s: float, elapsed_s: float) -> dict[str, Any]:
+    """The report of a simulation, ready for JSON. Times are Unix seconds of the simulation."""
+    return {
+        "ended_s": now_s,
+        "simulated_s": elapsed_s,
+        "robots": {
+            name: {
+                **_motion(world, name),
+                "contacts": _contacts(world, name),
+                "syncs": {
+                    peer: {
+                        "in": link.syncs_in,
+                        "out": link.syncs_out,
+                        "bytes_in": link.bytes_in,
+                        "bytes_out": link.bytes_out,
+                        "timeouts": link.timeouts,
+                    }
+                    for peer, link in holdings.links[name].items()
+                },
+                "holds": [
+                    {
+                        "robot": message.robot,
+                        "topic": message.topic,
+                        "stamp_s": message.stamp_s,
+                        "age_s": now_s - message.stamp_s,
+                    }
+                    for message in holdings.messages[name]
+                ],
+                **_maps(holdings.keepers[name]),
+            }
+            for name in world.robots
+        },
+        "carried": carried(world, holdings.messages),
+        "vehicles": [
+            {
+                "pair": [a, b],
+                "contacts": world.contact(a, b).count,
+                "contact_s": round(world.contact(a, b).seconds, 1),
+                "closest_m": _finite(approach.closest_m),
+                "across_m": _finite(approach.across_m),
+                "up_m": _finite(approach.up_m),
+                "at_s": approach.at_s,
+                "level_m": _finite(approach.level_m),
+            }
+            for (a, b), approach in world.approaches.items()
+        ],
+    }
+
+
+def carried(world: World, messages: Mapping[str, Sequence[Message]]) -> list[list[str]]:
+    """Pairs [a, b] of ground robots that never heard each other while a holds data of b."""
+    return [
+        [holder, maker]
+        for holder in world.robots
+        for maker in world.robots
+        if holder != maker
+        and world.contact(holder, maker).count == 0
+        and any(message.robot == maker for message in messages[holder])
+    ]
+
+
+def _motion(world: World, name: str) -> dict[str, Any]:
+    robot = world.robots[name]
+    place = world.settings.frame.to_geodetic(robot.position)
+    return {
+        "position": {
+            "latitude_deg": place.latitude_deg,
+            "longitude_deg": place.longitude_deg,
+            "east_m": robot.position.east_m,
+            "north_m": robot.position.north_m,
+        },
+        "driven_m": robot.driven_m,
+        "vehicles_seen": len(robot.sightings),
+    }
+
+
+def _contacts(world: World, name: str) -> dict[str, Any]:
+    vehicles = (world.settings.vehicle, *world.settings.others)
+    peers = [peer for peer in (*vehicles, *world.robots) if peer != name]
+    return {
+        peer: {
+            "count": world.contact(name, peer).count,
+            "seconds": round(world.contact(name, peer).seconds, 3),
+            "last_s": world.contact(name, peer).last_s,
+            "closest_m": _finite(world.contact(name, peer).closest_m),
+        }
+        for peer in peers
+    }
+
+
+def _maps(keeper: MapKeeper) -> dict[str, Any]:
+    newest = keeper.newest
+    return {
+        "map": None
+        if newest is None
+        else {
+            "robot": newest.maker,
+            "stamp_s": newest.stamp_s,
+            "known_cells": newest.known_cells,
+        },
+        "map_history": [[at_s, cells] for at_s, cells in keeper.history],
+        "maps_refused": keeper.refused,
+    }
+
+
+def _finite(value: float) -> float | None:
+    return round(value, 3) if math.isfinite(value) else None

@@ -1,0 +1,351 @@
+"""The world beside the autopilot as a pure object: the vehicle moves, and it says what follows.
+
+`World.step` takes the time and where the vehicle truly is, and answers with what a shell has to
+carry out: links to cut or restore, radio readings to deliver, messages that robots publish, what
+the camera sees. It knows no sockets, threads or clocks.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+from air_router.messages import (
+    PATH_TOPIC,
+    POSE_TOPIC,
+    SIGHTINGS_TOPIC,
+    PathMessage,
+    PoseMessage,
+    SeenObject,
+    SightingsMessage,
+)
+from geo.frame import LocalFrame, Point
+from geo.grid import GridPatch
+from sitl.world.camera import Camera
+from sitl.world.radio import Antenna, RadioModel
+from sitl.world.terrain import Raster
+from sitl.world.ugv import GroundRobot
+
+STEP_S = 0.1
+"""The world acts at most this often, in simulated seconds."""
+
+POSE_INTERVAL_S = 1.0
+PATH_INTERVAL_S = 10.0
+SIGHTINGS_INTERVAL_S = 5.0
+GROUND_ANTENNA_M = 0.5
+_ABOVE_M = 15.0  # so near across, one vehicle counts as above the other
+LANDED_BELOW_M = 1.5  # lower than this the vehicle's antenna is as low as everybody's
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Where the vehicle truly is.
+
+    Attributes:
+        time_s: Simulated seconds.
+        unix_s: The same moment as Unix time, with which messages are stamped.
+        position: Metres east/north in the mission's local frame.
+        height_m: Metres above the ground at home.
+        heading_deg: Clockwise from true north.
+    """
+
+    time_s: float
+    unix_s: float
+    position: Point
+    height_m: float
+    heading_deg: float
+
+
+@dataclass(frozen=True, slots=True)
+class LinkChange:
+    """The radio between two robots came up or went down."""
+
+    a: str
+    b: str
+    up: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What the radio of `robot` says about a peer; None: not heard."""
+
+    robot: str
+    peer: str
+    rssi_dbm: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Publication:
+    """A message that a robot publishes."""
+
+    robot: str
+    topic: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What happened in one step, for the shell to carry out.
+
+    `patch` is what the camera of the vehicle sees, `other_patches` those of the other vehicles.
+    """
+
+    links: tuple[LinkChange, ...] = ()
+    readings: tuple[Reading, ...] = ()
+    publications: tuple[Publication, ...] = ()
+    patch: GridPatch | None = None
+    other_patches: tuple[tuple[str, GridPatch], ...] = ()
+
+
+@dataclass(slots=True)
+class Contact:
+    """How often and how long two robots have heard each other.
+
+    Attributes:
+        count: Contacts so far, the present one included.
+        seconds: Simulated seconds in contact.
+        last_s: Unix seconds when they last heard each other; None: never.
+        closest_m: The smallest distance between them.
+        up: They hear each other now.
+    """
+
+    count: int = 0
+    seconds: float = 0.0
+    last_s: float | None = None
+    closest_m: float = math.inf
+    up: bool = False
+
+
+@dataclass(slots=True)
+class Approach:
+    """How near two vehicles came to each other while at least one of them flew.
+
+    Attributes:
+        closest_m: The smallest distance between them; infinite: they never flew.
+        across_m: What of it lay across, then.
+        up_m: What of it lay up and down, then.
+        at_s: Simulated seconds, then.
+        level_m: The smallest difference in height while they were `_ABOVE_M` or less apart across.
+    """
+
+    closest_m: float = math.inf
+    across_m: float = math.inf
+    up_m: float = math.inf
+    at_s: float | None = None
+    level_m: float = math.inf
+
+
+class Every:
+    """Says when something that happens at fixed intervals is due; late ones are not made up."""
+
+    def __init__(self, interval_s: float) -> None:
+        self._interval_s = interval_s
+        self._next_s = -math.inf
+
+    def due(self, now_s: float) -> bool:
+        """Whether it is time; a yes takes the turn."""
+        if now_s < self._next_s:
+            return False
+        late = now_s >= self._next_s + self._interval_s
+        self._next_s = (now_s if late else self._next_s) + self._interval_s
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What a world is made of.
+
+    Attributes:
+        frame: The mission's local frame.
+        vehicle: The vehicle's name in the team.
+        others: Names of other vehicles.
+        radio: Who hears whom.
+        camera: What the vehicle sees.
+        raster: What there is to see.
+        camera_interval_s: Simulated seconds between pictures.
+        reading_interval_s: Simulated seconds between radio readings.
+    """
+
+    frame: LocalFrame
+    vehicle: str
+    radio: RadioModel
+    camera: Camera
+    raster: Raster
+    camera_interval_s: float = 1.0
+    reading_interval_s: float = 0.5
+    others: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class _Crew:
+    """A ground robot, and when it speaks."""
+
+    robot: GroundRobot
+    topics: Collection[str]
+    pose: Every = field(default_factory=lambda: Every(POSE_INTERVAL_S))
+    path: Every = field(default_factory=lambda: Every(PATH_INTERVAL_S))
+    sightings: Every = field(default_factory=lambda: Every(SIGHTINGS_INTERVAL_S))
+    told_path: tuple[Point, ...] | None = None
+
+
+class World:
+    """Ground robots, radios and the camera, moved on by `step`.
+
+    The robots set off, and fading begins, when a vehicle takes off for the first time: however
+    long it takes to get ready, the same flight meets the same world.
+
+    Args:
+        settings: The world.
+        robots: The ground robots, by name.
+        topics: Topics that each robot may publish, by name; others it keeps to itself.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        robots: Mapping[str, GroundRobot],
+        topics: Mapping[str, Collection[str]],
+    ) -> None:
+        self.settings = settings
+        self._crews = {name: _Crew(robot, topics[name]) for name, robot in robots.items()}
+        self._pairs = {
+            pair: Contact()
+            for pair in itertools.combinations((settings.vehicle, *settings.others, *robots), 2)
+        }
+        self.approaches = {
+            pair: Approach()
+            for pair in itertools.combinations((settings.vehicle, *settings.others), 2)
+        }
+        self._reading = Every(settings.reading_interval_s)
+        self._picture = Every(settings.camera_interval_s)
+        self._now_s: float | None = None
+        self._took_off_s: float | None = None
+
+    @property
+    def robots(self) -> Mapping[str, GroundRobot]:
+        """The ground robots, by name."""
+        return {name: crew.robot for name, crew in self._crews.items()}
+
+    def contact(self, a: str, b: str) -> Contact:
+        """What two robots have heard of each other so far."""
+        return self._pairs[(a, b) if (a, b) in self._pairs else (b, a)]
+
+    def due(self, time_s: float) -> bool:
+        """Whether enough simulated time has passed for another step."""
+        return self._now_s is None or time_s >= self._now_s + STEP_S - 1e-9
+
+    def step(self, truth: Truth, others: Mapping[str, Truth] | None = None) -> Step:
+        """Move on to a later time, with the vehicle where it is then.
+
+        Args:
+            truth: The vehicle's; its time is the world's.
+            others: What is known of the other vehicles; one that is missing is heard by nobody.
+        """
+        vehicles = {self.settings.vehicle: truth, **(others or {})}
+        dt_s = 0.0 if self._now_s is None else max(0.0, truth.time_s - self._now_s)
+        self._now_s = truth.time_s
+        if self._took_off_s is not None:
+            for crew in self._crews.values():
+                crew.robot.step(dt_s)
+        elif any(there.height_m >= LANDED_BELOW_M for there in vehicles.values()):
+            self._took_off_s = truth.time_s
+        links, readings = self._hear(vehicles, truth, dt_s)
+        self._measure(vehicles, truth.time_s)
+        patches = self._look(vehicles) if self._picture.due(truth.time_s) else {}
+        publications = tuple(
+            message for crew in self._crews.values() for message in self._speak(crew, truth)
+        )
+        patch = patches.pop(self.settings.vehicle, None)
+        return Step(links, readings, publications, patch, tuple(patches.items()))
+
+    def _look(self, vehicles: Mapping[str, Truth]) -> dict[str, GridPatch]:
+        looks = {
+            name: self.settings.camera.look(
+                self.settings.raster, truth.position, truth.height_m, truth.heading_deg
+            )
+            for name, truth in vehicles.items()
+        }
+        return {name: patch for name, patch in looks.items() if patch is not None}
+
+    def _measure(self, vehicles: Mapping[str, Truth], time_s: float) -> None:
+        for (a, b), approach in self.approaches.items():
+            one, two = vehicles.get(a), vehicles.get(b)
+            if one is None or two is None or max(one.height_m, two.height_m) < LANDED_BELOW_M:
+                continue
+            across_m = math.dist(one.position, two.position)
+            up_m = abs(one.height_m - two.height_m)
+            if across_m <= _ABOVE_M:
+                approach.level_m = min(approach.level_m, up_m)
+            if (apart_m := math.hypot(across_m, up_m)) < approach.closest_m:
+                approach.closest_m, approach.across_m, approach.up_m = apart_m, across_m, up_m
+                approach.at_s = time_s
+
+    def _hear(
+        self, vehicles: Mapping[str, Truth], truth: Truth, dt_s: float
+    ) -> tuple[tuple[LinkChange, ...], tuple[Reading, ...]]:
+        radio = self.settings.radio
+        antennas = {
+            name: Antenna(*crew.robot.position, GROUND_ANTENNA_M, on_ground=True)
+            for name, crew in self._crews.items()
+        }
+        for name, there in vehicles.items():
+            antennas[name] = Antenna(
+                *there.position,
+                max(there.height_m, GROUND_ANTENNA_M),
+                on_ground=there.height_m < LANDED_BELOW_M,
+            )
+        changes: list[LinkChange] = []
+        readings: list[Reading] = []
+        flown_s = 0.0 if self._took_off_s is None else truth.time_s - self._took_off_s
+        tell = self._reading.due(truth.time_s)
+        for (a, b), contact in self._pairs.items():
+            if a not in antennas or b not in antennas:
+                continue
+            rssi_dbm = radio.rssi_dbm(a, antennas[a], b, antennas[b], flown_s)
+            heard = radio.hears(rssi_dbm)
+            contact.closest_m = min(contact.closest_m, antennas[a].distance_m(antennas[b]))
+            if contact.up:
+                contact.seconds += dt_s
+            if heard:
+                contact.last_s = truth.unix_s
+            if heard != contact.up:
+                contact.up = heard
+                contact.count += heard
+                changes.append(LinkChange(a, b, heard))
+            if tell:
+                value = round(rssi_dbm, 1) if heard else None
+                readings += (Reading(a, b, value), Reading(b, a, value))
+        return tuple(changes), tuple(readings)
+
+    def _speak(self, crew: _Crew, truth: Truth) -> list[Publication]:
+        robot = crew.robot
+        time_s, stamp_s = truth.time_s, truth.unix_s
+        said: list[Publication] = []
+        if crew.pose.due(time_s) and POSE_TOPIC in crew.topics:
+            here = self.settings.frame.to_geodetic(robot.position)
+            pose = PoseMessage(
+                stamp_s=stamp_s,
+                latitude_deg=here.latitude_deg,
+                longitude_deg=here.longitude_deg,
+                heading_deg=robot.heading_deg,
+            )
+            said.append(Publication(robot.name, POSE_TOPIC, pose.encode()))
+        path_due = crew.path.due(time_s)
+        if (path_due or robot.path != crew.told_path) and PATH_TOPIC in crew.topics:
+            crew.told_path = robot.path
+            points = tuple(self.settings.frame.to_geodetic(point) for point in robot.path)
+            path = PathMessage(stamp_s=stamp_s, points=points)
+            said.append(Publication(robot.name, PATH_TOPIC, path.encode()))
+        if crew.sightings.due(time_s) and SIGHTINGS_TOPIC in crew.topics:
+            objects = tuple(self._seen(place) for place in robot.sightings)
+            sightings = SightingsMessage(stamp_s=stamp_s, objects=objects)
+            said.append(Publication(robot.name, SIGHTINGS_TOPIC, sightings.encode()))
+        return said
+
+    def _seen(self, place: Point) -> SeenObject:
+        there = self.settings.frame.to_geodetic(place)
+        return SeenObject(
+            kind="vehicle", latitude_deg=there.latitude_deg, longitude_deg=there.longitude_deg
+        )

@@ -1,0 +1,260 @@
+"""Reads world files: the radio, the camera, the terrain and the robots of a simulation.
+
+The format is described in docs/world-file.md. A mission without a world file gets a default world,
+made from the mission and a seed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import shapely
+from pydantic import BaseModel, Field, model_validator
+
+from air_router.gossip.mapper import MARGIN_M
+from air_router.mission.mission import Mission
+from geo.airspace.zone import Circle, Ring, Shape, Zone, ZoneError, checked_ring
+from geo.frame import FrameError, Point
+from mocha_link.team.document import Document, DocumentError, Problem
+from sitl.world.camera import Camera
+from sitl.world.default_patrols import default_patrols
+from sitl.world.radio import RadioModel
+from sitl.world.terrain import Road, Scene
+from sitl.world.ugv import MAX_SPEED_M_S, Patrol, PatrolPlan
+
+_RADIO, _CAMERA = RadioModel(), Camera()
+READING_INTERVAL_S = 0.5
+PICTURE_INTERVAL_S = 1.0
+
+Keys = tuple[str | int, ...]
+_Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+_Line = Annotated[list[_Pair], Field(min_length=2)]
+_Positive = Annotated[float, Field(gt=0, le=1e6)]
+
+
+class _Radio(BaseModel):
+    tx_power_dbm: Annotated[float, Field(ge=-50, le=60)] = _RADIO.tx_power_dbm
+    reference_loss_db: Annotated[float, Field(ge=0, le=120)] = _RADIO.reference_loss_db
+    path_loss_exponent: Annotated[float, Field(ge=1, le=10)] = _RADIO.path_loss_exponent
+    ground_to_ground_loss_db: Annotated[float, Field(ge=0, le=120)] = (
+        _RADIO.ground_to_ground_loss_db
+    )
+    shadowing_db: Annotated[float, Field(ge=0, le=30)] = _RADIO.shadowing_db
+    shadowing_interval_s: _Positive = _RADIO.shadowing_interval_s
+    sensitivity_dbm: Annotated[float, Field(ge=-200, le=0)] = _RADIO.sensitivity_dbm
+    reading_interval_s: _Positive = READING_INTERVAL_S
+    rate_bytes_s: _Positive | None = None
+
+
+class _Camera(BaseModel):
+    fov_across_deg: Annotated[float, Field(gt=0, le=150)] = _CAMERA.fov_across_deg
+    fov_along_deg: Annotated[float, Field(gt=0, le=150)] = _CAMERA.fov_along_deg
+    min_height_m: Annotated[float, Field(ge=0, le=1e4)] = _CAMERA.min_height_m
+    interval_s: _Positive = PICTURE_INTERVAL_S
+
+
+class _Road(BaseModel):
+    points: _Line
+    width_m: Annotated[float, Field(gt=0, le=1000)] = 6.0
+
+
+class _Terrain(BaseModel):
+    margin_m: Annotated[float, Field(ge=0, le=1e4)] = MARGIN_M
+    roads: list[_Road] = []
+    vegetation: list[list[_Pair]] = []
+    buildings: list[list[_Pair]] | None = None
+    vehicles: list[_Pair] = []
+
+
+class _Robot(BaseModel):
+    patrol: Annotated[list[_Pair], Field(min_length=1, description="points to drive through")]
+    closed: bool = True
+    speed_m_s: Annotated[float, Field(gt=0, le=MAX_SPEED_M_S)] = 1.0
+    start_m: Annotated[float, Field(ge=0)] = 0.0
+
+
+class _World(BaseModel):
+    coordinates: Literal["degrees", "local"] = "degrees"
+    radio: _Radio = _Radio()
+    camera: _Camera = _Camera()
+    terrain: _Terrain = _Terrain()
+    robots: dict[str, _Robot] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _empty(cls, data: object) -> object:
+        return {} if data is None else data
+
+
+@dataclass(frozen=True, slots=True)
+class WorldPlan:
+    """A world, ready to be simulated; positions in metres of the mission's local frame.
+
+    Attributes:
+        radio: Who hears whom.
+        camera: What the vehicle sees.
+        scene: What stands where.
+        patrols: Where each ground robot drives, by name.
+        margin_m: How far the terrain reaches beyond the fence.
+        picture_interval_s: Simulated seconds between two pictures.
+        reading_interval_s: Simulated seconds between two radio readings.
+        rate_bytes_s: What a link carries per simulated second; None: no limit.
+    """
+
+    radio: RadioModel
+    camera: Camera
+    scene: Scene
+    patrols: Mapping[str, PatrolPlan]
+    margin_m: float = MARGIN_M
+    picture_interval_s: float = PICTURE_INTERVAL_S
+    reading_interval_s: float = READING_INTERVAL_S
+    rate_bytes_s: float | None = None
+
+
+def load_world(path: Path | None, mission: Mission, robots: Sequence[str], seed: int) -> WorldPlan:
+    """The world of a mission.
+
+    Args:
+        path: The world file; None: a default world.
+        mission: Gives the frame, and the buildings where the file names none.
+        robots: Names of the ground robots; those that the file does not mention get patrols near
+            waypoints, far from each other.
+        seed: Chooses the default patrols and the radio's shadowing.
+
+    Raises:
+        DocumentError: every problem of the file, with line and column.
+    """
+    if path is None:
+        document = Document.from_text("", Path("(default world)"))
+    else:
+        document = Document.load(path)
+    return _Reader(document, document.parse(_World), mission).plan(robots, seed)
+
+
+@dataclass(slots=True)
+class _Reader:
+    """Takes a parsed file into the local frame and collects what is wrong with it."""
+
+    document: Document
+    model: _World
+    mission: Mission
+    problems: list[Problem] = field(default_factory=list)
+
+    def plan(self, robots: Sequence[str], seed: int) -> WorldPlan:
+        model = self.model
+        scene = self._scene()
+        patrols = {
+            name: plan
+            for name, robot in model.robots.items()
+            if (plan := self._patrol(name, robot, robots, scene)) is not None
+        }
+        if self.problems:
+            raise DocumentError(self.problems)
+        missing = [name for name in robots if name not in patrols]
+        patrols |= default_patrols(self.mission, missing, seed, patrols.values())
+        radio = model.radio.model_dump(exclude={"reading_interval_s", "rate_bytes_s"})
+        camera = model.camera.model_dump(exclude={"interval_s"})
+        return WorldPlan(
+            radio=RadioModel(**radio, seed=seed),
+            camera=Camera(**camera),
+            scene=scene,
+            patrols=patrols,
+            margin_m=model.terrain.margin_m,
+            picture_interval_s=model.camera.interval_s,
+            reading_interval_s=model.radio.reading_interval_s,
+            rate_bytes_s=model.radio.rate_bytes_s,
+        )
+
+    def _scene(self) -> Scene:
+        terrain = self.model.terrain
+        buildings = tuple(_ground_ring(zone.shape) for zone in self._standing())
+        if terrain.buildings is not None:
+            buildings = self._rings(terrain.buildings, ("terrain", "buildings"))
+        return Scene(
+            vegetation=self._rings(terrain.vegetation, ("terrain", "vegetation")),
+            roads=tuple(
+                Road(self._points(road.points, ("terrain", "roads", index, "points")), road.width_m)
+                for index, road in enumerate(terrain.roads)
+            ),
+            buildings=buildings,
+            vehicles=self._points(terrain.vehicles, ("terrain", "vehicles")),
+        )
+
+    def _patrol(
+        self, name: str, robot: _Robot, robots: Sequence[str], scene: Scene
+    ) -> PatrolPlan | None:
+        keys: Keys = ("robots", name)
+        if name not in robots:
+            known = ", ".join(robots) or "none"
+            message = f"no ground robot '{name}' in the team; use one of {known}"
+            self._complain(keys, message, "unknown-robot")
+            return None
+        points = self._points(robot.patrol, (*keys, "patrol"))
+        if len(points) < len(robot.patrol):
+            return None
+        patrol = Patrol(points, closed=robot.closed)
+        for index, building in enumerate(scene.buildings):
+            polygon = shapely.Polygon(building)
+            if any(polygon.intersects(shapely.LineString(leg)) for leg in patrol.legs()):
+                what = self._building_name(index)
+                self._complain(
+                    (*keys, "patrol"),
+                    f"the patrol of {name} drives through {what}; lead it around",
+                    "patrol-through-building",
+                )
+        return PatrolPlan(patrol, robot.speed_m_s, robot.start_m)
+
+    def _building_name(self, index: int) -> str:
+        if self.model.terrain.buildings is not None:
+            return f"building {index + 1}"
+        return f"the no-fly zone '{self._standing()[index].name}', which counts as a building"
+
+    def _standing(self) -> list[Zone]:
+        """The zones that stand on the ground, whatever the time is: others are only airspace."""
+        return [
+            zone
+            for zone in self.mission.zones
+            if zone.validity is None and (zone.band is None or zone.band.lower_m <= 0)
+        ]
+
+    def _rings(self, polygons: Sequence[list[list[float]]], keys: Keys) -> tuple[Ring, ...]:
+        rings: list[Ring] = []
+        for index, polygon in enumerate(polygons):
+            points = self._points(polygon, (*keys, index))
+            if len(points) < len(polygon):
+                continue
+            try:
+                rings.append(checked_ring(points))
+            except ZoneError as error:
+                message = f"cannot be an area: {error}; draw it again"
+                self._complain((*keys, index), message, error.code)
+        return tuple(rings)
+
+    def _points(self, pairs: Iterable[list[float]], keys: Keys) -> tuple[Point, ...]:
+        points: list[Point] = []
+        for index, (first, second) in enumerate(pairs):
+            try:
+                points.append(self._point(first, second))
+            except FrameError as error:
+                message = f"{error}; correct it (latitude comes first)"
+                self._complain((*keys, index), message, "not-on-earth")
+        return tuple(points)
+
+    def _point(self, first: float, second: float) -> Point:
+        point = Point(first, second)
+        if self.model.coordinates == "degrees":
+            point = self.mission.frame.to_local(first, second)
+        if math.hypot(point.east_m, point.north_m) > 1e5:
+            raise FrameError(f"{first}, {second} lies more than 100 km from the mission")
+        return point
+
+    def _complain(self, keys: Keys, message: str, code: str) -> None:
+        self.problems.append(self.document.problem(keys, message, code))
+
+
+def _ground_ring(shape: Shape) -> Ring:
+    return shape.corners if isinstance(shape, Circle) else shape.ring
