@@ -11,7 +11,6 @@ from sitl.px4sim.state.situation import Place
 
 HOME = Place(47.397742, 8.545594, 489.4)
 GROUND_STATION = (255, 190)
-COMPANION = (1, 191)
 NAMES = {number: message.msgname for number, message in mavlink.mavlink_map.items()} | {
     410: "EVENT",
     411: "CURRENT_EVENT_SEQUENCE",

@@ -5,17 +5,10 @@ import types
 
 import pytest
 
-from sitl.mavlink.setpoint_messages import (
-    RefusedSetpointError,
-    global_setpoint,
-    local_setpoint,
-    sticks,
-)
+from sitl.mavlink.setpoint_messages import local_setpoint, sticks
 from sitl.px4sim.modes.sticks import shaped
 from sitl.px4sim.motion.direct_control import Direct, Reach, direct_velocity
 from sitl.px4sim.state.px4_modes import FlightMode
-
-NOTHING_SET = 0x0FFF
 
 
 def message(**fields):
@@ -50,27 +43,6 @@ def test_axes_out_of_range_are_in_the_middle():
 
 
 class TestSetpoints:
-    @pytest.mark.parametrize(
-        ("read", "frame"), [(local_setpoint, 7), (local_setpoint, 3), (global_setpoint, 1)]
-    )
-    def test_an_unknown_frame(self, rig, read, frame):
-        with pytest.raises(RefusedSetpointError, match=f"frame {frame} unsupported"):
-            read(message(coordinate_frame=frame, type_mask=0), rig.autopilot.situation)
-
-    @pytest.mark.parametrize(("read", "frame"), [(local_setpoint, 1), (global_setpoint, 6)])
-    def test_nothing_set(self, rig, read, frame):
-        with pytest.raises(RefusedSetpointError, match="invalid"):
-            read(message(coordinate_frame=frame, type_mask=NOTHING_SET), rig.autopilot.situation)
-
-    def test_body_velocities_turn_with_the_nose(self, rig):
-        situation = rig.autopilot.situation
-        situation.heading_rad = math.pi / 2
-        asked = message(coordinate_frame=8, type_mask=0x0DC7, vx=2.0, vy=1.0, vz=-0.5)
-        direct = local_setpoint(asked, situation)
-        assert direct.velocity == pytest.approx((-1.0, 2.0))
-        assert direct.up_m_s == 0.5
-        assert direct.position is None
-
     def test_one_axis_alone_keeps_the_other(self, rig):
         situation = rig.autopilot.situation
         situation.east_m = 7.0
