@@ -219,6 +219,7 @@ class Vehicle(Protocol):
 
         Not over what the pilot chose since `arm`: a vehicle that was disarmed, or is in another
         mode, is left as it is.
+        Returns as well when nothing shows whether it does: it may, and its telemetry will tell.
         """
 
     async def jump(self, item: int, objection: Callable[[], str | None] | None = None) -> None:

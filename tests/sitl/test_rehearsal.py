@@ -36,6 +36,7 @@ PENNOVATION = Path(__file__).parents[2] / "missions" / "pennovation" / "mission.
         (Fault.STOPPED, 1, End.LANDED),
         (Fault.FENCE_DELETED, 4, End.LANDED),
         (Fault.DISARMED, 1, End.STAYED),
+        (Fault.TWO, 298, End.LANDED),  # nothing is heard of the start that it was told
     ],
 )
 def test_the_real_program_brings_it_home_or_leaves_it_to_the_pilot(fault, seed, end):

@@ -159,7 +159,8 @@ def set_item(px4, order):
 
 @pytest.mark.parametrize("verb", ORDERS)
 def test_an_order_arrives_once_when_nothing_answers(run, verb):
-    px4 = run(silent, fails(verb), **state_for(verb))
+    # It may be taking off: only the flight that goes on listening will know.
+    px4 = run(silent, start if verb is start else fails(verb), **state_for(verb))
     assert px4.commands() == ORDERS[verb]
 
 

@@ -47,6 +47,10 @@ SAME_M: Final = 1.0
 """A target nearer than this to a place is that place: PX4 tells it to a centimetre."""
 
 
+class NotShownError(NotConfirmedError):
+    """Nothing was heard that would show what became of an order: it may be followed."""
+
+
 class Result(IntEnum):
     """MAV_RESULT."""
 
@@ -188,6 +192,7 @@ class Px4Commands:
             attempts: How often it may leave at most, each time on evidence that nobody else chose.
 
         Raises:
+            NotShownError: nothing was heard that shows whether it follows.
             NotConfirmedError: it does not follow, with the reason where there is one.
         """
         sent = Sent(order, Choices.of(self._telemetry), loop_s())
@@ -200,7 +205,10 @@ class Px4Commands:
                 break
             _log.info("%s: nothing shows and nobody has chosen anything: again", order.words)
         if verdict is not Verdict.FOLLOWED:
-            raise NotConfirmedError(self._why_not(sent, verdict))
+            heard_s = self._telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
+            unseen = verdict is None and heard_s < sent.last_s + SETTLED_S
+            error = NotShownError if unseen else NotConfirmedError
+            raise error(self._why_not(sent, verdict))
         sent.followed = True
         self._tried[order.command].unanswered.clear()  # on a link in order: lost, or here by now
 

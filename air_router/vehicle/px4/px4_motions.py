@@ -10,7 +10,14 @@ from typing import Final
 
 from air_router.errors import ArmingRefusedError, NotConfirmedError
 from air_router.mission.mission import Mission
-from air_router.vehicle.px4.px4_commands import CONFIRM_S, SAME_M, Px4Commands, Sent, Shown
+from air_router.vehicle.px4.px4_commands import (
+    CONFIRM_S,
+    SAME_M,
+    NotShownError,
+    Px4Commands,
+    Sent,
+    Shown,
+)
 from air_router.vehicle.px4.px4_order import (
     Px4Order,
     arm,
@@ -84,9 +91,15 @@ class Px4Motions:
         self._check_armed()
 
     async def start(self) -> None:
-        """See `Vehicle.start`."""
+        """See `Vehicle.start`.
+
+        Where nothing is heard of it any more it may climb: what it says next shows that.
+        """
         self._check_armed()
-        await self._choose(choose(FlightMode.MISSION), attempts=ATTEMPTS)
+        try:
+            await self._choose(choose(FlightMode.MISSION), attempts=ATTEMPTS)
+        except NotShownError as error:
+            _log.warning("%s; it may be taking off", error)
 
     def _check_armed(self) -> None:
         telemetry = self._telemetry
