@@ -98,6 +98,10 @@ def test_streams_are_lost_frozen_and_late_each_alone(ends):
         late = Weather(late_s=0.01, late=frozenset({POSITION}))
         assert passed(late) == [heartbeat(armed=False)]
         assert companion.recvfrom(4096)[0] == position(1)
+        heights_mm = [
+            m.fields["relative_alt"] for m in relay.recording.heard if m.name != "HEARTBEAT"
+        ]
+        assert heights_mm == [1000, 7000, 7000, 1000]  # as they reached it
         relay.weather = Weather(silent=True)
         vehicle.sendto(heartbeat(armed=True), to)
         assert wait_until(lambda: relay.recording.armed, LIMIT_S)  # it still listens in

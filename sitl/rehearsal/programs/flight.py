@@ -148,6 +148,7 @@ class RealFlight:
             mission_text=text,
             samples=tuple(seen.samples),
             messages=tuple(seen.messages),
+            heard=tuple(seen.heard),
             happenings=tuple(self._happenings),
             lines=(*self._lines, *self._companion.lines),
             exit_code=code,

@@ -23,6 +23,7 @@ _HEAD, _CHECKSUM, _SIGNATURE, _MAGIC = 10, 2, 13, 0xFD
 _HEARTBEAT, _HIL_STATE, _HIL_ACTUATORS = 0, 115, 93
 _MISSION: Final = frozenset({*range(37, 48), 51, 73})
 _FROM_VEHICLE: Final = frozenset({_HEARTBEAT, 1, 77, 242, 245, 436, *_MISSION})
+_INPUTS: Final = frozenset({_HEARTBEAT, 1, 24, 33, 42, 245, 436})
 _FROM_OTHERS: Final = frozenset({11, 69, 75, 76, 84, 86, 23, *_MISSION})
 _ARMED, _CRITICAL = 128, 5
 _BUFFER: Final = 2**22
@@ -74,6 +75,7 @@ class Recording:
     Attributes:
         samples: The true track.
         messages: The wire.
+        heard: What a flight rests on, as it reached the companion.
         time_s: Simulated seconds.
         clock_s: The vehicle's own, which begins anew when it does.
         mode: The vehicle's custom mode, as it said last.
@@ -86,6 +88,7 @@ class Recording:
 
     samples: list[Sample] = field(default_factory=list)
     messages: list[WireMessage] = field(default_factory=list)
+    heard: list[WireMessage] = field(default_factory=list)
     time_s: float = 0.0
     clock_s: float = 0.0
     mode: int = 0
@@ -127,6 +130,16 @@ class Recording:
         self.messages.append(
             WireMessage(self.time_s, frame.system, frame.component, target, name, fields, delivered)
         )
+
+    def hear(self, datagram: bytes) -> None:
+        """Note what reaches the companion."""
+        for frame in frames(datagram):
+            if frame.number in _INPUTS and frame.component == AUTOPILOT:
+                fields = _DECODER.decode(bytearray(frame.data)).to_dict()
+                name = fields.pop("mavpackettype")
+                self.heard.append(
+                    WireMessage(self.time_s, frame.system, frame.component, 0, name, fields)
+                )
 
     def see(self, frame: Frame) -> None:
         """Note a frame of the truth's link."""
@@ -310,7 +323,7 @@ class LossyRelay:
         self._vehicle = sender
         spoilt = b"".join(self._spoilt(data, passes=passes))
         if spoilt:
-            self._outside.sendto(spoilt, self._companion)
+            self._tell(spoilt)
 
     def _spoilt(self, data: bytes, *, passes: bool) -> Iterator[bytes]:
         """What of a vehicle's datagram reaches the companion now."""
@@ -335,7 +348,12 @@ class LossyRelay:
 
     def _release(self) -> None:
         while self._waiting and self._waiting[0][0] <= time.monotonic():
-            self._outside.sendto(self._waiting.popleft()[1], self._companion)
+            self._tell(self._waiting.popleft()[1])
+
+    def _tell(self, data: bytes) -> None:
+        """What the vehicle says reaches the companion."""
+        self.recording.hear(data)
+        self._outside.sendto(data, self._companion)
 
 
 def frames(datagram: bytes) -> Iterator[Frame]:
