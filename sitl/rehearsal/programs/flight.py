@@ -27,7 +27,8 @@ from sitl.rehearsal.programs.processes import (
     port_of,
     started,
 )
-from sitl.rehearsal.programs.relay import LossyRelay, Recording, Weather, wait_until
+from sitl.rehearsal.programs.recording import Recording
+from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import MEETINGS, STREAMS, Act, WireScene
 from sitl.rehearsal.programs.station import MODES, Station, items_of
 from sitl.rehearsal.programs.strangers import intrusion

@@ -11,40 +11,17 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple, Self
-
-from pymavlink.dialects.v20 import development as mavlink
+from dataclasses import dataclass
+from typing import Any, Final, Self
 
 from sitl.process.pace_link import PaceServer
-from sitl.rehearsal.judge.evidence import AUTOPILOT, Sample, WireMessage
+from sitl.rehearsal.judge.evidence import WireMessage
+from sitl.rehearsal.programs.recording import MISSION, Recording, frames
 
-_HEAD, _CHECKSUM, _SIGNATURE, _MAGIC = 10, 2, 13, 0xFD
-_HEARTBEAT, _HIL_STATE, _HIL_ACTUATORS = 0, 115, 93
-_MISSION: Final = frozenset({*range(37, 48), 51, 73})
-_FROM_VEHICLE: Final = frozenset({_HEARTBEAT, 1, 77, 242, 245, 436, *_MISSION})
-_INPUTS: Final = frozenset({_HEARTBEAT, 1, 24, 33, 42, 245, 436})
-_FROM_OTHERS: Final = frozenset({11, 69, 75, 76, 84, 86, 23, *_MISSION})
-_ARMED, _CRITICAL = 128, 5
 _BUFFER: Final = 2**22
 _PAUSE_S: Final = 0.2
 _READY_SPEED: Final = 1.0
 """Times real time until it is armed: only from then on the companion says how far it is."""
-
-_LANDED_M: Final = 0.3
-"""So low above where it started a vehicle stands on the ground: the simulated ground is flat."""
-
-
-_DECODER: Final = mavlink.MAVLink(None)
-
-
-class Frame(NamedTuple):
-    """One MAVLink 2 frame."""
-
-    number: int
-    system: int
-    component: int
-    data: bytes
 
 
 @dataclass(slots=True)
@@ -66,106 +43,6 @@ class Weather:
     frozen: frozenset[int] = frozenset()
     late_s: float = 0.0
     late: frozenset[int] = frozenset()
-
-
-@dataclass(slots=True)
-class Recording:
-    """What the relay has seen, in simulated time.
-
-    Attributes:
-        samples: The true track.
-        messages: The wire.
-        heard: What a flight rests on, as it reached the companion.
-        time_s: Simulated seconds.
-        clock_s: The vehicle's own, which begins anew when it does.
-        mode: The vehicle's custom mode, as it said last.
-        armed: As it said last.
-        failsafe: Whether one acts, as it said last.
-        ground_m: Where it stood first.
-        above_m: Above that.
-        place: True latitude, longitude, altitude.
-    """
-
-    samples: list[Sample] = field(default_factory=list)
-    messages: list[WireMessage] = field(default_factory=list)
-    heard: list[WireMessage] = field(default_factory=list)
-    time_s: float = 0.0
-    clock_s: float = 0.0
-    mode: int = 0
-    armed: bool = False
-    failsafe: bool = False
-    ground_m: float | None = None
-    above_m: float = 0.0
-    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    _before_s: float = 0.0
-    _told: bool = False
-    """Whether the truth's link has HEARTBEATs: those of a busy link come late."""
-
-    def _state(self, heartbeat: Any) -> None:
-        self.mode = heartbeat.custom_mode
-        self.armed = bool(heartbeat.base_mode & _ARMED)
-        self.failsafe = heartbeat.system_status >= _CRITICAL
-
-    def restart(self) -> None:
-        """The vehicle is started anew: its time begins at zero again."""
-        self._before_s, self.clock_s = self.time_s, 0.0
-        self.armed = self.failsafe = False
-
-    def look(self, frame: Frame, *, delivered: bool) -> None:
-        """Note a frame, from either side."""
-        vehicle = frame.component == AUTOPILOT
-        wanted = _FROM_VEHICLE if vehicle else _FROM_OTHERS
-        if frame.number not in wanted:
-            return
-        try:
-            message: Any = _DECODER.decode(bytearray(frame.data))
-        except mavlink.MAVError:
-            return
-        fields = message.to_dict()
-        name = fields.pop("mavpackettype")
-        if vehicle and name == "HEARTBEAT" and not self._told:
-            self._state(message)
-        target = int(fields.get("target_system", 0))
-        self.messages.append(
-            WireMessage(self.time_s, frame.system, frame.component, target, name, fields, delivered)
-        )
-
-    def hear(self, datagram: bytes) -> None:
-        """Note what reaches the companion."""
-        for frame in frames(datagram):
-            if frame.number in _INPUTS and frame.component == AUTOPILOT:
-                fields = _DECODER.decode(bytearray(frame.data)).to_dict()
-                name = fields.pop("mavpackettype")
-                self.heard.append(
-                    WireMessage(self.time_s, frame.system, frame.component, 0, name, fields)
-                )
-
-    def see(self, frame: Frame) -> None:
-        """Note a frame of the truth's link."""
-        if frame.number not in {_HEARTBEAT, _HIL_STATE, _HIL_ACTUATORS}:
-            return
-        message: Any = _DECODER.decode(bytearray(frame.data))
-        if frame.number == _HEARTBEAT:
-            self._told = True
-            self._state(message)
-            return
-        if message.time_usec:
-            self.clock_s = message.time_usec / 1e6
-            self.time_s = self._before_s + self.clock_s
-        if frame.number == _HIL_ACTUATORS:
-            return
-        self.place = message.lat / 1e7, message.lon / 1e7, message.alt / 1e3
-        if self.ground_m is None:
-            self.ground_m = self.place[2]
-        self.above_m = self.place[2] - self.ground_m
-        landed = self.above_m < _LANDED_M
-        if not self.samples or self.samples[-1].time_s < self.time_s:
-            self.samples.append(
-                Sample(
-                    self.time_s, *self.place, self.armed, landed, self.mode, failsafe=self.failsafe
-                )
-            )
 
 
 class LossyRelay:
@@ -331,10 +208,9 @@ class LossyRelay:
         fair = passes and not (weather.lost or weather.frozen or weather.late_s)
         for frame in frames(data):
             lost = frame.number in weather.lost or not passes
-            if frame.number in _FROM_VEHICLE:
-                self.recording.look(frame, delivered=not lost)
-                if frame.number in _MISSION and self.recording.messages:
-                    self.answers(self.recording.messages[-1])
+            self.recording.look(frame, delivered=not lost)
+            if frame.number in MISSION and self.recording.messages:
+                self.answers(self.recording.messages[-1])
             if lost or fair:
                 continue
             if frame.number in weather.frozen:
@@ -354,17 +230,6 @@ class LossyRelay:
         """What the vehicle says reaches the companion."""
         self.recording.hear(data)
         self._outside.sendto(data, self._companion)
-
-
-def frames(datagram: bytes) -> Iterator[Frame]:
-    """The MAVLink 2 frames in a datagram; what is none ends it."""
-    at = 0
-    while at + _HEAD < len(datagram) and datagram[at] == _MAGIC:
-        signature = _SIGNATURE if datagram[at + 2] & 1 else 0
-        end = at + _HEAD + datagram[at + 1] + _CHECKSUM + signature
-        number = int.from_bytes(datagram[at + 7 : at + 10], "little")
-        yield Frame(number, datagram[at + 5], datagram[at + 6], datagram[at:end])
-        at = end
 
 
 def wait_until(condition: Callable[[], bool], limit_s: float) -> bool:
