@@ -26,6 +26,7 @@ sim: setup
 	$(BIN)/air-router sim $(MISSION) --speed $(SPEED) --log-dir logs $(SIM)
 
 # Looked through once before: five workers that start cold would all rewrite the same assertions.
+test: export PYTHONDONTWRITEBYTECODE =
 test: setup
 	@$(BIN)/python -m pytest --collect-only -qq > /dev/null || true
 	$(BIN)/python -m pytest -n 5 --dist loadfile --no-loadscope-reorder

@@ -148,23 +148,6 @@ class SemanticGrid:
         mine[seen] = theirs[seen]
         return fresh
 
-    def share_of(self, other: SemanticGrid) -> float:
-        """The share (0..1) of the cells known to `other` that this grid knows as well.
-
-        It is 0 when `other` knows nothing: then there was nothing to share.
-
-        Raises:
-            GridError: the grids differ in origin or resolution, or their cells do not align.
-        """
-        if self.origin != other.origin:
-            raise GridError(f"grids of two frames: origins {self.origin} and {other.origin}")
-        row, column = self._offset(other)
-        known = other.known_cells
-        if not known:
-            return 0.0
-        mine, theirs = _overlap(self.cells, other.cells, row, column)
-        return int(np.count_nonzero((mine != 0) & (theirs != 0))) / known
-
     def encode(self) -> bytes:
         """Header and cells as bytes; not compressed (the gossip node does that)."""
         header = _GRID.pack(
@@ -188,7 +171,7 @@ class SemanticGrid:
         origin = Geodetic(latitude_deg, longitude_deg)
         return cls(origin, resolution_m, west_m, south_m, cells)
 
-    def _offset(self, other: GridPatch | SemanticGrid) -> tuple[int, int]:
+    def _offset(self, other: GridPatch) -> tuple[int, int]:
         """Row and column of this grid at which cell [0, 0] of the other one lies."""
         if not math.isclose(self.resolution_m, other.resolution_m, rel_tol=1e-6):
             raise GridError(

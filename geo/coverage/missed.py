@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -91,8 +90,3 @@ def explain(
 def _nearest(part: Polygon, airspace: Airspace) -> str:
     inside = part.representative_point()
     return airspace.nearest(Point(inside.x, inside.y))[1]
-
-
-def area_of(groups: Sequence[Missed]) -> float:
-    """All that is missed, in square metres."""
-    return sum(group.area_m2 for group in groups)

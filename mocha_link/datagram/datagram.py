@@ -60,8 +60,6 @@ class Flow:
         self.proven = proven
         self.refused = 0  # packets that were none
         self.repeated = 0  # packets whose frames had arrived before
-        self.packets_sent = 0
-        self.packets_lost = 0
         self._bytes_in = self._bytes_out = 0
         self._source = source
         self._packet = packet_bytes
@@ -181,7 +179,6 @@ class Flow:
 
     def _lose(self, now_s: float) -> None:
         for stamp in self._outbox.lose(now_s - self._patience_s()):
-            self.packets_lost += 1
             self._link.lost(stamp)
 
     def _patience_s(self) -> float:
@@ -339,6 +336,5 @@ class Flow:
             self._progress_s = now_s
         outbox.add(content, self._pacing.sent(len(packet), now_s, outbox.in_flight_bytes))
         self._sent_s = now_s
-        self.packets_sent += 1
         self._bytes_out += len(packet)
         return packet

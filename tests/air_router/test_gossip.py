@@ -75,7 +75,6 @@ def test_a_pose_and_a_path_are_news(gossip, pennovation):
     assert isinstance(news, RobotPath)
     assert (news.robot, news.stamp_s) == ("io", 9.0)
     assert [*map(tuple, news.points)] == [pytest.approx(p, abs=1e-3) for p in way]
-    assert news.destination == news.points[-1]
 
 
 def test_a_path_of_many_points_is_told_with_less_detail(gossip, pennovation):

@@ -141,8 +141,6 @@ def test_what_a_survey_made_is_not_moved(survey):
         lambda edit: edit.move(("geoFence", "circles", 7), PLACE),
         lambda edit: edit.move(("mission",), PLACE),
         lambda edit: edit.set_altitude(("mission", "items", 2, "params", 4), 30),
-        lambda edit: edit.set_radius(("geoFence", "polygons", 0), 30),
-        lambda edit: edit.set_corners(("geoFence", "circles", 0), [PLACE] * 3),
         lambda edit: edit.remove(("mission", "items", 99)),
         lambda edit: edit.remove(("mission", "plannedHomePosition")),
         lambda edit: edit.remove(("geoFence",)),
@@ -161,16 +159,13 @@ def test_adding_and_removing(survey):
     keys = edit.add_waypoint(PLACE, 33)
     assert keys[2] == len(survey.data["mission"]["items"]) - 1  # before the return
     edit.add_polygon([PLACE, Geodetic(47.004, 8.002), Geodetic(47.004, 8.003)], inclusion=False)
-    circle = edit.add_circle(Geodetic(47.004, 8.001), 12, inclusion=False)
-    edit.set_radius(circle, 14)
-    edit.set_corners(("geoFence", "polygons", 0), [Geodetic(47.004, 7.999), PLACE, PLACE])
-    edit.set_corners(("geoFence", "polygons", 0), [Geodetic(47.004, x) for x in (7.9, 8, 8.1)])
+    edit.add_circle(Geodetic(47.004, 8.001), 12, inclusion=False)
     edit.add_rally_point(PLACE)
     again = plan_draft(json_from_text(edit.text(), survey.path))
     assert (len(again.waypoints), len(again.rally_points)) == (12, 3)
     assert again.waypoints[-1].keys == keys
     assert isinstance(again.zones[-1].shape, Circle)
-    assert again.zones[-1].shape.radius_m == 14
+    assert again.zones[-1].shape.radius_m == 12
     numbers = [item.get("doJumpId") for item in edit.data["mission"]["items"]]
     assert numbers[keys[2]] == 1 + numbers[-1]
     edit = PlanEdit(survey.data)

@@ -52,19 +52,6 @@ def test_patches_that_do_not_fit_are_refused():
         grid.paint(GridPatch(0.5, 0, 1, cells([1])))
 
 
-def test_share_counts_what_the_other_knows():
-    mine, other = blank(1, (0, 0), (4, 3)), blank(1, (1, 1), (6, 3))
-    assert mine.share_of(other) == 0  # nothing there to share
-    other.paint(GridPatch(1, 1, 1, cells([1, 1, 1, 1])))
-    assert mine.share_of(other) == 0
-    mine.paint(GridPatch(0, 1, 1, cells([2, 2, 2, 0])))
-    assert mine.share_of(other) == 0.5
-    assert other.share_of(mine) == pytest.approx(2 / 3)
-    far = SemanticGrid(Geodetic(0, 0), 1, 0, 0, cells([1]))
-    with pytest.raises(GridError, match="two frames"):
-        mine.share_of(far)
-
-
 @given(
     st.integers(1, 30),
     st.integers(1, 30),
@@ -83,7 +70,6 @@ def test_grids_and_patches_survive_the_wire(rows, columns, west_m, resolution_m,
         grid.south_m,
     )
     assert np.array_equal(back.cells, painted)
-    assert back.share_of(grid) in (0.0, 1.0)
     patch = GridPatch.decode(GridPatch(west_m, 3, resolution_m, painted).encode())
     assert np.array_equal(patch.cells, painted)
     assert patch.west_m == west_m

@@ -43,11 +43,6 @@ class RobotPath:
     points: tuple[Point, ...]
     stamp_s: float
 
-    @property
-    def destination(self) -> Point:
-        """Where the path ends."""
-        return self.points[-1]
-
 
 @dataclass(frozen=True, slots=True)
 class RobotSought:

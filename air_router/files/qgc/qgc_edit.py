@@ -83,20 +83,6 @@ class PlanEdit:
             if key in item:
                 item[key] = value
 
-    def set_radius(self, keys: Keys, radius_m: float) -> None:
-        """Give a circle another radius."""
-        circle = value_at(self.data, (*keys, "circle"))
-        if not isinstance(circle, dict):
-            raise PlanEditError(f"the plan has no circle at {keys}; nothing was changed")
-        circle["radius"] = radius_m
-
-    def set_corners(self, keys: Keys, corners: Sequence[Geodetic]) -> None:
-        """Draw a polygon anew."""
-        polygon = value_at(self.data, keys)
-        if not isinstance(polygon, dict) or "polygon" not in polygon:
-            raise PlanEditError(f"the plan has no polygon at {keys}; nothing was changed")
-        polygon["polygon"] = [_rounded(corner) for corner in corners]
-
     def add_polygon(self, corners: Sequence[Geodetic], *, inclusion: bool) -> Keys:
         """Add a fence or a zone; returns its keys."""
         entry = {
