@@ -29,6 +29,9 @@ _SAID_S: Final = 3.0
 _BRAKED_S: Final = 4.0
 """What the vehicle has on top of that to stand still."""
 
+_EARLY: Final = 0.9
+"""So early of its time it may come home: it measures how fast simulated time runs."""
+
 _TURNS_S: Final = 20.0
 _DETOUR: Final = 2.0
 """How much longer than straight a way home may be, and what turning there may take."""
@@ -167,8 +170,9 @@ class InputJudge:
             if self._answers(began_s, told_s) and self._state(began_s) != "PASSIVE":
                 self._expect(each.words, began_s, told_s, what)
             stands_s = self._reached_s(first, after, each.stands_s + self._reacts_s)
+            early_s = self._reached_s(first, after, each.home_s * _EARLY)
+            self._judge_standing(began_s, (stands_s, min(end_s, early_s)), what)
             home_s = self._reached_s(first, after, each.home_s + self._reacts_s)
-            self._judge_standing(began_s, (stands_s, min(end_s, home_s)), what)
             self._judge_way_home(home_s, what)
 
     def _reached_s(self, first: int, after: int, age_s: float) -> float:
