@@ -185,3 +185,15 @@ def test_a_companion_that_stood_still_says_nothing():
 @pytest.mark.parametrize("states", [track(land=False), FLOWN[:20]])
 def test_landed_at_home_is_said_of_nothing_else(states):
     assert "told" in found(flight(states, said=[(10.0, "landed at home")], code=1))
+
+
+def test_a_silent_link_and_the_way_home_are_measured_by_the_companions_own_clock():
+    said = [(84.0, "nothing heard from the vehicle for 3 s")]
+    silent = flight(spoil=between(70.0, 100.0), said=said)
+    assert found(silent) == {"told"}
+    assert found(dataclasses.replace(silent, speed=5.0)) == set()
+    said = [(46.0, "GPS status not heard for 5 s: holding at 10 s")]
+    spoil = between(41.0, 73.0, FIX)
+    for leg_s, wrong in ((60.0, {"blind"}), (68.5, set())):
+        stands = [*FLOWN[:950], *[FLOWN[950]] * 460, *FLOWN[950:]]
+        assert found(flight(stands, spoil, said=said, more=[goto(leg_s, 60, 0)])) == wrong

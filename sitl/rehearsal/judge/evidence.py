@@ -129,6 +129,7 @@ class Evidence:
         start_unix_s: Unix time at the vehicle's start, for zones with hours; None: all zones apply.
         reaction_s: What the companion has to react, simulated seconds: more where the simulated
             time runs faster than the real programs' own.
+        speed: Simulated seconds in one of the companion's own, by which it measures a silent link.
         samples: In order of time, from before arming to after disarming (or the end of watching).
         messages: In order of time.
         heard: What the autopilot says as it reached the companion, late or spoilt, in order of
@@ -153,6 +154,7 @@ class Evidence:
     uav: str | None = None
     start_unix_s: float | None = None
     reaction_s: float = 1.0
+    speed: float = 1.0
 
     def told(self, what: What) -> Iterator[Happening]:
         """The happenings of a kind, in order of time."""

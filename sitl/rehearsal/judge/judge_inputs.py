@@ -152,7 +152,7 @@ class InputJudge:
 
     def _judge_silence(self) -> None:
         for before_s, after_s in itertools.pairwise([*self._times, float(self.track.time_s[-1])]):
-            due_s = before_s + _SILENT_S + self._reacts_s
+            due_s = before_s + _SILENT_S * self.track.evidence.speed + self._reacts_s
             if after_s > due_s and self._answers(before_s, due_s, ours=False):
                 self._expect("nothing heard|silent", before_s, due_s, "nothing was heard any more")
 

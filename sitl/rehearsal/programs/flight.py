@@ -155,6 +155,7 @@ class RealFlight:
             exit_code=code,
             outcome=self._companion.outcome,
             reaction_s=1.0 + _REACTS_S * self._speed,
+            speed=self._speed,
         )
 
     def _run(self, began_s: float) -> None:
