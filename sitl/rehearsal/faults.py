@@ -184,7 +184,7 @@ class Fault(Enum):
     CORNERS = Kind(
         "sent around a corner that it does not stop at",
         12,
-        often("corner", 4, (20.0, 35.0), lambda d: d.randrange(2) == 0),
+        often("corner", 4, (20.0, 35.0), lambda d: d.choice((None, 0.0, 0.6, 0.7))),
         "INIT",
     )
     REQUESTS = Kind(

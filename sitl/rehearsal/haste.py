@@ -21,8 +21,8 @@ from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
 from sitl.rehearsal.stage import Stage
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 
-BRAKING_M_S2: Final = 3.0
-"""What a PX4 brakes with: where it comes to rest at the earliest."""
+BRAKING_M_S2, BRAKES_LATER_S = 3.0, 0.3
+"""What a PX4 brakes with, and how much later: it builds that up with limited jerk."""
 
 _MARGIN_M, _LEAVING_M = 1.7, 0.9
 """On top of the clearance: nearer places are refused; first legs nearer than the other are, too."""
@@ -32,7 +32,7 @@ _SHORT_M: Final = 1.3
 
 _TRIES: Final = 120
 _FAR_M: Final = 2000.0
-FAST_M_S: Final = 3.5
+FAST_M_S, SLOW_M_S = 3.5, 2.0
 LOOKS_S: Final = 60.0
 """For so long a moment is waited for."""
 
@@ -122,14 +122,14 @@ class Haste:
         east_m, north_m = (a + share * (b - a) for a, b in zip(here, self._sent, strict=True))
         self._draw((east_m, north_m), radius_m)
 
-    def corner(self, brakes: bool) -> None:
-        """Send it somewhere, and on its way around a corner, at once or while it brakes."""
+    def corner(self, brakes_s: float | None) -> None:
+        """Send it somewhere, and on its way around a corner; so long after it began to brake."""
         self._ask(HoldNow())
-        self._at(STANDS_S, lambda: self._set_out(brakes=brakes))
+        self._at(STANDS_S, lambda: self._set_out(brakes_s))
 
-    def _set_out(self, *, brakes: bool) -> bool:
+    def _set_out(self, brakes_s: float | None) -> bool:
         mission = self._mission
-        turn = _sky(mission).turn(self._here, mission.speed_m_s, self._dice)
+        turn = _sky(mission).turn(self._here, mission.speed_m_s, brakes_s or 0.0, self._dice)
         if turn is None:
             return True
         self._ask(GoTo((self._point(turn.towards),)))
@@ -138,13 +138,24 @@ class Haste:
             speed_m_s = math.hypot(*self._velocity_m_s)
             if math.dist(self._here, turn.at) > AT_M or speed_m_s < FAST_M_S or not self._ours:
                 return False
-            if brakes:
+            if brakes_s is not None:
                 self._ask(HoldNow())
-            self._ask(GoTo((self._point(turn.off_to),)))
+            if brakes_s:
+                self._at(brakes_s, self._around)
+            else:
+                self._ask(GoTo((self._point(turn.off_to),)))
             return True
 
         self._wait_for(turn_off)
         return True
+
+    def _around(self) -> bool:
+        """Send it around a corner while it brakes; what it was sent to before is forgotten."""
+        velocity_m_s = self._velocity_m_s
+        off_to = _sky(self._mission).around_a_corner(self._here, velocity_m_s, self._dice)
+        if off_to is not None:
+            self._ask(GoTo((self._point(off_to),)))
+        return off_to is not None or math.hypot(*velocity_m_s) < SLOW_M_S
 
     def _send(self) -> bool:
         place = _sky(self._mission).in_sight(self._here, self._dice)
@@ -203,7 +214,7 @@ def _sky(mission: RawMission) -> Sky:
 
 def rest(here: Pair, velocity_m_s: Pair) -> Pair:
     """Where a vehicle comes to rest that is told now to brake."""
-    seconds = math.hypot(*velocity_m_s) / (2 * BRAKING_M_S2)
+    seconds = BRAKES_LATER_S + math.hypot(*velocity_m_s) / (2 * BRAKING_M_S2)
     return here[0] + velocity_m_s[0] * seconds, here[1] + velocity_m_s[1] * seconds
 
 
@@ -242,16 +253,24 @@ class Sky:
         short = ~shapely.covers(self._legal, swept)
         return self._first(here, [p for p, is_short in zip(places, short, strict=True) if is_short])
 
-    def turn(self, here: Pair, speed_m_s: float, dice: random.Random) -> Turn | None:
-        """A straight way, and a place on it where it is too fast for another; None: none found."""
+    def turn(
+        self, here: Pair, speed_m_s: float, brakes_s: float, dice: random.Random
+    ) -> Turn | None:
+        """A straight way, and a place on it where it is too fast for another; None: none found.
+
+        Too fast, having braked for so long, with a jerk of 4 m/s3, since it was there.
+        """
+        left_m_s = speed_m_s - 2.0 * brakes_s**2
         for towards in _around(here, dice, 30.0, 70.0):
             if self._first(here, [towards]) is None:
                 continue
             away_m = math.dist(here, towards)
             east, north = ((b - a) / away_m for a, b in zip(here, towards, strict=True))
-            for along_m in (15.0, away_m - 12.0):
+            for along_m in range(12, int(away_m - 12.0), 4):
                 at = here[0] + along_m * east, here[1] + along_m * north
-                off_to = self.around_a_corner(at, (speed_m_s * east, speed_m_s * north), dice)
+                on_m = speed_m_s * brakes_s
+                from_ = at[0] + on_m * east, at[1] + on_m * north
+                off_to = self.around_a_corner(from_, (left_m_s * east, left_m_s * north), dice)
                 if off_to is not None:
                     return Turn(towards, at, off_to)
         return None

@@ -403,6 +403,8 @@ class Script:
         elif companion is not None and now_s < until_s:
             return
         else:
+            left = (until_s - READ_S, self._stage.file.text)
+            self._stage.happened(What.FILE_LEFT, left)
             self._stage.file.undo()
         self._reading = None
 

@@ -6,7 +6,7 @@ import pytest
 
 from sitl.rehearsal.judge.evidence import Happening, What, WireMessage
 from sitl.rehearsal.judge.judge_flight import judge
-from tests.sitl.test_judge import FRAME, MISSION, ROUND, THROUGH, evidence, goto, track
+from tests.sitl.test_judge import FRAME, MISSION, ROUND, TEXT, THROUGH, evidence, goto, track
 
 FLOWN = track((*ROUND, *ROUND))
 HOVERS = [*FLOWN[:1400], *[FLOWN[1400]] * 400, *FLOWN[1400:]]
@@ -175,6 +175,24 @@ def test_an_altitude_that_nothing_can_have_flown_to_is_said():
     assert found(flight(spoil=spoil, said=[cruises])) == {"told"}
     said = [cruises, (70.5, "the altitude jumped from 40 to 46 m"), (90.5, "the altitude jumped")]
     assert found(flight(spoil=spoil, said=said)) == set()
+
+
+@pytest.mark.parametrize(
+    ("said", "wrong"),
+    [
+        ("not reloaded: mission.yaml:9: the zone has two corners", set()),
+        ("not reloaded: its fences and no-fly zones are as they were", {"told"}),
+        ("SEARCH -> COMM", {"told"}),
+    ],
+)
+def test_a_changed_file_that_is_not_taken_is_spoken_of(said, wrong):
+    drawn = TEXT + "  - {name: new, polygon: [[300, 55], [303, 55], [303, 80], [300, 80]]}\n"
+
+    def left(text):
+        return (Happening(74.0, What.FILE_LEFT, (70.0, text)),)
+
+    assert found(flight(said=[(72.0, said)], happenings=left(drawn))) == wrong
+    assert found(flight(said=[(72.0, said)], happenings=left(TEXT))) == set()
 
 
 def test_a_companion_that_stood_still_says_nothing():

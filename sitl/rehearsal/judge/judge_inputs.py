@@ -19,9 +19,9 @@ import shapely
 
 from sitl.rehearsal.judge.evidence import What, WireMessage
 from sitl.rehearsal.judge.judge_heard import INPUTS, Input, announcements, news, spans
-from sitl.rehearsal.judge.judge_space import sky_areas
-from sitl.rehearsal.judge.judge_track import LAND_MODE, By, Floats, Track, Violation, number
-from sitl.rehearsal.judge.mission_reader import Area
+from sitl.rehearsal.judge.judge_space import same_area, sky_areas
+from sitl.rehearsal.judge.judge_track import LAND_MODE, By, Floats, Sky, Track, Violation, number
+from sitl.rehearsal.judge.mission_reader import Area, MissionFileError
 
 _SAID_S: Final = 3.0
 """What the companion has on top of each limit to announce something."""
@@ -57,6 +57,7 @@ _LEAVES_S: Final = 10.0
 """What a vehicle has to leave a zone that was drawn where it is."""
 
 _JUMP_M, _CLIMB_M_S = 4.0, 6.0
+_NOT_TAKEN: Final = re.compile("not (reloaded|changed): (?!.*as they were)")
 _STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
 _CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
 _ENDING: Final = frozenset({"HOME", "LAND", "PASSIVE", "DONE"})
@@ -94,6 +95,7 @@ class InputJudge:
         self._said = announcements(self.track.evidence)
         self._deaf = list(self._deaf_spans())
         self._judge_silence()
+        self._judge_files_left()
         for each in INPUTS:
             self._judge_stream(each, [n for n, m in enumerate(heard) if m.name in each.messages])
         positions = [m for m in heard if m.name == "GLOBAL_POSITION_INT"]
@@ -147,6 +149,24 @@ class InputJudge:
     @property
     def _reacts_s(self) -> float:
         return _SAID_S + self.notice_s + max(self.track.evidence.reaction_s - 1.0, 0.0)
+
+    def _judge_files_left(self) -> None:
+        """Other zones or fences that it was asked to heed, and did not: it says why."""
+        track = self.track
+        for left in track.evidence.told(What.FILE_LEFT):
+            asked_s, text = left.value
+            flown = track.sky(asked_s)
+            try:
+                asked = track.read(text)
+            except MissionFileError:
+                continue
+            new = [a for a, _ in sky_areas(Sky(asked_s, asked)) if not _is_among(a, flown)]
+            if not new or not self._answers(asked_s, left.time_s, ours=False):
+                continue
+            said = (words for at_s, words in self._said if asked_s - 0.1 <= at_s <= left.time_s)
+            if not any(_NOT_TAKEN.search(words) for words in said):
+                what = f"{new[0].name} of a changed file is not heeded"
+                self._add(left.time_s, "told", f"not a word why {what}")
 
     # Streams.
 
@@ -308,6 +328,10 @@ class InputJudge:
 
 _SECOND: Final = 25
 """Samples of a second, about."""
+
+
+def _is_among(area: Area, sky: Sky) -> bool:
+    return any(same_area(area, other) for other, _ in sky_areas(sky))
 
 
 def _is_in(area: Area, places: Floats, *, fence: bool) -> Any:

@@ -76,7 +76,7 @@ class SpaceJudge:
             until_s = track.skies[number + 1].from_s if number + 1 < len(track.skies) else math.inf
             known = [a for a, _ in sky_areas(track.skies[number - 1])] if number else []
             for area, fence in sky_areas(sky):
-                new = number > 0 and not any(_same(area, other) for other in known)
+                new = number > 0 and not any(same_area(area, other) for other in known)
                 self._judge_area((sky.from_s, until_s), area, fence=fence, new=new)
         self._judge_heights()
 
@@ -156,7 +156,8 @@ def sky_areas(sky: Sky) -> list[tuple[Area, bool]]:
     return [(zone, False) for zone in mission.zones] + [(fence, True) for fence in mission.fences]
 
 
-def _same(area: Area, other: Area) -> bool:
+def same_area(area: Area, other: Area) -> bool:
+    """Whether two files draw the same."""
     return area.radius_m == other.radius_m and bool(area.outline.equals(other.outline))
 
 

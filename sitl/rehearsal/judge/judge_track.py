@@ -102,10 +102,8 @@ class Track:
         first_m = samples[0].altitude_amsl_m
         texts = [(-math.inf, evidence.mission_text)]
         texts += [(h.time_s, str(h.value)) for h in evidence.told(What.MISSION_FILE)]
-        self.skies = [
-            Sky(at_s, read_mission(evidence.mission_path, text, evidence.uav, first_m))
-            for at_s, text in texts
-        ]
+        self._first_m = first_m
+        self.skies = [Sky(at_s, self.read(text)) for at_s, text in texts]
         self.mission = self.skies[0].mission
         self.ground_m = first_m
         if self.mission.ground_amsl_m is not None:
@@ -121,6 +119,11 @@ class Track:
         self.off_m = self._estimate_off()
         self.given = list(self._given())
         self.by = [self._answers(s.time_s) for s in samples]
+
+    def read(self, text: str) -> RawMission:
+        """The mission of a file. Raises MissionFileError."""
+        evidence = self.evidence
+        return read_mission(evidence.mission_path, text, evidence.uav, self._first_m)
 
     def at(self, time_s: float) -> int:
         """The sample that was taken last before."""
