@@ -62,7 +62,7 @@ NO_SNIPPET = {  # pictures, formulas and what programs print
     "architecture.md 1": "who imports whom; tests/test_house.py sees to it",
     "coverage.md 2": "printed by the command above it, shortened",
     "errors.md 1": "printed; every code: tests/test_errors.py",
-    "embedding.md 2": "PromQL; its metrics: tests/mocha_link/test_prometheus.py",
+    "embedding.md 2": "PromQL; its metrics: tests/mocha_link/service/test_prometheus.py",
     "mission-file.md 2": "printed; its codes: below",
     "seeking.md 1": "a formula",
     "sync-protocol.md 1": "who sends what when",

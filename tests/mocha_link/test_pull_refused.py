@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.mocha_link.ether import Ether, OldNode
-from tests.mocha_link.test_pull import FAR_S, UP, noise
+from tests.mocha_link.sync.test_pull import FAR_S, UP, noise
 
 
 def test_no_datagrams_to_a_peer_that_has_refused_the_sync(team):

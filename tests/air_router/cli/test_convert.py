@@ -1,0 +1,390 @@
+"""`air-router convert`: every way from one format to another, and what it says about it."""
+
+import dataclasses
+import json
+import os
+import stat
+import textwrap
+from pathlib import Path
+
+import pytest
+import shapely
+
+from air_router.cli.cli import main
+from air_router.errors import ExitCode
+from air_router.files.mission_document import Draft
+from air_router.files.whole_file import FileThereError, write_whole
+from air_router.files.zones.zone_files import read_zones
+from air_router.mission.loading import load_mission, read_draft
+from geo.airspace.zone import Circle
+
+DATA = Path(__file__).parents[2] / "data"
+FILES = DATA / "files"
+MISSIONS = Path(__file__).parents[3] / "missions"
+SOURCES = [
+    DATA / "pennovation.plan",
+    FILES / "survey.plan",
+    FILES / "town.yaml",
+    MISSIONS / "pennovation" / "mission.yaml",
+    MISSIONS / "urban" / "mission.yaml",
+]
+ZONES = ["zones.geojson", "zones.kml", "geozones_ed269.json", "geozones_ed318.json"]
+
+
+def convert(*arguments):
+    return main(["convert", *map(str, arguments)])
+
+
+def report(capsys):
+    return json.loads(capsys.readouterr().out)
+
+
+def assert_same_mission(mine, theirs):
+    """Of two drafts, wherever their frames are."""
+    for name in ("waypoints", "rally_points"):
+        pairs = zip(getattr(mine, name), getattr(theirs, name), strict=True)
+        for spot, other in pairs:
+            assert degrees(mine, spot.position) == pytest.approx(
+                degrees(theirs, other.position), abs=2e-9
+            )
+    altitudes = [[w.altitude_m or d.altitude_m for w in d.waypoints] for d in (mine, theirs)]
+    assert altitudes[0] == altitudes[1]
+    assert (mine.altitude_m, mine.speed_m_s) == (theirs.altitude_m, theirs.speed_m_s)
+    assert mine.home_altitude_amsl_m == theirs.home_altitude_amsl_m
+
+
+def degrees(draft, point):
+    return draft.frame.to_geodetic(point)
+
+
+def assert_same_areas(mine, theirs):
+    for area, other in zip(mine.zones + mine.fences, theirs.zones + theirs.fences, strict=True):
+        shapes = []
+        for draft, each in ((mine, area), (theirs, other)):
+            corners = draft.frame.to_geodetic_many(each.shape.corners)
+            shapes.append(theirs.frame.to_local_many(*corners.T))
+        borders = [shapely.Polygon(corners).boundary for corners in shapes]
+        assert borders[0].hausdorff_distance(borders[1]) < 0.001
+        assert isinstance(area.shape, Circle) == isinstance(other.shape, Circle)
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: f"{path.parent.stem}_{path.stem}")
+def test_a_mission_file_of_any_mission_is_the_same_mission(tmp_path, source):
+    target = tmp_path / "town.yaml"
+    assert convert(source, target) == ExitCode.DONE
+    mine, theirs = read_draft(target), read_draft(source)
+    assert mine.problems == []
+    assert_same_mission(mine, theirs)
+    assert_same_areas(mine, theirs)
+    for name in ("name", "timers", "planner", "seek", "duration_s", "battery_reserve"):
+        assert getattr(mine, name) == getattr(theirs, name)
+    for name in ("clearance_m", "altitudes", "validity", "name"):
+        assert [getattr(area, name) for area in mine.zones] == [
+            getattr(area, name) for area in theirs.zones
+        ]
+    for mission in (source, target):
+        load_mission(mission)
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: f"{path.parent.stem}_{path.stem}")
+def test_a_plan_of_any_mission_flies_the_same(tmp_path, source):
+    target = tmp_path / "town.plan"
+    assert convert(source, target) == ExitCode.DONE
+    mine, theirs = read_draft(target), read_draft(source)
+    assert_same_mission(mine, theirs)
+    assert len(mine.fences) == len(theirs.fences)
+    assert len(mine.zones) == len(theirs.zones)
+    load_mission(target)
+    if source.suffix == ".plan":
+        assert json.dumps(json.loads(target.read_text())) == json.dumps(
+            json.loads(source.read_text(encoding="utf-8"))
+        )
+
+
+@pytest.mark.parametrize("kind", ["geojson", "kml", "json"])
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: f"{path.parent.stem}_{path.stem}")
+def test_maps_hold_all_zones(tmp_path, source, kind):
+    target = tmp_path / f"map.{kind}"
+    assert convert(source, target, "--buffers", "--graph", "--route", "1", "2") == ExitCode.DONE
+    zones, draft = read_zones(target), read_draft(source)
+    assert zones.problems == []
+    assert [zone.name for zone in zones.zones] == [area.name for area in draft.zones]
+
+
+@pytest.mark.parametrize("name", ZONES)
+@pytest.mark.parametrize("kind", ["geojson", "kml"])
+def test_zones_alone_become_maps(tmp_path, name, kind):
+    target = tmp_path / f"map.{kind}"
+    assert convert(FILES / name, target) == ExitCode.DONE
+    mine, theirs = read_zones(target).zones, read_zones(FILES / name).zones
+    for zone, other in zip(mine, theirs, strict=True):
+        assert (zone.name, zone.clearance_m) == (other.name, other.clearance_m)
+        assert (zone.altitudes, zone.validity) == (other.altitudes, other.validity)
+        assert type(zone.shape) is type(other.shape)
+
+
+def test_what_a_plan_cannot_say_is_told(tmp_path, capsys):
+    assert convert(FILES / "town.yaml", tmp_path / "town.plan", "--json") == ExitCode.DONE
+    told = report(capsys)
+    assert (told["waypoints"], told["fences"], told["zones"], told["rally_points"]) == (3, 2, 3, 1)
+    assert {(loss["what"], loss["code"]) for loss in told["not_carried_over"]} == {
+        ("no-fly zone 'yard'", "holes-closed"),
+        ("no-fly zone 'yard'", "clearance-lost"),
+        ("no-fly zone 'mast & \"wires\" <1>'", "altitudes-lost"),
+        ("no-fly zone 'school'", "altitudes-lost"),
+        ("no-fly zone 'school'", "schedule-lost"),
+        ("names of zones", "names-lost"),
+        ("timers", "settings-lost"),
+    }
+    assert (told["written"], told["problems"]) == (True, [])
+    assert "town.plan" in told["to"]
+
+
+def test_what_stays_in_the_plan_is_told(tmp_path, capsys):
+    assert convert(FILES / "survey.plan", tmp_path / "town.yaml", "--json") == ExitCode.DONE
+    told = report(capsys)
+    assert {loss["code"] for loss in told["not_carried_over"]} == {"item-lost"}
+    assert len(told["not_carried_over"]) == 6
+    assert "survey-waypoints" in {note["code"] for note in told["notes"]}
+
+
+def test_the_report_for_people(tmp_path, capsys):
+    assert convert(FILES / "town.yaml", tmp_path / "town.plan") == ExitCode.DONE
+    out, err = capsys.readouterr()
+    assert out == f"{tmp_path}/town.plan: 3 waypoints, 2 fences, 3 no-fly zones, 1 rally point\n"
+    assert "not carried over: no-fly zone 'yard': its holes are closed" in err
+
+
+def test_zones_are_added_to_a_plan_and_all_else_stays(tmp_path, capsys):
+    target = tmp_path / "more.plan"
+    zones = ("--zones", FILES / "zones.kml", "--zones", FILES / "geozones_ed269.json")
+    assert convert(FILES / "survey.plan", target, *zones, "--allow", "PROHIBITED") == ExitCode.DONE
+    before = json.loads((FILES / "survey.plan").read_text(encoding="utf-8"))
+    after = json.loads(target.read_text(encoding="utf-8"))
+    fence = after["geoFence"]
+    assert len(fence["polygons"]) == len(before["geoFence"]["polygons"]) + 4
+    assert len(fence["circles"]) == len(before["geoFence"]["circles"]) + 1
+    for kind in ("polygons", "circles"):
+        fence[kind] = fence[kind][: len(before["geoFence"][kind])]
+    assert json.dumps(after) == json.dumps(before)
+    assert "it cannot be flown as it is: " in capsys.readouterr().err
+
+
+def test_a_mission_that_cannot_be_flown_is_converted_and_that_is_said(tmp_path, capsys):
+    text = (FILES / "town.yaml").read_text().replace("[47.0005, 8.0]", "[47.0012, 8.0012]")
+    (tmp_path / "bad.yaml").write_text(text)
+    assert convert(tmp_path / "bad.yaml", tmp_path / "bad.plan", "--json") == ExitCode.DONE
+    assert {problem["code"] for problem in report(capsys)["problems"]} == {"waypoint-in-zone"}
+    wanted = ("--route", "1", "2")
+    assert convert(tmp_path / "bad.yaml", tmp_path / "b.kml", *wanted) == ExitCode.USAGE
+
+
+def test_metres_need_a_place_on_earth(tmp_path, capsys):
+    source = tmp_path / "small.sim.yaml"
+    source.write_text(
+        '{"geoFence": {"polygons": [\n'
+        '{"inclusion": true, "polygon": [[150, 80], [-190, 80], [-190, -140], [150, -140],],},\n'
+        '{"inclusion": false, "polygon": [[0, -7], [30, -7], [30, -43]]}]},\n'
+        '"waypoints": {2: [-10.0, 0.0, 60], 3: [60.0, 0.0, 50]}}\n'
+    )
+    target = tmp_path / "small.yaml"
+    assert convert(source, target) == ExitCode.USAGE
+    assert "--origin LAT,LON" in capsys.readouterr().err
+    assert convert(source, target, "--origin", "38.5,-98.5") == ExitCode.DONE
+    mission = load_mission(target)
+    assert [w.altitude_above_home_m for w in mission.waypoints] == [60, 50]
+    assert mission.frame.origin == pytest.approx((38.5, -98.5001148), abs=1e-6)
+    assert len(mission.zones) == len(mission.fences) == 1
+    for change, code in (
+        (("true", "maybe"), "missing-key"),
+        (("[60.0, 0.0, 50]", "[60.0, 0.0]"), "missing-key"),
+        (("[60.0, 0.0, 50]", "[60.0, 0.0, 0]"), "out-of-range"),
+        (("[[0, -7], [30, -7], [30, -43]]", "[[0, -7], [30, -7]]"), "zone-too-few-corners"),
+        (("{2: [-10.0, 0.0, 60], 3: [60.0, 0.0, 50]}", "[]"), "wrong-type"),
+    ):  # fmt: skip
+        (tmp_path / "bad.sim.yaml").write_text(source.read_text().replace(*change))
+        arguments = (tmp_path / "bad.sim.yaml", tmp_path / "bad.yaml", "--origin", "38.5,-98.5")
+        assert convert(*arguments) == ExitCode.INVALID_FILE
+        assert f"[{code}]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        (["town.yaml", "x.txt"], 2, "unknown kind of file"),
+        (["town.yaml", "there.kml"], 2, "is already there; --force replaces it"),
+        (["town.yaml", "x.plan", "--graph"], 2, "--graph is drawn into .geojson and .kml only"),
+        (["town.yaml", "x.kml", "--route", "1", "9"], 2, "waypoints 1 to 3, and 0 is home"),
+        (["town.yaml", "x.kml", "--origin", "1,2"], 2, "--origin is for files in metres"),
+        (["zones.kml", "x.plan"], 2, "give the mission as FROM and these with --zones"),
+        (["zones.kml", "x.geojson", "--buffers"], 2, "need a mission as FROM"),
+        (["town.yaml", "no/x.kml"], 1, "No such file or directory"),
+        (["nowhere.yaml", "x.kml"], 3, "cannot read the file"),
+        (["nowhere.kml", "x.geojson"], 3, "cannot read the file"),
+        (["bow.geojson", "x.kml"], 3, "[zone-self-intersects]"),
+        (["bow.geojson", "x.kml", "--zones", "bad.geojson"], 3, "[zone-too-few-corners]"),
+        (["town.yaml", "x.kml", "--zones", "bad.geojson"], 3, "[zone-too-few-corners]"),
+        (["bad.plan", "x.yaml"], 3, "[missing-key]"),
+        (["town.yaml"], 2, "TO"),
+    ],
+)
+def test_refusals_write_nothing(tmp_path, capsys, monkeypatch, case):
+    arguments, code, words = case
+    for name in ("town.yaml", "zones.kml"):
+        (tmp_path / name).write_bytes((FILES / name).read_bytes())
+    ring = [[8, 47], [8.001, 47.001], [8.001, 47], [8, 47.001]]
+    for name, corners in (("bow", ring), ("bad", ring[:2])):
+        polygon = {"type": "Polygon", "coordinates": [corners]}
+        (tmp_path / f"{name}.geojson").write_text(json.dumps(polygon))
+    (tmp_path / "bad.plan").write_text('{"fileType": "Plan", "version": 1}')
+    (tmp_path / "there.kml").write_text("mine")
+    before = sorted(path.name for path in tmp_path.iterdir())
+    monkeypatch.chdir(tmp_path)
+    assert convert(*arguments) == code
+    out, err = capsys.readouterr()
+    assert (out, words in err) == ("", True), err
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+    assert (tmp_path / "there.kml").read_text() == "mine"
+
+
+def test_an_invalid_file_is_told_to_scripts(tmp_path, capsys):
+    (tmp_path / "bad.plan").write_text('{"fileType": "Plan", "version": 1}')
+    assert convert(tmp_path / "bad.plan", tmp_path / "x.yaml", "--json") == ExitCode.INVALID_FILE
+    told = report(capsys)
+    assert (told["written"], told["problems"][0]["code"]) == (False, "missing-key")
+
+
+def test_zones_all_over_the_earth(tmp_path):
+    coordinates = [
+        [[[lon, lat], [lon + 0.01, lat], [lon, lat + 0.01], [lon, lat]]]
+        for lon in range(-180, 180, 90)
+        for lat in range(-85, 86, 34)
+    ]
+    source = tmp_path / "all.geojson"
+    source.write_text(json.dumps({"type": "MultiPolygon", "coordinates": coordinates}))
+    assert convert(source, tmp_path / "all.kml") == ExitCode.DONE
+    assert len(read_zones(tmp_path / "all.kml").zones) == len(coordinates)
+
+
+def test_force_replaces_and_keeps_the_rights(tmp_path):
+    target = tmp_path / "there.kml"
+    target.write_text("mine")
+    target.chmod(0o640)
+    assert convert(FILES / "town.yaml", target, "--force") == ExitCode.DONE
+    assert target.read_text().startswith("<?xml")
+    assert stat.S_IMODE(target.stat().st_mode) == 0o640
+    assert [path.name for path in tmp_path.iterdir()] == ["there.kml"]
+
+
+def test_a_link_stays_a_link(tmp_path):
+    target, link = tmp_path / "real.txt", tmp_path / "link.txt"
+    target.write_text("old")
+    link.symlink_to(target)
+    write_whole(link, "new", replace=True)
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+
+
+def test_a_file_that_appears_meanwhile_stays(tmp_path, monkeypatch):
+    target = tmp_path / "new.txt"
+    real = os.fsync
+
+    def appear(descriptor):
+        target.write_text("theirs")
+        real(descriptor)
+
+    monkeypatch.setattr(os, "fsync", appear)
+    with pytest.raises(FileThereError):
+        write_whole(target, "mine", replace=False)
+    assert target.read_text() == "theirs"
+    assert [path.name for path in tmp_path.iterdir()] == ["new.txt"]
+
+
+def test_a_disk_that_is_full_leaves_what_was_there(tmp_path, monkeypatch):
+    target = tmp_path / "old.txt"
+    target.write_text("old")
+
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        write_whole(target, "new", replace=True)
+    assert target.read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["old.txt"]
+
+
+def test_a_folder_that_is_not_there_is_told_by_the_file_that_was_asked_for(tmp_path):
+    target = tmp_path / "none" / "new.txt"
+    with pytest.raises(FileNotFoundError) as caught:
+        write_whole(target, "mine", replace=False)
+    assert caught.value.filename == str(target)
+
+
+def test_nothing_of_a_mission_file_is_lost_in_another(tmp_path):
+    extra = """
+        timers: {init_s: 1, explore_s: 2, search_s: 3, communicate_s: 4, hold_s: 5}
+        planner: {clearance_m: 6, tracking_margin_m: 1, max_edge_m: 90, acceptance_radius_m: 3,
+                  vertical_margin_m: 7, terrain_relief_m: 8, vertical_separation_m: 9,
+                  home_separation_m: 11, kind: shortest}
+        duration_s: 900
+        endurance_s: 1200
+        battery_reserve: 0.3
+        accepts: [rtl_type, fence_action]
+        uav: titan
+        seek: {robots: [io, callisto], policy: freshest}
+        goals_from: [europa]
+        team: team.yaml
+        world: world.yaml
+        """
+    text = (FILES / "town.yaml").read_text().replace("timers: {search_s: 50}\n", "")
+    source = tmp_path / "one" / "mission.yaml"
+    source.parent.mkdir()
+    source.write_text(text + textwrap.dedent(extra))
+    for name in ("team", "world"):
+        beside = MISSIONS / "pennovation" / f"{name}.yaml"
+        (source.parent / f"{name}.yaml").write_text(beside.read_text())
+    target = tmp_path / "two" / "mission.yaml"
+    target.parent.mkdir()
+    assert convert(source, target) == ExitCode.DONE
+    mine, theirs = read_draft(target), read_draft(source)
+    assert_same_mission(mine, theirs)
+    assert_same_areas(mine, theirs)
+    assert mine.team.resolve() == theirs.team.resolve()
+    judged = {"waypoints", "rally_points", "fences", "zones", "home", "frame", "team", "world"}
+    for field in dataclasses.fields(mine):
+        if field.name not in {*judged, "document", "name"}:
+            assert getattr(mine, field.name) == getattr(theirs, field.name), field.name
+    plain = {field.name: getattr(Draft(mine.document), field.name) for field in dataclasses.fields(mine)}  # fmt: skip  # noqa: E501
+    same_as_without = {name for name, value in plain.items() if value == getattr(theirs, name)}
+    several = {
+        "uavs",
+        "explore",
+        "columns",
+    }  # instead of uav: tests/air_router/mission/test_fleet.py
+    unset = {"in_metres", "start", "unread", "problems", "notes", "refused"} | several
+    assert same_as_without <= unset
+
+
+@pytest.mark.parametrize("seek", ["[io]", "rendezvous"])
+def test_whom_to_seek_is_written_as_short_as_can_be(tmp_path, seek):
+    source = tmp_path / "mission.yaml"
+    source.write_text((FILES / "town.yaml").read_text() + f"seek: {seek}\n")
+    assert convert(source, tmp_path / "other.yaml") == ExitCode.DONE
+    assert f"seek: {seek}\n" in (tmp_path / "other.yaml").read_text()
+
+
+def test_a_zone_on_the_antimeridian_comes_back_as_two_that_touch(tmp_path):
+    mission = tmp_path / "mission.yaml"
+    mission.write_text(
+        "home: [-17.01, 179.999]\naltitude_m: 30\nwaypoints: [[-17.011, 179.999]]\nfence: null\n"
+        "no_fly_zones: [[[-17, 179.999], [-17, -179.999], [-16.999, -179.999]]]\n"
+    )
+    target = tmp_path / "mission.geojson"
+    assert convert(mission, target) == ExitCode.DONE
+    rings = [zone.shape.ring for zone in read_zones(target).zones]
+    shapes = [shapely.Polygon([(lon % 360, lat) for lat, lon in ring]) for ring in rings]
+    drawn = shapely.Polygon([(179.999, -17), (180.001, -17), (180.001, -16.999)])
+    assert len(shapes) == 2
+    assert shapes[0].distance(shapes[1]) == 0
+    assert shapely.union_all(shapes).symmetric_difference(drawn).area < 1e-4 * drawn.area

@@ -1,0 +1,276 @@
+"""The mission file read again in flight."""
+
+import asyncio
+import io
+import shutil
+import threading
+from pathlib import Path
+
+import pytest
+
+from air_router.controller.model.actions import ReadAgain
+from air_router.controller.model.events import AirspaceChanged
+from air_router.controller.model.requests import Reload
+from air_router.errors import MissionFileError, NotConfirmedError, PlanRefusedError
+from air_router.flight import mission_reloader as rereading
+from air_router.flight.flight import Flight
+from air_router.flight.mission_reloader import NotReloadedError, Reading, changed_areas
+from air_router.flight.status import StatusLine
+from air_router.gossip.mapper import Mapper
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.loading import load_mission
+from air_router.record.recorder import Recorder
+from air_router.vehicle.clock import VehicleClock
+from tests.air_router.alone import Alone
+
+PENNOVATION = Path(__file__).parents[3] / "missions" / "pennovation"
+ZONE = """
+  - name: crane
+    circle: {centre: [39.94160, -75.19930], radius_m: 5}
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    for name in ("mission.yaml", "team.yaml", "world.yaml"):
+        shutil.copy(PENNOVATION / name, tmp_path)
+    return tmp_path / "mission.yaml"
+
+
+def edit(file, old, new):
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+def add_zone(file, zone=ZONE):
+    edit(file, "\nno_fly_zones:\n", f"\nno_fly_zones:{zone}")
+
+
+def over(mission, number):
+    latitude, longitude = mission.frame.to_geodetic(mission.waypoints[number - 1].position)
+    return f"\n  - name: over\n    circle: {{centre: [{latitude}, {longitude}], radius_m: 3}}\n"
+
+
+def test_a_zone_that_was_added(file):
+    mission = load_mission(file)
+    add_zone(file)
+    changed = changed_areas(mission)
+    assert isinstance(changed, AirspaceChanged)
+    assert {zone.name for zone in changed.zones} - {z.name for z in mission.zones} == {"crane"}
+    assert changed.fences == mission.fences
+    assert (
+        mission.with_areas(changed.fences, changed.zones).airspace.zones
+        == load_mission(file).airspace.zones
+    )
+
+
+def test_a_zone_over_a_waypoint_is_no_error_in_flight(file):
+    mission = load_mission(file)
+    add_zone(file, over(mission, 7))
+    with pytest.raises(MissionFileError, match="waypoint 7"):
+        load_mission(file)
+    changed = changed_areas(mission)
+    assert 7 in mission.with_areas(changed.fences, changed.zones).barred
+
+
+def test_a_flight_whose_waypoints_were_drawn_over_is_found_again_and_gone_on_with(
+    file, pretend_vehicle, tmp_path
+):
+    began = load_mission(file)
+    add_zone(file, over(began, 7))
+    mission = load_mission(file, in_flight=True)
+    changed = changed_areas(began)
+    on_board = FlightPlan.of(began.with_areas(changed.fences, changed.zones))
+    assert (mission.barred, FlightPlan.of(mission)) == ({7}, on_board)
+    field = Field(file, pretend_vehicle, tmp_path / "log", resume=True)
+    field.vehicle.airframe.take_off()
+    assert field.run(lambda: None).outcome == "done", field.out.getvalue()
+    assert field.vehicle.plan == on_board
+    assert "waypoint 7" not in field.out.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "said"),
+    [
+        ("\nno_fly_zones:", "\nno_fly_zones: [", MissionFileError, "mission.yaml:"),
+        ("speed_m_s: 3.5", "speed_m_s: 4.5", NotReloadedError, "speed m changed as well"),
+        ("altitude_m: 40", "altitude_m: 41", NotReloadedError, "altitude above home m and cruise"),
+        ("init_s: 180", "init_s: 181", NotReloadedError, "timers changed as well"),
+        ("init_s: 180", "init_s: 180 ", NotReloadedError, "are as they were"),
+        ("init_s: 180", "init_s: x", MissionFileError, "init_s"),
+    ],
+)
+def test_what_changes_nothing(file, old, new, error, said):
+    mission = load_mission(file)
+    edit(file, old, new)
+    with pytest.raises(error, match=said.replace(".", r"\.")):
+        changed_areas(mission)
+
+
+def test_a_file_that_is_gone_or_lays_a_zone_over_home_changes_nothing(file):
+    mission = load_mission(file)
+    latitude, longitude = mission.frame.to_geodetic(mission.home)
+    corners = [
+        [latitude + a, longitude + b] for a, b in ((1e-4, 1e-4), (1e-4, -1e-4), (-1e-4, 0.0))
+    ]
+    add_zone(file, f"\n  - name: over\n    polygon: {corners}\n")
+    with pytest.raises(MissionFileError, match="home lies inside no-fly zone 'over'"):
+        changed_areas(mission)
+    file.unlink()
+    with pytest.raises(MissionFileError):
+        changed_areas(mission)
+
+
+def test_a_fence_that_does_not_fit_on_board_is_not_taken(file):
+    mission = load_mission(file)
+    corners = [[39.9416, -75.1993], [39.9416, -75.1992], [39.9417, -75.1992]]
+    add_zone(file, f"\n  - name: third\n    polygon: {corners}\n")
+    with pytest.raises(NotReloadedError, match="would have 66 points, PX4"):
+        changed_areas(mission)
+
+
+class Field:
+    """A whole flight on a pretended vehicle, whose mission file changes on the way."""
+
+    def __init__(self, file, vehicle_class, folder, *, resume=False):
+        wall_s = iter(range(10**9))
+        clock = VehicleClock(monotonic=lambda: next(wall_s) * 1e-6, unix=lambda: 1.7e9)
+        mission = load_mission(file, duration_s=90.0, in_flight=resume)
+        self.vehicle = vehicle_class(mission, clock)
+        self.out = io.StringIO()
+        self.recorder = Recorder(folder, "mission.yaml")
+        self.flight = Flight(
+            mission,
+            self.vehicle,
+            clock=clock,
+            gossip=Alone(),
+            mapper=Mapper(mission),
+            seek=("callisto",),
+            recorder=self.recorder,
+            status=StatusLine(self.out),
+            arm=not resume,
+            resume=resume,
+        )
+
+    def run(self, asks):
+        asked = []
+
+        def on_step():
+            home_m = abs(self.vehicle.airframe.position[0]) + abs(self.vehicle.airframe.position[1])
+            if not asked and home_m > 30.0:
+                asked.append(True)
+                asks()
+                self.flight.desk.ask(Reload())
+
+        self.vehicle.on_step = on_step
+        with self.recorder:
+            return asyncio.run(self.flight.run())
+
+
+@pytest.fixture
+def field(file, pretend_vehicle, tmp_path):
+    return Field(file, pretend_vehicle, tmp_path / "log")
+
+
+def test_reloaded_in_flight_the_new_fence_goes_on_board_and_the_mission_on(field, file):
+    before = load_mission(file)
+    result = field.run(lambda: add_zone(file))
+    assert result.outcome == "done", field.out.getvalue()
+    assert field.vehicle.verbs.count("renew") == 1
+    assert field.vehicle.plan == FlightPlan.of(load_mission(file))
+    assert field.vehicle.plan.fence != FlightPlan.of(before).fence
+    said = field.out.getvalue()
+    assert "the operator: accepted: the mission file is read again" in said
+    assert "zones changed: 'crane' is new" in said
+    assert "the changed fence is on board" in said
+    assert result.report["closest_approach_m"] >= 5.0
+
+
+def test_an_error_in_the_file_is_told_and_changes_nothing(field, file):
+    result = field.run(lambda: file.write_text("name: [", encoding="utf-8"))
+    assert result.outcome == "done"
+    assert "renew" not in field.vehicle.verbs
+    assert "not reloaded: " in field.out.getvalue()
+
+
+def test_a_fault_in_reading_it_is_told_and_the_flight_goes_on(field, file, monkeypatch):
+    def broken(mission):
+        raise ZeroDivisionError(str(mission.path))
+
+    monkeypatch.setattr(rereading, "_read", broken)
+    assert field.run(lambda: None).outcome == "done"
+    assert "not reloaded, by a fault of this program: ZeroDivisionError" in field.out.getvalue()
+
+
+def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
+    async def script():
+        mission, events, gates = load_mission(file), [], [threading.Event(), threading.Event()]
+        reads = iter(gates)
+        said, began = [], asyncio.Event()
+        loop = asyncio.get_running_loop()
+
+        def read(mission):
+            gate = next(reads)
+            loop.call_soon_threadsafe(began.set)
+            gate.wait()
+            raise rereading.NotReloadedError("as they were")
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(rereading, "_read", read)
+            controller = type("Controller", (), {"mission": mission})()
+            reader = rereading.Rereader(controller, None, events.append, said.append)
+            first = asyncio.ensure_future(reader.work(ReadAgain()))
+            assert reader.latest == Reading()
+            await began.wait()
+            await asyncio.gather(*(reader.work(ReadAgain()) for _ in range(3)))
+            for gate in gates:
+                gate.set()
+            await first
+            assert reader.latest == Reading(under_way=False, why="not reloaded: as they were")
+        return said, events
+
+    assert asyncio.run(script()) == (["not reloaded: as they were"] * 2, [])
+
+
+@pytest.mark.parametrize(
+    ("back", "said"),
+    [
+        (None, "; the one before is"),
+        (NotConfirmedError("silent"), "; and the one before is not back"),
+    ],
+)
+def test_a_fence_that_is_not_taken_brings_the_vehicle_home(field, file, back, said):
+    field.vehicle.failures["renew"] = [PlanRefusedError("the fence was not taken: TIMEOUT")]
+    field.vehicle.failures["renew"] += [back] if back else []
+    result = field.run(lambda: add_zone(file))
+    assert result.report["came_home_because"] == "the changed fence is not on board"
+    assert f"TIMEOUT{said}" in field.out.getvalue()
+    assert field.vehicle.verbs.count("renew") == 2
+
+
+@pytest.mark.parametrize("verb", ["connect", "upload"])
+def test_what_is_reloaded_before_the_vehicle_is_ready_goes_on_board_after_the_plan(
+    field, file, verb
+):
+    vehicle, answers, do = field.vehicle, [], getattr(field.vehicle, verb)
+
+    async def do_meanwhile(*arguments):
+        add_zone(file)
+        answers.append(field.flight.desk.ask(Reload()))
+        while "zones changed" not in field.out.getvalue():  # noqa: ASYNC110
+            await asyncio.sleep(0)
+        for _ in range(9):
+            await asyncio.sleep(0)
+        return await do(*arguments)
+
+    setattr(vehicle, verb, do_meanwhile)
+    with field.recorder:
+        assert asyncio.run(field.flight.run()).outcome == "done", field.out.getvalue()
+    assert [v for v in vehicle.verbs if v in {"connect", "upload", "renew", "arm"}] == [
+        *("connect", "upload", "renew", "arm")
+    ]
+    assert vehicle.plan == FlightPlan.of(load_mission(file))
+    (answer,) = answers
+    assert answer.accepted
+    assert verb == "upload" or answer.why.endswith("what has changed goes on board after the plan")

@@ -1,0 +1,126 @@
+"""A flight that another companion goes on with: how long it has flown, what it has explored."""
+
+import dataclasses
+import os
+import re
+import signal
+from functools import partial
+
+import pytest
+
+from air_router.controller.model.actions import FlyToNode
+from air_router.controller.model.events import FlownBefore
+from air_router.flight import flight as flight_module
+from air_router.flight.resumption import flown_before
+from air_router.mission.flight_plan import FlightPlan
+from air_router.record.log import read
+from air_router.record.replay import replay
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.inspection import GpsFix, Inspection
+from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
+from air_router.vehicle.vehicle import FlightMode, Telemetry, VehicleInfo
+from geo.frame import Point
+from tests.air_router.flight.test_flight import Rig
+
+INFO = VehicleInfo(1, "PX4", "1.17.0", Point(0.0, 0.0), 6.7)
+DURATION_S = 200.0
+
+
+@pytest.fixture
+def mission(pennovation):
+    return dataclasses.replace(pennovation, duration_s=DURATION_S)
+
+
+@pytest.fixture
+def first(mission, pretend_vehicle, tmp_path):
+    """A flight whose companion was interrupted once it had visited a waypoint."""
+    rig = Rig(mission, pretend_vehicle, tmp_path)
+    controller = rig.flight.controller
+    rig.at(
+        lambda: controller.exploration.mark()[0] == 1,
+        lambda: os.kill(os.getpid(), signal.SIGINT),
+    )
+    rig.run()
+    return rig
+
+
+def telemetry(rig, later_s=0.0):
+    airframe = rig.vehicle.airframe
+    return dataclasses.replace(airframe.telemetry(), time_s=airframe.now_s + later_s)
+
+
+def test_the_record_tells_since_when_it_flies_and_what_is_explored(first, mission, tmp_path):
+    known = partial(flown_before, mission, INFO, own=tmp_path / "own.mcap", unix=lambda: 0.0)
+    flown, words = known(telemetry(first, later_s=10.0))
+    assert flown == first.flight.controller.flown
+    assert (flown.visited, flown.left_out) == (1, ())
+    assert flown.airborne_s < first.vehicle.airframe.now_s - 5.0
+    assert f"1 of {len(mission.waypoints)} waypoints explored (by its record" in words
+
+
+@pytest.mark.parametrize(
+    ("later_s", "changes"),
+    [
+        (-100.0, {}),  # the vehicle's clock began anew since
+        (100.0, {}),
+        (0.0, {"uav": "another"}),
+        (0.0, {"home": Point(1.0, 0.0)}),
+    ],
+)
+def test_the_record_of_another_flight_is_left_alone(first, mission, tmp_path, later_s, changes):
+    mission = dataclasses.replace(mission, **changes)
+    _, words = flown_before(
+        mission, INFO, telemetry(first, later_s), own=tmp_path / "own.mcap", unix=lambda: 0.0
+    )
+    assert "by its record" not in words
+
+
+def test_without_a_record_the_vehicle_is_asked(mission):
+    item = FlightPlan.of(mission).first_node_item + 4
+    heard = Telemetry(200.0, mission.home, 40.0, in_air=True, item=item)
+    flown, words = flown_before(mission, dataclasses.replace(INFO, took_off_s=50.0), heard)
+    assert flown == FlownBefore(50.0, 3)
+    assert words.startswith("in the air for 150 s, 3 of ")
+    flown, words = flown_before(mission, INFO, heard)
+    assert flown == FlownBefore(0.0, 3)
+    assert "so from when it was switched on" in words
+
+
+def test_a_resumed_flight_keeps_its_duration_and_does_not_begin_at_waypoint_1(
+    first, mission, pretend_vehicle, tmp_path, monkeypatch
+):
+    async def at_once(function, *arguments):  # the pretended vehicle's time stands still meanwhile
+        return function(*arguments)
+
+    monkeypatch.setattr(flight_module, "flown_before", partial(flown_before, unix=lambda: 0.0))
+    monkeypatch.setattr(flight_module.asyncio, "to_thread", at_once)
+    flown = first.flight.controller.flown
+    second = Rig(mission, pretend_vehicle, tmp_path, arm=False, resume=True)
+    airframe = second.vehicle.airframe = first.vehicle.airframe
+    second.vehicle.inspection = Inspection(gps=GpsFix(3, 14, 0.8), battery=0.3)
+    result = second.run()
+    assert (result.outcome, result.report["came_home_because"]) == (
+        "done",
+        "200 s of mission are over",
+    )
+    *entries, _ = read(second.recorder.path)
+    assert replay(entries).difference is None
+    legs = [e.value for e in entries if e.kind == "action" and isinstance(e.value, FlyToNode)]
+    assert legs[0].node == mission.waypoints[1].number
+    home_s = next(e.t for e in entries if getattr(e.value, "text", "").startswith("coming home"))
+    assert home_s == pytest.approx(flown.airborne_s + DURATION_S, abs=1.0)
+    said = second.out.getvalue()
+    assert "in flight: " in said
+    assert re.search(r"battery +30%", said)  # not good, and said
+    assert airframe.mode is FlightMode.LAND
+
+
+def test_since_when_it_flies_is_counted_from_its_boot(pennovation):
+    vehicle = Px4Telemetry(pennovation.frame, VehicleClock())
+    for fields, expected in (
+        ({"time_boot_ms": 90_000, "takeoff_time_utc": 20_000_000}, 20.0),
+        ({"time_boot_ms": 90_000, "takeoff_time_utc": 0}, None),
+        ({"time_boot_ms": 90_000, "takeoff_time_utc": 1_790_000_000_000_000}, None),
+    ):
+        vehicle._on_flight_information(fields)
+        assert vehicle.took_off_s == expected

@@ -1,0 +1,320 @@
+import asyncio
+import dataclasses
+import io
+import math
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapely import LineString
+from shapely import Point as ShapelyPoint
+
+from air_router.control.budget import COSTLY_PER_S, Budget
+from air_router.controller.model.actions import Answered, Refusal
+from air_router.controller.model.events import RobotPath, RobotPose
+from air_router.controller.model.requests import ComeHome, GoTo
+from air_router.flight.flight import Flight
+from air_router.flight.status import StatusLine
+from air_router.gossip.gossip import Gossip
+from air_router.gossip.mapper import Mapper
+from air_router.gossip.team_messages import PATH_POINTS, PATH_READ, Reader
+from air_router.messages import (
+    FARTHEST_M,
+    AnswerMessage,
+    GoalsMessage,
+    MessageError,
+    PathMessage,
+    PoseMessage,
+    SeekMessage,
+)
+from air_router.record.recorder import Recorder
+from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.vehicle import Telemetry
+from geo.frame import Point
+from geo.grid import GridPatch, SemanticGrid, Terrain
+from mocha_link import Message, Node, Team
+from mocha_link.links.metrics import MessageStored
+from mocha_link.service.metrics_client import watch
+from mocha_link.store.header import Header
+from mocha_link.team.team import Priority
+from sitl.team.free_ports import derive_team
+
+TEAM = Path(__file__).parents[3] / "missions" / "pennovation" / "team.yaml"
+
+
+@pytest.fixture
+def gossip(pennovation):
+    made = Gossip(pennovation.frame, Team.load(TEAM), "titan", VehicleClock(), Mapper(pennovation))
+    yield made
+    made.close()
+
+
+def heard(topic, data):
+    return Message("io", topic, Header(2, 0, 10, 0), Priority.HIGH, data, 10.0, 10.0)
+
+
+def pose(frame, place):
+    latitude_deg, longitude_deg = frame.to_geodetic(place)
+    return PoseMessage(stamp_s=9.0, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
+
+
+def path(frame, way):
+    return PathMessage(stamp_s=9.0, points=tuple(map(frame.to_geodetic, way))).encode()
+
+
+def test_a_pose_and_a_path_are_news(gossip, pennovation):
+    place = Point(30.0, -20.0)
+    message = pose(pennovation.frame, place)
+    news = gossip._news(heard("/pose", message.encode()), "europa")
+    assert isinstance(news, RobotPose)
+    assert (news.robot, news.peer, news.stamp_s) == ("io", "europa", 9.0)
+    assert news.position == pytest.approx(place, abs=1e-3)
+    way = (Point(0.0, 0.0), place)
+    news = gossip._news(heard("/path", path(pennovation.frame, way)), "io")
+    assert isinstance(news, RobotPath)
+    assert (news.robot, news.stamp_s) == ("io", 9.0)
+    assert [*map(tuple, news.points)] == [pytest.approx(p, abs=1e-3) for p in way]
+
+
+def test_a_path_of_many_points_is_told_with_less_detail(gossip, pennovation):
+    way = [Point(i / 10, 40 * math.sin(i / 1000)) for i in range(8000)]
+    news = gossip._news(heard("/path", path(pennovation.frame, way)), "io")
+    assert len(news.points) <= PATH_POINTS
+    assert news.points[0] == pytest.approx(way[0], abs=1e-3)
+    assert news.points[-1] == pytest.approx(way[-1], abs=1e-3)
+    line = LineString(news.points)
+    assert max(line.distance(ShapelyPoint(p)) for p in way[::50]) <= 2.1
+
+
+def test_a_path_that_no_robot_drives_takes_no_longer_to_read(gossip, pennovation, monkeypatch):
+    """Of ten thousand points to and fro none can be left out: that took five seconds."""
+    looked_at = []
+
+    def line(way):
+        looked_at.append(len(way))
+        return LineString(way)
+
+    monkeypatch.setattr("air_router.gossip.team_messages.LineString", line)
+    way = [Point(i / 2, 4000.0 * (i % 2)) for i in range(10_000)]
+    news = gossip._news(heard("/path", path(pennovation.frame, way)), "io")
+    assert max(looked_at) <= PATH_READ + 1
+    assert len(news.points) <= PATH_POINTS
+    assert news.points[-1] == pytest.approx(way[-1], abs=1e-3)
+
+
+def test_goals_are_looked_at_no_faster_than_other_requests(gossip, pennovation, monkeypatch):
+    """Of those that have to wait the newest counts."""
+    place = pennovation.frame.to_geodetic(Point(30.0, -20.0))
+    given, now_s = [], [0.0]
+    gossip._reader = Reader(pennovation.frame, name="titan", goals_from=("io",))
+    gossip._deliver = lambda event: given.append(getattr(event, "request_id", None))
+    gossip._budget = Budget(COSTLY_PER_S, 2.0, lambda: now_s[0])
+    for number in range(50):
+        goals = GoalsMessage(stamp_s=1.0, id=str(number), points=(place,)).encode()
+        monkeypatch.setattr(gossip.node, "latest", lambda _, topic, data=goals: heard(topic, data))
+        stored = MessageStored("europa", 10.0, "io", "/goals", Header(2, 0, 10, 0), len(goals))
+        gossip._translate(stored)
+    assert [number for number in given if number is not None] == ["0", "1"]
+    now_s[0] = 1.0
+    gossip.tell(Telemetry(50.0, Point(0.0, 0.0), 40.0))
+    gossip.tell(Telemetry(51.0, Point(0.0, 0.0), 40.0))
+    assert [number for number in given if number is not None] == ["0", "1", "49"]
+
+
+def test_only_what_the_mission_may_heed_is_decompressed(gossip, pennovation, monkeypatch):
+    read, given = [], []
+    message = heard("/pose", pose(pennovation.frame, Point(30.0, -20.0)).encode())
+    monkeypatch.setattr(gossip.node, "latest", lambda _, topic: read.append(topic) or message)
+    gossip._deliver = given.append
+    for topic in ("/map", "/goals", "/answers", "/pose"):
+        gossip._translate(MessageStored("europa", 10.0, "io", topic, Header(2, 0, 10, 0), 1))
+    assert read == ["/pose"]
+    assert len(given) == 5
+
+
+def test_nothing_is_said_later_than_it_is_heard(pennovation):
+    reader, later = Reader(pennovation.frame), 9.9e10
+    latitude_deg, longitude_deg = pennovation.frame.to_geodetic(Point(30.0, -20.0))
+    there = {"latitude_deg": latitude_deg, "longitude_deg": longitude_deg}
+    for topic, message in (
+        ("/pose", PoseMessage(stamp_s=later, **there)),
+        ("/path", PathMessage(stamp_s=later, points=((latitude_deg, longitude_deg),))),
+        ("/seek", SeekMessage(stamp_s=later, robot="io")),
+    ):
+        event = reader.event_of("io", topic, message.encode(), peer="io", unix_s=1000.0)
+        assert event.stamp_s == 1000.0
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"{}", b"\xff\x00", b'{"stamp_s": 1, "latitude_deg": 95, "longitude_deg": 0}'],
+)
+def test_junk_is_no_news(gossip, data):
+    assert gossip._news(heard("/pose", data), "io") is None
+    assert gossip._news(heard("/path", data), "io") is None
+
+
+def test_a_place_beyond_every_mission_is_not_sought(gossip, pennovation):
+    far = pose(pennovation.frame, Point(0.0, FARTHEST_M + 10.0))
+    assert gossip._news(heard("/pose", far.encode()), "io") is None
+    way = path(pennovation.frame, (Point(0.0, 0.0), Point(0.0, FARTHEST_M + 10.0)))
+    assert gossip._news(heard("/path", way), "io") is None
+    antipode = b'{"stamp_s": 1, "latitude_deg": -39.9, "longitude_deg": 104.8}'
+    assert gossip._news(heard("/pose", antipode), "io") is None
+
+
+def test_other_programs_can_watch_the_links_and_the_map_is_published(pennovation, tmp_path):
+    team = derive_team(Team.load(TEAM), tmp_path)
+    mapper = Mapper(pennovation)
+    made = Gossip(
+        pennovation.frame, team, "titan", VehicleClock(), mapper, metrics="tcp://127.0.0.1:*"
+    )
+
+    async def fly():
+        events = []
+        made.start(events.append)
+        try:
+            watching = asyncio.to_thread(lambda: next(watch(made.metrics_endpoint)))
+            kind, snapshot = await watching
+            cells = np.full((3, 3), Terrain.ROAD, dtype=np.uint8)
+            corner = (mapper.grid.west_m, mapper.grid.south_m)
+            assert mapper.paint(GridPatch(*corner, 1.0, cells).encode())
+            made.tell(Telemetry(50.0, Point(0.0, 0.0), 40.0))
+            held = made.node.latest("titan", "/map")
+            return kind, snapshot, SemanticGrid.decode(held.data).known_cells, events
+        finally:
+            made.close()
+
+    kind, snapshot, cells, _ = asyncio.run(fly())
+    assert kind == "links"
+    assert set(snapshot["links"]) == {"callisto", "europa", "io"}
+    assert cells == 9
+
+
+WITH_BASE = """
+robots:
+  basestation: {kind: base_station, address: 127.0.0.1, base_port: PORT_A, clients: [titan]}
+  titan: {kind: aerial_robot, address: 127.0.0.1, base_port: PORT_B, clients: [basestation]}
+kinds:
+  base_station:
+    topics: [{name: /goals, type: json/Goals, priority: high}]
+  aerial_robot:
+    topics: [{name: /answers, type: json/Answer, priority: high}]
+trigger: {interval_s: 0.1}
+"""
+
+
+def team_with_base(folder):
+    with socket.socket() as a, socket.socket() as b:
+        a.bind(("127.0.0.1", 0))
+        b.bind(("127.0.0.1", 0))
+        ports = {"PORT_A": str(a.getsockname()[1]), "PORT_B": str(b.getsockname()[1])}
+    text = WITH_BASE.replace("PORT_A", ports["PORT_A"]).replace("PORT_B", ports["PORT_B"])
+    (folder / "team.yaml").write_text(text)
+    return Team.load(folder / "team.yaml")
+
+
+def test_goals_of_a_base_station_come_once_and_their_answer_goes_back(pennovation, tmp_path):
+    team = team_with_base(tmp_path)
+    frame, place = pennovation.frame, Point(30.0, -20.0)
+    goals = GoalsMessage(stamp_s=1.0, id="a7", points=(frame.to_geodetic(place),), hold_s=9.0)
+    made = Gossip(
+        frame, team, "titan", VehicleClock(), Mapper(pennovation), goals_from=("basestation",)
+    )
+
+    async def meet():
+        came, back = asyncio.Event(), asyncio.Event()
+        requests, answers, loop = [], [], asyncio.get_running_loop()
+
+        def deliver(event):
+            if isinstance(event, GoTo):
+                requests.append(event)
+                made.tell_answer(Answered("a7", "basestation", False, "no", Refusal.NO_WAY))
+                came.set()
+
+        def at_base(event):
+            if isinstance(event, MessageStored) and event.topic == "/answers":
+                answers.append(base.latest("titan", "/answers").data)
+                loop.call_soon_threadsafe(back.set)
+
+        made.start(deliver)
+        with Node(team, "basestation") as base:
+            base.subscribe(at_base)
+            base.publish("/goals", goals.encode())
+            await asyncio.wait_for(came.wait(), 60)
+            base.publish("/goals", goals.model_copy(update={"stamp_s": 2.0}).encode())
+            await asyncio.wait_for(back.wait(), 60)
+        return requests, answers
+
+    try:
+        (request,), (answer, *_) = asyncio.run(meet())
+    finally:
+        made.close()
+    assert request.points[0] == pytest.approx(place, abs=1e-3)
+    assert (request.by, request.request_id, request.hold_s) == ("basestation", "a7", 9.0)
+    assert request.waits
+    said = AnswerMessage.decode(answer)
+    assert (said.to, said.id, said.accepted, said.code) == ("basestation", "a7", False, "no-way")
+
+
+def test_goals_of_others_for_others_too_late_or_broken_are_no_requests(pennovation):
+    frame = pennovation.frame
+    place = frame.to_geodetic(Point(30.0, -20.0))
+
+    def read(reader, robot="basestation", topic="/goals", **changes):
+        values = {"stamp_s": 1.0, "id": "a", "points": (place,), **changes}
+        data = GoalsMessage.model_construct(**values).encode()
+        return reader.event_of(robot, topic, data, peer=robot, unix_s=100.0)
+
+    reader = Reader(frame, name="titan", goals_from=("basestation",))
+    assert read(Reader(frame, name="titan")) is None
+    assert read(reader, robot="io") is None
+    assert read(reader, to="atlas") is None
+    assert read(reader, until_s=99.0) is None
+    for broken in ({"points": ()}, {"points": (place,) * 51}, {"hold_s": -1.0}, {"id": ""}):
+        with pytest.raises(MessageError):
+            read(reader, **broken)
+    assert read(reader, to="titan", until_s=101.0).request_id == "a"
+    assert read(reader) is None  # the same again
+    assert read(reader, id="b").request_id == "b"
+    assert read(reader, stamp_s=2.0) is None  # also after others
+
+
+def test_a_whole_flight_goes_where_a_base_station_wants_it(pennovation, pretend_vehicle, tmp_path):
+    team, place = team_with_base(tmp_path), Point(-150.0, 60.0)
+    frame = pennovation.frame
+    mission = dataclasses.replace(
+        pennovation, uav="titan", goals_from=("basestation",), duration_s=None
+    )
+    wall_s = iter(range(10**9))
+    clock = VehicleClock(monotonic=lambda: next(wall_s) * 1e-6, unix=lambda: 1.7e9)
+    vehicle, mapper = pretend_vehicle(mission, clock), Mapper(mission)
+    said = io.StringIO()
+    with Node(team, "basestation") as base, Recorder(None, "m") as recorder:
+        goals = GoalsMessage(stamp_s=1.0, id="a7", points=(frame.to_geodetic(place),), hold_s=1.0)
+        base.publish("/goals", goals.encode())
+        flight = Flight(
+            mission,
+            vehicle,
+            clock=clock,
+            gossip=Gossip(frame, team, "titan", clock, mapper, goals_from=mission.goals_from),
+            mapper=mapper,
+            seek=("basestation",),
+            recorder=recorder,
+            status=StatusLine(said),
+            arm=True,
+        )
+
+        def on_step():
+            back = base.latest("titan", "/answers")
+            if back is not None and "at the last point" in said.getvalue():
+                vehicle.on_step = lambda: None
+                flight.desk.ask(ComeHome())
+
+        vehicle.on_step = on_step
+        result = asyncio.run(flight.run())
+        answer = AnswerMessage.decode(base.latest("titan", "/answers").data)
+    assert result.outcome == "done"
+    assert min(math.dist(place, at) for at in result.track) < 2.0
+    assert (answer.id, answer.accepted) == ("a7", True)

@@ -1,0 +1,399 @@
+"""What a flight leaves behind, also when its program or its disk does not last."""
+
+import contextlib
+import dataclasses
+import json
+import math
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import Announce, FlyToNode, StateChanged
+from air_router.controller.model.behaviour import Signal, State
+from air_router.controller.model.events import RobotPose
+from air_router.controller.model.requests import ComeHome
+from air_router.gossip.mapper import Mapper
+from air_router.record import log_file
+from air_router.record.log import Log, LogError, read
+from air_router.record.recorder import Recorder
+from air_router.record.recording import default_folder
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+from geo.grid import GridPatch
+from mocha_link.links.metrics import Direction, LinkMetrics, SyncStarted
+
+ROOT = Path(__file__).parents[3]
+UNIX_S = 1.7e9
+
+
+def telemetry(t, east_m=1.0):
+    return Telemetry(t, Point(east_m, 2.0), 40.0, mode=FlightMode.MISSION)
+
+
+@pytest.fixture
+def flown(tmp_path, pennovation):
+    """A short record with something of everything."""
+    mapper = Mapper(pennovation)
+    patch = GridPatch(mapper.grid.west_m, mapper.grid.south_m, 1.0, mapper.grid.cells[:2, :3] + 1)
+    stamps = {("titan", "/map"): 8.5}
+
+    def held():
+        return {"io": dict(stamps)}
+
+    with Recorder(tmp_path / "logs", "mission.yaml", unix_s=lambda: UNIX_S, name="ti/tan") as rec:
+        rec.begin(FlightSetup(pennovation, ("io",), name="titan"), arm=True)
+        rec.file(pennovation.path)
+        rec.event(telemetry(0.1 + 0.2), 0.1 + 0.2)
+        rec.action(StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None), 0.3)
+        rec.action(FlyToNode(3, Point(math.nan, 2.0)), 0.3)
+        rec.event(SyncStarted("io", 9.0, Direction.OUT), 0.4)
+        rec.event(RobotPose("io", Point(5.0, 6.0), 8.0, "io"), 0.5)
+        rec.event(ComeHome(), 0.6)
+        rec.action(Announce("coming home"), 0.6)
+        rec.links(
+            lambda: {"io": LinkMetrics("io", rssi_dbm=-61.5, newest_age_s=math.inf)}, held, 0.7
+        )
+        link = LinkMetrics("io", rssi_dbm=-61.5, newest_age_s=math.inf)
+        rec.links(lambda: {"io": link}, held, 0.7)
+        rec.links(lambda: {"io": dataclasses.replace(link, newest_age_s=3.0)}, held, 9.7)
+        assert mapper.paint(patch.encode())
+        rec.patch(patch.encode(), 9.8)
+        mapper.publish(9.8)
+        rec.map(mapper, 9.9)
+        rec.note("Report", 10.0, {"outcome": "done", "distance_m": math.nan})
+    return rec.path
+
+
+def test_everything_comes_back_in_its_order_and_in_every_bit(flown, pennovation):
+    entries = list(read(flown))
+    assert [entry.kind for entry in entries] == [
+        *("about", "setup", "note", "file", "event", "note", "action", "action"),
+        *("event", "event", "event", "action", "link", "note", "patch", "note", "note", "note"),
+    ]
+    about, setup, options, file, first, clock, _, fly = entries[:8]
+    assert about.value["mission"] == "mission.yaml"
+    assert about.value["numpy"]
+    assert setup.value.mission.waypoints == pennovation.waypoints
+    assert (setup.value.seek, setup.value.name) == (("io",), "titan")
+    assert options.value == ("Options", {"arm": True})
+    assert file.value == (pennovation.path.name, pennovation.path.read_bytes())
+    assert (first.t, first.value) == (0.1 + 0.2, telemetry(0.1 + 0.2))
+    assert clock.value == ("Clock", {"unix_s": UNIX_S})
+    assert math.isnan(fly.value.position.east_m)
+    assert entries[10].value == ComeHome()
+    link, held, patch, published, grown, report = entries[12:]
+    assert link.value == LinkMetrics("io", rssi_dbm=-61.5, newest_age_s=math.inf)
+    assert held.value.fields == {"peer": "io", "held": [("titan", "/map", 8.5)]}
+    assert GridPatch.decode(patch.value).cells.shape == (2, 3)
+    assert published.value == ("MapPublished", {"known_cells": 6})
+    assert grown.value == ("Map", {"known_cells": 6})
+    assert report.value.fields == {"outcome": "done", "distance_m": None}
+
+
+def test_the_public_reader_opens_it_and_foxglove_finds_its_own_schemas(flown):
+    with flown.open("rb") as file:
+        reader = make_reader(file)
+        messages = {channel.topic: (schema, m) for schema, channel, m in reader.iter_messages()}
+        names = [attachment.name for attachment in reader.iter_attachments()]
+    assert names == ["mission.yaml"]
+    for topic, (schema, message) in messages.items():
+        assert schema.encoding == "jsonschema"
+        assert not re.search(rb'"(oneOf|anyOf|prefixItems)"|"type": \[', schema.data)
+        properties = json.loads(schema.data)["properties"]
+        fields = json.loads(message.data).keys()
+        assert fields >= properties.keys() if "/flight/" in topic else fields <= properties.keys()
+    drawn = {topic: s.name for topic, (s, _) in messages.items() if s.name.startswith("foxglove")}
+    assert drawn == {
+        "/mission": "foxglove.GeoJSON",
+        "/leg": "foxglove.GeoJSON",
+        "/vehicle/location": "foxglove.LocationFix",
+        "/vehicle/pose": "foxglove.PoseInFrame",
+        "/robots/io/location": "foxglove.LocationFix",
+        "/log": "foxglove.Log",
+        "/map": "foxglove.Grid",
+    }
+    place = json.loads(messages["/vehicle/location"][1].data)
+    assert place["latitude"] == pytest.approx(39.942, abs=1e-3)
+    assert place["timestamp"] == {"sec": int(UNIX_S), "nsec": 0}
+    assert place["frame_id"] == "vehicle"  # a fix is at the origin of its own frame
+    assert json.loads(messages["/robots/io/location"][1].data)["frame_id"] == "io"
+    drawing = json.loads(json.loads(messages["/mission"][1].data)["geojson"])
+    assert len(drawing["features"]) > 40
+
+
+def test_a_vehicle_whose_clock_is_behind_ours_has_its_times_in_their_distances(tmp_path):
+    """The record begins before the vehicle is heard: viewers go by the log time of messages."""
+    unix_s = iter([UNIX_S, UNIX_S - 86_400.0])
+    with Recorder(tmp_path, "m", unix_s=lambda: next(unix_s, UNIX_S - 86_400.0)) as recorder:
+        recorder.note("Setup", 0.0, {})
+        for t in (5.0, 6.0, 9.0):
+            recorder.event(ComeHome(), t)
+    with recorder.path.open("rb") as file:
+        messages = [(c.topic, m.log_time / 1e9) for _, c, m in make_reader(file).iter_messages()]
+    times = [t - UNIX_S for topic, t in messages if topic == "/event/ComeHome"]
+    assert times == pytest.approx([0.0, 1.0, 4.0], abs=1e-3)
+
+
+def test_two_flights_in_one_second_have_two_files(tmp_path):
+    with Recorder(tmp_path, "m") as first, Recorder(tmp_path, "m") as second:
+        assert first.path != second.path
+        for recorder in (first, second):
+            recorder.event(ComeHome(), 0.0)
+    assert len(list(tmp_path.glob("flight-*.mcap"))) == 2
+
+
+def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch, pennovation):
+    monkeypatch.chdir(tmp_path)
+    with Recorder(None, "m") as recorder:
+        recorder.begin(FlightSetup(pennovation))
+        recorder.file(pennovation.path)
+        recorder.event(ComeHome(), 0.0)
+        recorder.links(dict, dict, 0.0)
+        assert recorder.path is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_flight_that_never_began_leaves_nothing(tmp_path, pennovation):
+    with Recorder(tmp_path, "m") as recorder:
+        recorder.begin(FlightSetup(pennovation))
+    assert recorder.path is None
+    assert list(tmp_path.iterdir()) == []
+    with Recorder(tmp_path, "m") as recorder:
+        recorder.note("Preflight", 1.0, {"ready": False})  # why it was refused is worth keeping
+    assert recorder.path.exists()
+
+
+def test_a_folder_that_cannot_be_used_is_told_once_and_the_flight_goes_on(tmp_path):
+    (tmp_path / "file").write_text("")
+    told = []
+    with Recorder(tmp_path / "file" / "logs", "m", trouble=told.append, must=False) as recorder:
+        recorder.event(ComeHome(), 0.0)
+    assert told == [f"{tmp_path}/file/logs: Not a directory; the flight is not recorded"]
+
+
+def disk_of(monkeypatch, room):
+    """A disk with room for `room["bytes"]`, which may change."""
+
+    def append(sink, data):
+        fits = max(0, room["bytes"] - sink._on_disk)
+        sink._file.write(data[:fits])
+        if fits < len(data):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(log_file._Sink, "_append", append)
+    monkeypatch.setattr(log_file, "FLUSH_S", 0.0)
+
+
+@pytest.mark.parametrize("room", [0, 20_000])
+def test_a_disk_that_stays_full_keeps_what_was_whole(tmp_path, monkeypatch, room):
+    disk_of(monkeypatch, {"bytes": room})
+    told = []
+    with Recorder(tmp_path, "m", trouble=told.append) as recorder:
+        for step in range(3000):
+            recorder.event(telemetry(step, math.sqrt(step)), float(step))
+    assert [text.partition(": ")[2] for text in told] == [
+        "No space left on device; the record waits in memory: make room on the disk",
+        "the disk takes nothing; nothing more is recorded, the flight goes on",
+    ]
+    log = Log(recorder.path)
+    if room:
+        times = [entry.t for entry in log if entry.kind == "event"]
+        assert times == [float(step) for step in range(len(times))]
+        assert 20 < len(times) < 3000
+        assert log.ending.startswith("it was cut off")
+    else:
+        with pytest.raises(LogError, match="not an MCAP file"):
+            list(log)
+
+
+def test_a_disk_with_room_again_gets_what_happened_meanwhile(tmp_path, monkeypatch):
+    room = {"bytes": 5_000}
+    disk_of(monkeypatch, room)
+    told, full = [], threading.Event()
+
+    def trouble(text):
+        told.append(text)
+        full.set()
+
+    with Recorder(tmp_path, "m", trouble=trouble) as recorder:
+        for step in range(500):
+            recorder.event(telemetry(step, math.sqrt(step)), float(step))
+        assert full.wait(60)
+        room["bytes"] = 10**9
+        for step in range(500, 1000):
+            recorder.event(telemetry(step, math.sqrt(step)), float(step))
+    assert [text.partition("; ")[2] for text in told] == [
+        "the record waits in memory: make room on the disk",
+        "nothing of the record is lost",
+    ]
+    log = Log(recorder.path)
+    assert [e.t for e in log if e.kind == "event"] == [float(step) for step in range(1000)]
+    assert log.ending is None
+
+
+def test_a_disk_that_stands_still_is_given_up_before_memory_is_full(tmp_path, monkeypatch):
+    going, write = threading.Event(), log_file._Sink.write
+    monkeypatch.setattr(
+        log_file._Sink, "write", lambda sink, data: going.wait(60) and write(sink, data)
+    )
+    monkeypatch.setattr(log_file, "MOST_WAITING", 50_000)
+    told = []
+    with Recorder(tmp_path, "m", trouble=told.append) as recorder:
+        steps = 0
+        while not told and steps < 5000:
+            recorder.event(telemetry(float(steps)), float(steps))
+            steps += 1
+        recorder.event(telemetry(9999.0), 9999.0)
+        going.set()
+    assert [text.partition(": ")[2] for text in told] == [
+        "the disk is too slow; nothing more is recorded, the flight goes on"
+    ]
+    assert 50 < steps < 500
+
+
+def test_an_event_that_cannot_be_written_is_a_note_and_no_error(tmp_path, caplog):
+    with Recorder(tmp_path, "m") as recorder:
+        recorder.event("text", 1.0)
+        recorder.event("text", 2.0)
+    assert len(caplog.records) == 1
+    notes = [e.value for e in read(recorder.path) if e.kind == "note"]
+    assert [note.fields for note in notes if note.name == "Unwritable"] == [
+        {"kind": "event", "value": "'text'"}
+    ] * 2
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from air_router.record.recorder import Recorder
+from air_router.vehicle.vehicle import Telemetry
+from geo.frame import Point
+recorder = Recorder(Path(sys.argv[1]), "m")
+step = 0
+while True:
+    step += 1
+    recorder.event(Telemetry(float(step), Point(0.0, 0.0), 1.0), float(step))
+    print(step, flush=True)  # waits when nobody reads
+"""
+
+
+def test_kill_9_costs_the_last_second_at_most(tmp_path):
+    """A real process, killed while it writes: what it had said a while ago is on the disk."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(tmp_path)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    with process:
+        while int(process.stdout.readline()) < 700:
+            pass
+        (path,) = tmp_path.iterdir()
+        while not any(e.kind == "event" and e.value.time_s == 700 for e in Log(path)):
+            process.stdout.readline()  # it goes on, and puts on the disk what is a second old
+        process.send_signal(signal.SIGKILL)
+    log = Log(path)
+    events = [entry.value for entry in log if entry.kind == "event"]
+    assert log.ending.startswith("it was cut off")
+    assert 700 <= len(events) == int(events[-1].time_s)
+    assert log_file.FLUSH_S <= 1.0
+    with path.open("rb") as file:  # the public reader, up to its end
+        found = []
+        with contextlib.suppress(EndOfFile, struct.error):
+            found.extend(StreamReader(file).records)
+    assert sum(isinstance(record, Message) for record in found) > len(events)
+
+
+def mcap(path, *messages, ours=None, topic="/event/x"):
+    """A file with messages in JSON; `ours`: the metadata with which a record of a flight begins."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        if ours is not None:
+            writer.add_metadata(log_file.LIBRARY, ours)
+        schema = writer.register_schema("x", "jsonschema", b"{}")
+        channel = writer.register_channel(topic, "json", schema)
+        for message in messages:
+            writer.add_message(channel, 1, message, 1)
+        writer.finish()
+    return path
+
+
+def test_a_file_that_is_no_record_is_told(tmp_path, flown):
+    for data, message in (
+        (b"", "not an MCAP file"),
+        (b"\x89PNG\r\n\x1a\n" * 100, "not an MCAP file"),
+        (flown.read_bytes()[:60], "it was cut off"),
+    ):
+        (tmp_path / "a.mcap").write_bytes(data)
+        with pytest.raises(LogError, match=message):
+            list(read(tmp_path / "a.mcap"))
+
+
+@pytest.mark.parametrize("message", [None, b"5", b'"x"', b"{}", b"\x08\x96\x01", b"[" * 9_999])
+def test_a_record_of_somebody_else_s_is_told(tmp_path, message):
+    path = mcap(tmp_path / "a.mcap", *[] if message is None else [message])
+    with pytest.raises(LogError, match="an MCAP file, but not a flight's record"):
+        list(read(path))
+
+
+@pytest.mark.parametrize(
+    ("topic", "message", "why"),
+    [
+        ("/event/x", b"5", "5 is not an object"),
+        ("/event/x", b"[" * 9_999, "recursion"),
+        ("/event/x", b'{"type": "Landed"}', "a message without 't'"),
+        ("/event/x", b'{"t": "Infinity", "type": "GoOn"}', "'Infinity' is not a time"),
+        ("/event/x", b'{"t": 1e300, "type": "GoOn"}', "is not a time"),
+        ("/event/x", b'{"t": 1, "type": "Landed"}', "'Landed' is no event or action"),
+        ("/links", b'{"t": 1}', "is no LinkMetrics"),
+        ("/patches", b'{"t": 1, "patch": 5}', ""),
+        ("/flight/Map", b'{"t": 1, "type": "Map"}', "a message without 'known_cells'"),
+        ("/flight/Map", b'{"t": 1, "type": "Map", "known_cells": 1e999}', "inf is not int"),
+        ("/flight/Held", b'{"t": 1, "type": "Held", "peer": "io", "held": [["a"]]}', "list of 3"),
+    ],
+)
+def test_what_a_record_cannot_say_is_told(tmp_path, topic, message, why):
+    path = mcap(tmp_path / "a.mcap", message, ours={"format": log_file.FORMAT}, topic=topic)
+    with pytest.raises(LogError, match=f"not written by this version of air_router: .*{why}"):
+        list(read(path))
+
+
+def test_damage_anywhere_ends_the_record_there_and_is_told(flown):
+    """Also where it makes the reader pass over a whole part of the file: a record's first byte."""
+    with flown.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    good, data = len(list(read(flown))), flown.read_bytes()
+    shorter = 0
+    places = [*range(8, len(data), len(data) // 60), *(c.chunk_start_offset for c in chunks)]
+    for place in places:
+        flown.write_bytes(data[:place] + bytes([data[place] ^ 0x55]) + data[place + 1 :])
+        log = Log(flown)
+        try:
+            found = len(list(log))
+        except LogError:
+            continue
+        shorter += found < good
+        assert found == good or log.ending is not None
+    assert shorter > len(chunks)
+
+
+def test_records_go_below_the_users_state(monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", "/somewhere")
+    assert default_folder() == Path("/somewhere/air-router/flights")
+    monkeypatch.setenv("XDG_STATE_HOME", "relative")
+    monkeypatch.setenv("HOME", "/home/kim")
+    assert default_folder() == Path("/home/kim/.local/state/air-router/flights")

@@ -1,0 +1,206 @@
+"""A recorded flight decides the same again; one that would not is told where and how."""
+
+import dataclasses
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from air_router.cli.cli import main
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import Announce, FlyToNode, RenewPlan
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.events import AirspaceChanged, CommandConfirmed, PlanRenewed
+from air_router.controller.model.requests import ComeHome, GoOn
+from air_router.record.log import Entry, Log, Note, read
+from air_router.record.recorder import Recorder
+from air_router.record.recording import default_folder
+from air_router.record.replay import CONTEXT, ReplayError, replay
+from geo.airspace.zone import Circle, Zone
+from geo.frame import Point
+
+ROOT = Path(__file__).parents[3]
+
+
+KINDS = {"event", "action"}
+SETUP = {"seek": ("callisto", "io"), "name": "titan"}
+
+
+RECORD = []
+
+
+@pytest.fixture
+def flown(pretend, pennovation, tmp_path):
+    """The record of a whole flight of the pure controller that meets robots; it flies once."""
+    path = tmp_path / "flight.mcap"
+    if not RECORD:
+        RECORD.append(fly(pretend, pennovation, tmp_path).read_bytes())
+    path.write_bytes(RECORD[0])
+    return path
+
+
+def fly(pretend, pennovation, folder):
+    timers = dataclasses.replace(pennovation.timers, init_s=20.0, explore_s=20.0)
+    flight = pretend(timers=timers, duration_s=100.0, radius_m=150.0, **SETUP)
+    flight.robots = {"callisto": Point(-90.0, 60.0), "io": Point(30.0, 0.0)}
+    handle = flight.controller.handle
+    with Recorder(folder, "m", unix_s=lambda: 1.7e9) as recorder:
+        recorder.begin(FlightSetup(flight.mission, **SETUP))
+
+        def recorded(event, now_s):
+            recorder.event(event, now_s)
+            actions = handle(event, now_s)
+            for action in actions:
+                recorder.action(action, now_s)
+            return actions
+
+        flight.controller.handle = recorded
+        flight.take_off()
+        flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 30.0)
+        drawn = Zone("new", Circle(Point(60.0, -40.0), 15.0))
+        flight.give(AirspaceChanged(flight.mission.fences, (*flight.mission.zones, drawn)))
+        flight.fly_until(lambda: any(isinstance(a, RenewPlan) for a in flight.actions))
+        flight.give(PlanRenewed())
+        flight.fly_until(lambda: flight.finished is not None, 400.0)
+        recorder.note("LetGo", flight.now_s, {})
+        recorder.event(GoOn(), flight.now_s)  # came too late to be decided on
+    assert {State.SEARCH, State.COMM, State.HOME} <= set(flight.states)
+    return recorder.path
+
+
+def test_a_flight_decides_the_same_again_in_another_process(flown, capsys):
+    """Python's hashes of text differ there: no decision may depend on the order of a set."""
+    assert main(["replay", str(flown)]) == 0
+    assert capsys.readouterr().out.startswith("flight.mcap: the same ")
+    done = subprocess.run(
+        [sys.executable, "-m", "air_router.cli.cli", "replay", flown, "--json"],
+        capture_output=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "1"},
+        check=True,
+    )
+    told = json.loads(done.stdout)
+    assert (told["same"], told["difference"], told["ending"]) == (True, None, None)
+    assert told["actions"] > 20
+
+
+def test_the_first_difference_is_told_with_what_was_before(flown, capsys):
+    entries = list(read(flown))
+    jumps = [i for i, entry in enumerate(entries) if isinstance(entry.value, FlyToNode)]
+    changed = entries[jumps[3]].value
+    entries[jumps[3]] = entries[jumps[3]]._replace(value=dataclasses.replace(changed, node=99))
+    found = replay(entries).difference
+    assert found.recorded[-1].node == 99
+    assert found.replayed[-1] == changed
+    assert found.t == entries[jumps[3]].t
+    lines = list(found.lines())
+    assert lines[0].startswith(f"first difference at {found.t:.3f} s, in ")
+    assert any("recorded: FlyToNode(node=99" in line for line in lines)
+    assert 3 <= len(found.before) <= CONTEXT
+    assert len(lines) < 3 * CONTEXT
+
+    silent = [entry for entry in read(flown) if not isinstance(entry.value, FlyToNode)]
+    found = replay(silent).difference
+    assert not any(isinstance(action, FlyToNode) for action in found.recorded)
+
+
+def test_a_record_that_was_cut_off_replays_to_its_end(flown, capsys):
+    data = flown.read_bytes()
+    flown.write_bytes(data[: len(data) * 3 // 4])
+    log = Log(flown)
+    result = replay(log)
+    assert result.difference is None
+    assert result.events > 100
+    assert main(["replay", str(flown)]) == 0
+    assert "note: the record is not whole: it was cut off" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3])
+def test_a_damaged_record_is_never_the_same(flown, capsys, share):
+    data = bytearray(flown.read_bytes())
+    at = int(len(data) * share)
+    data[at : at + 40] = bytes(40)
+    flown.write_bytes(data)
+    assert main(["replay", str(flown)]) == 3
+    out, err = capsys.readouterr()
+    assert "damaged" in out + err
+
+
+def test_a_record_that_ends_before_its_first_decision_is_nothing_to_compare(flown):
+    entries = list(read(flown))
+    first = next(index for index, entry in enumerate(entries) if entry.kind == "action")
+    with pytest.raises(ReplayError, match="no decision was recorded"):
+        replay(entries[: first - 1])
+
+
+def test_without_a_name_it_is_the_newest_flight(flown, capsys, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    assert main(["replay"]) == 2
+    assert "has a record of a flight; name one" in capsys.readouterr().err
+    default_folder().mkdir(parents=True)
+    for name, age_s in (("flight-2.mcap", 0), ("flight-1.mcap", 60)):
+        (default_folder() / name).write_bytes(flown.read_bytes())
+        os.utime(default_folder() / name, (2e9 - age_s, 2e9 - age_s))
+    assert main(["replay"]) == 0
+    assert capsys.readouterr().out.startswith("flight-2.mcap: ")
+    there = tmp_path / "logs" / "titan" / "sim-3.mcap"  # as `make sim` and several UAVs leave it
+    there.parent.mkdir(parents=True)
+    there.write_bytes(flown.read_bytes())
+    os.utime(there, (2e9 + 1, 2e9 + 1))
+    assert main(["replay"]) == 0
+    assert capsys.readouterr().out.startswith("sim-3.mcap: ")
+
+
+def test_the_snippet_of_the_docs_runs(flown, capsys, monkeypatch):
+    text = (ROOT / "docs" / "records.md").read_text(encoding="utf-8")
+    (snippet,) = re.findall(r"## In Python\n\n((?:    .*\n|\n)+)", text)
+    monkeypatch.chdir(flown.parent)
+    (name,) = set(re.findall(r'"(flight-.*?)"', snippet))
+    flown.rename(name)
+    exec(textwrap.dedent(snippet), {})  # noqa: S102 - our own
+    out = capsys.readouterr().out
+    assert "Telemetry(" in out
+    assert out.endswith("whole\n")
+
+
+def test_of_two_motions_alike_the_right_one_is_confirmed(tmp_path):
+    """The controller goes by the object; a record tells them apart by their number."""
+    first, second = FlyToNode(1, Point(1.0, 2.0)), FlyToNode(1, Point(1.0, 2.0))
+    with Recorder(tmp_path, "m") as recorder:
+        for motion in (first, second):
+            recorder.action(motion, 1.0)
+        for motion in (first, second):
+            recorder.event(CommandConfirmed(motion), 2.0)
+    one, two, about_one, about_two = (e.value for e in read(recorder.path) if e.kind in KINDS)
+    assert one is about_one.action
+    assert two is about_two.action
+    assert one is not two
+
+
+def test_an_exception_in_a_decision_is_a_difference(pennovation):
+    setup = Entry(0.0, "setup", FlightSetup(pennovation))
+    broken = Entry(1.0, "event", CommandConfirmed("nothing"))
+    before = Entry(0.5, "note", Note("Reaction", {"reaction_s": 2.0}))
+    found = replay([setup, before, broken, Entry(1.0, "action", Announce("x"))]).difference
+    assert found.replayed != found.recorded
+
+
+@pytest.mark.parametrize("entries", [[], [Entry(1.0, "event", ComeHome())]])
+def test_without_a_setup_or_an_event_there_is_nothing_to_replay(entries, tmp_path):
+    with pytest.raises(ReplayError):
+        replay(entries)
+
+
+def test_what_is_no_record_is_an_invalid_file(tmp_path, capsys):
+    (tmp_path / "a.mcap").write_bytes(b"text")
+    assert main(["replay", str(tmp_path / "a.mcap")]) == 3
+    assert "not an MCAP file" in capsys.readouterr().err
+    for path in (tmp_path / "none.mcap", tmp_path):  # 1 is for other decisions
+        assert main(["replay", str(path)]) == 3
+        assert main(["report", str(path)]) == 3

@@ -1,0 +1,186 @@
+"""What a flight does when one input is missing while the vehicle says other things."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from air_router.controller.model.actions import HoldHere
+from air_router.controller.model.behaviour import State
+from air_router.controller.model.requests import ComeHome
+from air_router.vehicle.input_limits import LIMITS
+from air_router.vehicle.vehicle import Ages, FlightMode
+from tests.air_router.conftest import STEP_S
+
+INPUTS = {limit.age: limit for limit in LIMITS}
+
+
+class Missing:
+    """Streams of a pretended vehicle that stop: its last word of them stays, and ages."""
+
+    def __init__(self, flight, *ages):
+        self._flight = flight
+        self._true = flight.telemetry
+        self._last = self._true()
+        self._since_s = flight.now_s
+        self._ages = ages
+        flight.telemetry = self.telemetry
+
+    def telemetry(self):
+        now = self._true()
+        changes = {"ages": Ages(**dict.fromkeys(self._ages, now.time_s - self._since_s))}
+        last = self._last
+        if "position_s" in self._ages:
+            changes |= {
+                "time_s": last.time_s,
+                "position": last.position,
+                "altitude_m": last.altitude_m,
+                "velocity_m_s": last.velocity_m_s,
+            }
+        if "battery_s" in self._ages:
+            changes["battery"] = last.battery
+        if "mode_s" in self._ages:
+            changes["mode"] = last.mode
+        return dataclasses.replace(now, **changes)
+
+    def comes_again(self):
+        self._flight.telemetry = self._true
+
+
+def away(pretend, **changes):
+    flight = pretend(**changes)
+    flight.take_off()
+    flight.fly_away()
+    return flight
+
+
+def fly_for(flight, seconds):
+    for _ in range(round(seconds / STEP_S)):
+        flight.step()
+
+
+def told(flight, *words):
+    return [text for text in flight.said if all(word in text for word in words)]
+
+
+@pytest.mark.parametrize("age", INPUTS)
+def test_what_is_missing_is_told_at_its_limit_and_not_before(pretend, age):
+    flight, limit = away(pretend), INPUTS[age]
+    Missing(flight, age)
+    fly_for(flight, limit.told_s - 0.5)
+    assert not told(flight, "not heard")
+    fly_for(flight, 1.0)
+    assert told(flight, limit.words, "not heard", limit.then(limit.told_s))
+
+
+@pytest.mark.parametrize("age", [age for age, limit in INPUTS.items() if limit.home_s])
+def test_the_mission_ends_for_what_is_missing_too_long(pretend, age):
+    flight, limit = away(pretend, duration_s=None), INPUTS[age]
+    missing = Missing(flight, age)
+    fly_for(flight, limit.home_s - 0.5)
+    assert flight.controller.state is not State.HOME
+    fly_for(flight, 1.0)
+    assert flight.controller.state is State.HOME
+    assert told(flight, "coming home", limit.words)
+    if not limit.home_without:
+        assert isinstance(flight.motions[-1], HoldHere)
+        missing.comes_again()
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    assert flight.closest_m() >= flight.mission.planner.clearance_m
+
+
+def test_the_table_is_in_the_documents():
+    text = (Path(__file__).parents[3] / "docs" / "vehicle.md").read_text()
+    for limit in LIMITS:
+        stop = "" if limit.stop_s is None else f"{limit.stop_s:.0f} s: {limit.stop.value}"
+        home = "" if limit.home_s is None else f"{limit.home_s:.0f} s"
+        row = (limit.words, limit.message, f"{limit.told_s:.0f} s", stop, home, limit.why)
+        assert f"| {' | '.join(row)} |" in text
+
+
+def test_without_positions_it_holds_and_goes_on_some_seconds_after_they_are_back(pretend):
+    flight = away(pretend)
+    missing = Missing(flight, "position_s")
+    fly_for(flight, 2.5)
+    assert isinstance(flight.motions[-1], HoldHere)
+    commanded = len(flight.motions)
+    fly_for(flight, 20.0)
+    assert len(flight.motions) == commanded
+    missing.comes_again()
+    fly_for(flight, 2.5)
+    assert len(flight.motions) == commanded
+    fly_for(flight, 1.5)
+    assert len(flight.motions) > commanded
+    assert told(flight, "going on")
+
+
+def test_the_duration_goes_on_without_positions(pretend):
+    flight = away(pretend, duration_s=60.0)
+    began_s = flight.now_s
+    Missing(flight, "position_s")
+    flight.fly_until(lambda: flight.controller.state is State.HOME, 60.0)
+    assert flight.controller.came_home_why in {
+        "60 s of mission are over",
+        "position not heard for 30 s",
+    }
+    assert flight.now_s - began_s <= 31.0
+
+
+def test_the_battery_reserve_counts_without_positions(pretend):
+    flight = away(pretend, duration_s=None)
+    Missing(flight, "position_s")
+    fly_for(flight, 3.0)
+    flight.battery = flight.mission.battery_reserve - 0.01
+    fly_for(flight, 1.0)
+    assert flight.controller.state is State.HOME
+    assert told(flight, "coming home", "battery at")
+
+
+def test_while_the_flight_mode_is_not_heard_nothing_at_all_is_commanded(pretend):
+    flight = away(pretend, duration_s=60.0)
+    missing = Missing(flight, "mode_s")
+    fly_for(flight, 5.5)
+    commanded = len(flight.motions)
+    flight.operator_asks(ComeHome())
+    flight.mode, flight.target = FlightMode.OTHER, None  # a pilot took it; it does not show
+    fly_for(flight, 60.0)
+    assert len(flight.motions) == commanded
+    missing.comes_again()
+    fly_for(flight, 5.0)
+    assert flight.controller.state is State.PASSIVE
+    assert len(flight.motions) == commanded
+
+
+def test_positions_missing_while_it_lands_do_not_stop_it(pretend):
+    flight = pretend(duration_s=60.0)
+    flight.take_off()
+    flight.fly_to_state(State.LAND)
+    commanded = len(flight.motions)
+    Missing(flight, "position_s")
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+    assert len(flight.motions) == commanded
+    assert told(flight, "position", "landing on")
+
+
+def test_in_the_climb_it_is_told_and_the_mission_ends_by_the_same_table(pretend):
+    flight = pretend()
+    flight.take_off_halfway()
+    missing = Missing(flight, "position_s")
+    fly_for(flight, 3.0)
+    assert told(flight, "position not heard")
+    fly_for(flight, 28.0)
+    assert flight.controller.state is State.HOME
+    missing.comes_again()
+    flight.fly_until(lambda: flight.finished is not None)
+    assert flight.finished.landed_by_us
+
+
+def test_one_that_flies_by_another_s_hand_is_still_told_what_is_missing(pretend):
+    flight = away(pretend)
+    flight.pilot_chooses(FlightMode.OTHER)
+    Missing(flight, "position_s")
+    fly_for(flight, 3.0)
+    assert told(flight, "position not heard")
+    assert flight.controller.state is State.PASSIVE

@@ -1,0 +1,202 @@
+import itertools
+import json
+import math
+import random
+from pathlib import Path
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely import (
+    LineString,
+    Polygon,
+    distance,
+    get_coordinates,
+    get_parts,
+    linestrings,
+    union_all,
+)
+
+from geo.airspace.airspace import FENCE, Airspace
+from geo.airspace.zone import Zone
+from geo.frame import Point
+from geo.paths.regions import Regions
+from geo.paths.shortest import shortest_paths
+
+MAPS = Path(__file__).parents[2] / "data" / "maps"
+
+
+def ring(*corners):
+    return tuple(Point(*corner) for corner in corners)
+
+
+def box(name, west, south, east, north):
+    return Zone(name, ring((west, south), (east, south), (east, north), (west, north)))
+
+
+FENCED = ring((-100, -100), (100, -100), (100, 100), (-100, 100))
+
+
+def judge(airspace):
+    """An independent exact test: distances of plain shapely geometries."""
+    zones = union_all([zone.polygon for zone in airspace.zones])
+    fence = None if not airspace.fences else airspace.fences[0].polygon
+    limit_m = airspace.clearance_m - 1e-6
+
+    def clear(a, b):
+        leg = LineString([a, b])
+        if not zones.is_empty and zones.distance(leg) < limit_m:
+            return False
+        return fence is None or (fence.contains(leg) and fence.exterior.distance(leg) >= limit_m)
+
+    return clear
+
+
+def length_m(path):
+    return sum(math.dist(a, b) for a, b in itertools.pairwise(path))
+
+
+def optimum_m(airspace, start, end):
+    """Brute force: every vertex of rounded buffers, every pair of them."""
+    reach_m = airspace.clearance_m * 1.0111 + 1e-4
+    zones = union_all([zone.polygon for zone in airspace.zones])
+    fence = airspace.fences[0].polygon
+    inner = fence.buffer(-reach_m, quad_segs=8)
+    free = inner.difference(union_all([z.buffer(reach_m, quad_segs=8) for z in get_parts(zones)]))
+    corners = np.unique(np.vstack([get_coordinates(free), [start, end]]), axis=0)
+    first, second = np.triu_indices(len(corners), 1)
+    legs = linestrings(np.stack([corners[first], corners[second]], axis=1))
+    limit_m = airspace.clearance_m - 1e-6
+    clear = ~(distance(legs, zones) < limit_m) & (distance(legs, fence.exterior) >= limit_m)
+    graph = nx.Graph()
+    graph.add_nodes_from(range(len(corners)))
+    for a, b, leg in zip(first[clear], second[clear], legs[clear], strict=True):
+        graph.add_edge(int(a), int(b), weight=leg.length)
+    nodes = {tuple(corner): node for node, corner in enumerate(corners.tolist())}
+    try:
+        return nx.dijkstra_path_length(graph, nodes[start], nodes[end])
+    except nx.NetworkXNoPath:
+        return None
+
+
+def test_straight_where_possible():
+    space = Airspace(FENCED, [box("hall", 0, 0, 10, 10)], 5)
+    assert shortest_paths(space).path(Point(-50, 50), Point(50, 50)) == ((-50, 50), (50, 50))
+
+
+def test_around_one_side_of_a_zone():
+    space = Airspace(FENCED, [box("hall", 0, -20, 10, 10)], 5)
+    path = shortest_paths(space).path(Point(-50, 0), Point(50, 0))
+    assert all(judge(space)(a, b) for a, b in itertools.pairwise(path))
+    assert all(corner.north_m > 10 for corner in path[1:-1])
+    assert 103 < length_m(path) < 110
+
+
+def test_no_path_into_a_walled_yard_and_who_walls_it():
+    walls = [
+        box("south", -30, -30, 30, -25),
+        box("north", -30, 25, 30, 30),
+        box("west", -30, -30, -25, 30),
+        box("east", 25, -30, 30, 30),
+        box("shed", 60, 60, 70, 70),
+    ]
+    space = Airspace(FENCED, walls, 5)
+    inside, outside = Point(0, 0), Point(80, -80)
+    assert shortest_paths(space).path(inside, outside) is None
+    regions = Regions(space)
+    assert not regions.connected(inside, outside)
+    assert regions.separators(inside, outside) == ("south", "north", "west", "east")
+    assert regions.separators(inside, Point(5, 5)) == ()
+    without = Regions(space.without(["east"]))
+    assert without.connected(inside, outside)
+
+
+def test_a_zone_from_fence_to_fence_separates_with_the_fence():
+    space = Airspace(FENCED, [box("river", -120, -5, 120, 5), box("shed", 50, 50, 60, 60)], 5)
+    regions = Regions(space)
+    assert len(regions) == 2
+    assert regions.separators(Point(0, 50), Point(0, -50)) == (FENCE, "river")
+    assert shortest_paths(space).path(Point(0, 50), Point(0, -50)) is None
+
+
+def test_without_a_fence_there_is_always_a_way_around():
+    space = Airspace(None, [box("river", -1000, -5, 1000, 5)], 5)
+    path = shortest_paths(space).path(Point(0, 50), Point(0, -50))
+    assert path is not None
+    assert len(Regions(Airspace(None, [], 5))) == 1
+    assert Regions(space).connected(Point(0, 50), Point(40_000, -30_000))
+
+
+@pytest.mark.parametrize(("gap_m", "open_"), [(9.9, False), (10.2, True), (11, True)])
+def test_a_gap_is_open_when_it_is_wider_than_twice_the_clearance(gap_m, open_):
+    walls = [box("west", -150, -5, 0, 5), box("east", gap_m, -5, 150, 5)]
+    space = Airspace(FENCED, walls, 5)
+    path = shortest_paths(space).path(Point(-50, 50), Point(50, -50))
+    assert (path is not None) is open_
+    assert Regions(space).connected(Point(-50, 50), Point(50, -50)) is open_
+
+
+def test_start_and_end_that_are_not_clear_have_no_path():
+    space = Airspace(FENCED, [box("hall", 0, 0, 10, 10)], 5)
+    assert shortest_paths(space).path(Point(5, 5), Point(50, 50)) is None
+    assert shortest_paths(space).path(Point(50, 50), Point(12, 5)) is None
+
+
+def test_places_on_the_limit_itself_have_paths():
+    space = Airspace(FENCED, [box("hall", -20, -20, 20, 20)], 5)
+    sides = [Point(-25, 0), Point(0, 25), Point(25, 0), Point(0, -25), Point(95, 95)]
+    for a, b in itertools.permutations(sides, 2):
+        path = shortest_paths(space).path(a, b)
+        assert path is not None
+        assert all(judge(space)(*leg) for leg in itertools.pairwise(path))
+
+
+@pytest.mark.parametrize("name", ["W20_Z20_disjoint", "W100_Z20_disjoint"])
+def test_every_pair_of_a_map_has_a_clear_path_the_same_both_ways(name):
+    data = json.loads((MAPS / f"{name}.json").read_text())
+    zones = [Zone(str(number), ring(*zone)) for number, zone in enumerate(data["zones"])]
+    space = Airspace(ring(*data["fence"]), zones, data["clearance"])
+    clear, regions = judge(space), Regions(space)
+    for start, end in data["pairs"]:
+        a, b = Point(*start), Point(*end)
+        path = shortest_paths(space).path(a, b)
+        assert (path is not None) == regions.connected(a, b)
+        if path is None:
+            continue
+        assert (path[0], path[-1]) == (a, b)
+        assert all(clear(*leg) for leg in itertools.pairwise(path))
+        back = shortest_paths(space).path(b, a)
+        assert length_m(back) == pytest.approx(length_m(path), rel=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_paths_are_as_short_as_brute_force_finds(seed):
+    rng = random.Random(seed)
+    zones = []
+    for number in range(rng.randint(1, 4)):
+        east, north = rng.uniform(-70, 70), rng.uniform(-70, 70)
+        angles = sorted(rng.uniform(0, 2 * math.pi) for _ in range(rng.randint(3, 6)))
+        corners = [
+            (east + rng.uniform(8, 40) * math.cos(a), north + rng.uniform(8, 40) * math.sin(a))
+            for a in angles
+        ]
+        if Polygon(corners).is_valid and Polygon(corners).area > 1:
+            zones.append(Zone(str(number), ring(*corners)))
+    space = Airspace(FENCED, zones, 5)
+    places = [Point(rng.uniform(-95, 95), rng.uniform(-95, 95)) for _ in range(2)]
+    if not all(space.point_clear(place) for place in places):
+        return
+    best_m = optimum_m(space, *places)
+    path = shortest_paths(space).path(*places)
+    if path is not None:
+        assert all(judge(space)(*leg) for leg in itertools.pairwise(path))
+        assert best_m is not None
+        # Gaps that are only just wide enough are left alone as long as another way is open.
+        wider_m = optimum_m(space.with_clearance(7.5), *places)
+        assert wider_m is None or length_m(path) <= 1.06 * wider_m + 0.5
+        assert length_m(path) >= 0.97 * best_m - 0.5  # its corners are rounder than those of ours
+    elif best_m is not None:
+        # Only a gap that is less than a hand wider than it must be may be taken for closed.
+        assert shortest_paths(space.with_clearance(4.8)).path(*places) is not None

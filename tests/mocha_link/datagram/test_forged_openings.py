@@ -1,0 +1,150 @@
+"""Who begins in the peer's name by a datagram makes us send the peer little."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from mocha_link.datagram import packet as wire
+from mocha_link.datagram.datagram import RETURN, Flow
+from mocha_link.links.metrics import SyncEnded
+from mocha_link.store.database import Database
+from mocha_link.sync.peer_state import TICKETS, Acquaintance
+from mocha_link.sync.server import Server
+from tests.mocha_link.ether import Ether
+from tests.mocha_link.sync.test_server import Asker, at, fill
+
+FAR_S = 0.05
+
+
+@pytest.fixture
+def database() -> Database:
+    database = Database()
+    fill(database)
+    return database
+
+
+@pytest.fixture
+def server(database) -> Server:
+    return Server("io", database, Acquaintance(9))
+
+
+def opening(server: Server, *, padded: int, ticket: int) -> bytes:
+    """The first datagram of somebody who says that he is io."""
+    io = Asker(server)
+    io.intake._acquaintance.ticket = ticket
+    frames = io.intake.open(at(0)).frames + ([bytes(padded)] if padded else [])
+    flow = Flow(io.id, lambda _: frames.pop(0) if frames else None)
+    (packet,) = flow.transmit(at(0).steady_s)
+    return packet
+
+
+def said(server: Server, *, seconds: float = 60) -> list[bytes]:
+    """All that it sends by datagrams, whatever it waits for."""
+    packets, time_s = server.transmit(at(0)), 0.0
+    while time_s < seconds:
+        time_s += 0.02
+        server.tick(at(time_s))
+        packets += server.transmit(at(time_s))
+    return packets
+
+
+@pytest.mark.parametrize("ticket", [0, 12345])
+@pytest.mark.parametrize("padded", [0, 500, 1_100])
+def test_little_is_sent_to_who_has_not_been_reached(server, padded, ticket):
+    packet = opening(server, padded=padded, ticket=ticket)
+    assert server.packet(packet, at(0))
+    packets = said(server)
+    assert packets
+    assert sum(map(len, packets)) <= RETURN * len(packet)
+
+
+def test_what_is_repeated_counts_but_not_more_than_that(server):
+    packet = opening(server, padded=1_000, ticket=0)
+    for _ in range(5):
+        server.packet(packet, at(0))
+    assert sum(map(len, said(server))) <= RETURN * 5 * len(packet)
+
+
+def test_acknowledgements_that_guess_prove_nothing(server):
+    packet = opening(server, padded=1_000, ticket=0)
+    server.packet(packet, at(0))
+    sent, received, rng = sum(map(len, server.transmit(at(0)))), len(packet), random.Random(1)
+    for number in range(2_000):
+        first = 0 if number % 2 else rng.getrandbits(31)
+        ack = wire.only_ack(b"ididid", wire._ACK.pack(first, 0, 0, 1) + b"\xff")
+        server.packet(ack, at(number / 1000))
+        received += len(ack)
+        sent += sum(map(len, server.transmit(at(number / 1000))))
+    assert sent <= RETURN * received
+
+
+def test_who_shows_a_ticket_is_served_at_once(server):
+    ticket = server._acquaintance.next_ticket
+    server.packet(opening(server, padded=0, ticket=ticket), at(0))
+    assert sum(map(len, server.transmit(at(0)))) > 10_000
+
+
+def test_a_ticket_is_good_for_a_few_syncs():
+    """So a copy of an opening is of use for that long only."""
+    known = Acquaintance(1)
+    ticket = known.next_ticket
+    assert not known.admits(0)
+    for _ in range(TICKETS):
+        assert known.admits(ticket)
+        known.renew_ticket()
+    assert not known.admits(ticket)
+    assert known.next_ticket != ticket
+
+
+def test_only_syncs_that_got_through_use_tickets_up(server):
+    ticket = server._acquaintance.next_ticket
+    for number in range(TICKETS + 1):
+        io = Asker(server, number.to_bytes(6))
+        io.cast(at(100 * number))
+        said(server)
+        server.tick(at(100 * number + 50))
+    assert server._acquaintance.admits(ticket)
+    for number in range(TICKETS):
+        io = Asker(server, (100 + number).to_bytes(6))
+        io.cast(at(1000 + 100 * number))
+        io.run(1000 + 100 * number, FAR_S)
+        server.tick(at(1000 + 100 * number + 50))
+    assert not server._acquaintance.admits(ticket)
+
+
+# --- what it costs those who mean well
+
+
+@pytest.fixture
+def ether(team) -> Ether:
+    ether = Ether(team, datagrams=True, delay_s=FAR_S)
+    ether.nodes["io"]._memories["titan"].rtt_s = 2 * FAR_S  # so that datagrams go at once
+    return ether
+
+
+def pulled_s(ether: Ether) -> float:
+    ether.publish("titan", "/map", random.Random(1).randbytes(15_000))
+    ether.pull("io", "titan")
+    ether.wait(5)
+    assert ether.nodes["io"].links(ether.now)["titan"].path == "udp"
+    end = ether.told("io", SyncEnded)[-1]
+    assert (end.messages, end.complete) == (1, True)
+    return end.duration_s
+
+
+def test_a_round_trip_at_the_first_contact_and_nothing_later(ether):
+    first = pulled_s(ether)
+    later = [pulled_s(ether) for _ in range(5)]
+    assert max(later) < 1.5 * 2 * FAR_S
+    assert first < max(later) + 1.3 * 2 * FAR_S
+
+
+@pytest.mark.parametrize("who", ["io", "titan"])
+def test_the_same_after_a_restart(ether, who):
+    later = [pulled_s(ether) for _ in range(2)][-1]
+    ether.restart(who)
+    ether.nodes["io"]._memories["titan"].rtt_s = 2 * FAR_S
+    assert pulled_s(ether) < later + 1.6 * 2 * FAR_S
+    assert pulled_s(ether) < 1.5 * 2 * FAR_S

@@ -1,0 +1,574 @@
+"""What the database keeps on disk: it comes back, whatever happens to the process or the disk."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import random
+import runpy
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from mocha_link.node.publisher import LEAP_MS, Publisher
+from mocha_link.store import storage_file
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.storage import (
+    Storage,
+    StorageDamagedError,
+    StorageForeignError,
+    StorageFullError,
+    StorageLockedError,
+    StorageUnreachableError,
+    StorageVersionError,
+)
+
+T_MS = 1_795_000_000_000
+NOW_S = T_MS / 1000 + 1000
+MORTAL = Path(__file__).parents[1] / "mortal.py"
+
+
+def record(number: int, *, topic_id: int | None = None, body: bytes = b"\0\0body") -> Record:
+    topic_id = number % 200 if topic_id is None else topic_id
+    header = Header.at(number % 5, topic_id, T_MS + number)
+    return Record(header, number % 4, body, T_MS + number, T_MS / 1000 + number / 7, number % 2 > 0)
+
+
+class Shelter:
+    """A database on a file, and what was said of it."""
+
+    def __init__(self, path, *, depth=1, **settings):
+        self.faults = queue.SimpleQueue()
+        settings = {"retry_s": 3600, "on_fault": self.faults.put} | settings
+        self.storage = Storage(path, **settings)
+        self.database = Database(history=lambda *_: depth, storage=self.storage)
+
+    def write(self, *numbers):
+        for number in numbers:
+            assert self.database.insert(record(number), NOW_S)
+
+    def retry(self):
+        self.storage.retry()
+        return self.storage.wait(60)
+
+    def fault(self):
+        return self.faults.get(timeout=60)
+
+
+@pytest.fixture
+def shelter(tmp_path):
+    with contextlib.ExitStack() as stack:
+
+        def make(name="messages.db", **settings):
+            made = Shelter(tmp_path / name, **settings)
+            stack.callback(made.storage.close, 30)
+            return made
+
+        yield make
+
+
+def numbers(database):
+    return sorted(each.stamp_ms - T_MS for each in database.kept())
+
+
+# What comes back
+
+
+def test_everything_comes_back(shelter):
+    first = shelter(depth=2)
+    first.write(*range(100), *range(200, 230))
+    first.database.learn("io", Knowledge(2**64 - 1, 2**64 - 2, first.database.sequence))
+    first.database.learn("io", Knowledge(2**64 - 1, 2**64 - 2, 77))
+    assert first.storage.close()
+    again = shelter(depth=2)
+    old, new = first.database, again.database
+    assert new.kept() == old.kept()
+    assert new.records() == old.records()
+    assert new.header_list() == old.header_list()
+    assert new.digests() == old.digests()
+    assert new.epoch == old.epoch
+    assert new.knowledge("io") == Knowledge(2**64 - 1, 2**64 - 2, 77)
+    assert new.numbered_since(0) == old.numbered_since(0)
+    assert again.storage.fault is None
+    assert again.faults.empty()
+
+
+def test_numbers_are_never_given_twice(shelter, tmp_path):
+    node = shelter()
+    node.write(*range(10))
+    assert node.storage.wait(60)
+    for name in ("messages.db", "messages.db-wal"):  # as a backup does, or a crash soon after
+        shutil.copy(tmp_path / name, tmp_path / f"copy-{name}")
+    node.write(*range(10, 20))
+    told = node.database.sequence  # to peers, while the disk may not have got so far
+    node.storage.close()
+    crashed = shelter("copy-messages.db")
+    assert crashed.database.epoch == node.database.epoch
+    assert numbers(crashed.database) == list(range(10))
+    assert crashed.database.sequence > told
+    crashed.write(50)
+    assert crashed.database.since(told) == [record(50)]
+    reached = crashed.database.sequence
+    crashed.storage.close()
+    restarted = shelter("messages.db")
+    # Of the other branch of time: either its numbers are known to be later, or all new ones are.
+    ours = restarted.database.sequence
+    assert (reached > ours) == (not restarted.database.remembers(node.database.epoch, reached))
+
+
+def test_a_restart_never_reuses_a_stamp(shelter, team):
+    robot, topics = team.robot("titan"), team.topics_of("titan")
+    topic = topics[0]
+
+    def publish(now_s):
+        node = shelter()
+        publisher = Publisher(robot, topics, node.database)
+        for _ in range(3):
+            publisher.publish(topic, b"\0\0x", now_s, at_once=True)
+        node.storage.close()
+        return node.database.newest(robot.robot_id, topic.topic_id).stamp_ms
+
+    before = publish(NOW_S)
+    after = publish(NOW_S - 500_000)
+    assert before + 3 <= after <= before + LEAP_MS + 3
+
+
+def test_what_is_not_kept_is_not_on_disk_either(shelter, tmp_path):
+    node = shelter(depth=3)
+    for number in range(30):
+        node.database.insert(record(5 * number, topic_id=1), NOW_S)
+    node.storage.close()
+    with contextlib.closing(sqlite3.connect(tmp_path / "messages.db")) as file:
+        stamps = file.execute("SELECT stamp_ms FROM record ORDER BY number").fetchall()
+    assert stamps == [(T_MS + 135,), (T_MS + 140,), (T_MS + 145,)]
+    again = shelter(depth=1)  # the team file says less now
+    assert numbers(again.database) == [145]
+    assert again.storage.wait(60)
+    again.storage.close()
+    assert numbers(shelter(depth=3).database) == [145]
+
+
+def test_the_file_stays_small(shelter, tmp_path):
+    node = shelter()
+    chance = random.Random(1)
+    for number in range(2000):
+        body = chance.randbytes(20_000)
+        node.database.insert(record(5 * number, topic_id=number % 20, body=body), NOW_S)
+        if number % 10 == 0:
+            assert node.storage.wait(60)
+    size = sum(path.stat().st_size for path in tmp_path.iterdir())
+    assert size < 12_000_000  # of 40 MB
+    for number in range(2000, 2020):
+        node.database.insert(record(5 * number, topic_id=number % 20), NOW_S)
+    node.storage.close()
+    assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 2_000_000
+
+
+# How it is written
+
+
+class Gate(sqlite3.Connection):
+    """A disk whose commits wait for a permission, and are counted."""
+
+    def __init__(self, *arguments, **settings):
+        super().__init__(*arguments, **settings)
+        self.open = threading.Event()
+        self.open.set()
+        self.commits = 0
+        self.waiting = threading.Event()
+        self.error = None
+
+    def execute(self, sql, *arguments):
+        if sql == "COMMIT":
+            self.waiting.set()
+            self.open.wait(60)
+            self.commits += 1
+            if self.error:
+                raise self.error
+        return super().execute(sql, *arguments)
+
+
+def gated(path, gates):
+    gates.append(
+        sqlite3.connect(
+            path, timeout=0, isolation_level=None, check_same_thread=False, factory=Gate
+        )
+    )
+    return gates[-1]
+
+
+def test_what_comes_during_a_commit_shares_the_next_one(shelter):
+    gates = []
+    node = shelter(connect=lambda path: gated(path, gates))
+    (gate,) = gates
+    gate.commits = 0
+    gate.open.clear()
+    gate.waiting.clear()
+    node.write(0)
+    assert gate.waiting.wait(60)
+    node.write(*range(1, 150))
+    assert not node.storage.wait(0)
+    gate.open.set()
+    assert node.storage.wait(60)
+    assert gate.commits == 2
+    assert node.storage.wait(0)
+
+
+def test_closing_does_not_wait_for_a_disk_that_hangs(shelter, tmp_path, caplog):
+    gates = []
+    node = shelter(connect=lambda path: gated(path, gates))
+    gates[0].open.clear()
+    node.write(0, 1)
+    assert not node.storage.close(timeout_s=0.01)
+    assert "2 changes are not on disk" in caplog.text
+    gates[0].open.set()
+    assert node.storage.close(30)
+    node.write(2)  # a late one: the memory takes it, nobody waits for ever
+    assert not node.storage.wait()
+    assert numbers(node.database) == [0, 1, 2]
+    assert numbers(shelter().database) == [0, 1]
+
+
+def test_an_error_in_the_callback_is_logged(shelter, tmp_path, caplog):
+    node = shelter("none/messages.db", on_fault=lambda _: 1 / 0)
+    node.write(1)
+    assert "raised an error" in caplog.text
+    (tmp_path / "none").mkdir()
+    assert node.retry()
+
+
+# What can be wrong with a disk
+
+
+def told(caplog):
+    return [entry.getMessage() for entry in caplog.records if entry.levelname == "ERROR"]
+
+
+def check_recovery(node, shelter, name="messages.db", *, by_itself=False):
+    """It was out of order, is put right now, and catches up with everything."""
+    assert by_itself or not node.storage.wait()
+    kept = node.database.kept()
+    node.database.learn("io", Knowledge(1, 2, 3))
+    assert by_itself or node.retry()
+    assert node.fault() is None
+    assert node.storage.fault is None
+    assert node.faults.empty()
+    assert node.database.kept() == kept
+    node.write(190)
+    node.storage.close(30)
+    again = shelter(name)
+    assert again.database.kept() == node.database.kept()
+    assert again.database.epoch == node.database.epoch
+    assert again.database.knowledge("io") == Knowledge(1, 2, 3)
+
+
+@pytest.mark.parametrize("from_the_start", [True, False])
+def test_a_full_disk(shelter, caplog, from_the_start):
+    gates = []
+    limits = [2 if from_the_start else 60]
+
+    def connect(path):
+        gate = gated(path, gates)
+        gate.execute(f"PRAGMA max_page_count = {limits[0]}")
+        return gate
+
+    node = shelter(connect=connect)
+    for number in range(150):
+        node.database.insert(record(number, body=bytes(3000)), NOW_S)
+        node.storage.wait()
+    assert len(node.database.kept()) == 150
+    assert isinstance(node.fault(), StorageFullError)
+    for _ in range(3):
+        assert not node.retry()
+    for number in range(200, 300):  # replaces some, among them some that are on disk
+        node.database.insert(record(number, body=bytes(3000)), NOW_S)
+    assert len(told(caplog)) == 1
+    assert "no room to write" in told(caplog)[0]
+    limits[0] = 10_000
+    if not from_the_start:  # else it is opened anew
+        gates[-1].execute("PRAGMA max_page_count = 10000")
+    check_recovery(node, shelter)
+
+
+def test_a_disk_that_fails_for_a_while(shelter):
+    gates = []
+    node = shelter(connect=lambda path: gated(path, gates))
+    node.write(0, 1, 2)
+    assert node.storage.wait(60)
+    gates[0].error = sqlite3.OperationalError("disk I/O error")
+    node.write(3, 4, 5)
+    fault = node.fault()
+    assert isinstance(fault, StorageUnreachableError)
+    assert "disk I/O error" in str(fault)
+    node.write(100, 101, 210)
+    check_recovery(node, shelter)
+
+
+def test_it_is_tried_again_by_itself(shelter, tmp_path):
+    node = shelter("none/messages.db", retry_s=0.01)
+    assert isinstance(node.fault(), StorageUnreachableError)
+    node.write(1)
+    (tmp_path / "none").mkdir()
+    assert node.fault() is None
+    assert node.storage.wait(60)
+
+
+def test_a_directory_that_is_missing(shelter, tmp_path, caplog):
+    node = shelter("none/messages.db")
+    node.write(1, 2, 3)
+    assert not node.retry()
+    assert [str(node.fault())] == [f"there is no directory {tmp_path}/none; make it"]
+    assert len(told(caplog)) == 1
+    (tmp_path / "none").mkdir()
+    check_recovery(node, shelter, "none/messages.db")
+
+
+def test_a_directory_in_the_file_s_place(shelter, tmp_path):
+    (tmp_path / "messages.db").mkdir()
+    node = shelter()
+    node.write(1, 2, 3)
+    assert isinstance(node.fault(), StorageUnreachableError)
+    (tmp_path / "messages.db").rmdir()
+    check_recovery(node, shelter)
+
+
+def test_a_directory_that_may_not_be_written(shelter, tmp_path):
+    tmp_path.chmod(0o500)
+    if os.access(tmp_path, os.W_OK):
+        pytest.skip("root may write anywhere")
+    node = shelter()
+    node.write(1, 2, 3)
+    assert isinstance(node.fault(), StorageUnreachableError)
+    tmp_path.chmod(0o700)
+    check_recovery(node, shelter)
+
+
+def test_a_file_that_another_node_has(shelter):
+    owner = shelter()
+    owner.write(*range(5), 110)
+    owner.database.learn("titan", Knowledge(9, 8, 7))
+    assert owner.storage.wait(60)
+    node = shelter()
+    assert isinstance(node.fault(), StorageLockedError)
+    assert node.database.epoch != owner.database.epoch
+    node.write(*range(3, 10), 10)
+    assert not node.retry()
+    owner.write(120)
+    owner.storage.close()
+    assert node.retry()  # takes over what the other one has left there
+    assert numbers(node.database) == [*range(11), 110, 120]
+    assert node.database.knowledge("titan") == Knowledge(9, 8, 0)
+    assert node.fault() is None
+    node.storage.close()
+    again = shelter()
+    assert again.database.epoch == node.database.epoch
+    assert again.database.kept() == node.database.kept()
+
+
+def spoil(path, how):
+    if how == "garbage":
+        path.write_bytes(random.Random(2).randbytes(20_000))
+    elif how == "truncated":
+        os.truncate(path, path.stat().st_size // 4096 // 2 * 4096)
+    else:
+        content = bytearray(path.read_bytes())
+        place = content.index(b"message 33 ") + 500
+        content[place] ^= 4
+        path.write_bytes(content)
+
+
+@pytest.mark.parametrize("how", ["truncated", "altered"])
+def test_a_damaged_file_is_moved_aside_and_a_new_one_begun(shelter, tmp_path, caplog, how):
+    before = shelter()
+    for number in range(100):
+        body = f"message {number} ".encode() * 60
+        before.database.insert(record(number, body=body), NOW_S)
+    before.database.learn("io", Knowledge(9, 9, 9))
+    before.storage.close()
+    path = tmp_path / "messages.db"
+    spoil(path, how)
+    spoilt = path.read_bytes()
+    node = shelter()
+    assert isinstance(node.fault(), StorageDamagedError)
+    assert node.database.epoch != before.database.epoch
+    assert node.database.knowledge("io") is None
+    # What can still be read is good, and carried on.
+    assert set(node.database.kept()) <= set(before.database.kept())
+    assert len(node.database.kept()) == 99 or how != "altered"
+    aside = tmp_path / "messages.db.damaged-1"
+    assert f"and is now {aside}; a new one is begun" in caplog.text
+    node.write(150, 151)
+    check_recovery(node, shelter, by_itself=True)
+    assert aside.read_bytes() == spoilt
+
+
+def test_a_file_that_is_no_database_stays_as_it_is(shelter, tmp_path, caplog):
+    path = tmp_path / "messages.db"
+    spoil(path, "garbage")
+    spoilt = path.read_bytes()
+    node = shelter()
+    assert isinstance(node.fault(), StorageDamagedError)
+    node.write(150, 151)
+    assert not node.retry()
+    assert not node.retry()
+    assert len(told(caplog)) == 1
+    assert "is damaged" in told(caplog)[0]
+    assert path.read_bytes() == spoilt
+    path.rename(tmp_path / "damaged.db")
+    check_recovery(node, shelter)
+
+
+def test_a_file_that_is_deleted_while_it_is_used(shelter, tmp_path, caplog):
+    node = shelter()
+    node.write(*range(20))
+    assert node.storage.wait(60)
+    for path in tmp_path.glob("messages.db*"):
+        path.unlink()
+    node.write(20)
+    assert "was deleted or replaced" in str(node.fault())
+    check_recovery(node, shelter, by_itself=True)
+    assert "is begun with what is in memory" in caplog.text
+
+
+def test_a_file_that_is_damaged_while_it_is_used(shelter, tmp_path):
+    gates = []
+    node = shelter(connect=lambda path: gated(path, gates))
+    node.write(*range(20))
+    assert node.storage.wait(60)
+    error = sqlite3.DatabaseError("database disk image is malformed")
+    error.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
+    gates[0].error = error
+    node.write(20)
+    assert isinstance(node.fault(), StorageDamagedError)
+    check_recovery(node, shelter, by_itself=True)
+    assert (tmp_path / "messages.db.damaged-1").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ("PRAGMA user_version = 2", StorageVersionError, "has schema 2, this release knows 1"),
+        ("PRAGMA application_id = 1", StorageForeignError, "is another program's"),
+        ("DROP TABLE record", StorageUnreachableError, "no such table"),
+    ],
+)
+def test_a_file_of_somebody_else(shelter, tmp_path, change, error, words):
+    shelter().storage.close()
+    path = tmp_path / "messages.db"
+    with contextlib.closing(sqlite3.connect(path)) as file:
+        file.execute(change)
+        file.commit()
+    before = path.read_bytes()
+    node = shelter()
+    fault = node.fault()
+    assert isinstance(fault, error)
+    assert words in str(fault)
+    node.write(1, 2, 3)
+    assert not node.retry()
+    assert path.read_bytes() == before
+    path.rename(tmp_path / "other.db")
+    check_recovery(node, shelter)
+
+
+def test_an_empty_file_is_a_new_one(shelter, tmp_path):
+    (tmp_path / "messages.db").touch()
+    node = shelter()
+    node.write(1)
+    assert node.storage.wait(60)
+    assert node.storage.fault is None
+
+
+# What kill -9 can do
+
+
+@pytest.fixture
+def mortal(tmp_path):
+    """Starts writers on a file; gives each as its process id and the lines that it says."""
+    command = [sys.executable, str(MORTAL)]
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+    ) as mother:
+
+        def start(number):
+            mother.stdin.write(f"{tmp_path}/messages.db {number}\n")
+            mother.stdin.flush()
+            word, pid = mother.stdout.readline().split()
+            assert word == "pid"
+            return int(pid), mother.stdout
+
+        yield start
+        mother.stdin.close()
+
+
+def test_kill_9_at_any_moment_loses_nothing_that_was_committed(mortal, shelter):
+    script = runpy.run_path(str(MORTAL))
+    message, depth, start_ms = (script[name] for name in ("message", "DEPTH", "START_MS"))
+    chance = random.Random(31)
+    acknowledged: dict[tuple[int, int], list[int]] = {}
+    number = last = 0
+    for _ in range(40):
+        first, done = number, number
+        pid, lines = mortal(number)
+        for _ in range(chance.randrange(12)):
+            done = int(lines.readline()) + 1
+        os.kill(pid, signal.SIGKILL)
+        for line in lines:
+            if line == "gone\n":
+                break
+            done = int(line) + 1
+        last = max(last, done - 1 if done > first else 0)
+        for each in range(first, done):
+            header = message(each).header
+            acknowledged.setdefault((header.robot_id, header.topic_id), []).append(each)
+        number = done + 20  # whatever it wrote beyond is not to be written again
+
+        node = shelter(depth=depth)
+        assert node.storage.fault is None
+        database = node.database
+        stored = {each.stamp_ms - start_ms for each in database.kept()}
+        for each in database.kept():
+            assert each == message(each.stamp_ms - start_ms)
+        for (robot_id, topic_id), numbers in acknowledged.items():
+            newest = database.history(robot_id, topic_id)[-1].stamp_ms - start_ms
+            for each in numbers[-depth:]:
+                assert each in stored or each < newest
+        known = database.knowledge("io")
+        assert (known.sequence if known else 0) >= last - 2
+        assert known is None or max(stored) >= known.sequence
+        node.storage.close(30)
+    assert sum(map(len, acknowledged.values())) > 400
+
+
+def test_a_file_that_another_process_has(mortal, shelter):
+    pid, lines = mortal(0)
+    assert lines.readline() == "0\n"
+    node = shelter()
+    assert isinstance(node.fault(), StorageLockedError)
+    os.kill(pid, signal.SIGKILL)
+    while lines.readline() != "gone\n":
+        pass
+    node.write(1)
+    assert node.retry()
+    assert node.fault() is None
+
+
+def test_the_schema_is_the_documented_one(shelter, tmp_path):
+    shelter().storage.close()
+    with contextlib.closing(sqlite3.connect(tmp_path / "messages.db")) as file:
+        assert file.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+        assert file.execute("PRAGMA user_version").fetchone() == (storage_file.VERSION,)
+        for table, columns in (("record", 9), ("knowledge", 5), ("about", 2)):
+            names = [row[1] for row in file.execute(f"PRAGMA table_info({table})")]
+            assert len(names) == columns
+            for name in names[1:]:
+                assert name in storage_file.__doc__

@@ -1,0 +1,100 @@
+"""A file of another team file: ids follow from names, so they may mean others now."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from mocha_link.links.metrics import StorageFailed
+from mocha_link.store.config_hash import Terms
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
+from tests.mocha_link.conftest import TEAM
+from tests.mocha_link.node.test_node_storage import pull, running
+
+EUROPA = "  europa: {kind: ground_robot, address: 127.0.0.1, base_port: 40, clients: [io]}\n"
+LARGER = TEAM.replace("  callisto:", EUROPA + "  callisto:").replace(
+    "base_port: 30, clients: [callisto, titan]", "base_port: 30, clients: [callisto, titan, europa]"
+)
+
+
+def team_of(text: str) -> Team:
+    return Team.from_document(Document.from_text(text, Path("team.yaml")))
+
+
+@pytest.fixture
+def file(tmp_path) -> Path:
+    return tmp_path / "io.db"
+
+
+def test_a_robot_that_joins_gets_nobody_elses_messages(field_of, file, caplog):
+    """europa takes io's number."""
+    field = field_of(TEAM)
+    callisto, _, _ = field.node("callisto")
+    callisto.publish("/pose", b"callisto is here")
+    with running(field, "io", storage=file) as (io, saw):
+        io.publish("/pose", b"io is here")
+        pull(io, saw, "callisto")
+    later = field_of(LARGER)
+    with running(later, "io", storage=file) as (io, _):
+        # callisto has kept its number.
+        assert [(m.robot, m.data) for m in io.messages()] == [("callisto", b"callisto is here")]
+        io.publish("/path", b"way")
+    assert "1 message is gone" in caplog.text
+    with running(later, "io", storage=file) as (io, _):
+        assert {m.data for m in io.messages()} == {b"callisto is here", b"way"}
+
+
+def test_what_was_refused_before_is_asked_for_again(field_of, file):
+    """titan took nothing from relays, and the knowledge of what callisto has is on disk."""
+    field = field_of(TEAM)
+    io, _, _ = field.node("io")
+    io.publish("/cloud", b"of points")
+    callisto, _, saw = field.node("callisto")
+    pull(callisto, saw, "io")
+    own = field.team
+    field.team = team_of(own.dump().replace("trust: relays", "trust: signed"))
+    with running(field, "titan", storage=file) as (titan, saw):
+        pull(titan, saw, "callisto")
+        assert titan.messages() == []
+        assert titan.links()["callisto"].refused
+    field.team = own
+    with running(field, "titan", storage=file) as (titan, saw):
+        pull(titan, saw, "callisto")
+        assert titan.latest("io", "/cloud").data == b"of points"
+
+
+def test_the_same_terms_change_nothing(field, file):
+    io, _, _ = field.node("io")
+    io.publish("/cloud", b"of points")
+    with running(field, "titan", storage=file) as (titan, saw):
+        pull(titan, saw, "io")
+        known = titan._gossip.database.knowledge("io")
+    with running(field, "titan", storage=file) as (titan, _):
+        assert titan._gossip.database.knowledge("io") == known
+
+
+def test_a_file_whose_terms_are_altered(field, file):
+    with running(field, "titan", storage=file) as (titan, _):
+        titan.publish("/map", b"grid")
+    with contextlib.closing(sqlite3.connect(file)) as connection:
+        connection.execute("UPDATE terms SET mark = x'00', names = '{'")
+        connection.commit()
+    with running(field, "titan", storage=file) as (titan, saw):
+        assert "its terms are altered" in saw.wait(StorageFailed).reason
+        assert titan.messages() == []
+        titan.publish("/map", b"grid")
+        assert titan.latest("titan", "/map").data == b"grid"
+
+
+def test_what_counts_as_terms():
+    team = team_of(TEAM)
+    assert Terms.of(team).mark == Terms.of(team_of(TEAM + "trust: relays\n")).mark
+    assert Terms.of(team).mark != Terms.of(team_of(TEAM + "trust: signed\n")).mark
+    assert Terms.of(team).mark != Terms.of(team_of(LARGER)).mark
+    moved = team.with_robots({"io": {"base_port": 500, "address": "elsewhere"}})
+    assert Terms.of(team).mark == Terms.of(moved).mark
+    assert Terms.read(Terms.of(team).text) == Terms.of(team).names

@@ -1,0 +1,206 @@
+"""The recorded sync of original nodes: read byte for byte, answered and asked as they did."""
+
+from __future__ import annotations
+
+import json
+import random
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from mocha_link.clock import Instant
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted
+from mocha_link.store import payload
+from mocha_link.store.database import Database
+from mocha_link.store.header import Header
+from mocha_link.store.record import Record
+from mocha_link.sync import client
+from mocha_link.sync.client import ClientSession
+from mocha_link.sync.protocol import ServerSession
+from mocha_link.sync.pull import Memory
+from mocha_link.team.team import Team
+
+DATA = Path(__file__).parents[2] / "data" / "mocha"
+NOW = Instant(1795175905.0, 100.0)  # shortly after the recording
+
+
+def exchange(*connections: int) -> list[tuple[bytes, bytes]]:
+    """The recorded requests and replies of some connections."""
+    frames = [
+        bytes.fromhex(frame["hex"])
+        for frame in json.loads((DATA / "exchange.json").read_text())
+        if frame["conn"] in connections
+    ]
+    return list(zip(frames[::2], frames[1::2], strict=True))
+
+
+class Pull(NamedTuple):
+    """One recorded pull: who asked whom, and what each of them held before."""
+
+    connections: range
+    server: str
+    client: str
+    server_holds: tuple[str, ...]
+    client_holds: tuple[str, ...]
+
+
+BOTH = ("callisto", "titan")
+PULLS = [
+    Pull(range(1, 5), "titan", "callisto", ("titan",), ("callisto",)),
+    Pull(range(5, 9), "callisto", "titan", BOTH, ("titan",)),
+    Pull(range(9, 11), "titan", "callisto", BOTH, BOTH),
+]
+
+
+@pytest.fixture(scope="module")
+def recorded_team() -> Team:
+    return Team.load(DATA / "team.yaml")
+
+
+@pytest.fixture(scope="module")
+def bodies() -> dict[bytes, bytes]:
+    """Header to body of every recorded message."""
+    return {
+        request[11:]: reply[6:]
+        for request, reply in exchange(*range(1, 9))
+        if request[6:11] == b"GDATA"
+    }
+
+
+def database(team: Team, bodies: dict[bytes, bytes], *robots: str) -> Database:
+    """A database with the recorded messages of some robots."""
+    result = Database()
+    for raw, body in bodies.items():
+        header = Header.parse(raw)
+        robot, topic = team.by_ids(header.robot_id, header.topic_id)
+        if robot.name in robots:
+            stamp_ms = header.stamp_ms(NOW.unix_s)
+            result.insert(
+                Record(header, topic.priority, body, stamp_ms, stamp_ms / 1000), NOW.unix_s
+            )
+    return result
+
+
+def test_headers_and_bodies_are_what_was_published(recorded_team, bodies):
+    decoded = {}
+    for raw, body in bodies.items():
+        header = Header.parse(raw)
+        assert header.pack() == raw
+        robot, topic = recorded_team.by_ids(header.robot_id, header.topic_id)
+        assert payload.dtype_of(body) == topic.dtype
+        assert body[1] == topic.priority
+        decoded[robot.name, topic.name] = (header.stamp_s(NOW.unix_s), payload.unpack(body))
+    assert {name: len(data) for name, (_, data) in decoded.items()} == {
+        ("titan", "/asoom/path_viz"): 172,
+        ("titan", "/asoom/recent_key_pose"): 74,
+        ("callisto", "/top_down_render/pose_est"): 362,
+        ("callisto", "/spomp_global/path_viz"): 172,
+    }
+    stamp_s, path = decoded["titan", "/asoom/path_viz"]
+    # ROS 1: header.seq, header.stamp (the message's own, 3 ms before), frame "m0", 2 poses
+    assert path[:22] == bytes.fromhex("01000000db35006b62e93229020000006d3002000000")
+    assert int.from_bytes(path[4:8], "little") == int(stamp_s) == 1795175899
+
+
+def test_we_pack_the_same_bytes(bodies):
+    for body in bodies.values():
+        assert payload.pack(body[0], body[1], payload.unpack(body), checksum=False) == body
+
+
+@pytest.mark.parametrize("pull", PULLS)
+def test_our_server_answers_as_the_real_node(recorded_team, bodies, pull):
+    session = ServerSession(pull.client, database(recorded_team, bodies, *pull.server_holds))
+    told = []
+    for request, reply in exchange(*pull.connections):
+        answered, events = session.answer([request], NOW)
+        assert answered == reply
+        told += events
+    messages = len(exchange(*pull.connections)) - 2
+    size = sum(len(reply) for _, reply in exchange(*pull.connections))
+    assert told == [
+        SyncStarted(pull.client, NOW.unix_s, Direction.OUT),
+        SyncEnded(pull.client, NOW.unix_s, Direction.OUT, messages, size, 0.0),
+    ]
+
+
+@pytest.mark.parametrize("pull", PULLS)
+@pytest.mark.parametrize("window", [1, 8])
+def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, window, monkeypatch):
+    monkeypatch.setattr(client, "MIN_WINDOW", window)
+    monkeypatch.setattr(client, "MAX_WINDOW", window)
+    recorded = exchange(*pull.connections)
+    ids = iter(request[:6] for request, _ in recorded)
+    own = database(recorded_team, bodies, *pull.client_holds)
+    session = ClientSession(
+        pull.server,
+        pull.client,
+        team=recorded_team,
+        database=own,
+        new_id=lambda: next(ids),
+        timeout_s=5,
+        memory=Memory(),
+    )
+    replies = dict(recorded)
+    step = session.start(NOW)
+    asked, events = [], list(step.events)
+    pending = list(step.frames)
+    while pending:
+        asked.append(pending.pop(0))
+        step = session.reply([replies[asked[-1]]], NOW)
+        assert not step.refusals
+        pending += step.frames
+        events += step.events
+    assert asked == [request for request, _ in recorded]
+    assert session.over
+    assert isinstance(events[-1], SyncEnded)
+    assert events[-1].messages == len(recorded) - 2
+    stored = [event for event in events if isinstance(event, MessageStored)]
+    assert [event.header.pack() for event in stored] == [r[11:] for r in asked[1:-1]]
+    for event in stored:
+        record = own.newest(event.header.robot_id, event.header.topic_id)
+        assert record.body == bodies[event.header.pack()]
+
+
+def test_a_recorded_pull_with_large_messages(recorded_team):
+    frames = json.loads((DATA / "pull_large.json").read_text())
+
+    pairs = list(zip(frames[::2], frames[1::2], strict=True))
+    generator = random.Random(1)
+    held = Database()
+    for request, reply in pairs[1:-1]:
+        asked, start = bytes.fromhex(request["hex"]), bytes.fromhex(reply["hex"])
+        # The recording keeps the beginning of a long reply; the frame header there tells the size.
+        size = int.from_bytes(start[14:22], "little")
+        body = payload.pack(start[6], start[7], generator.randbytes(size), checksum=False)
+        assert body[:17] == start[6:23]  # type, priority, LZ4 frame header with its checksum
+        header = Header.parse(asked[11:])
+        robot, topic = recorded_team.by_ids(header.robot_id, header.topic_id)
+        assert robot.name == "callisto"
+        assert start[6] == topic.dtype
+        stamp_ms = header.stamp_ms(NOW.unix_s)
+        held.insert(Record(header, topic.priority, body, stamp_ms, stamp_ms / 1000), NOW.unix_s)
+    assert max(len(record.body) for record in held.records()) > 300_000
+
+    # Our nodes on both sides: the same list, the same requests in the same order.
+    ids = iter(bytes.fromhex(request["hex"])[:6] for request, _ in pairs)
+    server = ServerSession("titan", held)
+    got = Database()
+    asking = ClientSession(
+        "callisto",
+        "titan",
+        team=recorded_team,
+        database=got,
+        new_id=lambda: next(ids),
+        timeout_s=5,
+        memory=Memory(),
+    )
+    pending, asked_frames, replies = asking.start(NOW).frames, [], []
+    while pending:
+        asked_frames.append(pending.pop(0))
+        replies.append(server.answer([asked_frames[-1]], NOW)[0])
+        pending += asking.reply([replies[-1]], NOW).frames
+    assert [frame.hex() for frame in asked_frames] == [request["hex"] for request, _ in pairs]
+    assert replies[0].hex() == pairs[0][1]["hex"]
+    assert replies[-1].hex() == pairs[-1][1]["hex"]
+    assert {r.header: r.body for r in got.records()} == {r.header: r.body for r in held.records()}

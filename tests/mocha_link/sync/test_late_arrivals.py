@@ -1,0 +1,98 @@
+"""What comes late, twice, or from an older pull does not disturb the answering side."""
+
+from __future__ import annotations
+
+import pytest
+
+from mocha_link.datagram.datagram import Flow
+from mocha_link.links.metrics import SyncEnded, SyncStarted
+from mocha_link.store.database import Database
+from mocha_link.sync.frames import END, letter_frames
+from mocha_link.sync.server import Server
+from mocha_link.sync.sync_messages import Reception
+from tests.mocha_link.sync.test_server import (
+    OTHER,
+    PLENTY,
+    ROUTE,
+    TOPICS,
+    Acquaintance,
+    Asker,
+    all_of,
+    at,
+    reception,
+    record,
+)
+
+
+@pytest.fixture
+def database() -> Database:
+    database = Database()
+    for topic_id in range(TOPICS):
+        database.insert(record(topic_id), at(0).unix_s)
+    return database
+
+
+@pytest.fixture
+def server(database) -> Server:
+    return Server("io", database, Acquaintance(5))
+
+
+def test_a_peer_that_is_gone_after_its_end_is_not_called_for_ever(server):
+    """Its END was lost with the acknowledgement in it; what is repeated is the END alone."""
+    io = Asker(server)
+    lost: list[bytes] = []
+    io.pass_on = lambda now: lost.extend(io.flow.transmit(now.steady_s))
+    io.cast(at(0))
+    for packet in lost:
+        assert server.packet(packet, at(0))
+    end_s = io.run(0, 0.05) + 1
+    for packet in io.flow.transmit(at(end_s).steady_s):
+        server.packet(packet, at(end_s))
+    assert [type(event) for event in server.take()] == [SyncStarted, SyncEnded]
+    for tenth in range(1, 100):
+        server.transmit(at(end_s + tenth / 10))
+        server.tick(at(end_s + tenth / 10))
+    assert server.transmit(at(end_s + 30)) == []
+    assert server.wake_s is None
+
+
+def test_an_older_pull_that_was_replaced_does_not_come_back(server, database):
+    """The kernel of the peer repeats what was sent into the gap, for minutes."""
+    old, new = Asker(server, b"older!"), Asker(server, b"newer!")
+    old.open()
+    new.open(route=OTHER)
+    server.take()
+    assert old.ask(b"SYNC1" + PLENTY + old.opening) is None
+    old.outbox.append(old.opening)
+    old.flow = Flow(old.id, lambda _: old.outbox.pop(0) if old.outbox else None)
+    (packet,) = old.flow.transmit(at(0).steady_s)
+    assert not server.packet(packet, at(0))
+    assert server.take() == []
+    new.read()
+    assert new.got == all_of(database)
+
+
+def test_what_was_lost_with_a_connection_is_said_again_on_the_next(server, database):
+    """The peer's first connection broke when we had sent something on it."""
+    io = Asker(server)
+    io.open(route=ROUTE)
+    assert io.drain()
+    io.open(route=OTHER)
+    io.read()
+    assert io.got == all_of(database)
+    assert io.intake.complete
+
+
+@pytest.mark.parametrize("by_datagram", [False, True])
+def test_only_an_opening_begins_a_sync(server, by_datagram):
+    """An END of a pull that nobody remembers."""
+    io = Asker(server)
+    (io.opening,) = letter_frames(END, 0, b"", 1100)
+    if by_datagram:
+        io.outbox.append(io.opening)
+        io.flow = Flow(io.id, lambda _: io.outbox.pop(0) if io.outbox else None)
+        (packet,) = io.flow.transmit(at(0).steady_s)
+        assert not server.packet(packet, at(0))
+    else:
+        assert reception(io.open()) is Reception.UNREADABLE
+    assert server.take() == []

@@ -1,0 +1,205 @@
+"""The original nodes' YAML files become a team with the same ids and ports, or are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mocha_link.cli.cli import main
+from mocha_link.team import upstream
+from mocha_link.team.document import DocumentError
+from mocha_link.team.team import Team, UnknownRobotError
+
+DATA = Path(__file__).parents[2] / "data/mocha"
+ROBOTS = """\
+base: {node-type: base_station, IP-address: 10.0.0.1, using-radio: b-1, base-port: "1234",
+  clients: [rover, "base", ghost, drone]}
+drone: {node-type: "aerial", IP-address: "10.0.0.2", using-radio: b-2, base-port: 4234,
+  clients: [12, rover, base, rover, ghost]}
+rover: {node-type: ground-robot, IP-address: 10.0.0.3, using-radio: b-1, base-port: " 5234 ",
+  clients: ["base"], spare-key: 1}
+"""
+TOPICS = """\
+base_station: []
+aerial:
+  - {msg_topic: "/pose", msg_type: "b_msgs/B", msg_priority: LOW_PRIORITY, msg_history: WHOLE}
+  - {msg_topic: /map, msg_type: a_msgs/A, msg_priority: HIGH_PRIORITY}
+ground-robot:
+  - {msg_topic: /pose, msg_type: b_msgs/B, msg_priority: NO_PRIORITY, msg_history: [whatever]}
+  - {msg_topic: /far, msg_type: c_msgs/C, msg_priority: MEDIUM_PRIORITY}
+nobody:
+  - {msg_topic: /x, msg_type: a_msgs/Z, msg_priority: NO_PRIORITY}
+"""
+RADIOS = """\
+b-1: {SN: "X", MAC-address: ["00:00:00:00:00:01", "00:00:00:00:00:02"], other: 1}
+b-2: {computed-IP-address: 10.1.1.2, MAC-address: ["00:00:00:00:00:03"]}
+"""
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Writes the three files, changed as the test wants, and reads them."""
+
+    def read(changes=(), radios=RADIOS, **options):
+        texts = {"robots": ROBOTS, "topics": TOPICS, "radios": radios}
+        for name, old, new in changes:
+            assert old in texts[name]
+            texts[name] = texts[name].replace(old, new, 1)
+        paths = []
+        for name, text in texts.items():
+            if text is not None:
+                paths.append(tmp_path / f"{name}.yaml")
+                paths[-1].write_text(text)
+        return upstream.load(*paths, **options)
+
+    return read
+
+
+def test_the_recorded_configuration():
+    """The ids and ports that were seen on the wire."""
+    folder = DATA / "upstream"
+    result = upstream.load(folder / "robot_configs.yaml", folder / "topic_configs.yaml")
+    ours = Team.load(DATA / "team.yaml")
+    assert result.notices == ()
+    assert result.team.kinds == ours.kinds
+    for name, robot in result.team.robots.items():
+        assert robot.original
+        assert robot.robot_id == ours.robot(name).robot_id
+        assert {peer: robot.port_for(peer) for peer in robot.peers} == {
+            peer: ours.robot(name).port_for(peer) for peer in ours.robot(name).peers
+        }
+
+
+def test_every_oddity(files):
+    result = files(ours=["base"], ros=2)
+    team = result.team
+    assert [robot.robot_id for robot in map(team.robot, ("base", "drone", "rover"))] == [0, 1, 2]
+    base, drone, rover = (team.robot(name) for name in ("base", "drone", "rover"))
+    assert base.clients == ("rover", "base", None, "drone")
+    assert {peer: base.port_for(peer) for peer in base.peers} == {"rover": 1234, "drone": 1237}
+    assert drone.clients == (None, None, "base")
+    assert drone.port_for("base") == 4236
+    assert rover.base_port == 5234
+    assert base.radio_id == "00:00:00:00:00:01,00:00:00:00:00:02"
+    assert drone.radio_id == "00:00:00:00:00:03,10.1.1.2"
+    assert (base.original, drone.original, rover.original) == (False, True, True)
+    assert base.ros == drone.ros == 2
+    # A, Z, B, B, C with the repetition
+    dtypes = {topic.type: topic.dtype for kind in team.kinds.values() for topic in kind}
+    assert dtypes == {"a_msgs/A": 0, "a_msgs/Z": 1, "b_msgs/B": 2, "c_msgs/C": 4}
+    notices = [f"{n.line}:{n.column}: {n.message}" for n in result.notices]
+    assert {n.code for n in result.notices} == {"left-out", "radio-shared", "not-read"}
+    assert notices == [
+        "2:28: 'ghost' is no robot here; its port stays unused",
+        "4:13: '12' is no robot here; its port stays unused",
+        "4:17: 'rover' does not list 'drone', so the two never sync; its port stays unused",
+        "4:30: 'rover' is listed before; its port stays unused",
+        "4:37: 'ghost' is no robot here; its port stays unused",
+        "5:69: base has this radio as well; others cannot tell them apart",
+        "6:22: 'spare-key' is not read by the original nodes",
+    ]
+    assert Team.from_document(
+        upstream.Document.from_text(result.text, Path("team.yaml"))
+    ).robots == dict(team.robots)
+
+
+def test_without_radios(files):
+    team = files([("robots", "using-radio: b-2, ", "")], radios=None).team
+    assert team.robot("base").radio_id is None
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (("robots", "rover:", "no:"), "robots.yaml:5:1: the original nodes read 'False' here"),
+        (("robots", "4234", "01234"), "robots.yaml:3:83: the original nodes read '668' here"),
+        (("robots", "4234", "12:30"), "3:83: the original nodes read '750' here; put it in quotes"),
+        (("robots", "12,", "yes,"), "4:13: the original nodes read 'True' here"),
+        (("robots", "4234", "2026-13-45"), "the original nodes cannot read this: month must be"),
+        (("robots", "4234", "port"), "3:83: base-port must be 1 to 65535, found 'port'"),
+        (("robots", "4234", "12.5"), "base-port must be 1 to 65535, found '12.5'"),
+        (("robots", "4234", "65536"), "base-port must be 1 to 65535, found '65536'"),
+        (("robots", "4234", "65535"), "3:83: the last port would be 65537; use a lower"),
+        (
+            ("robots", '3, using-radio: b-1, base-port: " 5', '1, using-radio: b-2, base-port: "1'),
+            "ports 1234 to 1234 overlap those of base at the same address (1234 to 1237); use 1238",
+        ),
+        (("robots", "10.0.0.3", "fe80::1"), "'IP-address' must be an IPv4 address or a host name"),
+        (("robots", "10.0.0.3", "1"), "'IP-address' must be text, found '1'"),
+        (("robots", "ground-robot", "tank"), "5:20: no 'tank' in "),
+        (("robots", "node-type: ground-robot, ", ""), "5:8: missing key 'node-type'; add it"),
+        (("robots", "using-radio: b-2", "using-radio: b-3"), "no radio 'b-3' in the radio file"),
+        (("robots", "using-radio: b-2, ", ""), "missing key 'using-radio'"),
+        (("robots", '["base"]', "base"), "6:12: clients must be a list; write [] for none"),
+        (("robots", '["base"]', ""), "clients must be a list"),
+        (("robots", 'clients: ["base"], ', ""), "5:8: missing key 'clients'"),
+        (("robots", "rover:", "a b:"), "5:1: 'a b' must be up to 64 characters without spaces"),
+        (("robots", "rover:", "12:"), "5:1: the name '12' is no text; put it in quotes"),
+        (("robots", "rover:", "base:"), "5:1: key 'base' is already on line 1"),
+        (("robots", ROBOTS, ""), "1:1: the file must be a mapping of robots"),
+        (("robots", ROBOTS, "base: 5"), "1:7: must be a mapping with node-type, IP-address"),
+        (("topics", "LOW_PRIORITY", "LOW"), "3:62: unknown priority 'LOW'; use one of NO_PRIORITY"),
+        (("topics", '"b_msgs/B"', "B"), "3:36: 'msg_type' must be package/Type, found 'B'"),
+        (("topics", "/map", "/pose"), "4:17: topic '/pose' is listed twice; remove one"),
+        (("topics", "msg_type: a_msgs/A, ", ""), "4:5: missing key 'msg_type'"),
+        (("topics", "[]", ""), "'base_station' must be a list of topics"),
+        (("topics", "/map", '""'), "4:17: 'msg_topic' must be text"),
+        (("radios", '["00:00:00:00:00:03"]', "5"), "2:51: 'b-2' must have a MAC-address: a list"),
+        (("radios", RADIOS, "[]"), "1:1: the file must be a mapping of radios"),
+        (("radios", RADIOS, "{"), "not valid YAML"),
+    ],
+)  # fmt: skip
+def test_what_is_refused_has_its_place(files, change, complaint):
+    with pytest.raises(DocumentError) as caught:
+        files([change])
+    assert complaint in str(caught.value)
+
+
+def test_all_problems_of_all_files_at_once(files):
+    with pytest.raises(DocumentError) as caught:
+        files(
+            [("robots", "4234", "x"), ("topics", "LOW_PRIORITY", "LOW"), ("radios", "b-2", "b-4")]
+        )
+    assert len(caught.value.problems) == 3
+
+
+def test_too_many(files):
+    many = "".join(
+        f"  - {{msg_topic: /{n}, msg_type: a/B, msg_priority: NO_PRIORITY}}\n" for n in range(255)
+    )
+    with pytest.raises(DocumentError, match="260 topics, at most 256 have ids"):
+        files([("topics", "nobody:\n", f"nobody:\n{many}")])
+    many = "".join(f"r{n}: {{}}\n" for n in range(256))
+    with pytest.raises(DocumentError, match="259 robots, at most 256 have ids"):
+        files([("robots", "base:", f"{many}base:")])
+    addresses = ", ".join(f'"00:00:00:00:01:{n:02x}"' for n in range(9))
+    result = files([("radios", '"00:00:00:00:00:03"', addresses)])
+    assert result.team.robot("drone").radio_id.count(":") == 35  # seven of them
+    assert "too many addresses" in str(result.notices[0])
+
+
+def test_a_robot_of_ours_that_is_none(files):
+    with pytest.raises(UnknownRobotError, match="no robot 'rovr'"):
+        files(ours=["rovr"])
+
+
+def test_the_command(tmp_path, capsys):
+    folder = DATA / "upstream"
+    team = tmp_path / "team.yaml"
+    files = [str(folder / "robot_configs.yaml"), str(folder / "topic_configs.yaml")]
+    assert main(["import", *files, "-o", str(team), "--ours", "titan", "io"]) == 0
+    assert capsys.readouterr().out == ""
+    assert main(["check", str(team)]) == 0
+    assert "titan:23236" in capsys.readouterr().out
+    assert [name for name, robot in Team.load(team).robots.items() if not robot.original] == [
+        "io",
+        "titan",
+    ]
+    assert main(["import", *files, "-o", str(team)]) == 1
+    assert "File exists; choose another file" in capsys.readouterr().err
+    assert main(["import", *files]) == 0
+    assert "original: true" in capsys.readouterr().out
+    assert main(["import", files[1], files[0]]) == 3
+    assert "topic_configs.yaml:" in capsys.readouterr().err
+    assert main(["import", *files, "--ours", "nobody"]) == 2

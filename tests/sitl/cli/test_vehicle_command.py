@@ -1,0 +1,146 @@
+"""`sitl vehicle` as a process, and its sockets."""
+
+import json
+import select
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import development as mavlink
+
+from sitl.cli.cli import main
+from sitl.mavlink.udp_link import PortInUseError, UdpLink
+from sitl.process.vehicle import px4_ports
+from sitl.px4sim.motion.truth import TruthReceiver
+
+MISSION = Path(__file__).parents[3] / "missions" / "pennovation" / "mission.yaml"
+LIMIT_S = 60
+
+
+def udp_socket():
+    end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    end.bind(("127.0.0.1", 0))
+    end.settimeout(LIMIT_S)
+    return end
+
+
+def name(message):
+    return message.get_type()
+
+
+def started(*arguments):
+    command = [sys.executable, "-m", "sitl", "vehicle", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_it_says_when_it_is_ready_sends_and_ends_on_a_signal(number):
+    truth = TruthReceiver("udp://127.0.0.1:0")
+    with udp_socket() as client:
+        port = client.getsockname()[1]
+        with started(
+            *(str(MISSION), "--speed", "10", "--instance", "3", "--no-gcs"),
+            *("--api-to", f"127.0.0.1:{port}", "--truth-to", truth.url.removeprefix("udp://")),
+        ) as process:
+            ready = json.loads(process.stdout.readline())
+            datagram, vehicle = client.recvfrom(65535)
+            messages = mavlink.MAVLink(None).parse_buffer(datagram)
+            state = truth.receive(LIMIT_S)
+            process.send_signal(number)
+            assert process.wait(LIMIT_S) == 0
+            ended = json.loads(process.stdout.read())
+            assert process.stderr.read() == ""
+    assert ended["simulated_s"] > 0
+    assert ended["pace"]["asked"] == 10
+    truth.close()
+    assert ready["ready"] is True
+    assert ready["mavlink"] == f"udpin://127.0.0.1:{port}"
+    assert ready["truth"] == truth.url
+    assert ready["gcs"] is None
+    assert ready["system_id"] == 4
+    assert [message.get_srcSystem() for message in messages if name(message) == "HEARTBEAT"] == [4]
+    assert vehicle[0] == "127.0.0.1"
+    home = ready["home"]
+    assert state.latitude_deg == pytest.approx(home["latitude_deg"], abs=1e-5)  # single precision
+    assert state.longitude_deg == pytest.approx(home["longitude_deg"], abs=1e-5)
+    assert state.altitude_amsl_m == pytest.approx(home["altitude_amsl_m"], abs=0.01)
+
+
+def test_a_taken_port_is_one_clear_error(capsys):
+    ports = px4_ports(201)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(ports.onboard_bind)
+        assert main(["vehicle", "--instance", "201"]) == 4
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert "port 14781" in said.err
+    assert "--instance" in said.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--home", "here"], "LAT,LON,ALT"),
+        (["--home", "95,0,0"], "not a place"),
+        (["--speed", "0"], "above zero"),
+        (["--speed", "fast"], "above zero"),
+        (["--instance", "-1"], "instance"),
+        (["--api-to", "14540"], "HOST:PORT"),
+        (["--battery-minutes", "nan"], "above zero"),
+        (["--no-gcs", "--gcs-to", "127.0.0.1:14550"], "contradict"),
+    ],
+)
+def test_wrong_usage(capsys, arguments, words):
+    assert main(["vehicle", *arguments]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_mission_that_does_not_load_is_an_invalid_file(capsys, tmp_path):
+    broken = tmp_path / "mission.yaml"
+    broken.write_text("name: [", encoding="utf-8")
+    assert main(["vehicle", str(broken)]) == 3
+    assert str(broken) in capsys.readouterr().err
+
+
+def test_the_first_talker_becomes_the_partner_for_good():
+    with udp_socket() as expected, udp_socket() as first, udp_socket() as second:
+        link = UdpLink(("127.0.0.1", 0), expected.getsockname(), "API link")
+        link.send([b"one"])
+        assert expected.recv(100) == b"one"
+        for client in (first, second):
+            client.sendto(b"hello", ("127.0.0.1", link.port))
+            assert select.select([link], [], [], LIMIT_S)[0]
+            assert link.receive() == [b"hello"]  # everybody is heard
+            link.send([b"two"])
+            assert first.recv(100) == b"two"  # one is answered
+        link.close()
+
+
+def test_frames_travel_together_but_never_in_pieces():
+    with udp_socket() as client:
+        link = UdpLink(("127.0.0.1", 0), client.getsockname(), "API link")
+        frames = [bytes([number]) * 200 for number in range(20)]
+        link.send(frames)
+        datagrams = [client.recv(65535) for _ in range(3)]
+        link.close()
+    assert b"".join(datagrams) == b"".join(frames)
+    assert all(len(datagram) % 200 == 0 for datagram in datagrams)
+
+
+def test_a_free_port_is_taken_once():
+    link = UdpLink(("127.0.0.1", 0), ("127.0.0.1", 9), "API link")
+    with pytest.raises(PortInUseError, match="API link"):
+        UdpLink(("127.0.0.1", link.port), ("127.0.0.1", 9), "API link")
+    link.close()
+
+
+def test_the_ports_are_px4s():
+    assert px4_ports(0).onboard_to == ("127.0.0.1", 14540)
+    assert px4_ports(2).onboard_bind == ("", 14582)
+    assert px4_ports(12).onboard_to == ("127.0.0.1", 14549)
+    assert px4_ports(1).ground_bind == ("", 18571)
+    assert px4_ports(1).truth_to == ("127.0.0.1", 19411)

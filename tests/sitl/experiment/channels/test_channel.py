@@ -1,0 +1,174 @@
+"""What the models of the channel say: contacts, turns, durations."""
+
+import itertools
+import statistics
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sitl.experiment.channels.channel import Link, Load, Stage
+from sitl.experiment.channels.paper import PaperChannel
+from sitl.experiment.channels.path_loss import PathLossChannel
+from sitl.experiment.channels.trace import TraceChannel, TraceError
+from sitl.experiment.model.settings import PaperModel, PathLossModel, TraceModel
+from sitl.experiment.towns.town_file import load_town
+
+TOWN = load_town(Path(__file__).parents[4] / "missions" / "urban" / "town.yaml")
+NAMES = ("base", "uav01", "ugv01", "ugv02")
+HEADER, DATA, END = (
+    Load(Stage.HEADER, 0, 11, 1),
+    Load(Stage.DATA, 1, 200, 1),
+    Load(Stage.END, 0, 9, 1),
+)
+
+
+def places(*rows):
+    return np.array(rows, dtype=float)
+
+
+class TestPaper:
+    def test_latencies_have_the_means_of_the_stages(self):
+        channel = PaperChannel(PaperModel(), 10.0, 4, seed=1)
+        for load, rate in ((HEADER, 2.67), (DATA, 7.63), (END, 0.51)):
+            seen = [channel.duration_s(Link(0, 1), load, 0.0) for _ in range(4000)]
+            assert statistics.mean(seen) == pytest.approx(1 / rate, rel=0.08)
+            assert statistics.stdev(seen) == pytest.approx(1 / rate, rel=0.1)
+
+    def test_a_frame_of_messages_takes_the_time_of_each_unless_read_otherwise(self):
+        many = Load(Stage.DATA, 20, 3000, 0)
+        by_message = PaperChannel(PaperModel(), 10.0, 4, seed=1)
+        by_frame = PaperChannel(PaperModel(piece="frame"), 10.0, 4, seed=1)
+        long = statistics.mean(by_message.duration_s(Link(0, 1), many, 0.0) for _ in range(300))
+        short = statistics.mean(by_frame.duration_s(Link(0, 1), many, 0.0) for _ in range(300))
+        assert long == pytest.approx(20 / 7.63, rel=0.1)
+        assert short < long / 10
+
+    def test_contact_is_nearer_than_the_radius_horizontally(self):
+        channel = PaperChannel(PaperModel(), 10.0, 3, seed=1)
+        far = places((0, 0, 0), (10.0, 0, 60), (30, 0, 0))
+        near = places((0, 0, 0), (9.9, 0, 60), (19.8, 0, 0))
+        assert channel.look(0.0, far) == []
+        assert channel.look(1.0, near) == [(0, 1, True), (1, 2, True)]
+        assert channel.look(2.0, near) == []
+        assert channel.look(3.0, far) == [(0, 1, False), (1, 2, False)]
+
+    def test_one_transmission_at_a_time_in_the_order_that_is_read(self):
+        links = [Link(2, 0), Link(0, 3), Link(0, 1)]
+        fixed = PaperChannel(PaperModel(), 10.0, 4, seed=1)
+        assert sorted(links, key=lambda link: fixed.turn(link, 0.0)) == sorted(links)
+        arrival = PaperChannel(PaperModel(order="arrival"), 10.0, 4, seed=1)
+        ready = dict(zip(links, (3.0, 1.0, 2.0), strict=True))
+        turns = sorted(links, key=lambda link: arrival.turn(link, ready[link]))
+        assert turns == [Link(0, 3), Link(0, 1), Link(2, 0)]
+        chance = PaperChannel(PaperModel(order="random"), 10.0, 4, seed=1)
+        orders = {tuple(sorted(links, key=lambda link: chance.turn(link, 0.0))) for _ in range(60)}
+        assert orders == set(itertools.permutations(links))
+        assert fixed.pick(links, [Link(1, 3)]) is None
+        assert fixed.pick(links, []) == 0
+
+
+class TestPathLoss:
+    @pytest.fixture
+    def channel(self):
+        return PathLossChannel(PathLossModel(shadowing_db=0.0), TOWN, NAMES, seed=1)
+
+    def test_a_contact_ends_at_a_weaker_signal_than_it_begins(self, channel):
+        def changes(now_s, apart_m):
+            # Along the main street, between antennas near the ground.
+            street = places((0, 999, 0.5), (0, 1999, 0.5), (-30, 3, 0.5), (apart_m - 30, 3, 0.5))
+            assert channel._buildings.loss_db(street[2], street[3]) == 0.0
+            return channel.look(now_s, street)
+
+        # -75 dBm at 32 m, -78 dBm at 41 m.
+        assert changes(0.0, 36.0) == []
+        assert changes(1.0, 30.0) == [(2, 3, True)]
+        assert changes(2.0, 36.0) == []
+        assert changes(3.0, 44.0) == [(2, 3, False)]
+        assert changes(4.0, 36.0) == []
+
+    def test_buildings_cut_contacts(self, channel):
+        street = places((-30, 3, 0.5), (-30, 3, 60), (-20, 3, 0.5), (0, 3, 0.5))
+        up = {(change.a, change.b) for change in channel.look(0.0, street)}
+        assert (0, 2) in up
+        assert (0, 1) in up
+        ring = next(ring for ring in TOWN.buildings)
+        west = min(p.east_m for p in ring)
+        east = max(p.east_m for p in ring)
+        north = sum(p.north_m for p in ring) / len(ring)
+        blocked = places((0, 0, 0.5), (0, 0, 60), (west - 1, north, 0.5), (east + 1, north, 0.5))
+        down = {(change.a, change.b) for change in channel.look(1.0, blocked) if not change.up}
+        assert (0, 2) in down
+        assert channel._buildings.loss_db(blocked[2], blocked[3]) > 3.0
+
+    def test_near_links_are_faster_and_far_ones_do_not_disturb_each_other(self, channel):
+        apart = places((-170, 30, 0.5), (-165, 30, 0.5), (60, -100, 0.5), (66, -100, 0.5))
+        channel.look(0.0, apart)
+        a, b = Link(0, 1), Link(3, 2)
+        assert channel.pick([b], [a]) == 0
+        assert channel.pick([Link(1, 0), b], [a]) == 1
+        together = apart.copy()
+        together[2:, :2] = (-160, 30), (-158, 30)
+        channel.look(1.0, together)
+        assert channel.pick([b], [a]) is None
+        load = Load(Stage.DATA, 1, 100_000, 0)
+        assert channel.duration_s(b, load, 1.0) < channel.duration_s(Link(0, 3), load, 1.0)
+
+
+class TestTrace:
+    CSV = (
+        "t_s,a,b,up,rssi_dbm,rate_bytes_s\n"
+        "0,uav01,ugv01,1,,50000\n"
+        "5,ugv02,ugv01,,-60,\n"
+        "9,ugv01,uav01,false,,\n"
+    )
+
+    def test_it_is_replayed_whatever_robots_do(self, tmp_path):
+        path = tmp_path / "field.csv"
+        path.write_text(self.CSV)
+        channel = TraceChannel(TraceModel(path=path), NAMES)
+        nowhere = places(*[(0, 0, 0)] * 4)
+        assert channel.look(0.0, nowhere) == [(1, 2, True)]
+        assert channel.duration_s(Link(2, 1), Load(Stage.DATA, 1, 100_000, 0), 0.0) == 2.0
+        assert channel.look(6.0, nowhere) == [(2, 3, True)]
+        assert channel.pick([Link(3, 2)], [Link(1, 2)]) is None
+        assert channel.look(9.0, nowhere) == [(1, 2, False)]
+        assert channel.pick([Link(0, 1)], [Link(3, 2)]) == 0
+
+    def test_json_lines_say_the_same(self, tmp_path):
+        path = tmp_path / "field.jsonl"
+        path.write_text('{"t_s": 0, "a": "uav01", "b": "ugv01", "up": true}\n\n')
+        channel = TraceChannel(TraceModel(path=path, rate_bytes_s=1e5), NAMES)
+        assert channel.look(0.0, places()) == [(1, 2, True)]
+        assert channel.duration_s(Link(1, 2), Load(Stage.DATA, 1, 10_000, 1), 0.0) == 0.11
+
+    def test_every_problem_is_told_with_its_line(self, tmp_path):
+        path = tmp_path / "wrong.csv"
+        rows = [
+            "1,uav01,uav01,1,,",
+            "1,uav01,europa,1,,",
+            "1,uav01,ugv01,perhaps,,",
+            "1,uav01,ugv01,,,",
+            "1,uav01,ugv01,1,,0",
+            "x,uav01,ugv01,1,,",
+            "2,uav01,ugv01,1,,",
+            "1,uav01,ugv01,1,,",
+        ]
+        path.write_text("t_s,a,b,up,rssi_dbm,rate_bytes_s\n" + "\n".join(rows))
+        with pytest.raises(TraceError) as caught:
+            TraceChannel(TraceModel(path=path), NAMES)
+        told = str(caught.value).splitlines()
+        assert [line.split(":")[1] for line in told] == ["2", "3", "4", "5", "6", "7", "9"]
+        for word, line in zip(
+            ("same robot", "europa", "perhaps", "neither", "down", "no number", "rise"),
+            told,
+            strict=True,
+        ):
+            assert word in line
+
+    @pytest.mark.parametrize("text", ["[1]\n", "{\n", '{"t": 1}\n', "\xff\n"])
+    def test_what_is_no_trace_is_refused(self, tmp_path, text):
+        path = tmp_path / "field.jsonl"
+        path.write_text(text, encoding="latin-1")
+        with pytest.raises(TraceError, match=r"field\.jsonl"):
+            TraceChannel(TraceModel(path=path), NAMES)

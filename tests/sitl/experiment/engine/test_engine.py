@@ -1,0 +1,245 @@
+"""Whole runs, small ones: what they are made of, that they repeat, and that nothing is copied."""
+
+import ast
+import dataclasses
+import math
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import air_router.controller.flight_setup
+from air_router.controller.controller import Controller
+from air_router.controller.model.behaviour import State
+from air_router.files.settings import Timers
+from geo.frame import Geodetic, LocalFrame, Point
+from sitl.experiment.channels import paper as channel_paper
+from sitl.experiment.engine.engine import Run, run
+from sitl.experiment.engine.replay import replay
+from sitl.experiment.engine.result import STAGES
+from sitl.experiment.model.settings import PaperModel, RunSettings, TraceModel
+from sitl.experiment.robots import explorer, uav
+from sitl.world import camera
+
+ROOT = Path(__file__).parents[4]
+URBAN = ROOT / "missions" / "urban"
+SMALL = RunSettings(
+    town=URBAN / "town.yaml",
+    mission=URBAN / "mission.yaml",
+    uavs=2,
+    ugvs=3,
+    duration_s=300.0,
+    timers=Timers(init_s=60.0, explore_s=30.0, search_s=5.0, communicate_s=30.0),
+    keep_log=True,
+)
+SEED = 7
+
+
+@pytest.fixture(scope="module")
+def original():
+    return run(SMALL, SEED)
+
+
+@pytest.fixture(scope="module")
+def ours():
+    return run(dataclasses.replace(SMALL, protocol="ours"), SEED)
+
+
+def test_a_run_shows_everything_that_it_promises(original):
+    robots = len(original.robots)
+    assert original.robots == ("base", "uav01", "uav02", "ugv01", "ugv02", "ugv03")
+    assert original.kinds == ("base", "uav", "uav", "ugv", "ugv", "ugv")
+    samples = len(original.sample_times_s)
+    assert samples == 30
+    assert original.positions_m.shape == (samples, robots, 2)
+    assert original.pose_age_s.shape == (samples, robots, robots)
+    assert original.map_age_s.shape == (samples, robots)
+    assert np.all(np.diff(original.known_share) >= 0)
+    assert original.known_share[-1] > 0.1
+    assert original.travelled_m[0] == 0.0
+    assert all(10.0 < metres < 5 * 300 for metres in original.travelled_m[1:])
+    assert {uav for uav, _, _ in original.states} == {"uav01", "uav02"}
+    assert original.decisions > 20
+    assert original.goals_total == 15
+    assert len({visit.goal for visit in original.goals}) == len(original.goals)
+
+
+def test_only_one_robot_sends_at_a_time_and_what_it_sends_is_the_protocol_s(original):
+    rows = original.transmissions
+    order = np.argsort(rows["start_s"], kind="stable")
+    assert np.all(rows["start_s"][order][1:] >= rows["end_s"][order][:-1] - 1e-6)
+    assert np.all(rows["ready_s"] <= rows["start_s"])
+    for exchange in (rows[rows["complete"] & (rows["asking"] == 1) & (rows["answering"] == 0)],):
+        stages = [STAGES[stage] for stage in exchange["stage"]]
+        assert stages[0] == "header"
+        assert "data" in stages
+    ends = rows["complete"] & (rows["stage"] == STAGES.index("end"))
+    assert np.count_nonzero(ends) == original.exchanges_complete > 4
+    assert np.all(rows["messages"][rows["complete"]] == (rows["stage"][rows["complete"]] == 1))
+
+
+def test_ours_brings_more_messages_over_in_less_time_on_the_air(original, ours):
+    def busy_per_message(result):
+        rows = result.transmissions
+        return (rows["end_s"] - rows["start_s"]).sum() / rows["messages"].sum()
+
+    assert busy_per_message(ours) < 0.7 * busy_per_message(original)
+    assert not np.any(ours.transmissions["stage"] == STAGES.index("end"))
+    assert ours.exchanges_complete > 4
+
+
+def test_poses_and_maps_travel(original, ours):
+    for result in (original, ours):
+        ages_s = result.pose_age_s[-1]
+        assert np.all(np.diag(ages_s) == 0)
+        assert np.isfinite(ages_s).mean() > 0.5
+        assert np.all(result.map_age_s[:, 1:3] == 0)
+        assert np.isfinite(result.map_age_s[-1]).any()
+
+
+def test_the_first_uav_explores_and_the_second_only_searches(original):
+    states = {name: [s for uav, _, s in original.states if uav == name] for name in original.robots}
+    assert states["uav01"][0] == "INIT"
+    assert "EXPL" in states["uav01"]
+    assert set(states["uav02"]) <= {"SEARCH", "COMM"}
+
+
+def test_uavs_that_seek_nobody_go_round_and_talk_to_whom_they_pass():
+    result = run(dataclasses.replace(SMALL, passive=True, uavs=1), SEED)
+    assert {state for _, _, state in result.states} == {"INIT"}
+    assert result.exchanges_complete > 0
+
+
+def test_a_log_replays_to_the_same_decisions(original):
+    found = replay(SMALL, original.log)
+    assert found.keys() == {"uav01", "uav02"}
+    assert [each.difference for each in found.values()] == [None, None]
+    assert sum(each.actions for each in found.values()) == original.decisions
+    assert all(each.events > 600 for each in found.values())
+
+
+def test_another_event_would_have_been_decided_on_otherwise(original):
+    log = [line for line in original.log if '"event":{"type":"RobotPose"' not in line]
+    assert len(log) < len(original.log)
+    assert any(each.difference is not None for each in replay(SMALL, log).values())
+
+
+def test_the_same_seed_gives_the_same_log_in_another_process(original):
+    program = (
+        "import pickle, sys; from sitl.experiment.engine.engine import run;"
+        "print(run(pickle.loads(bytes.fromhex(sys.argv[1])), int(sys.argv[2])).digest)"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", program, pickle.dumps(SMALL).hex(), str(SEED)],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONHASHSEED": "12345"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert answer.stdout.strip() == original.digest
+    assert run(SMALL, SEED + 1).digest != original.digest
+
+
+class OtherLibrary:
+    """Mathematics as another C library may have it: off in the last bit, but for square roots."""
+
+    def __getattr__(self, name):
+        function = getattr(math, name)
+        if name not in {"log", "log10", "sin", "cos", "tan", "atan2", "degrees", "radians"}:
+            return function
+        return lambda *values: math.nextafter(function(*values), math.inf)
+
+
+def test_the_last_digits_of_another_machine_change_nothing(original, monkeypatch):
+    for module in (channel_paper, uav, explorer, camera):
+        monkeypatch.setattr(module, "math", OtherLibrary())
+    to_local, to_geodetic = LocalFrame.to_local, LocalFrame.to_geodetic
+
+    def other_to_local(frame, *degrees):
+        place = to_local(frame, *degrees)
+        return Point(place.east_m + 1e-10, place.north_m - 1e-10)
+
+    def other_to_geodetic(frame, place):
+        there = to_geodetic(frame, place)
+        return Geodetic(there.latitude_deg - 1e-14, there.longitude_deg + 1e-14)
+
+    monkeypatch.setattr(LocalFrame, "to_local", other_to_local)
+    monkeypatch.setattr(LocalFrame, "to_geodetic", other_to_geodetic)
+    assert run(SMALL, SEED).digest == original.digest
+
+
+def test_what_was_cut_waits_or_is_given_up_as_the_reading_says():
+    near = dataclasses.replace(SMALL, radius_m=10.0, keep_log=False)
+    cuts = ("hold", "timeout", "drop")
+    held, timed, dropped = (
+        run(dataclasses.replace(near, paper=PaperModel(cut=cut)), SEED) for cut in cuts
+    )
+    assert held.exchanges_broken == 0
+    assert dropped.exchanges_broken > 0
+    assert timed.exchanges_broken > 0
+    cut = dropped.transmissions[~dropped.transmissions["complete"]]
+    assert np.all(cut["messages"] == 0)
+    assert dropped.waits_s.max() < held.waits_s.max()
+
+
+def test_other_channels_and_no_robots_at_all(tmp_path):
+    path = tmp_path / "field.csv"
+    path.write_text("t_s,a,b,up,rssi_dbm,rate_bytes_s\n0,uav01,ugv01,1,,50000\n")
+    trace = dataclasses.replace(
+        SMALL, channel="trace", trace=TraceModel(path=path), duration_s=60.0
+    )
+    result = run(trace, SEED)
+    assert set(np.unique(result.transmissions["asking"])) == {1, 3}
+    radio = dataclasses.replace(SMALL, channel="path_loss", duration_s=60.0, protocol="ours")
+    assert run(radio, SEED).exchanges_complete > 0
+    alone = dataclasses.replace(SMALL, uavs=0, ugvs=0, duration_s=60.0)
+    assert run(alone, SEED).exchanges_complete == 0
+    with pytest.raises(ValueError, match="nobody"):
+        run(dataclasses.replace(alone, base_station=False), SEED)
+    with pytest.raises(ValueError, match="telemetry_s"):
+        run(dataclasses.replace(SMALL, telemetry_s=1.0), SEED)
+    with pytest.raises(ValueError, match="trace"):
+        run(dataclasses.replace(trace, trace=None), SEED)
+
+
+def test_places_are_the_town_s_or_the_seed_s():
+    brief = dataclasses.replace(SMALL, duration_s=1.0)
+    drawn = dataclasses.replace(brief, goals="seed", starts="seed")
+    first, again, other = (Run(drawn, seed) for seed in (1, 1, 2))
+    fixed = Run(brief, 1), Run(brief, 2)
+
+    def places(run):
+        return [robot.position for robot in run.robots.values()]
+
+    assert places(fixed[0]) == places(fixed[1]) == list(fixed[0].town.starts[:3])
+    assert places(first) == places(again) != places(other)
+    assert first.town.goals == again.town.goals != other.town.goals
+    assert len(first.town.goals) == len(fixed[0].town.goals)
+
+
+def test_the_controller_that_flies_here_is_the_one_that_flies_outside():
+    flown = Run(dataclasses.replace(SMALL, duration_s=1.0), SEED).uavs
+    assert [type(uav.controller) for uav in flown] == [Controller, Controller]
+    assert air_router.controller.flight_setup.Controller is Controller
+
+
+def test_nothing_in_the_simulation_is_a_copy_of_the_controller():
+    """No class of its name or made from its parts, no other transition table, no patched method."""
+    parts = {cls.__name__ for cls in Controller.__mro__} - {"object", "ABC"}
+    for path in sorted((ROOT / "sitl").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                names = {node.name, *map(ast.unparse, node.bases)}
+                assert not names & parts, f"{path}:{node.lineno}: {node.name}"
+            if isinstance(node, ast.Dict):
+                keys = {ast.unparse(key) for key in node.keys if key is not None}
+                table = [key for key in keys if "State." in key and "Signal." in key]
+                assert not table, f"{path}:{node.lineno}: a transition table"
+            if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+                assert ast.unparse(node.value) not in parts, f"{path}:{node.lineno}: patched"
+    assert len(State) > 5

@@ -1,0 +1,95 @@
+import math
+from pathlib import Path
+
+import pytest
+
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.loading import load_mission
+from air_router.vehicle.vehicle import FlightMode
+from geo.frame import Point
+from sitl.experiment.robots.flyer import Flyer
+
+MISSION = load_mission(Path(__file__).parents[4] / "missions" / "urban" / "mission.yaml")
+
+
+@pytest.fixture
+def flyer():
+    plan = FlightPlan.of(MISSION)
+    return vehicle(plan)
+
+
+def vehicle(plan):
+    return Flyer(
+        plan,
+        Point(0.0, 0.0),
+        cruise_m=60.0,
+        climb_m_s=1.5,
+        speed_m_s=5.0,
+        acceleration_m_s2=2.0,
+    )
+
+
+def flown(flyer, until_s, step_s=0.5):
+    """Places and speeds on the way, every step."""
+    places = []
+    for number in range(1, round(until_s / step_s) + 1):
+        flyer.fly(number * step_s)
+        places.append((flyer.position, math.hypot(*flyer.velocity_m_s)))
+    return places
+
+
+def test_a_leg_is_straight_at_the_cruise_speed_and_ends_at_rest(flyer):
+    flyer.command(FlyToPoint(Point(60.0, 80.0), 60.0))
+    places = flown(flyer, 26.0)
+    assert all(abs(p.east_m * 0.8 - p.north_m * 0.6) < 0.1 for p, _ in places)
+    assert max(speed for _, speed in places) == pytest.approx(5.0)
+    assert flyer.position == Point(60.0, 80.0)
+    assert flyer.at_rest
+    # The shortest time: 100 m at 5 m/s, and 2.5 s for speeding up and braking.
+    there = next(i for i, (p, _) in enumerate(places) if math.dist(p, (60.0, 80.0)) < 1.0)
+    assert 21.0 <= (there + 1) * 0.5 <= 24.0
+
+
+def test_modes_and_items_are_what_was_asked_for(flyer):
+    flyer.command(FlyToNode(3, Point(20.0, 0.0)))
+    flyer.fly(2.0)
+    telemetry = flyer.telemetry()
+    assert (telemetry.mode, telemetry.item) == (FlightMode.MISSION, 5)
+    flyer.command(HoldHere("to see"))
+    flyer.fly(10.0)
+    assert (flyer.telemetry().mode, flyer.telemetry().item) == (FlightMode.HOLD, None)
+    assert flyer.at_rest
+    assert flyer.position.east_m < 12.0  # it stopped on its way
+
+
+def test_a_turn_takes_no_more_than_the_acceleration(flyer):
+    flyer.command(FlyToPoint(Point(50.0, 0.0), 60.0))
+    flyer.fly(6.0)
+    flyer.command(FlyToPoint(Point(-50.0, 0.0), 60.0))
+    before = flyer.velocity_m_s
+    for number in range(1, 100):
+        flyer.fly(6.0 + number * 0.1)
+        change = math.dist(flyer.velocity_m_s, before)
+        assert change <= 0.2 + 1e-6
+        before = flyer.velocity_m_s
+    flyer.fly(60.0)
+    assert flyer.position == Point(-50.0, 0.0)
+
+
+def test_it_flies_the_same_however_often_it_is_asked(flyer):
+    other = vehicle(FlightPlan.of(MISSION))
+    for each in (flyer, other):
+        each.command(FlyToPoint(Point(33.3, -12.1), 60.0))
+    flown(flyer, 9.0, 0.1)
+    flown(other, 9.0, 0.5)
+    assert math.dist(flyer.position, other.position) < 0.01
+
+
+def test_it_takes_off_straight_up(flyer):
+    assert not flyer.telemetry().in_air
+    flyer.fly(20.0)
+    assert (flyer.telemetry().in_air, flyer.telemetry().altitude_m) == (True, 30.0)
+    assert flyer.position == Point(0.0, 0.0)
+    flyer.fly(60.0)
+    assert flyer.altitude_m == 60.0

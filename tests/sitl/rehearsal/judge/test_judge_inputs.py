@@ -1,0 +1,226 @@
+"""The judge in the companion's seat: by hand, what was heard, and what was not made of it."""
+
+import dataclasses
+
+import pytest
+
+from sitl.rehearsal.judge.evidence import Happening, What, WireMessage
+from sitl.rehearsal.judge.judge_flight import judge
+from tests.sitl.rehearsal.judge.test_judge import (
+    FRAME,
+    MISSION,
+    ROUND,
+    TEXT,
+    THROUGH,
+    evidence,
+    goto,
+    track,
+)
+
+FLOWN = track((*ROUND, *ROUND))
+HOVERS = [*FLOWN[:1400], *[FLOWN[1400]] * 400, *FLOWN[1400:]]
+"""Stands from 70 s to 90 s."""
+
+
+def heard(states):
+    """What a vehicle says five times a second: where it is, and that all is well."""
+    for number in range(0, len(states), 4):
+        at_s = number * 0.05
+        east, north, above, *_ = states[number]
+        moved = states[max(number - 1, 0)][:2] != (east, north)
+        lat, lon = FRAME.degrees(east, north)
+        clock = {"time_boot_ms": number * 50}
+        place = {
+            "lat": round(lat * 1e7),
+            "lon": round(lon * 1e7),
+            "alt": round((6.7 + above) * 1e3),
+        }
+        speed = {"vx": 500 if moved else 0, "vy": 0}
+        for name, fields in (
+            ("GLOBAL_POSITION_INT", {**clock, **place, **speed}),
+            ("GPS_RAW_INT", {"time_usec": number * 50_000, "fix_type": 3}),
+            ("SYS_STATUS", {"battery_remaining": 80}),
+            ("HEARTBEAT", {"system_status": 4, "custom_mode": MISSION}),
+            ("MISSION_CURRENT", {"seq": 1}),
+            ("EXTENDED_SYS_STATE", {"landed_state": 2}),
+        ):
+            yield WireMessage(at_s, 1, 1, 0, name, fields)
+
+
+def flight(states=FLOWN, spoil=lambda message: message, **others):
+    """A flight of which every message that was heard is spoilt; None: it was not."""
+    told = [m for m in map(spoil, heard(states)) if m is not None]
+    return dataclasses.replace(evidence(states, **others), heard=tuple(told))
+
+
+def between(begin_s, end_s, *names, **fields):
+    """Spoils these messages in this time: other fields, or, without any, not heard."""
+
+    def spoil(message):
+        if not begin_s <= message.time_s < end_s or (names and message.name not in names):
+            return message
+        return dataclasses.replace(message, fields={**message.fields, **fields}) if fields else None
+
+    return spoil
+
+
+def frozen(begin_s, end_s):
+    """The place that was heard last, while its clock and its velocity go on."""
+    last = {}
+
+    def spoil(message):
+        if message.name != "GLOBAL_POSITION_INT":
+            return message
+        if not begin_s <= message.time_s < end_s:
+            last.update({key: message.fields[key] for key in ("lat", "lon", "alt")})
+            return message
+        return dataclasses.replace(message, fields={**message.fields, **last})
+
+    return spoil
+
+
+def found(evidence):
+    return {violation.kind for violation in judge(evidence).violations}
+
+
+def test_a_flight_that_heard_all_is_good():
+    assert found(flight()) == set()
+
+
+POSITION, FIX = "GLOBAL_POSITION_INT", "GPS_RAW_INT"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "wrong", "words"),
+    [
+        (between(70.0, 85.0), {"told"}, "nothing heard from the vehicle for 3 s"),
+        (between(70.0, 74.0, POSITION), set(), ""),
+        (between(70.0, 76.0, "SYS_STATUS"), set(), ""),
+        (between(70.0, 85.0, "SYS_STATUS"), {"told"}, "battery not heard for 5 s"),
+        (between(70.0, 85.0, "EXTENDED_SYS_STATE"), {"told"}, "landed state not heard for 5 s"),
+        (between(70.0, 85.0, "MISSION_CURRENT"), {"told"}, "plan item not heard for 5 s"),
+        (between(70.0, 85.0, "HEARTBEAT"), {"told"}, "heartbeat not heard; flight mode as well"),
+        (between(70.0, 75.0, FIX, fix_type=1), {"told"}, "GPS has lost its fix: holding"),
+        (between(70.0, 75.0, "HEARTBEAT", system_status=5), {"told"}, "hands off: a failsafe"),
+    ],
+)
+def test_what_is_missing_is_said(spoil, wrong, words):
+    assert found(flight(spoil=spoil)) == wrong
+    status = "INIT   |  3 s left | battery, GPS, item, position"
+    assert found(flight(spoil=spoil, said=[(71.0, status)])) == wrong
+    assert found(flight(spoil=spoil, said=[(73.0, words)])) == set()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (between(69.0, 85.0, POSITION), "position not heard for 2 s: holding"),
+        (frozen(69.0, 85.0), "position not heard for 2 s: holding"),
+        (between(60.0, 85.0, FIX), "GPS status not heard for 5 s"),
+        (between(69.0, 85.0, FIX, fix_type=0), "GPS has lost its fix: holding"),
+    ],
+)
+def test_what_is_said_is_done_as_well(spoil, words):
+    said = [(68.0, words), (71.0, words)]
+    assert found(flight(spoil=spoil, said=said)) == {"blind"}
+    assert found(flight(HOVERS, spoil, said=said)) == set()
+
+
+def test_a_fix_that_is_back_for_three_seconds_is_back():
+    said, leg = [(70.5, "GPS has lost its fix: holding")], goto(78.0, 60, 0)
+    first, later = (between(s, s + 4.0, FIX, fix_type=1) for s in (70.0, 78.1))
+    assert found(flight(HOVERS, lambda m: later(first(m)), said=said, more=[leg])) == set()
+    flickers = [between(s, s + 2.0, FIX, fix_type=1) for s in range(70, 84, 4)]
+
+    def spoil(message):
+        for each in flickers:
+            message = each(message)
+        return message
+
+    assert found(flight(HOVERS, spoil, said=said, more=[leg])) == {"blind"}
+
+
+def test_no_leg_begins_from_a_place_that_is_not_known():
+    said = [(71.0, "position not heard for 2 s: holding")]
+    spoil, leg = between(69.0, 85.0, POSITION), goto(80.0, 60, 0)
+    assert found(flight(HOVERS, spoil, said=said, more=[leg])) == {"blind"}
+    assert found(flight(HOVERS, said=said, more=[leg])) == set()
+
+
+def test_without_its_battery_it_comes_home_though_it_says_so():
+    said = [(30.0, "battery not heard for 5 s: coming home at 30 s")]
+    long = track(ROUND * 5)
+    spoil = between(25.0, 300.0, "SYS_STATUS")
+    assert found(flight(long, spoil, said=said)) == {"home"}
+
+
+def test_at_the_reserve_it_says_so_and_comes_home():
+    spoil = between(40.0, 300.0, "SYS_STATUS", battery_remaining=24)
+    long = track(ROUND * 5)
+    assert found(flight(long, spoil)) == {"told", "home"}
+    said = [(41.0, "coming home: battery at 24%")]
+    assert found(flight(long, spoil, said=said)) == {"home"}
+    assert found(flight(track(ROUND), spoil, said=said)) == set()
+
+
+def test_a_breach_is_said_also_to_the_pilot_who_flies_it():
+    states, taken = track(THROUGH, speed=2.0), (Happening(15.0, What.PILOT, "POSCTL"),)
+    breach = flight(states, faults=("PILOT",), happenings=taken, code=6)
+    hands_off = (16.0, "hands off: the pilot chose Position mode")
+    silent = dataclasses.replace(breach, lines=flight(said=[hands_off]).lines)
+    assert found(silent) == {"told"}
+    said = [hands_off, (43.0, "breach of shed"), (63.0, "breach of shed")]
+    assert found(dataclasses.replace(breach, lines=flight(said=said).lines)) == set()
+
+
+def test_an_altitude_that_nothing_can_have_flown_to_is_said():
+    def spoil(message):
+        if message.name != POSITION or not 70.0 <= message.time_s < 90.0:
+            return message
+        fields = {**message.fields, "alt": message.fields["alt"] + 6000}
+        return dataclasses.replace(message, fields=fields)
+
+    cruises = (43.0, "43.0 s  READY -> INIT")
+    assert found(flight(spoil=spoil, said=[cruises])) == {"told"}
+    said = [cruises, (70.5, "the altitude jumped from 40 to 46 m"), (90.5, "the altitude jumped")]
+    assert found(flight(spoil=spoil, said=said)) == set()
+
+
+@pytest.mark.parametrize(
+    ("said", "wrong"),
+    [
+        ("not reloaded: mission.yaml:9: the zone has two corners", set()),
+        ("not reloaded: its fences and no-fly zones are as they were", {"told"}),
+        ("SEARCH -> COMM", {"told"}),
+    ],
+)
+def test_a_changed_file_that_is_not_taken_is_spoken_of(said, wrong):
+    drawn = TEXT + "  - {name: new, polygon: [[300, 55], [303, 55], [303, 80], [300, 80]]}\n"
+
+    def left(text):
+        return (Happening(74.0, What.FILE_LEFT, (70.0, text)),)
+
+    assert found(flight(said=[(72.0, said)], happenings=left(drawn))) == wrong
+    assert found(flight(said=[(72.0, said)], happenings=left(TEXT))) == set()
+
+
+def test_a_companion_that_stood_still_says_nothing():
+    still = (Happening(69.0, What.STOPPED), Happening(88.0, What.CONTINUED))
+    assert found(flight(spoil=between(70.0, 88.0), happenings=still)) == set()
+
+
+@pytest.mark.parametrize("states", [track(land=False), FLOWN[:20]])
+def test_landed_at_home_is_said_of_nothing_else(states):
+    assert "told" in found(flight(states, said=[(10.0, "landed at home")], code=1))
+
+
+def test_a_silent_link_and_the_way_home_are_measured_by_the_companions_own_clock():
+    said = [(84.0, "nothing heard from the vehicle for 3 s")]
+    silent = flight(spoil=between(70.0, 100.0), said=said)
+    assert found(silent) == {"told"}
+    assert found(dataclasses.replace(silent, speed=5.0)) == set()
+    said = [(46.0, "GPS status not heard for 5 s: holding at 10 s")]
+    spoil = between(41.0, 73.0, FIX)
+    for leg_s, wrong in ((60.0, {"blind"}), (68.5, set())):
+        stands = [*FLOWN[:950], *[FLOWN[950]] * 460, *FLOWN[950:]]
+        assert found(flight(stands, spoil, said=said, more=[goto(leg_s, 60, 0)])) == wrong

@@ -1,0 +1,142 @@
+"""A small part of `make rehearse`: the real flight program in simulated time."""
+
+import asyncio
+import math
+import pickle
+from pathlib import Path
+
+import pytest
+
+from sitl.rehearsal.command import fly
+from sitl.rehearsal.faults import FLIGHTS, PHASES, Fault, Scene, scenes
+from sitl.rehearsal.judge.acceptance import ACCEPTED, End
+from sitl.rehearsal.judge.evidence import What
+from sitl.rehearsal.judge.judge_flight import Verdict
+from sitl.rehearsal.judge.judge_track import By, Violation
+from sitl.rehearsal.misfortunes import Misfortune
+from sitl.rehearsal.report import table
+from sitl.rehearsal.script import stage_of
+from sitl.rehearsal.stand_ins.loop import SimulatedLoop
+
+VALUE = {"pilot": "AUTO_LOITER", "kill": None, "reboot": 1.0, "disarm": True}
+LAST = tuple(VALUE)
+PENNOVATION = Path(__file__).parents[3] / "missions" / "pennovation" / "mission.yaml"
+
+
+@pytest.mark.parametrize(
+    ("fault", "seed", "end"),
+    [
+        (Fault.BURSTS, 2, End.LANDED),
+        (Fault.RELOAD, 3, End.LANDED),
+        (Fault.PILOT, 2, End.PILOT),
+        (Fault.UPLOAD, 1, End.STAYED),
+        (Fault.TWO, 298, End.LANDED),  # nothing is heard of the start that it was told
+    ],
+)
+def test_the_real_program_brings_it_home_or_leaves_it_to_the_pilot(fault, seed, end):
+    verdict = fly(PENNOVATION, Scene(fault, seed))
+    assert verdict.good, [*map(str, verdict.violations)]
+    assert verdict.end is end
+
+
+def test_the_same_seed_is_the_same_flight():
+    first, second = (stage_of(Scene(Fault.LOSS_5, 8), PENNOVATION).fly() for _ in range(2))
+    assert first.samples == second.samples
+    assert [(m.time_s, m.name, m.delivered) for m in first.messages] == [
+        (m.time_s, m.name, m.delivered) for m in second.messages
+    ]
+    assert first.lines == second.lines
+
+
+def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later():
+    evidence = stage_of(Scene(Fault.STOPPED, 4), PENNOVATION).fly()
+    stopped, going = (
+        next(h.time_s for h in evidence.happenings if h.what is what)
+        for what in (What.STOPPED, What.CONTINUED)
+    )
+    assert going > stopped
+    said = [m.time_s for m in evidence.messages if m.component == 191]
+    assert not [at_s for at_s in said if stopped < at_s < going]
+    assert max(said) > going
+    samples = [s for s in evidence.samples if stopped < s.time_s < going]
+    assert len(samples) == pytest.approx((going - stopped) * 25, abs=2)
+
+
+def test_whatever_can_happen_happens(monkeypatch):
+    """Every misfortune that any scene has, one after the other in a single flight."""
+    kinds = {m.what: m for s in scenes() for m in s.misfortunes() if m.what not in LAST}
+    happen = [m._replace(at_s=30.0 + 2.0 * n, phase="armed") for n, m in enumerate(kinds.values())]
+    end_s = happen[-1].at_s
+    happen += [
+        Misfortune(end_s + 5.0 * n, what, VALUE.get(what), "armed")
+        for n, what in enumerate(LAST, 1)
+    ]
+    monkeypatch.setattr(Scene, "misfortunes", lambda _: list(happen))
+    evidence = stage_of(Scene(Fault.NONE, 0), PENNOVATION).fly()
+    told = {h.value for h in evidence.happenings if h.what is What.FAULT}
+    assert told >= {*kinds, *LAST} - {"reject"}
+    assert {What.PILOT, What.HOME_MOVED, What.KILLED, What.DISARMED} <= {
+        h.what for h in evidence.happenings
+    }
+
+
+def test_every_fault_has_flights_words_and_a_row_of_the_judge():
+    whole = scenes()
+    assert {scene.fault for scene in whole} == set(Fault) == set(FLIGHTS)
+    assert {fault.name for fault in Fault} - {"TWO"} <= set(ACCEPTED)
+    assert all(len(scene.faults) == 2 for scene in whole if scene.fault is Fault.TWO)
+    assert pickle.loads(pickle.dumps(whole)) == whole  # noqa: S301 - our own
+
+
+def test_misfortunes_come_in_every_phase_of_a_flight():
+    begins = {Scene(Fault.PILOT, seed).misfortunes()[0].phase for seed in range(12)}
+    assert begins == {*PHASES, "armed"}
+    assert all(
+        misfortune.at_s >= 0
+        for scene in scenes()
+        for misfortune in scene.misfortunes()
+        if math.isfinite(misfortune.at_s)
+    )
+
+
+class Calendar:
+    """A world in which one thing happens, at noon."""
+
+    now_s = 0.0
+
+    def __init__(self, noon_s, happen):
+        self._noon_s = noon_s
+        self._happen = happen
+
+    def advance(self, until_s):
+        if self.now_s < self._noon_s <= until_s:
+            self.now_s = self._noon_s
+            return [self._happen]
+        self.now_s = until_s
+        return []
+
+
+def test_a_simulated_loop_waits_without_waiting():
+    heard = asyncio.Event()
+    loop = SimulatedLoop(Calendar(3600.0, heard.set))
+
+    async def script():
+        await asyncio.sleep(1800.0)
+        before_s = loop.time()
+        await heard.wait()
+        assert await asyncio.to_thread(str, 1) == "1"
+        return before_s, loop.time()
+
+    assert loop.run_until_complete(script()) == pytest.approx((1800.0, 3600.0))
+    loop.close()
+
+
+def test_the_table():
+    bad = (Violation(10.0, "room", "0.5 m inside"),)
+    verdicts = [
+        ("GUSTS", Verdict("GUSTS-0", frozenset({"GUSTS"}), End.LANDED, (), {By.OURS: 6.2})),
+        ("GUSTS", Verdict("GUSTS-1", frozenset({"GUSTS"}), End.NOT, bad, {By.OURS: -0.5})),
+    ]
+    text = table(verdicts, {"GUSTS": "gusty wind"})
+    assert "| gusty wind | 2 | 1 | 1 | -0.5 m | 1 |" in text
+    assert "**all**" in text

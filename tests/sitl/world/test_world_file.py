@@ -1,0 +1,208 @@
+import dataclasses
+import itertools
+import math
+from pathlib import Path
+
+import pytest
+
+from air_router.gossip.mapper import Mapper
+from air_router.mission.loading import load_mission
+from geo.airspace.zone import Band, Circle, Zone
+from geo.frame import Point
+from geo.grid import GridPatch, Terrain
+from geo.validity import Validity
+from mocha_link.team.document import DocumentError
+from mocha_link.team.team import Team
+from sitl.team.team import crew_of, make_world
+from sitl.world.ugv import GroundRobot
+from sitl.world.world_file import load_world
+
+MISSIONS = Path(__file__).parents[3] / "missions"
+ROBOTS = ("callisto", "europa", "io")
+
+
+@pytest.fixture(scope="module")
+def pennovation():
+    return load_mission(MISSIONS / "pennovation" / "mission.yaml")
+
+
+@pytest.fixture(scope="module")
+def urban():
+    return load_mission(MISSIONS / "urban" / "mission.yaml")
+
+
+def load(tmp_path, mission, text, robots=ROBOTS, seed=1):
+    path = tmp_path / "world.yaml"
+    path.write_text(text)
+    return load_world(path, mission, robots, seed)
+
+
+def problems_of(tmp_path, mission, text) -> list[str]:
+    with pytest.raises(DocumentError) as caught:
+        load(tmp_path, mission, text)
+    return [f"{p.line}:{p.column}: {p.message}" for p in caught.value.problems]
+
+
+@pytest.mark.parametrize("name", ["pennovation", "urban"])
+def test_in_an_hour_of_patrol_no_two_robots_hear_each_other_but_the_vehicle_can(name, request):
+    mission = request.getfixturevalue(name)
+    plan = load_world(MISSIONS / name / "world.yaml", mission, ROBOTS, seed=1)
+    assert set(plan.patrols) == set(ROBOTS)
+    robots = [
+        GroundRobot(name, patrol.patrol, patrol.speed_m_s, start_m=patrol.start_m)
+        for name, patrol in plan.patrols.items()
+    ]
+    closest_m = math.inf
+    for _ in range(3600):
+        for robot in robots:
+            robot.step(1.0)
+        for a, b in itertools.combinations(robots, 2):
+            closest_m = min(closest_m, math.dist(a.position, b.position))
+    assert closest_m > plan.radio.longest_range_m(ground_to_ground=True) + 10
+    height_m = mission.altitude_above_home_m
+    slant_m = plan.radio.range_m(plan.radio.sensitivity_dbm)
+    assert 60 < math.sqrt(slant_m**2 - height_m**2) < 72
+    # wherever a robot is, the vehicle finds it from one of its waypoints, with room to spare
+    trigger_m = math.sqrt(plan.radio.range_m(-75.0) ** 2 - height_m**2)
+    for plan_of_robot in plan.patrols.values():
+        for metres in range(int(plan_of_robot.patrol.length_m)):
+            here = plan_of_robot.patrol.at(metres).position
+            assert min(math.dist(here, w.position) for w in mission.waypoints) < trigger_m - 20
+
+
+@pytest.mark.parametrize("name", ["pennovation", "urban"])
+def test_the_shipped_worlds_fit_the_vehicles_map(name, request):
+    mission = request.getfixturevalue(name)
+    team = Team.load(mission.team)
+    plan = load_world(MISSIONS / name / "world.yaml", mission, ROBOTS, seed=1)
+    world = make_world(mission, team, crew_of(mission, team), plan)
+    assert set(Terrain) - {Terrain.UNKNOWN, Terrain.HUMAN, Terrain.GRAVEL} == {
+        Terrain(value) for value in set(world.settings.raster.cells.flat)
+    }
+    mapper = Mapper(mission)
+    patch = plan.camera.look(
+        world.settings.raster, mission.home, mission.altitude_above_home_m, 20.0
+    )
+    assert isinstance(patch, GridPatch)
+    assert mapper.paint(patch.encode())
+    assert mapper.known_cells > 2000
+
+
+def test_without_a_file_robots_patrol_legal_places_far_apart(pennovation):
+    plan = load_world(None, pennovation, ROBOTS, seed=7)
+    ground = pennovation.airspace.as_drawn()
+    for robot in plan.patrols.values():
+        for start, end in robot.patrol.legs():
+            assert ground.leg_clear(start, end)
+        assert 0 < robot.speed_m_s <= 1.5
+    first = [robot.patrol.stops[0] for robot in plan.patrols.values()]
+    assert min(math.dist(a, b) for a, b in itertools.combinations(first, 2)) > 100
+    assert len(plan.scene.buildings) == len(pennovation.zones)
+
+
+def test_zones_of_the_air_are_no_buildings(pennovation):
+    shape, mast = pennovation.zones[0].shape, Circle(Point(0.0, 0.0), 5.0)
+    zones = (
+        Zone("house", shape),
+        Zone("airway", shape, band=Band(lower_m=60)),
+        Zone("on Sundays", shape, validity=Validity(())),
+        Zone("mast", mast, band=Band(-20, 30)),
+    )
+    plan = load_world(None, dataclasses.replace(pennovation, zones=zones), ROBOTS, seed=7)
+    assert plan.scene.buildings == (shape.ring, mast.corners)
+
+
+def test_the_seed_chooses_the_default_world(pennovation):
+    def stops(seed):
+        plan = load_world(None, pennovation, ROBOTS, seed)
+        return [robot.patrol.stops for robot in plan.patrols.values()], plan.radio.seed
+
+    assert stops(3) == stops(3)
+    assert stops(3) != stops(4)
+
+
+def test_robots_that_the_file_does_not_mention_stay_away_from_those_it_does(tmp_path, urban):
+    text = "coordinates: local\nrobots:\n  io: {patrol: [[-133, 34]]}\n"
+    plan = load(tmp_path, urban, text)
+    assert plan.patrols["io"].patrol.stops == (Point(-133, 34),)
+    for name in ("callisto", "europa"):
+        assert math.dist(plan.patrols[name].patrol.stops[0], (-133, 34)) > 100
+
+
+def test_an_empty_file_is_a_default_world(tmp_path, pennovation):
+    plan = load(tmp_path, pennovation, "# nothing\n")
+    assert plan.radio.shadowing_db == 0
+    assert plan.scene.roads == ()
+    assert set(plan.patrols) == set(ROBOTS)
+
+
+def test_every_key_arrives(tmp_path, urban):
+    plan = load(
+        tmp_path,
+        urban,
+        """
+coordinates: local
+radio: {tx_power_dbm: 10, reference_loss_db: 41, path_loss_exponent: 3, shadowing_db: 2,
+        ground_to_ground_loss_db: 9, shadowing_interval_s: 5, sensitivity_dbm: -80,
+        reading_interval_s: 0.25, rate_bytes_s: 250000}
+camera: {fov_across_deg: 80, fov_along_deg: 70, min_height_m: 3, interval_s: 2}
+terrain:
+  margin_m: 20
+  roads: [{width_m: 5, points: [[0, 0], [0, 50]]}]
+  vegetation: [[[40, 40], [50, 40], [50, 50]]]
+  buildings: [[[90, 20], [95, 20], [95, 25]]]
+  vehicles: [[1, 2]]
+robots:
+  io: {patrol: [[0, 0], [0, 50]], closed: false, speed_m_s: 1.5, start_m: 10}
+""",
+        seed=9,
+    )
+    assert plan.radio.seed == 9
+    assert plan.radio.rssi_dbm is not None
+    assert (plan.radio.tx_power_dbm, plan.radio.sensitivity_dbm) == (10, -80)
+    assert (plan.reading_interval_s, plan.rate_bytes_s) == (0.25, 250_000)
+    assert (plan.camera.fov_along_deg, plan.picture_interval_s) == (70, 2)
+    assert plan.margin_m == 20
+    assert plan.scene.roads[0].width_m == 5
+    assert plan.scene.vehicles == (Point(1, 2),)
+    assert len(plan.scene.buildings) == 1
+    assert plan.patrols["io"].patrol.at(60).position == pytest.approx((0, 40))
+    assert plan.patrols["io"].start_m == 10
+
+
+def test_all_problems_of_a_file_are_told_at_once_with_their_places(tmp_path, urban):
+    text = """\
+coordinates: local
+terrain:
+  vegetation: [[[0, 0], [1, 1]]]
+  roads:
+    - points: [[0, 0], [1e9, 0]]
+robots:
+  oi: {patrol: [[0, 0]]}
+  io:
+    patrol: [[-10, -25], [40, -25]]
+"""
+    found = problems_of(tmp_path, urban, text)
+    assert len(found) == 4
+    assert found[0].startswith("3:16: cannot be an area: it has 2 different corners")
+    assert found[1].startswith("5:24: ")
+    assert "more than 100 km" in found[1]
+    assert found[2].startswith("7:7: no ground robot 'oi' in the team; use one of callisto, europa")
+    assert found[3].startswith("9:13: the patrol of io drives through the no-fly zone 'east block'")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("robots: {io: {patrol: [[0, 0]], speed_m_s: 2}}", "at most 1.5"),
+        ("robots: {io: {}}", "missing key 'patrol'"),
+        ("radio: {tx_power: 20}", "did you mean 'tx_power_dbm'"),
+        ("camera: {fov_along_deg: '60'}", "must be a number"),
+        ("robots: {io: {patrol: [[-75.2, 139.9]]}}", "latitude comes first"),
+        ("terrain: {roads: [{points: [[0, 0]]}]}", "at least 2"),
+    ],
+)
+def test_a_wrong_value_is_named(tmp_path, pennovation, text, message):
+    found = problems_of(tmp_path, pennovation, text)
+    assert len(found) == 1
+    assert message in found[0]
