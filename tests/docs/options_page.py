@@ -35,9 +35,10 @@ def _commands(parser):
             for command in action.choices.values():
                 yield f"### {command.prog}\n"
                 yield f"{' '.join((command.description or '').split())}\n"
-                rows = [_row(a) for a in command._actions if _told(a)]
+                expand = command._get_formatter()._expand_help
+                rows = [_row(a, expand) for a in command._actions if _told(a)]
                 if rows:
-                    yield "| argument | what |\n|---|---|\n" + "\n".join(rows) + "\n"
+                    yield "\n".join(rows) + "\n"
                 yield from _commands(command)
 
 
@@ -49,7 +50,7 @@ def _told(action):
     )
 
 
-def _row(action):
+def _row(action, expand):
     if action.choices is not None:
         value = "{" + ",".join(map(str, action.choices)) + "}"
     else:
@@ -66,6 +67,5 @@ def _row(action):
             action.nargs, value
         )
     needed = " (needed)" if action.option_strings and action.required else ""
-    said = " ".join((action.help or "").replace("%%", "%").split())
-    cells = (cell.replace("|", "\\|") for cell in (f"`{name}`{needed}", said))
-    return f"| {' | '.join(cells)} |"
+    said = " ".join(expand(action).split()) if action.help else ""
+    return f"* `{name}`{needed}: {said}"
