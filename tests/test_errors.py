@@ -11,15 +11,20 @@ SINGLE_WORDS = {"unreadable"}
 SOURCES = [
     *sorted((ROOT / "air_router").rglob("*.py")),
     *(
-        ROOT / "mocha_link" / f"{name}.py"
-        for name in ("complaint", "document", "port_range", "upstream")
+        ROOT / "mocha_link" / "team" / f"{name}.py"
+        for name in (
+            "complaint",
+            "document",
+            "port_range",
+            "team_file",
+            "upstream",
+            "yaml_readings",
+        )
     ),
-    ROOT / "mocha_link" / "team_file.py",
-    ROOT / "mocha_link" / "yaml_readings.py",
-    ROOT / "geo" / "zone.py",
-    ROOT / "sitl" / "world_file.py",
-    ROOT / "sitl" / "experiment" / "plan_file.py",
-    ROOT / "sitl" / "experiment" / "town_file.py",
+    ROOT / "geo" / "airspace" / "zone.py",
+    ROOT / "sitl" / "world" / "world_file.py",
+    ROOT / "sitl" / "experiment" / "campaign" / "plan_file.py",
+    ROOT / "sitl" / "experiment" / "towns" / "town_file.py",
 ]
 OTHER_THINGS = {"camera.py", "compass.py", "guard.py", "tile_service.py"}
 """Modules whose words with a hyphen name cameras, directions and HTTP headers."""

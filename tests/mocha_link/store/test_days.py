@@ -5,7 +5,7 @@ the robots; then everybody meets everybody twice, and all have to hold the newes
 topic of every robot. Between such rounds they meet now and then, often for too short a time.
 
 What is asked of a team with original nodes is less, because of what their protocol cannot say
-(docs/protocol.md, "What an original node cannot do").
+(docs/compatibility.md, "Faults").
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a peer gets that breaks the rules: docs/protocol.md has a row for each of these.
+"""What a peer gets that breaks the rules: docs/protocol.md sums it up.
 
 Here the peer is a new node. What an original one gets: test_original.py; its bodies, one by one:
 test_payload.py; random and mutated frames: test_hostile.py.
