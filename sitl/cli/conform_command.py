@@ -15,12 +15,12 @@ from urllib.parse import urlsplit
 from air_router.errors import ExitCode, UsageError
 from sitl.cli.vehicle_command import PX4_HOME, speed
 from sitl.conformance.beside import beside
-from sitl.conformance.cases.all_cases import CONVERSATIONS
+from sitl.conformance.case_files import conversations
 from sitl.conformance.conversation import Conversation, Outcome, Start, converse_all
+from sitl.conformance.frames import Frame
 from sitl.conformance.line import Line, Link, SilentVehicleError
 from sitl.conformance.local_line import LocalLine
 from sitl.conformance.udp_line import UdpLine
-from sitl.conformance.words import Frame
 from sitl.mavlink.mavlink_vehicle import VehicleSettings
 from sitl.process.px4_install import Px4Install, find_px4
 from sitl.process.px4_process import Px4Process, Px4Settings
@@ -107,7 +107,7 @@ def _chosen(arguments: argparse.Namespace) -> tuple[Conversation, ...]:
     names = arguments.names
     chosen = tuple(
         conversation
-        for conversation in CONVERSATIONS
+        for conversation in conversations()
         if not names or any(name in conversation.name for name in names)
     )
     if arguments.connect is not None and not names:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from sitl.conformance.flight_steps import Disarmed, TakeOff
+from sitl.conformance.expecting import disarmed, same
+from sitl.conformance.interpreter import Step, play
 from sitl.conformance.line import Line, Link, SilentVehicleError
-from sitl.conformance.parameter_steps import SetParameter, read_value
-from sitl.conformance.plan_steps import ClearAll
-from sitl.conformance.steps import Step
-from sitl.conformance.talk import GROUND_STATION, DepartureError, Talk
+from sitl.conformance.parameters import read_parameter, set_parameter
+from sitl.conformance.plans import KINDS, clear
+from sitl.conformance.session import GROUND_STATION, DepartureError, Session
 from sitl.px4sim.state.px4_modes import FlightMode
 
 _READY: int = 0x10000000  # SYS_STATUS: pre-arm check
@@ -19,15 +19,22 @@ _READY_S: float = 60.0
 _HEARD_S: float = 10.0
 _LANDED_S: float = 120.0
 _SETTLE_S: float = 1.5
-_ARMED: int = 128
+_VERSION: int = 148  # AUTOPILOT_VERSION
+_TO_THE_AIR: tuple[Step, ...] = (
+    {"command": "COMPONENT_ARM_DISARM", "params": (1,)},
+    {"take off": 15.0},
+    {"mode": "AUTO_TAKEOFF"},
+    {"mode": "AUTO_LOITER", "within_s": 35.0},
+    {"wait": 3.0},
+)
 
 
 class Start(Enum):
     """How the vehicle is when a conversation begins."""
 
     BOOT = "just started"
-    GROUND = "on the ground, ready to arm"
-    AIR = "hovers in Hold, 15 m above home"
+    GROUND = "on the ground"  # ready to arm
+    AIR = "in the air"  # hovers in Hold, 15 m above home
 
 
 @dataclass(frozen=True)
@@ -43,7 +50,7 @@ class Conversation:
         start: How the vehicle is before.
         parameters: Set before it begins.
         links: That it needs.
-        until: The last PX4 that does so: (1, 17); None: no end is known.
+        until: The last PX4 that does so: 1, 17; None: no end is known.
         since: The first PX4 that does so.
     """
 
@@ -54,8 +61,8 @@ class Conversation:
     start: Start = Start.GROUND
     parameters: Mapping[str, float] = field(default_factory=dict)
     links: frozenset[Link] = frozenset({Link.API})
-    until: tuple[int, int] | None = None
-    since: tuple[int, int] | None = None
+    until: Sequence[int] | None = None
+    since: Sequence[int] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,25 +92,23 @@ def converse(conversation: Conversation, line: Line) -> Outcome:
     if missing:
         names = ", ".join(link.value for link in missing)
         return Outcome(conversation.name, held=False, departure=f"no {names} link", left_out=True)
-    talk = Talk(line)
-    step: Step | None = None
+    session = Session(line)
+    when = "before it: "
     before: dict[str, float] = {}
     try:
-        unfit = _prepare(conversation, talk, before)
+        unfit = _prepare(conversation, session, before)
         if unfit:
             return Outcome(conversation.name, held=False, departure=unfit, left_out=True)
-        talk.notes.clear()
-        begun_s = talk.now_s
-        for step in conversation.steps:
-            step.play(talk)
-        took_s, notes = talk.now_s - begun_s, tuple(talk.notes)
-        step = None
+        session.notes.clear()
+        begun_s, when = session.now_s, ""
+        play(session, conversation.steps)
+        took_s, notes = session.now_s - begun_s, tuple(session.notes)
+        when = "after it: "
         if not line.fresh:
-            tidy(talk, before)
+            tidy(session, before)
     except (DepartureError, SilentVehicleError) as error:
-        at = f"{type(step).__name__}: " if step is not None else "before or after it: "
         return Outcome(
-            conversation.name, held=False, departure=f"{at}{error}", notes=tuple(talk.notes)
+            conversation.name, held=False, departure=f"{when}{error}", notes=tuple(session.notes)
         )
     return Outcome(conversation.name, held=True, notes=notes, took_s=took_s)
 
@@ -132,95 +137,87 @@ def converse_all(
     return outcomes
 
 
-def _prepare(conversation: Conversation, talk: Talk, before: dict[str, float]) -> str:
+def _prepare(conversation: Conversation, session: Session, before: dict[str, float]) -> str:
     """Bring the vehicle to the start; why it cannot be used, if so.
 
     `before` is filled with the values that the parameters had.
     """
     if conversation.start is Start.BOOT:
-        return "" if talk.line.fresh else "needs a vehicle that was just started"
-    if not talk.line.fresh:
-        tidy(talk, {})
-    _wait_ready(talk)
-    version = _version(talk)
-    talk.two_answers = version <= (1, 17)
-    if conversation.until is not None and version > conversation.until:
+        return "" if session.line.fresh else "needs a vehicle that was just started"
+    if not session.line.fresh:
+        tidy(session, {})
+    _wait_ready(session)
+    version = _version(session)
+    session.two_answers = version <= (1, 17)
+    if conversation.until is not None and version > tuple(conversation.until):
         return f"only up to PX4 {_words(conversation.until)}"
-    if conversation.since is not None and version < conversation.since:
+    if conversation.since is not None and version < tuple(conversation.since):
         return f"only from PX4 {_words(conversation.since)} on"
     for name, value in conversation.parameters.items():
-        if not talk.line.fresh:
-            before[name] = read_value(talk, name)
-        _set(talk, name, value)
+        if not session.line.fresh:
+            before[name] = read_parameter(session, name)
+        _set(session, name, value)
     if conversation.start is Start.AIR:
-        TakeOff().play(talk)
+        play(session, _TO_THE_AIR)
     return ""
 
 
-def tidy(talk: Talk, parameters: Mapping[str, float]) -> None:
+def tidy(session: Session, parameters: Mapping[str, float]) -> None:
     """Bring a vehicle back: on the ground, disarmed, in Hold, without a plan.
 
     Args:
-        talk: With the vehicle.
+        session: With the vehicle.
         parameters: To be set back.
     """
-    talk.streams.clear()
-    talk.beats = {Link.API: GROUND_STATION, Link.GROUND: GROUND_STATION}
-    talk.mark()
-    if not talk.run(_HEARD_S, lambda: talk.newest("HEARTBEAT") is not None):
+    session.streams.clear()
+    session.beats = {Link.API: GROUND_STATION, Link.GROUND: GROUND_STATION}
+    session.mark()
+    if not session.run(_HEARD_S, lambda: session.newest("HEARTBEAT") is not None):
         raise DepartureError("no HEARTBEAT")
-    beat = talk.newest("HEARTBEAT") or {}
-    if beat["base_mode"] & _ARMED:
-        _ask_mode(talk, "AUTO_LAND")
-        Disarmed(_LANDED_S).play(talk)
-    _ask_mode(talk, "AUTO_LOITER")
-    for kind in (0, 1, 2):
-        ClearAll(kind).play(talk)
+    if same(session.newest("HEARTBEAT") or {}, {"armed": True}):
+        _ask_mode(session, "AUTO_LAND")
+        disarmed(session, (0.0, _LANDED_S))
+    _ask_mode(session, "AUTO_LOITER")
+    for kind in KINDS:
+        clear(session, kind)
     for name, value in parameters.items():
-        _set(talk, name, value)
+        _set(session, name, value)
 
 
-def _ask_mode(talk: Talk, name: str) -> None:
+def _ask_mode(session: Session, name: str) -> None:
     main, sub = FlightMode[name].value[:2]
-    fields = {"param1": 1.0, "param2": float(main), "param3": float(sub), "command": 176}
-    talk.say("COMMAND_LONG", **(talk.target | fields))
-    talk.run(_SETTLE_S)
+    session.say("COMMAND_LONG", command="DO_SET_MODE", param1=1.0, param2=main, param3=sub)
+    session.run(_SETTLE_S)
 
 
-def _wait_ready(talk: Talk) -> None:
+def _wait_ready(session: Session) -> None:
     def ready() -> bool:
-        status = talk.newest("SYS_STATUS")
-        beat = talk.newest("HEARTBEAT")
-        known = talk.newest("HOME_POSITION") is not None and bool(talk.track)
+        status = session.newest("SYS_STATUS")
+        beat = session.newest("HEARTBEAT")
+        known = session.newest("HOME_POSITION") is not None and bool(session.track)
         return bool(known and status and beat and status["onboard_control_sensors_health"] & _READY)
 
-    if not talk.run(_READY_S, ready):
+    if not session.run(_READY_S, ready):
         raise DepartureError(f"not ready to arm within {_READY_S:g} s")
-    talk.run(1.0)
+    session.run(1.0)
 
 
-def _version(talk: Talk) -> tuple[int, int]:
-    talk.mark()
-    talk.say(
-        "COMMAND_LONG",
-        target_system=talk.vehicle_id,
-        target_component=1,
-        command=512,
-        param1=148,
-    )
-    talk.run(2.0, lambda: bool(talk.since("AUTOPILOT_VERSION")))
-    talk.run(2.0, lambda: bool(talk.since("COMMAND_ACK")))
-    version = talk.newest("AUTOPILOT_VERSION")
+def _version(session: Session) -> tuple[int, int]:
+    session.mark()
+    session.say("COMMAND_LONG", command="REQUEST_MESSAGE", param1=_VERSION)
+    session.run(2.0, lambda: bool(session.since("AUTOPILOT_VERSION")))
+    session.run(2.0, lambda: bool(session.since("COMMAND_ACK")))
+    version = session.newest("AUTOPILOT_VERSION")
     if version is None:
         raise DepartureError("expected AUTOPILOT_VERSION, heard none")
     number = version["flight_sw_version"]
     return number >> 24 & 0xFF, number >> 16 & 0xFF
 
 
-def _set(talk: Talk, name: str, value: float) -> None:
+def _set(session: Session, name: str, value: float) -> None:
     for answers in (2, 1):
         try:
-            SetParameter(name, value, answers).play(talk)
+            set_parameter(session, name, value, answers)
         except DepartureError:
             if answers == 1:
                 raise
@@ -228,5 +225,5 @@ def _set(talk: Talk, name: str, value: float) -> None:
             return
 
 
-def _words(version: tuple[int, int]) -> str:
+def _words(version: Sequence[int]) -> str:
     return f"{version[0]}.{version[1]}"

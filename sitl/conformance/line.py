@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Protocol
 
-from sitl.conformance.words import Frame
+from sitl.conformance.frames import Frame
 
 
 class Link(Enum):

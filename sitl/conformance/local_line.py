@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from sitl.conformance.frames import Frame, frames
 from sitl.conformance.line import Link
-from sitl.conformance.words import Frame, frames
 from sitl.mavlink.mavlink_vehicle import MavlinkVehicle, VehicleSettings
 
 _NO_FRAMES: Final[list[tuple[Link, Frame]]] = []

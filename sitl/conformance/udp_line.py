@@ -9,8 +9,8 @@ import time
 from collections.abc import Mapping
 from typing import Final
 
+from sitl.conformance.frames import Frame, frames
 from sitl.conformance.line import Link, SilentVehicleError
-from sitl.conformance.words import Frame, frames
 from sitl.mavlink.udp_link import PortInUseError
 
 _LARGEST: Final = 65535

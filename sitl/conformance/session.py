@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
 
+from sitl.conformance.frames import Frame, Speaker
 from sitl.conformance.line import Line, Link
-from sitl.conformance.words import Frame, Speaker
 
 GROUND_STATION: Final = (6, 255, 190)  # MAV_TYPE, system id, component id
 COMPANION: Final = (18, 1, 191)
@@ -62,6 +62,9 @@ class Where:
     east_m: float
     up_m: float
 
+    def __str__(self) -> str:
+        return f"({self.north_m:.1f}, {self.east_m:.1f}, {self.up_m:.1f})"
+
 
 @dataclass(slots=True)
 class Stream:
@@ -73,7 +76,7 @@ class Stream:
     due_s: float = -math.inf
 
 
-class Talk:
+class Session:
     """A conversation with the vehicle at the other end of a line.
 
     Args:
@@ -118,24 +121,17 @@ class Talk:
         """A new exchange begins: `since` looks no further back than here."""
         self._mark = len(self._heard)
 
-    @property
-    def target(self) -> dict[str, Any]:
-        """The vehicle's autopilot, as the fields of a message."""
-        return {"target_system": self.vehicle_id, "target_component": 1}
-
-    def say(
-        self,
-        name: str,
-        link: Link = Link.API,
-        speaker: tuple[int, int] | None = None,
-        **fields: Any,
-    ) -> None:
+    def say(self, name: str, link: Link = Link.API, **fields: Any) -> None:
         """Send one message; where it has a target that is not given, the vehicle is it."""
-        kind, *identity = self.beats.get(link, GROUND_STATION)
-        del kind
-        who = speaker or (identity[0], identity[1])
-        packer = self._speakers.setdefault(who, Speaker(*who))
-        self.line.send(link, packer.pack(name, **fields))
+        _, *sender = self.beats.get(link, GROUND_STATION)
+        packer = self._speakers.setdefault((sender[0], sender[1]), Speaker(*sender))
+        vehicle = {
+            "target": self.vehicle_id,
+            "target_system": self.vehicle_id,
+            "target_component": _AUTOPILOT,
+        }
+        known = {field: value for field, value in vehicle.items() if field in packer.fields(name)}
+        self.line.send(link, packer.pack(name, **(known | fields)))
 
     # Hearing
 
@@ -214,10 +210,9 @@ class Talk:
         now_s = self.now_s
         if now_s - self._beat_s >= _BEAT_S:
             self._beat_s = now_s
-            for link, (kind, system, component) in self.beats.items():
+            for link, (kind, *_) in self.beats.items():
                 if link in self.line.links:
-                    beat = {"type": kind, "autopilot": 8, "mavlink_version": 3}
-                    self.say("HEARTBEAT", link, (system, component), **beat)
+                    self.say("HEARTBEAT", link, type=kind, autopilot=8, mavlink_version=3)
         for stream in self.streams:
             if now_s >= stream.due_s:
                 late = now_s - stream.due_s > stream.interval_s

@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from sitl.mavlink.mavlink_codec import DEFINITIONS, message_name
 from sitl.px4sim.state.notice import Notice, Severity
+from sitl.px4sim.state.px4_modes import FlightMode
 
 _MAGIC, _HEADER, _CHECKSUM, _SIGNATURE = 0xFD, 10, 2, 13
 _OWN: Final = frozenset({"MISSION_CURRENT", "MISSION_COUNT", "MISSION_ACK", "EVENT"})
@@ -65,21 +66,41 @@ class Speaker:
     """Packs messages as one sender."""
 
     def __init__(self, system_id: int, component_id: int) -> None:
-        self.identity = (system_id, component_id)
         self._mavlink = mavlink.MAVLink(None, system_id, component_id)
 
+    @staticmethod
+    def fields(name: str) -> list[str]:
+        """The names of a message's fields."""
+        return list(mavlink.mavlink_map[DEFINITIONS[name].id].fieldnames)
+
     def pack(self, name: str, **fields: Any) -> bytes:
-        """A frame; fields that are not given are zero."""
+        """A frame; fields that are not given are zero, a MAV_CMD may be given by its name."""
         kind = mavlink.mavlink_map[DEFINITIONS[name].id]
         values = []
         for field in kind.fieldnames:
             length = kind.array_lengths[kind.ordered_fieldnames.index(field)]
             text = kind.fieldtypes[kind.fieldnames.index(field)] == "char"
             empty: Any = b"" if text else [0] * length if length else 0
-            values.append(fields.pop(field, empty))
+            value = fields.pop(field, empty)
+            if isinstance(value, str):
+                value = value.encode() if text else command_number(value)
+            values.append(value)
         if fields:
             raise KeyError(f"{name} has no field {', '.join(fields)}")
         return bytes(kind(*values).pack(self._mavlink))
+
+
+def command_number(command: str | int) -> int:
+    """The number of a MAV_CMD by its name, such as `NAV_TAKEOFF`; a number stays itself."""
+    return command if isinstance(command, int) else int(getattr(mavlink, f"MAV_CMD_{command}"))
+
+
+def mode_name(custom_mode: int) -> str:
+    """The name of PX4's mode in a HEARTBEAT.custom_mode."""
+    for mode in FlightMode:
+        if mode.custom_mode == custom_mode:
+            return mode.name
+    return f"{custom_mode >> 16 & 0xFF}/{custom_mode >> 24 & 0xFF}"
 
 
 def event_id(name: str) -> int:

@@ -1,0 +1,209 @@
+"""The steps that expect something to be heard: messages, texts, events, modes; or nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, Final
+
+from sitl.conformance.frames import command_number, event_id, mode_name
+from sitl.conformance.line import Link
+from sitl.conformance.session import DepartureError, Heard, Session
+
+Fields = dict[str, Any]
+_ARMED: Final = 128
+
+# Read out of a message's fields as a case has them: what does not stand there by that name.
+_READINGS: Final[dict[str, Callable[[Fields], Any]]] = {
+    "mode": lambda fields: mode_name(fields["custom_mode"]),
+    "intended": lambda fields: mode_name(fields["intended_custom_mode"]),
+    "armed": lambda fields: bool(fields["base_mode"] & _ARMED),
+}
+
+
+def expect(  # noqa: PLR0913 - what a case may say of a message
+    session: Session,
+    name: str,
+    fields: Fields | None = None,
+    within_s: float = 2.0,
+    *,
+    link: str = "API",
+    times: int = 1,
+    since_s: float = -math.inf,
+) -> None:
+    """A message comes within some seconds, or has come since the exchange began.
+
+    Args:
+        session: With the vehicle.
+        name: Of the message.
+        fields: Values that it is to have; floats within 1e-3 or so.
+        within_s: How long to wait.
+        link: On which link.
+        times: How often, in that time.
+        since_s: Only what comes from then on counts.
+    """
+    wanted = fields or {}
+
+    def come() -> bool:
+        heard = _matching(session, name, wanted, link)
+        return sum(one.at_s >= since_s for one in heard) >= times
+
+    if not session.run(within_s, come):
+        heard = [shorten(one.fields, wanted) for one in session.since(name, Link(link))]
+        raise DepartureError(
+            f"expected {name} {wanted or ''} within {within_s:g} s, heard {heard or 'none'}"
+        )
+
+
+def nothing(
+    session: Session, name: str, for_s: float, fields: Fields | None = None, link: str = "API"
+) -> None:
+    """A message does not come for some seconds, nor has since the exchange began."""
+    session.run(for_s)
+    came = [shorten(one.fields, fields or {}) for one in _matching(session, name, fields, link)]
+    if came:
+        raise DepartureError(f"expected no {name} for {for_s:g} s, heard {came}")
+
+
+def count(
+    session: Session, name: str, fields: Fields, for_s: float, between: tuple[int, int]
+) -> None:
+    """So many messages come in some seconds."""
+    session.run(for_s)
+    number = len(_matching(session, name, fields))
+    which = " ".join(str(value) for value in fields.values())
+    session.notes.append(f"{number} x {name} {which} in {for_s:g} s")
+    if not between[0] <= number <= between[1]:
+        raise DepartureError(f"expected {between[0]} to {between[1]}, heard {session.notes[-1]}")
+
+
+def rates(
+    session: Session,
+    wanted: dict[str, tuple[float, float]],
+    for_s: float = 10.0,
+    link: str = "API",
+) -> None:
+    """Messages come by themselves, so many per second of the vehicle's time, least and most."""
+    before, begun_s = session.counts.copy(), session.now_s
+    session.run(for_s)
+    seconds = session.now_s - begun_s
+    counted = {
+        name: (session.counts[Link(link), name] - before[Link(link), name]) / seconds
+        for name in wanted
+    }
+    session.notes.append(", ".join(f"{name} {rate:.1f}" for name, rate in counted.items()))
+    for name, (least, most) in wanted.items():
+        if not least <= counted[name] <= most:
+            raise DepartureError(
+                f"expected {least:g} to {most:g} {name} a second, counted {counted[name]:.2f}"
+            )
+
+
+def text(session: Session, begin: str, within_s: float = 3.0, link: str = "API") -> None:
+    """A STATUSTEXT begins so, on a link with a ground station."""
+
+    def come() -> bool:
+        return any(one.startswith(begin) for one in session.texts(Link(link)))
+
+    if not session.run(within_s, come):
+        raise DepartureError(f"expected the text '{begin}', heard {session.texts(Link(link))}")
+
+
+def event(session: Session, name: str, within_s: float = 3.0, argument: int | None = None) -> None:
+    """An EVENT comes, by PX4's name of it; its first argument as a byte."""
+    fields: Fields = {"id": event_id(name)}
+    if argument is not None:
+        fields["arguments"] = bytes((argument,))
+    expect(session, "EVENT", fields, within_s)
+
+
+def mode(
+    session: Session,
+    name: str,
+    within_s: float = 2.5,
+    intended: str | None = None,
+    **beat: Any,
+) -> None:
+    """HEARTBEAT shows a mode within some seconds; others before it do not matter.
+
+    Args:
+        session: With the vehicle.
+        name: Of a `FlightMode`.
+        within_s: How long to wait.
+        intended: CURRENT_MODE.intended_custom_mode's mode.
+        beat: What else the HEARTBEAT shows: armed, system_status.
+    """
+    expect(session, "HEARTBEAT", {"mode": name} | beat, within_s, since_s=session.now_s)
+    if intended is None:
+        return
+
+    def shown() -> bool:
+        current = session.newest("CURRENT_MODE")
+        return current is not None and same(current, {"intended": intended})
+
+    if not session.run(2.5, shown):
+        now = session.newest("CURRENT_MODE")
+        raise DepartureError(f"expected {intended} intended, CURRENT_MODE is {now}")
+
+
+def stays_in(session: Session, name: str, for_s: float) -> None:
+    """The mode does not change for some seconds."""
+    mode(session, name)
+    session.mark()
+    session.run(for_s)
+    seen = {mode_name(beat.fields["custom_mode"]) for beat in session.since("HEARTBEAT")}
+    if seen - {name}:
+        raise DepartureError(f"expected {name} for {for_s:g} s, saw {sorted(seen)}")
+
+
+def mission(session: Session, fields: Fields, within_s: float = 2.5) -> None:
+    """MISSION_CURRENT becomes so within some seconds.
+
+    Its mission_state: 1 none, 2 not started, 3 active, 4 paused, 5 complete; mission_mode: 1
+    active, 2 suspended.
+    """
+    expect(session, "MISSION_CURRENT", fields, within_s, since_s=session.now_s)
+
+
+def disarmed(session: Session, between_s: Sequence[float]) -> None:
+    """HEARTBEAT shows that the motors stopped, after a number of seconds within limits."""
+    begun_s = session.now_s
+
+    def stopped() -> bool:
+        beat = session.newest("HEARTBEAT")
+        return beat is not None and same(beat, {"armed": False})
+
+    done = session.run(between_s[1], stopped)
+    took_s = session.now_s - begun_s
+    session.notes.append(f"disarmed after {took_s:.1f} s" if done else "not disarmed")
+    if not done or took_s < between_s[0]:
+        limits = f"{between_s[0]:g} to {between_s[1]:g}"
+        raise DepartureError(f"expected disarming after {limits} s, {session.notes[-1]}")
+
+
+def same(fields: Fields, wanted: Fields) -> bool:
+    """Whether a message has the wanted values."""
+    return all(_equal(_reading(fields, name), name, value) for name, value in wanted.items())
+
+
+def shorten(fields: Fields, wanted: Iterable[str]) -> Fields:
+    """The fields that matter; all of them if none is wanted."""
+    return {name: _reading(fields, name) for name in wanted} or fields
+
+
+def _matching(session: Session, name: str, fields: Fields | None, link: str = "API") -> list[Heard]:
+    return [one for one in session.since(name, Link(link)) if same(one.fields, fields or {})]
+
+
+def _reading(fields: Fields, name: str) -> Any:
+    return fields[name] if name in fields else _READINGS[name](fields)
+
+
+def _equal(value: Any, name: str, wanted: Any) -> bool:
+    if name == "command":
+        return bool(value == command_number(wanted))
+    if isinstance(wanted, bytes):
+        return bytes(value).startswith(wanted)
+    if isinstance(wanted, float):
+        return math.isclose(value, wanted, rel_tol=1e-5, abs_tol=1e-3)
+    return bool(value == wanted)
