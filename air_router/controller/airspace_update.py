@@ -12,14 +12,14 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
-from air_router.controller.control_authority import Handing
+from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.model.actions import HoldHere, Motion, RenewPlan
 from air_router.controller.model.behaviour import Signal, State, knows
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
-from air_router.controller.model.mission_context import Cockpit
-from air_router.controller.motion.command_gate import Helm
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import BRAKING_M_S2, STANDING_M_S, Goal, Progress
-from air_router.controller.states.return_state import Homecoming
+from air_router.controller.states.return_state import ReturnState
 from air_router.controller.targets.exploration import Exploration
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
@@ -44,16 +44,16 @@ class Phase(Enum):
     BOARDING = "the new fence is being put on board"
 
 
-class Renewal:
+class AirspaceUpdate:
     """Takes other zones and fences in, and keeps everything else waiting until they count.
 
     Args:
-        cockpit: The vehicle, and the mission and router that are replaced.
-        helm: Stops the vehicle, and leads it out of a new zone.
+        context: The vehicle, and the mission and router that are replaced.
+        gate: Stops the vehicle, and leads it out of a new zone.
         exploration: Waypoints in a zone, or behind one, are left out of it.
-        handing: A vehicle that is about to be given away is left alone.
-        homecoming: Flies home if the new fence cannot be put on board.
-        heed: Has everything else heed these zones, at once.
+        authority: A vehicle that is about to be given away is left alone.
+        return_state: Flies home if the new fence cannot be put on board.
+        apply: Has everything else heed these zones, at once.
 
     Attributes:
         phase: How far a change is; None if none is under way.
@@ -62,22 +62,22 @@ class Renewal:
 
     def __init__(  # noqa: PLR0913 - a change of zones concerns nearly everything
         self,
-        cockpit: Cockpit,
-        helm: Helm,
+        context: MissionContext,
+        gate: CommandGate,
         exploration: Exploration,
-        handing: Handing,
-        homecoming: Homecoming,
+        authority: ControlAuthority,
+        return_state: ReturnState,
         *,
-        heed: Callable[[Mission, Router], None],
+        apply: Callable[[Mission, Router], None],
     ) -> None:
         self.phase: Phase | None = None
         self.leaving: frozenset[str] = frozenset()
-        self._cockpit = cockpit
-        self._helm = helm
+        self._context = context
+        self._gate = gate
         self._exploration = exploration
-        self._handing = handing
-        self._homecoming = homecoming
-        self._heed = heed
+        self._authority = authority
+        self._return_state = return_state
+        self._apply = apply
         self._prepared: Router | None = None
         self._new: frozenset[str] = frozenset()  # areas that the fence on board does not have yet
         self._way_out: Goal | None = None
@@ -86,14 +86,14 @@ class Renewal:
         self._stuck_until_s = -math.inf
 
     def only_hold(self, motion: Motion) -> Motion | None:
-        """A guard: while zones change, nothing is begun. How to leave one is no guard's matter."""
+        """An interlock: while zones change, nothing is begun but the way out of one."""
         if self.phase is None:
             return motion
         if self.phase is Phase.BOARDING:
             # It is wanted elsewhere than its leg leads, and waits: there, it would not be watched.
-            self._helm.navigator.stop()
+            self._gate.navigator.stop()
             self._has_to_stop = True
-            self._helm.hold("zones are being changed")
+            self._gate.hold("zones are being changed")
         return None
 
     # Other zones.
@@ -107,35 +107,35 @@ class Renewal:
 
     def airspace_changed(self, event: AirspaceChanged) -> None:
         """Heed other zones and fences at once."""
-        cockpit = self._cockpit
-        if cockpit.state is State.DONE:
-            cockpit.say("zones not changed: the flight is over")
+        context = self._context
+        if context.state is State.DONE:
+            context.say("zones not changed: the flight is over")
             return
         if self.phase is Phase.BOARDING:
-            cockpit.say("zones not changed: others are being put on board just now; ask again")
+            context.say("zones not changed: others are being put on board just now; ask again")
             return
-        before, mission = cockpit.mission, cockpit.mission.with_areas(event.fences, event.zones)
+        before, mission = context.mission, context.mission.with_areas(event.fences, event.zones)
         router, self._prepared = self._prepared, None
         if router is None or not _same_areas(router.graph.mission, mission):
             router = Router(WaypointGraph(mission))
         mission = router.graph.mission  # with what was worked out of its airspace elsewhere
-        self._heed(mission, router)
+        self._apply(mission, router)
         self.phase = Phase.CLEARING
         self._what = "the changed fence"
         self._way_out = None
         when = "; they go on board when the mission is resumed" if self._put_off else ""
-        cockpit.say(f"zones changed: {_difference(before, mission)}{when}")
+        context.say(f"zones changed: {_difference(before, mission)}{when}")
         self._bar_waypoints(mission, router)
         self._begin(before, mission)
 
     @property
     def _put_off(self) -> bool:
         """Whether the vehicle is not ours, or not for long."""
-        return self._cockpit.state is State.PASSIVE or self._handing.giving_up is not None
+        return self._context.state is State.PASSIVE or self._authority.giving_up is not None
 
     def _bar_waypoints(self, mission: Mission, router: Router) -> None:
         """Leave out what lies in a zone, or behind one, and say so."""
-        paths, home, say = router.graph.paths, mission.home, self._cockpit.say
+        paths, home, say = router.graph.paths, mission.home, self._context.say
         barred = {
             waypoint.number
             for waypoint in mission.waypoints
@@ -152,12 +152,12 @@ class Renewal:
 
     def _begin(self, before: Mission, now: Mission) -> None:
         """What is done at once, wherever the vehicle is."""
-        telemetry, state = self._cockpit.telemetry, self._cockpit.state
+        telemetry, state = self._context.telemetry, self._context.state
         if state is State.READY and (telemetry is None or not telemetry.armed):
             self._board()
         if telemetry is None or state in {State.READY, State.PASSIVE}:
             return
-        if self._handing.giving_up is not None:
+        if self._authority.giving_up is not None:
             return  # it is told to hold, and given away then
         self._new |= _names_of_new(before, now)
         self.leaving |= self._reached(before, now, telemetry)
@@ -169,23 +169,23 @@ class Renewal:
 
     def _clear_onward(self, telemetry: Telemetry) -> bool:
         """Whether it may fly on to wherever it was sent, also by what it did not confirm."""
-        navigator = self._helm.navigator
-        places = {onward.place for onward in navigator.commanded.bound(telemetry)}
+        navigator = self._gate.navigator
+        places = {setpoint.place for setpoint in navigator.setpoints.pending(telemetry)}
         if navigator.leg is not None and navigator.progress is Progress.FLYING:
             places.add(navigator.leg.to)
         return all(navigator.clear(telemetry, place) for place in places)
 
     def _stop(self, why: str) -> None:
-        self._helm.navigator.stop()
+        self._gate.navigator.stop()
         self._has_to_stop = True
         self.leaving |= self._new  # what it comes into because the hold is late, it leaves
-        self._helm.hold(why)
-        self._cockpit.say(f"holding: {why}")
+        self._gate.hold(why)
+        self._context.say(f"holding: {why}")
 
     def _reached(self, before: Mission, now: Mission, telemetry: Telemetry) -> frozenset[str]:
         """The new zones that the vehicle is in, or may come into before it stands."""
         speed_m_s = max(now.speed_m_s, math.hypot(*telemetry.velocity_m_s))
-        reaction_s = self._helm.navigator.reaction_s
+        reaction_s = self._gate.navigator.reaction_s
         reach_m = _OVERSHOOT * speed_m_s * (reaction_s + speed_m_s / (2 * BRAKING_M_S2))
         known = set(before.zones)
         new = [z for z in now.airspace_at(telemetry.altitude_m).zones if z not in known]
@@ -196,24 +196,24 @@ class Renewal:
 
     def go_on(self, telemetry: Telemetry) -> bool:
         """Go on with a change; whether one is under way, and everything else waits."""
-        helm, custody = self._helm, self._helm.custody
+        gate, commanded_mode = self._gate, self._gate.commanded_mode
         if self.phase is None:
             return False
-        if custody.pending is not None:
+        if commanded_mode.pending is not None:
             return True
-        if self._has_to_stop and custody.last is None:
-            helm.hold("it did not stop")  # it flies on to where zones are now
+        if self._has_to_stop and commanded_mode.last is None:
+            gate.hold("it did not stop")  # it flies on to where zones are now
             return True
         if self.phase is Phase.BOARDING:
-            if helm.navigator.off_its_leg(telemetry):
+            if gate.navigator.off_its_leg(telemetry):
                 self._stop("off the leg, and the rest of it is not clear")
             return True
-        airspace = self._cockpit.mission.airspace_at(telemetry.altitude_m)
+        airspace = self._context.mission.airspace_at(telemetry.altitude_m)
         inside = airspace.holders(telemetry.position)
         if inside or self._way_out is not None:
             self._leave(telemetry, inside)
             return True
-        stopping = isinstance(custody.last, HoldHere)
+        stopping = isinstance(commanded_mode.last, HoldHere)
         if not (stopping and math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S):
             self._board()
         return True
@@ -228,31 +228,31 @@ class Renewal:
 
     def _board(self) -> None:
         self.phase = Phase.BOARDING
-        self._cockpit.do(RenewPlan())
+        self._context.do(RenewPlan())
 
     def _leave(self, telemetry: Telemetry, inside: tuple[str, ...]) -> None:
         """The shortest way out of the zone that was drawn over the vehicle."""
-        cockpit, helm, navigator = self._cockpit, self._helm, self._helm.navigator
+        context, gate, navigator = self._context, self._gate, self._gate.navigator
         if self._way_out is None or navigator.goal is not self._way_out:
             if telemetry.time_s < self._stuck_until_s:
                 return
-            paths, here = cockpit.router.graph.paths, telemetry.position
-            place = paths.nearest(here, reachable_from=cockpit.mission.home)
+            paths, here = context.router.graph.paths, telemetry.position
+            place = paths.nearest(here, reachable_from=context.mission.home)
             if self._way_out is None:
-                cockpit.say(f"leaving {names_of(inside)}")
+                context.say(f"leaving {names_of(inside)}")
             self._way_out = Goal(here if place is None else place)
             self._has_to_stop = False
             motion = navigator.go(self._way_out, telemetry)
-        elif helm.custody.last is None and cockpit.schedule.take_retry():
+        elif gate.commanded_mode.last is None and context.schedule.take_retry():
             motion = navigator.again(telemetry)  # it did not follow
         else:
             motion = navigator.update(telemetry)
         if motion is not None:
-            helm.send(motion)
-        if navigator.progress is Progress.STRANDED:
-            cockpit.say(f"no way out of {names_of(inside)}: {helm.refusal}; fly it out by hand")
+            gate.send(motion)
+        if navigator.progress is Progress.NO_ROUTE:
+            context.say(f"no way out of {names_of(inside)}: {gate.refusal}; fly it out by hand")
             navigator.stop()
-            helm.hold("no way out")
+            gate.hold("no way out")
             self._stuck_until_s = telemetry.time_s + STUCK_S
             self._way_out = None
         elif navigator.progress is Progress.ARRIVED and not inside:
@@ -267,20 +267,20 @@ class Renewal:
         self.leaving = self._new = frozenset()
         self._has_to_stop = False
         # Who knows what plan is on board if it was not renewed.
-        self._helm.navigator.by_points = event.why_not is not None
+        self._gate.navigator.by_points = event.why_not is not None
         if event.why_not is None:
-            self._handing.boarded()
-            self._cockpit.say(f"{self._what} is on board")
+            self._authority.boarded()
+            self._context.say(f"{self._what} is on board")
         else:
-            self._cockpit.say(f"{self._what} is not on board: {event.why_not}")
+            self._context.say(f"{self._what} is not on board: {event.why_not}")
             if self._put_off:
                 self.phase = Phase.CLEARING  # once more when the mission is resumed
                 return
-            if knows(self._cockpit.state, Signal.COME_HOME):
-                self._homecoming.come_home(f"{self._what} is not on board")
+            if knows(self._context.state, Signal.COME_HOME):
+                self._return_state.come_home(f"{self._what} is not on board")
                 return
-        if self._cockpit.in_air:
-            self._cockpit.journey.fly_on()
+        if self._context.in_air:
+            self._context.handler.replan()
 
 
 def _same_areas(one: Mission, other: Mission) -> bool:

@@ -12,11 +12,11 @@ from typing import Final
 
 from air_router.controller.model.actions import HoldHere, Motion, Taker
 from air_router.controller.model.behaviour import Signal, State, knows
-from air_router.controller.model.mission_context import Cockpit
-from air_router.controller.monitor.flight_phase import Launch
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.monitor.flight_phase import FlightPhase
 from air_router.controller.monitor.levelling import Levelling
 from air_router.controller.monitor.safety_monitor import why_not_resumed
-from air_router.controller.motion.command_gate import RETRY_S, Helm
+from air_router.controller.motion.command_gate import RETRY_S, CommandGate
 from air_router.vehicle.vehicle import PlanCompared, PlanReplaced
 
 HOLDS: Final = 6
@@ -34,13 +34,13 @@ class OnBoard(Enum):
     ANOTHER = "another"
 
 
-class Handing:
+class ControlAuthority:
     """Knows whose the vehicle is.
 
     Args:
-        cockpit: Where it signals that somebody else flies, and that we do again.
-        helm: Has it hold.
-        launch: Whether it was handed over to us on the ground.
+        context: Where it signals that somebody else flies, and that we do again.
+        gate: Has it hold.
+        flight_phase: Whether it was handed over to us on the ground.
         levelling: Whether, and how, a vehicle that is taken back gets to the mission's altitude.
 
     Attributes:
@@ -49,13 +49,19 @@ class Handing:
         on_board: Whose the plan on board is.
     """
 
-    def __init__(self, cockpit: Cockpit, helm: Helm, launch: Launch, levelling: Levelling) -> None:
+    def __init__(
+        self,
+        context: MissionContext,
+        gate: CommandGate,
+        flight_phase: FlightPhase,
+        levelling: Levelling,
+    ) -> None:
         self.giving_up: str | None = None
         self.taken_by: Taker | None = None
         self.on_board = OnBoard.OURS
-        self._cockpit = cockpit
-        self._helm = helm
-        self._launch = launch
+        self._context = context
+        self._gate = gate
+        self._flight_phase = flight_phase
         self._levelling = levelling
         self._compares: str | None = None  # what was replaced, while it holds for that
         self._compared_by_s = 0.0
@@ -65,9 +71,9 @@ class Handing:
     @property
     def in_charge(self) -> bool:
         """Whether the vehicle in the air flies by our commands."""
-        if self._cockpit.state is State.READY:
-            return self._launch.handed_over
-        return self._cockpit.state not in {State.PASSIVE, State.DONE}
+        if self._context.state is State.READY:
+            return self._flight_phase.handed_over
+        return self._context.state not in {State.PASSIVE, State.DONE}
 
     @property
     def waits(self) -> bool:
@@ -75,7 +81,7 @@ class Handing:
         return self.giving_up is not None or self._compares is not None
 
     def only_hold(self, motion: Motion) -> Motion | None:
-        """A guard: what is about to be given away, or may follow another plan, is sent nowhere."""
+        """An interlock: what is to be given away, or may follow another plan, is sent nowhere."""
         return None if self.waits else motion
 
     # Away.
@@ -89,15 +95,15 @@ class Handing:
 
     def _hold_at_last(self, why: str) -> None:
         self._holds += 1
-        self._hold_again_s = self._cockpit.now_s + RETRY_S
-        self._helm.command(HoldHere(why))
+        self._hold_again_s = self._context.now_s + RETRY_S
+        self._gate.command(HoldHere(why))
 
     def check(self) -> None:
         """Say the hold again that was lost, or let go at last."""
-        custody, now_s = self._helm.custody, self._cockpit.now_s
-        if not self.waits or custody.pending is not None:
+        commanded_mode, now_s = self._gate.commanded_mode, self._context.now_s
+        if not self.waits or commanded_mode.pending is not None:
             return
-        holds = isinstance(custody.last, HoldHere)
+        holds = isinstance(commanded_mode.last, HoldHere)
         if self._compares is not None:
             if now_s >= self._compared_by_s:
                 self._differs(f"{self._compares}, and cannot be read")
@@ -117,17 +123,17 @@ class Handing:
 
     def take_over(self, who: Taker, why: str) -> None:
         """Somebody else flies from now on."""
-        if knows(self._cockpit.state, Signal.TAKEN_OVER):
+        if knows(self._context.state, Signal.TAKEN_OVER):
             self.taken_by = who
-            self._cockpit.say(f"hands off: {why}")
-            self._cockpit.signal(Signal.TAKEN_OVER)
+            self._context.say(f"hands off: {why}")
+            self._context.signal(Signal.TAKEN_OVER)
 
     def fallen(self, why: str) -> None:
         """Its motors were stopped in the air: nothing can be done for it."""
         self.taken_by = None
-        self._cockpit.say(f"hands off: {why}")
-        if knows(self._cockpit.state, Signal.TAKEN_OVER):
-            self._cockpit.signal(Signal.TAKEN_OVER)
+        self._context.say(f"hands off: {why}")
+        if knows(self._context.state, Signal.TAKEN_OVER):
+            self._context.signal(Signal.TAKEN_OVER)
 
     def settled(self) -> None:
         """Hands are off, or the flight is over: nothing is left to give up."""
@@ -143,13 +149,13 @@ class Handing:
         """
         self.on_board = OnBoard.REPLACED
         what = f"the {'fence' if event.only_fence else 'plan'} on board was replaced"
-        self._cockpit.say(f"{what}; comparing it with this mission's")
-        if self.in_charge and self._cockpit.state is not State.LAND and self.giving_up is None:
+        self._context.say(f"{what}; comparing it with this mission's")
+        if self.in_charge and self._context.state is not State.LAND and self.giving_up is None:
             self._compares = what
-            self._compared_by_s = self._cockpit.now_s + COMPARED_S
-            self._hold_again_s = self._cockpit.now_s + RETRY_S
-            self._helm.navigator.stop()
-            self._helm.hold(what)
+            self._compared_by_s = self._context.now_s + COMPARED_S
+            self._hold_again_s = self._context.now_s + RETRY_S
+            self._gate.navigator.stop()
+            self._gate.hold(what)
 
     def plan_compared(self, event: PlanCompared) -> None:
         """Go on if it flies as ours does; otherwise hands off."""
@@ -159,30 +165,30 @@ class Handing:
         self.on_board = OnBoard.OURS
         again = "the plan on board flies as this mission's does"
         if self._compares is None:
-            self._cockpit.say(again)
+            self._context.say(again)
             return
         self._compares = None
-        self._cockpit.say(f"{again}: going on")
+        self._context.say(f"{again}: going on")
         self._levelling.wanted = True  # it may have sunk, or have been stopped in its climb
-        if not self._cockpit.in_air:
+        if not self._context.in_air:
             return
-        if self._cockpit.state is State.READY:  # it hovers, stopped in its climb
-            self._launch.resumed(self._cockpit.now_s)
-            self._cockpit.signal(Signal.AIRBORNE)
+        if self._context.state is State.READY:  # it hovers, stopped in its climb
+            self._flight_phase.resumed(self._context.now_s)
+            self._context.signal(Signal.AIRBORNE)
         else:
-            self._cockpit.journey.fly_on()
+            self._context.handler.replan()
 
     def _differs(self, why: str) -> None:
         """Another plan is on board."""
         self.on_board = OnBoard.ANOTHER
-        cockpit, telemetry = self._cockpit, self._cockpit.telemetry
-        if cockpit.state is State.READY and telemetry is not None and not telemetry.armed:
-            self._launch.stayed_why = why
-            cockpit.signal(Signal.GROUNDED)
-        elif cockpit.state is State.READY and not self.in_charge:
+        context, telemetry = self._context, self._context.telemetry
+        if context.state is State.READY and telemetry is not None and not telemetry.armed:
+            self._flight_phase.stayed_why = why
+            context.signal(Signal.GROUNDED)
+        elif context.state is State.READY and not self.in_charge:
             self.take_over(Taker.PILOT, why)
-        elif cockpit.state in {State.LAND, State.PASSIVE}:
-            cockpit.say(why)
+        elif context.state in {State.LAND, State.PASSIVE}:
+            context.say(why)
         elif self.in_charge and self.giving_up is None:
             self.give_up(why)
 
@@ -198,10 +204,10 @@ class Handing:
         Args:
             flies_plan: It is to fly by the plan on board; otherwise it is sent to points.
         """
-        telemetry = self._cockpit.telemetry
+        telemetry = self._context.telemetry
         if telemetry is None:
             return "nothing was heard of the vehicle: wait for it"
-        why = why_not_resumed(self._cockpit.mission, telemetry)
+        why = why_not_resumed(self._context.mission, telemetry)
         why = why or self._levelling.why_not(telemetry)
         if why is not None or not flies_plan:
             return why
@@ -229,24 +235,24 @@ class Handing:
         """
         why = self.why_not_back(flies_plan=not upload)
         if why is not None:
-            self._cockpit.say(f"not resumed: {why}")
+            self._context.say(f"not resumed: {why}")
             return why
-        self._cockpit.say("resumed: the mission goes on from here")
+        self._context.say("resumed: the mission goes on from here")
         self._take_back()
-        ready = self._cockpit.state is State.READY
-        self._cockpit.signal(Signal.AIRBORNE if ready else Signal.RESUMED)
+        ready = self._context.state is State.READY
+        self._context.signal(Signal.AIRBORNE if ready else Signal.RESUMED)
         return None
 
     def take_home(self) -> str | None:
         """Take it back to come home, whatever plan is on board; returns why not, if not."""
         why = self.why_not_back(flies_plan=False)
         if why is None:
-            self._helm.navigator.by_points |= self.on_board is not OnBoard.OURS
+            self._gate.navigator.by_points |= self.on_board is not OnBoard.OURS
             self._take_back()
         return why
 
     def _take_back(self) -> None:
-        self._launch.resumed(self._cockpit.now_s)
+        self._flight_phase.resumed(self._context.now_s)
         self.taken_by = None
-        self._helm.custody.assume(self._cockpit.heard.mode)
+        self._gate.commanded_mode.assume(self._context.heard.mode)
         self._levelling.wanted = True

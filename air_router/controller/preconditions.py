@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Final
 
-from air_router.controller.control_authority import Handing
+from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.model.actions import Refusal
 from air_router.controller.model.behaviour import State
-from air_router.controller.model.mission_context import Cockpit
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.states.goto_task import Refused
-from air_router.controller.states.return_state import Homecoming
+from air_router.controller.states.return_state import ReturnState
 from air_router.vehicle.input_limits import InputWatch
 
 NOT_HEARD_S: Final = 3.0
@@ -21,23 +21,27 @@ _SENDABLE: Final = frozenset(
 """States in which the vehicle may be sent elsewhere."""
 
 
-class Permission:
+class Preconditions:
     """Looks at a request before what is asked for is looked at; None: nothing stands against it.
 
     Args:
-        cockpit: What the mission is doing, and when the vehicle was heard.
+        context: What the mission is doing, and when the vehicle was heard.
         inputs: Whether it has a position, and whose it is.
-        homecoming: Whether a way home may be called off.
-        handing: Whose it is, and for how long.
+        return_state: Whether a way home may be called off.
+        authority: Whose it is, and for how long.
     """
 
     def __init__(
-        self, cockpit: Cockpit, inputs: InputWatch, homecoming: Homecoming, handing: Handing
+        self,
+        context: MissionContext,
+        inputs: InputWatch,
+        return_state: ReturnState,
+        authority: ControlAuthority,
     ) -> None:
-        self._cockpit = cockpit
+        self._context = context
         self._inputs = inputs
-        self._homecoming = homecoming
-        self._handing = handing
+        self._return_state = return_state
+        self._authority = authority
 
     def to_stop(self) -> Refused | None:
         """It is ours, in the air, and not on a way home that nobody may call off."""
@@ -49,7 +53,7 @@ class Permission:
 
     def without_position(self) -> Refused | None:
         """It is known where it is: legs are checked from there."""
-        telemetry = self._cockpit.heard
+        telemetry = self._context.heard
         missing = self._inputs.why_no_leg(telemetry)
         if missing is not None:
             return Refused(Refusal.NOT_HEARD if telemetry.fix else Refusal.NO_FIX, missing)
@@ -57,9 +61,9 @@ class Permission:
 
     def not_heard(self) -> Refused | None:
         """It was heard just now."""
-        telemetry = self._cockpit.heard
+        telemetry = self._context.heard
         # Its clock stands still while nothing is heard of it: then the link says for how long.
-        silent_s = max(self._cockpit.now_s - telemetry.time_s, self._cockpit.silent_s)
+        silent_s = max(self._context.now_s - telemetry.time_s, self._context.silent_s)
         if silent_s <= NOT_HEARD_S:
             return None
         what = "no position" if telemetry.told_s > telemetry.time_s else "nothing"
@@ -67,30 +71,32 @@ class Permission:
 
     def to_decide(self) -> Refused | None:
         """It is not about to be given away."""
-        why = self._handing.giving_up
+        why = self._authority.giving_up
         if why is None:
             return None
         return Refused(Refusal.HANDS_OFF, f"hands off in a moment: {why}")
 
     def in_the_air(self) -> Refused | None:
         """It flies this mission."""
-        match self._cockpit.state:
+        match self._context.state:
             case State.READY:
                 return Refused(Refusal.NOT_FLYING, "the mission has not begun in the air yet")
             case State.DONE:
                 return Refused(Refusal.FLIGHT_OVER, "the flight is over")
             case State.PASSIVE:
-                taker = self._handing.taken_by
+                taker = self._authority.taken_by
                 who = taker.value if taker else "somebody else"
-                return Refused(Refusal.NOT_OURS, f"{who} has the vehicle; {self._handing.way_back}")
+                return Refused(
+                    Refusal.NOT_OURS, f"{who} has the vehicle; {self._authority.way_back}"
+                )
             case _:
                 return None
 
     def _not_bound_home(self) -> Refused | None:
         """A way home is only called off by whoever asked for it, and if nothing else does."""
-        if self._cockpit.state in _SENDABLE:
+        if self._context.state in _SENDABLE:
             return None
-        why = self._homecoming.objection()
+        why = self._return_state.objection()
         return None if why is None else comes_home(why)
 
 

@@ -95,12 +95,12 @@ class Desk:
     def situation(self) -> dict[str, Any]:
         """What the flight is doing now."""
         controller, telemetry = self._controller, self._controller.telemetry
-        goal, errand = controller.navigator.goal, controller.errand
+        goal, goto_task = controller.navigator.goal, controller.goto_task
         left_s, reading = controller.time_left_s, self._reading()
         about: dict[str, Any] = {
             "state": controller.state.name,
             "robot": controller.robot,
-            "robots": list(controller.search.roster.names),
+            "robots": list(controller.search.targets.names),
             "time_left_s": None if left_s is None else round(left_s, 1),
             "goal": None if goal is None else self._pair(goal.position),
             "points_left": 0,
@@ -108,8 +108,8 @@ class Desk:
             "walled_in": controller.walled_in,
             "reload": None if reading is None else dataclasses.asdict(reading),
         }
-        if controller.state.name == "GOTO" and errand is not None:
-            about["points_left"] = len(errand.stops) - errand.done
+        if controller.state.name == "GOTO" and goto_task is not None:
+            about["points_left"] = len(goto_task.stops) - goto_task.done
         if telemetry is None:
             return {**about, "position": None}
         return {

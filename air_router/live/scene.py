@@ -122,7 +122,7 @@ class Scene:
             "robot": controller.robot,
             "left_s": None if left_s is None else round(left_s, 1),
             "in_charge": controller.in_charge,
-            "robots": list(controller.search.roster.names),
+            "robots": list(controller.search.targets.names),
             "waypoints_left": controller.exploration.remaining,
             "need_home": _shown(controller.need_home, 3),
             "at": None,

@@ -6,7 +6,7 @@ from typing import Final
 
 from air_router.mission.mission import Mission
 from air_router.preflight.preflight import Check, Verdict
-from air_router.routing.return_planner import LANDING_MARGIN, Homeward
+from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
 from air_router.routing.router import Router
 
 CLIMB_M_S: Final = 1.5
@@ -36,7 +36,7 @@ def battery(
             return Check("battery", Verdict.BAD, found, "charge it, or swap it")
         advice = "say in the mission how long a full battery flies (endurance_s) to have it checked"
         return Check("battery", Verdict.LOOK, found, advice)
-    homeward = Homeward(router)
+    homeward = ReturnPlanner(router)
     worst = homeward.worst_waypoint
     out_s = mission.altitude_above_home_m / CLIMB_M_S
     turning = mission.battery_reserve  # the charge at which the vehicle would turn there

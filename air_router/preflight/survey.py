@@ -12,7 +12,7 @@ import numpy as np
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
-from air_router.routing.return_planner import Homeward, Pace, Way
+from air_router.routing.return_planner import Pace, ReturnPlanner, Way
 from air_router.routing.router import Leg, NoRoute, Route, Router
 from geo.frame import Point
 
@@ -44,7 +44,7 @@ class Survey:
         self.mission = graph.mission
         self.graph = graph
         self.router = Router(graph)
-        self.homeward = Homeward(self.router)
+        self.homeward = ReturnPlanner(self.router)
         self.steps = tuple(self._steps())
 
     @property

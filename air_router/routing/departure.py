@@ -39,7 +39,7 @@ _DRIFT_M = 0.25
 """What a hovering vehicle may seem to drift within its stopping distance."""
 
 
-class Onward(NamedTuple):
+class PendingSetpoint(NamedTuple):
     """The end of a leg that the vehicle may be on, and how far it swings if turned away there."""
 
     place: Point
@@ -54,12 +54,12 @@ class Departure:
         paths: paths at the distance that routes keep.
         start: where the vehicle is.
         stopping: where it comes to rest if it brakes now; None if it stands.
-        bound: where else it flies to until it is told, or turns there: the ends of its legs so far.
+        pending: where else it flies to until it is told, or turns there: ends of legs so far.
 
     Attributes:
         start: where the vehicle is.
         rest: where it would come to rest.
-        bound: where else it may be on its way to.
+        pending: where else it may be on its way to.
         moving: whether it may be elsewhere than at the start when it is told.
         cramped: whether the vehicle is where routes do not go.
         warnings: what the operator should know about that.
@@ -71,14 +71,14 @@ class Departure:
         paths: ShortestPaths,
         start: Point,
         stopping: Point | None,
-        bound: Sequence[Onward] = (),
+        pending: Sequence[PendingSetpoint] = (),
     ) -> None:
         self._airspace = airspace
         self._paths = paths
         self.start = start
         self.rest = stopping if stopping is not None else start
-        self.bound = tuple(bound)
-        self.moving = self.rest != start or bool(self.bound)
+        self.pending = tuple(pending)
+        self.moving = self.rest != start or bool(self.pending)
         here = airspace.point_clear(start)
         self.cramped = not (here and (not self.moving or airspace.point_clear(self.rest)))
         self.warnings: tuple[str, ...] = ()
@@ -147,7 +147,7 @@ class Departure:
 
     def _area(self, end: Point) -> list[Point]:
         """The corners of what the vehicle may sweep if it is sent to `end`, as late as may be."""
-        elsewhere = (on.reach for on in self.bound if math.dist(on.place, end) > _SAME_M)
+        elsewhere = (on.reach for on in self.pending if math.dist(on.place, end) > _SAME_M)
         return [self.start, self.rest, *elsewhere, end]
 
     @property

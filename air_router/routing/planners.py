@@ -51,7 +51,7 @@ class ShortestPlanner:
 
     def legs(self, rule: Departure, target: Leg) -> list[Leg] | None:
         """As `Planner.legs`."""
-        doors = [rule.rest, *(on.place for on in rule.bound)] if rule.moving else []
+        doors = [rule.rest, *(on.place for on in rule.pending)] if rule.moving else []
         path = self._paths.path(
             rule.start, target.to, first=rule.allows if rule.special else None, doors=doors
         )

@@ -78,7 +78,7 @@ class Pace:
         return None if self.endurance_s is None else self.home_s(way) / self.endurance_s
 
 
-class Homeward:
+class ReturnPlanner:
     """The ways home, and to the nearest rally point, of all nodes of a waypoint graph."""
 
     def __init__(self, router: Router) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from air_router.routing.departure import Departure, Onward, names_of
+from air_router.routing.departure import Departure, PendingSetpoint, names_of
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.planners import Leg, Planner, planner_of
 from geo.airspace.airspace import FENCE
@@ -66,7 +66,7 @@ class Router:
         goal: Point | int,
         *,
         stopping: Point | None = None,
-        bound: Sequence[Onward] = (),
+        pending: Sequence[PendingSetpoint] = (),
     ) -> Route | NoRoute:
         """The shortest known route.
 
@@ -74,7 +74,7 @@ class Router:
             start: where the vehicle is.
             goal: a node of the graph, or any point.
             stopping: where the vehicle comes to rest if it brakes now; None if it stands.
-            bound: where it was sent before, and goes on to until it follows a new command.
+            pending: where it was sent before, and goes on to until it follows a new command.
 
         Returns:
             A Route whose legs are all clear by the rules above, or NoRoute with the reason: the
@@ -83,7 +83,7 @@ class Router:
         target = self._goal(goal)
         if not self._airspace.point_clear(target.to):
             return self._bad_goal(target)
-        for rule in self._departures(start, stopping, bound):
+        for rule in self._departures(start, stopping, pending):
             legs = self._planner.legs(rule, target)
             if legs is not None:
                 return _route(start, legs, rule.warnings)
@@ -99,20 +99,20 @@ class Router:
         start: Point,
         end: Point,
         stopping: Point | None = None,
-        bound: Sequence[Onward] = (),
+        pending: Sequence[PendingSetpoint] = (),
     ) -> bool:
         """Whether the vehicle, now at `start`, may be sent straight to `end`."""
-        rules = [*self._departures(start, stopping, bound)]
+        rules = [*self._departures(start, stopping, pending)]
         if self._airspace.point_clear(end) and any(rule.allows(end) for rule in rules):
             return True
         return rules[-1].leads_out(end)
 
     def _departures(
-        self, start: Point, stopping: Point | None, bound: Sequence[Onward]
+        self, start: Point, stopping: Point | None, pending: Sequence[PendingSetpoint]
     ) -> Iterator[Departure]:
         """With the whole tracking margin, and where that is too much to ask, with half of it."""
         for airspace in (self._airspace, self._departing):
-            yield Departure(airspace, self._paths, start, stopping, bound)
+            yield Departure(airspace, self._paths, start, stopping, pending)
 
     def _departure(self, start: Point) -> Departure:
         return Departure(self._airspace, self._paths, start, None)

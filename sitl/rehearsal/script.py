@@ -274,7 +274,7 @@ class Script:
         autopilot, companion = self._stage.vehicle.autopilot, self._stage.companion
         if self.pilot or companion is None or not self._flies or autopilot.mission.climbing:
             return
-        if companion.flight.controller.custody.pending is not None:
+        if companion.flight.controller.commanded_mode.pending is not None:
             return
         moving = math.hypot(*autopilot.situation.velocity_m_s[:2]) > MOVING_M_S
         if autopilot.mode is FlightMode.AUTO_MISSION and divert:

@@ -6,15 +6,15 @@ from collections.abc import Callable
 
 from air_router.controller.model.actions import Action, Announce
 from air_router.controller.model.behaviour import Signal, State
-from air_router.controller.model.state_handler import NO_JOURNEY, Journey
+from air_router.controller.model.state_handler import NO_HANDLER, StateHandler
 from air_router.controller.model.state_timers import Schedule
 from air_router.mission.mission import Mission
 from air_router.routing.router import Router
 from air_router.vehicle.vehicle import Telemetry
 
 
-class Cockpit:
-    """The instruments, and the voice. It decides nothing.
+class MissionContext:
+    """What every part reads, and the actions they ask for. It decides nothing.
 
     Args:
         mission: What to fly.
@@ -26,7 +26,7 @@ class Cockpit:
         mission: With the zones and fences of now.
         router: Plans among these.
         state: What the mission is doing; the state machine enters it.
-        journey: What is flown in this state.
+        handler: What is flown in this state.
         schedule: The vehicle's clock, and the state's timer.
         telemetry: What the vehicle said last; None before it was heard.
         silent_s: For how long nothing has come since, by the link's word.
@@ -38,7 +38,7 @@ class Cockpit:
         self.router = router
         self.signal = signal
         self.state = State.READY
-        self.journey: Journey = NO_JOURNEY
+        self.handler: StateHandler = NO_HANDLER
         self.schedule = Schedule(mission.timers)
         self.telemetry: Telemetry | None = None
         self.silent_s = 0.0
@@ -65,14 +65,14 @@ class Cockpit:
         self.actions = []
         self.schedule.tick(now_s)
 
-    def enter(self, state: State, journey: Journey) -> None:
+    def enter(self, state: State, handler: StateHandler) -> None:
         """Another state begins, or the same anew; only the state machine says so."""
         self.state = state
-        self.journey = journey
+        self.handler = handler
         self.schedule.enter(state)
 
     def do(self, action: Action) -> None:
-        """Have something done that is no motion: `Helm` commands those."""
+        """Have something done that is no motion: `CommandGate` commands those."""
         self.actions.append(action)
 
     def say(self, text: str) -> None:

@@ -26,7 +26,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.controller.motion.commanded_mode import Custody
+from air_router.controller.motion.commanded_mode import CommandedMode
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
 from air_router.vehicle.height_frame import HomeMove
@@ -149,14 +149,14 @@ class Deviations:
             return Deviation(Response.TELL, words)  # its place is told in a message of its own
         return Deviation(Response.HOLD, f"{words}; heights count from the take-off as before")
 
-    def look(self, telemetry: Telemetry, custody: Custody) -> list[Deviation]:
+    def look(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> list[Deviation]:
         """What is off now, on a vehicle that flies its mission by our commands."""
         found = (
             self._height(telemetry),
             self._satellites.look(telemetry),
             self._clearance(telemetry),
-            self._fast(telemetry, custody),
-            self._slow(telemetry, custody),
+            self._fast(telemetry, commanded_mode),
+            self._slow(telemetry, commanded_mode),
         )
         self._before = telemetry
         return [deviation for deviation in found if deviation is not None]
@@ -247,7 +247,7 @@ class Deviations:
 
     # Speed.
 
-    def _fast(self, telemetry: Telemetry, custody: Custody) -> Deviation | None:
+    def _fast(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> Deviation | None:
         commanded_m_s = self._mission.speed_m_s
         speed_m_s = math.hypot(*telemetry.velocity_m_s)
         if speed_m_s <= FASTER * commanded_m_s + FASTER_M_S:
@@ -262,16 +262,16 @@ class Deviations:
             f"it flies {speed_m_s:.1f} m/s and was told {commanded_m_s:.1f} m/s: "
             "another ground station changed its speed, or the wind carries it"
         )
-        if isinstance(custody.last, HoldHere):  # for another reason; it brakes
+        if isinstance(commanded_mode.last, HoldHere):  # for another reason; it brakes
             return Deviation(Response.TELL, words)
         return self._again(telemetry.time_s, words)
 
-    def _slow(self, telemetry: Telemetry, custody: Custody) -> Deviation | None:
-        commanded_m_s, leg = self._mission.speed_m_s, custody.last
+    def _slow(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> Deviation | None:
+        commanded_m_s, leg = self._mission.speed_m_s, commanded_mode.last
         speed_m_s = math.hypot(*telemetry.velocity_m_s)
         self._slow_told &= speed_m_s < commanded_m_s * (1.0 + SLOW) / 2.0
         far = (
-            custody.pending is None
+            commanded_mode.pending is None
             and isinstance(leg, FlyToNode | FlyToPoint)
             and math.dist(telemetry.position, leg.position) > SLOW_M
         )

@@ -23,7 +23,7 @@ PROGRESS_M: Final = 0.5
 
 
 @dataclass(slots=True)
-class Launch:
+class FlightPhase:
     """What has been seen of arming, lift-off and touch-down.
 
     Attributes:

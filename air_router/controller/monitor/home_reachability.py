@@ -26,7 +26,7 @@ _NAMED: Final = 3
 """So many walls are named; more would not be read in the air."""
 
 
-class Enclosure:
+class HomeReachability:
     """Looks for the way home among the zones of now.
 
     Attributes:

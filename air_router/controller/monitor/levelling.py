@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, Motion
-from air_router.controller.model.mission_context import Cockpit
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.monitor.safety_monitor import low
-from air_router.controller.motion.command_gate import Helm
+from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import stopping_point
 from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import Telemetry
@@ -21,24 +21,24 @@ class Levelling:
     """Has a vehicle climb straight up where it is, and only then fly its legs.
 
     Args:
-        cockpit: How high it is, and what is flown once it is level.
-        helm: Commands the climb.
+        context: How high it is, and what is flown once it is level.
+        gate: Commands the climb.
 
     Attributes:
         wanted: The next leg is begun at the mission's altitude: the vehicle was taken over, and
             may be anywhere. Stays until it is there.
     """
 
-    def __init__(self, cockpit: Cockpit, helm: Helm) -> None:
+    def __init__(self, context: MissionContext, gate: CommandGate) -> None:
         self.wanted = False
-        self._cockpit = cockpit
-        self._helm = helm
+        self._context = context
+        self._gate = gate
         self._climb: FlyToPoint | None = None
         self._gained: tuple[float, float] = (0.0, 0.0)
 
     def why_not(self, telemetry: Telemetry) -> str | None:
         """Why it cannot climb here by itself, and what the pilot does; None if it can, or is up."""
-        mission, here = self._cockpit.mission, telemetry.position
+        mission, here = self._context.mission, telemetry.position
         if not low(mission, telemetry):
             return None
         drift_m = mission.planner.tracking_margin_m
@@ -53,26 +53,26 @@ class Levelling:
         )
 
     def first(self, motion: Motion) -> Motion | None:
-        """A guard: the leg of a vehicle that is low waits, and it climbs instead."""
-        telemetry = self._cockpit.heard
+        """An interlock: the leg of a vehicle that is low waits, and it climbs instead."""
+        telemetry = self._context.heard
         if not self.wanted or not isinstance(motion, FlyToNode | FlyToPoint):
             return motion
-        mission = self._cockpit.mission
+        mission = self._context.mission
         if not low(mission, telemetry):
             self.wanted = False
             return motion
-        self._helm.navigator.stop()
+        self._gate.navigator.stop()
         why_not = self.why_not(telemetry)
         if why_not is not None:
-            self._helm.wait_here(why_not)
+            self._gate.wait_here(why_not)
             return None
         if self._climb is None:
-            self._cockpit.say(
+            self._context.say(
                 f"climbing from {telemetry.altitude_m:.0f} to "
                 f"{mission.altitude_above_home_m:.0f} m first"
             )
-            self._gained = (telemetry.altitude_m, self._cockpit.now_s)
-        place = stopping_point(telemetry, self._helm.navigator.reaction_s)
+            self._gained = (telemetry.altitude_m, self._context.now_s)
+        place = stopping_point(telemetry, self._gate.navigator.reaction_s)
         self._climb = FlyToPoint(place, mission.altitude_above_home_m)
         return self._climb
 
@@ -80,17 +80,17 @@ class Levelling:
         """Whether it climbs, and everything else waits."""
         if self._climb is None:
             return False
-        if self._helm.custody.last is not self._climb:
+        if self._gate.commanded_mode.last is not self._climb:
             # It did not follow, or was told to hold: the climb begins anew before the next leg.
             self._climb = None
             return False
-        if low(self._cockpit.mission, telemetry):
+        if low(self._context.mission, telemetry):
             if telemetry.altitude_m > self._gained[0] + PROGRESS_M:
                 self._gained = (telemetry.altitude_m, telemetry.time_s)
             return True
         self._climb = None
         self.wanted = False
-        self._cockpit.journey.fly_on()
+        self._context.handler.replan()
         return True
 
     @property
@@ -101,7 +101,7 @@ class Levelling:
     @property
     def stuck(self) -> bool:
         """Whether a climb has not gone on for some time."""
-        return self._climb is not None and self._cockpit.now_s - self._gained[1] >= CLIMB_S
+        return self._climb is not None and self._context.now_s - self._gained[1] >= CLIMB_S
 
 
 def _layers_between(mission: Mission, telemetry: Telemetry) -> tuple[str, ...]:

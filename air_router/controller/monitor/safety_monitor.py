@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.monitor.triggers import ALTITUDE_M
-from air_router.controller.motion.commanded_mode import Custody
+from air_router.controller.motion.commanded_mode import CommandedMode
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -33,7 +33,7 @@ BRAKING_M: Final = 15.0
 _ELSEWHERE: Final = "somebody gave it another place to go to"
 
 
-class Sign(Enum):
+class EventKind(Enum):
     """What was found."""
 
     GOOD = "the mission may go on"
@@ -41,17 +41,17 @@ class Sign(Enum):
     BREACH = "in a no-fly zone or outside a fence"
 
 
-class Finding(NamedTuple):
+class MonitorEvent(NamedTuple):
     """A sign, and what to say about it."""
 
-    sign: Sign
+    kind: EventKind
     words: str = ""
 
 
-_GOOD: Final = Finding(Sign.GOOD)
+_GOOD: Final = MonitorEvent(EventKind.GOOD)
 
 
-class Watch:
+class SafetyMonitor:
     """Looks at every telemetry of a vehicle that flies by our commands."""
 
     def __init__(self, mission: Mission, plan: FlightPlan) -> None:
@@ -67,17 +67,17 @@ class Watch:
         self._inside = (mission.home, 0.0)
 
     def look(
-        self, telemetry: Telemetry, custody: Custody, leaving: Collection[str] = ()
-    ) -> Finding:
+        self, telemetry: Telemetry, commanded_mode: CommandedMode, leaving: Collection[str] = ()
+    ) -> MonitorEvent:
         """What keeps the mission from going on now, the gravest first.
 
         To be in a zone of `leaving` is no breach: it was drawn over the vehicle, which leaves it.
         """
-        stranger = self._stranger(telemetry, custody)
+        stranger = self._stranger(telemetry, commanded_mode)
         if stranger is not None:
-            return Finding(Sign.STRANGER, stranger)
+            return MonitorEvent(EventKind.STRANGER, stranger)
         breach = self.breach(telemetry, leaving)
-        return _GOOD if breach is None else Finding(Sign.BREACH, breach)
+        return _GOOD if breach is None else MonitorEvent(EventKind.BREACH, breach)
 
     def breach(self, telemetry: Telemetry, leaving: Collection[str] = ()) -> str | None:
         """Whether the vehicle in the air is in a no-fly zone or outside a fence, whoever did it."""
@@ -92,13 +92,13 @@ class Watch:
         holders = [name for name in inside if name not in leaving]
         return f"breach of {', '.join(holders)}" if holders else None
 
-    def _stranger(self, telemetry: Telemetry, custody: Custody) -> str | None:
+    def _stranger(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> str | None:
         """Whether the vehicle follows an order of somebody else that needed no other mode.
 
         A pilot who pauses or sends the vehicle elsewhere while it hovers in Hold by our command
         changes no mode, and one who jumps to another plan item in Mission mode neither.
         """
-        strange = self._strange_order(telemetry, custody)
+        strange = self._strange_order(telemetry, commanded_mode)
         if strange is None:
             self._strange_since_s = None
             return None
@@ -109,12 +109,14 @@ class Watch:
         again = told_s < shown_s  # one message, that may be of before our own order, is no proof
         return order if again and shown_s >= STRANGE_S else None
 
-    def _strange_order(self, telemetry: Telemetry, custody: Custody) -> tuple[str, float] | None:
+    def _strange_order(
+        self, telemetry: Telemetry, commanded_mode: CommandedMode
+    ) -> tuple[str, float] | None:
         """An order that is not ours, and how old the message is that shows it."""
-        if custody.pending is not None or not telemetry.in_air:
+        if commanded_mode.pending is not None or not telemetry.in_air:
             return None
         order, ages = None, telemetry.ages
-        match custody.last:
+        match commanded_mode.last:
             case FlyToNode(node=node) if telemetry.mode is FlightMode.MISSION:
                 if telemetry.item not in {None, self._plan.item_of(node)}:
                     return "somebody chose another plan item", ages.item_s

@@ -1,4 +1,4 @@
-"""The one way to command the vehicle: past the guards, leg by leg, or to hold and wait."""
+"""The one way to command the vehicle: past the interlocks, leg by leg, or to hold and wait."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Final
 
 from air_router.controller.model.actions import FlyToNode, HoldHere, Motion
 from air_router.controller.model.events import CommandFailed
-from air_router.controller.model.mission_context import Cockpit
-from air_router.controller.motion.commanded_mode import Custody
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.motion.commanded_mode import CommandedMode
 from air_router.controller.motion.navigator import Goal, Navigator, Progress
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.vehicle import FlightMode
@@ -23,29 +23,29 @@ TELL_AGAIN_S: Final = 10.0
 JUMPS: Final = 4
 """After so many jumps that the vehicle did not follow, its plan is left alone."""
 
-Guard = Callable[[Motion], Motion | None]
+Interlock = Callable[[Motion], Motion | None]
 """Looks at a motion before it is commanded: the same or another goes on, None drops it."""
 
 
-class Helm:
+class CommandGate:
     """Commands motions, and keeps what became of them. Where to, its callers know.
 
     Args:
-        cockpit: What the vehicle says, and what is flown now.
+        context: What the vehicle says, and what is flown now.
         navigator: Plans and checks.
         plan: The plan on board, for the autopilot's item numbers.
 
     Attributes:
         navigator: Takes the vehicle to one goal at a time.
-        custody: Who has the vehicle, and what it was told last.
-        guards: Asked in this order about every motion but a hold, which is always allowed.
+        commanded_mode: Who has the vehicle, and what it was told last.
+        interlocks: Asked in this order about every motion but a hold, which is always allowed.
     """
 
-    def __init__(self, cockpit: Cockpit, navigator: Navigator, plan: FlightPlan) -> None:
+    def __init__(self, context: MissionContext, navigator: Navigator, plan: FlightPlan) -> None:
         self.navigator = navigator
-        self.custody = Custody()
-        self.guards: tuple[Guard, ...] = ()
-        self._cockpit = cockpit
+        self.commanded_mode = CommandedMode()
+        self.interlocks: tuple[Interlock, ...] = ()
+        self._context = context
         self._plan = plan
         self._waits_why: str | None = None
         self._wait_told_s = -math.inf
@@ -53,47 +53,47 @@ class Helm:
     # Commands.
 
     def command(self, motion: Motion) -> None:
-        """Have the vehicle do this, if no guard objects."""
+        """Have the vehicle do this, if no interlock objects."""
         wanted: Motion | None = motion
-        for guard in self.guards:
+        for interlock in self.interlocks:
             if wanted is None or isinstance(wanted, HoldHere):
                 break
-            wanted = guard(wanted)
+            wanted = interlock(wanted)
         if wanted is not None:
             self.send(wanted)
 
     def send(self, motion: Motion) -> None:
-        """The same, whatever the guards say."""
-        if isinstance(motion, HoldHere) and isinstance(self.custody.pending, HoldHere):
+        """The same, whatever the interlocks say."""
+        if isinstance(motion, HoldHere) and isinstance(self.commanded_mode.pending, HoldHere):
             return  # that is under way
-        self.custody.commanded(motion)
-        self.navigator.commanded.sent(motion)
-        self._cockpit.do(motion)
+        self.commanded_mode.commanded(motion)
+        self.navigator.setpoints.sent(motion)
+        self._context.do(motion)
 
     def hold(self, why: str) -> None:
         """Stop, unless that is what the vehicle was told last."""
-        if not isinstance(self.custody.last, HoldHere):
+        if not isinstance(self.commanded_mode.last, HoldHere):
             self.command(HoldHere(why))
 
     def stop_if_doubtful(self, motion: Motion) -> Motion:
-        """A guard: a jump that would not show which of several orders is followed waits."""
+        """An interlock: a jump that would not show which of several orders is followed waits."""
         if isinstance(motion, FlyToNode) and self._doubtful(motion):
             return self.navigator.hold_first()
         return motion
 
     def _doubtful(self, jump: FlyToNode) -> bool:
-        telemetry = self._cockpit.telemetry
+        telemetry = self._context.telemetry
         shows = (
             telemetry is not None
             and telemetry.mode is FlightMode.MISSION
             and telemetry.item == self._plan.item_of(jump.node)
         )
-        return self.navigator.commanded.doubtful(jump, shows=shows)
+        return self.navigator.setpoints.doubtful(jump, shows=shows)
 
     def objection(self, motion: Motion, now_s: float) -> str | None:
         """Why a motion that was decided a moment ago must not be commanded now; None if it may."""
-        telemetry = self._cockpit.telemetry
-        if motion is not self.custody.pending or telemetry is None:
+        telemetry = self._context.telemetry
+        if motion is not self.commanded_mode.pending or telemetry is None:
             return "it was called off"
         return self.navigator.objection(motion, telemetry, now_s)
 
@@ -101,30 +101,30 @@ class Helm:
 
     def confirmed(self, motion: Motion) -> None:
         """The vehicle follows."""
-        self.custody.confirmed(motion)
-        self.navigator.commanded.confirmed(motion)
+        self.commanded_mode.confirmed(motion)
+        self.navigator.setpoints.confirmed(motion)
 
     def failed(self, event: CommandFailed) -> None:
         """The vehicle did not follow: once more in a moment, unless it was told another since."""
-        if not self.custody.failed(event.action):
+        if not self.commanded_mode.failed(event.action):
             return
-        self._cockpit.say(f"the vehicle did not follow: {event.reason}")
-        if self.custody.refused_jumps >= JUMPS and not self.navigator.by_points:
+        self._context.say(f"the vehicle did not follow: {event.reason}")
+        if self.commanded_mode.refused_jumps >= JUMPS and not self.navigator.by_points:
             self.navigator.by_points = True
-            self._cockpit.say("the plan on board is not flown: flying to points instead")
-        self._cockpit.schedule.retry_in(RETRY_S)
+            self._context.say("the plan on board is not flown: flying to points instead")
+        self._context.schedule.retry_in(RETRY_S)
 
     def let_go(self) -> None:
         """Somebody else flies."""
         self.navigator.stop()
-        self.navigator.commanded.forget()
-        self.custody.release()
+        self.navigator.setpoints.forget()
+        self.commanded_mode.release()
 
     # Ways.
 
     def plan_to(self, goal: Goal) -> Motion | None:
         """The first motion of a way to a goal; `navigator.progress` says whether there is one."""
-        return self.navigator.go(goal, self._cockpit.heard)
+        return self.navigator.go(goal, self._context.heard)
 
     @property
     def refusal(self) -> str:
@@ -133,16 +133,16 @@ class Helm:
         return refusal.reason if refusal is not None else "no clear way"
 
     def advance(self, motion: Motion | None) -> None:
-        """Command the next motion, if any, and tell the journey where it stands."""
+        """Command the next motion, if any, and tell the state's handler where it stands."""
         if motion is not None:
             self.command(motion)
             if not isinstance(motion, HoldHere):
                 self._waits_why = None
         progress = self.navigator.progress
         if progress is Progress.ARRIVED:
-            self._cockpit.journey.arrived()
-        elif progress is Progress.STRANDED:
-            self._cockpit.journey.stranded(self.refusal)
+            self._context.handler.arrived()
+        elif progress is Progress.NO_ROUTE:
+            self._context.handler.no_route(self.refusal)
 
     def fly_to(self, goal: Goal) -> None:
         """Set out for a goal."""
@@ -150,13 +150,13 @@ class Helm:
 
     def fly_again(self) -> None:
         """Set out for the same goal once more."""
-        self.advance(self.navigator.again(self._cockpit.heard))
+        self.advance(self.navigator.again(self._context.heard))
 
     def wait_here(self, why: str) -> None:
         """Hover where no way is clear, say so once, and look again in a moment."""
-        now_s = self._cockpit.now_s
+        now_s = self._context.now_s
         if why != self._waits_why and now_s >= self._wait_told_s + TELL_AGAIN_S:
             self._waits_why, self._wait_told_s = why, now_s
-            self._cockpit.say(f"holding: {why}")
+            self._context.say(f"holding: {why}")
         self.hold(why)
-        self._cockpit.schedule.retry_in(RETRY_S)
+        self._context.schedule.retry_in(RETRY_S)

@@ -14,7 +14,7 @@ from air_router.vehicle.vehicle import FlightMode, Telemetry
 
 
 @dataclass(slots=True)
-class Custody:
+class CommandedMode:
     """The last command to the vehicle and the modes that it implies.
 
     Attributes:

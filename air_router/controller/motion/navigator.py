@@ -15,7 +15,7 @@ from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
-from air_router.controller.motion.pending_setpoints import Commanded
+from air_router.controller.motion.pending_setpoints import PendingSetpoints
 from air_router.mission.mission import Mission
 from air_router.routing.router import Leg, NoRoute, Route, Router
 from air_router.vehicle.vehicle import Telemetry
@@ -47,12 +47,12 @@ STANDING_M_S = 0.5
 
 
 class Progress(Enum):
-    """How far a journey is."""
+    """How far the flight to a goal is."""
 
     IDLE = "nowhere to go"
     FLYING = "on the way"
     ARRIVED = "there"
-    STRANDED = "no clear way from here"
+    NO_ROUTE = "no clear way from here"
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class Navigator:
     def __init__(self, mission: Mission, router: Router, *, reaction_s: float = REACTION_S) -> None:
         self.reaction_s = reaction_s
         self.by_points = False
-        self.commanded = Commanded(mission.planner.acceptance_radius_m, mission.speed_m_s)
+        self.setpoints = PendingSetpoints(mission.planner.acceptance_radius_m, mission.speed_m_s)
         self._mission = mission
         self._router = router
         self._legs: deque[Leg] = deque()
@@ -140,7 +140,7 @@ class Navigator:
             return None
         standing = _speed_m_s(telemetry) < STANDING_M_S
         if self._braking or self.leg is None:
-            stopped = standing and not self.commanded.open(telemetry)
+            stopped = standing and not self.setpoints.open(telemetry)
             return self._plan(telemetry) if stopped else None
         if not self._at_end(self.leg, telemetry, reached_node):
             return self._on_the_way(self.leg, telemetry, standing=standing)
@@ -198,8 +198,8 @@ class Navigator:
 
     def _sweep(self, leg: Leg, telemetry: Telemetry) -> None:
         stopping = stopping_point(telemetry, self.reaction_s)
-        onward = (on.reach for on in self.commanded.bound(telemetry))
-        self._swept = (telemetry.position, stopping, *onward, leg.to)
+        setpoint = (on.reach for on in self.setpoints.pending(telemetry))
+        self._swept = (telemetry.position, stopping, *setpoint, leg.to)
 
     def _stalled(self, telemetry: Telemetry, *, standing: bool) -> bool:
         """Whether the vehicle stands far from its leg's end, and not only for a moment."""
@@ -221,7 +221,7 @@ class Navigator:
             self._stands_since_s = None
             return self._plan(telemetry)
         self.refusal = NoRoute(refusal)
-        self.progress = Progress.STRANDED
+        self.progress = Progress.NO_ROUTE
         return None
 
     def _at_end(self, leg: Leg, telemetry: Telemetry, reached_node: int | None) -> bool:
@@ -238,9 +238,13 @@ class Navigator:
         assert self.goal is not None  # noqa: S101 - every caller has set one
         target = self.goal.position if self.goal.node is None else self.goal.node
         stopping = stopping_point(telemetry, self.reaction_s)
-        bound = self.commanded.bound(telemetry)
-        route = self._router.route(telemetry.position, target, stopping=stopping, bound=bound)
-        if isinstance(route, Route) and bound and self._longer_than_a_stop(route, stopping, target):
+        pending = self.setpoints.pending(telemetry)
+        route = self._router.route(telemetry.position, target, stopping=stopping, pending=pending)
+        if (
+            isinstance(route, Route)
+            and pending
+            and self._longer_than_a_stop(route, stopping, target)
+        ):
             route = NoRoute("stopping first is quicker")
         if isinstance(route, Route):
             legs = deque(route.legs)
@@ -253,7 +257,7 @@ class Navigator:
                 self.leg = None
                 self.progress = Progress.ARRIVED
                 # Near, but perhaps fast, or bound elsewhere: let it settle on the point itself.
-                if legs or bound:
+                if legs or pending:
                     return self._motion(Leg(self.goal.position, self.goal.node), telemetry)
                 return None
             self._legs = legs
@@ -262,13 +266,13 @@ class Navigator:
             route = self._height_refusal(telemetry, self._legs[0].to) or NoRoute(
                 "the first leg is not clear from here", ()
             )
-        moves = _speed_m_s(telemetry) >= STANDING_M_S or bool(bound)
-        if (moves and not self._braking) or self.commanded.open(telemetry):
+        moves = _speed_m_s(telemetry) >= STANDING_M_S or bool(pending)
+        if (moves and not self._braking) or self.setpoints.open(telemetry):
             self._braking = True
             self.progress = Progress.FLYING
             return HoldHere("no clear way at this speed; stopping to look again")
         self.refusal = route
-        self.progress = Progress.STRANDED
+        self.progress = Progress.NO_ROUTE
         return None
 
     def _longer_than_a_stop(self, route: Route, stopping: Point, target: Point | int) -> bool:
@@ -311,9 +315,9 @@ class Navigator:
         In `age_s` it has flown on from where it was when it said so.
         """
         stopping = stopping_point(telemetry, self.reaction_s + age_s)
-        bound = self.commanded.bound(telemetry)
+        pending = self.setpoints.pending(telemetry)
         return (
-            self._router.check_leg(telemetry.position, target, stopping=stopping, bound=bound)
+            self._router.check_leg(telemetry.position, target, stopping=stopping, pending=pending)
             and self._height_refusal(telemetry, target, age_s) is None
         )
 
@@ -337,8 +341,8 @@ class Navigator:
         if airspace is None:
             return None
         stopping = stopping_point(telemetry, self.reaction_s + age_s)
-        onward = (on.place for on in self.commanded.bound(telemetry))
-        if airspace.swept_clear([telemetry.position, stopping, *onward, target]):
+        setpoint = (on.place for on in self.setpoints.pending(telemetry))
+        if airspace.swept_clear([telemetry.position, stopping, *setpoint, target]):
             return None
         names = airspace.blockers(telemetry.position, target)
         where, way_out = ("lower", "climb") if low else ("higher", "descend")

@@ -11,7 +11,7 @@ from itertools import permutations
 from typing import Final
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, Motion
-from air_router.routing.departure import Onward
+from air_router.routing.departure import PendingSetpoint
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
@@ -25,7 +25,7 @@ _TURNING_S2_M: Final = 1 / 12
 time, and by what braking at 2 instead of 3 m/s2 takes more while it speeds up sideways."""
 
 
-class Commanded:
+class PendingSetpoints:
     """The commands that the vehicle may be following, or may yet begin to follow, in order.
 
     Args:
@@ -83,28 +83,28 @@ class Commanded:
             and math.dist(motion.position, here) > self._near_m
         )
 
-    def bound(self, telemetry: Telemetry) -> tuple[Onward, ...]:
+    def pending(self, telemetry: Telemetry) -> tuple[PendingSetpoint, ...]:
         """Everywhere that it may be flying to now: by our commands, and by its own word."""
         places, target = self.open(telemetry), telemetry.target
         if target is not None and math.dist(target, telemetry.position) > _FAR_M:
             places = (*places, target)
         speed_m_s = max(self._speed_m_s, math.hypot(*telemetry.velocity_m_s))
         beyond_m = _TURNING_S * speed_m_s + _TURNING_S2_M * speed_m_s**2
-        here, bound = telemetry.position, dict.fromkeys(places)
-        onward = [_onward(here, place, beyond_m) for place in bound]
+        here, pending = telemetry.position, dict.fromkeys(places)
+        setpoint = [_setpoint(here, place, beyond_m) for place in pending]
         # It may turn from the end of one to another, and away there.
-        onward += [
-            _onward(one, other, beyond_m)
-            for one, other in permutations(bound, 2)
+        setpoint += [
+            _setpoint(one, other, beyond_m)
+            for one, other in permutations(pending, 2)
             if math.dist(one, other) > self._near_m
         ]
-        return tuple(onward)
+        return tuple(setpoint)
 
 
-def _onward(here: Point, place: Point, beyond_m: float) -> Onward:
+def _setpoint(here: Point, place: Point, beyond_m: float) -> PendingSetpoint:
     share = 1.0 + beyond_m / math.dist(here, place)
     east_m, north_m = here
     reach = Point(
         east_m + share * (place.east_m - east_m), north_m + share * (place.north_m - north_m)
     )
-    return Onward(place, reach)
+    return PendingSetpoint(place, reach)

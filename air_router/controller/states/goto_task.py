@@ -20,7 +20,7 @@ from geo.frame import Point
 
 
 @dataclass(slots=True)
-class Errand:
+class GotoTask:
     """Points to fly to, in order.
 
     Attributes:
@@ -58,7 +58,7 @@ class Refused:
     why: str
 
 
-class Judge:
+class GotoValidator:
     """Says whether the vehicle may be sent somewhere from where it is, and come home from there."""
 
     def __init__(self, mission: Mission, router: Router, search: Search) -> None:
@@ -73,9 +73,9 @@ class Judge:
         self._router = router
         self._pace = Pace.of(mission)
 
-    def errand(
+    def goto_task(
         self, telemetry: Telemetry, points: Sequence[Point], hold_s: float, by: str
-    ) -> Errand | Refused:
+    ) -> GotoTask | Refused:
         """Look at every point, the ways between them, and what the way home then takes."""
         stops: list[Point] = []
         notes: list[str] = []
@@ -92,7 +92,7 @@ class Judge:
                 notes.append(f"{name}: {why}, so {max(beside_m, 0.1):.1f} m beside it")
             stops.append(hover)
         refused = self.way(telemetry, [Goal(stop) for stop in stops], hold_s)
-        return refused or Errand(tuple(stops), hold_s, by, tuple(notes))
+        return refused or GotoTask(tuple(stops), hold_s, by, tuple(notes))
 
     def way(
         self, telemetry: Telemetry, goals: Sequence[Goal], hold_s: float = 0.0

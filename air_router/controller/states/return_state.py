@@ -7,11 +7,11 @@ from typing import Final
 
 from air_router.controller.model.actions import LandHere
 from air_router.controller.model.behaviour import Signal, State, knows
-from air_router.controller.model.mission_context import Cockpit
-from air_router.controller.monitor.flight_phase import Launch
-from air_router.controller.monitor.home_reachability import Enclosure
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.monitor.flight_phase import FlightPhase
+from air_router.controller.monitor.home_reachability import HomeReachability
 from air_router.controller.monitor.triggers import reason_to_return
-from air_router.controller.motion.command_gate import RETRY_S, Helm
+from air_router.controller.motion.command_gate import RETRY_S, CommandGate
 from air_router.controller.motion.navigator import Goal, stopping_point
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
@@ -27,27 +27,33 @@ LANDING_M: Final = 1.0
 """So much farther from home than the acceptance radius it may be when it is told to land."""
 
 
-class Homecoming:
+class ReturnState:
     """Decides when the mission ends, says where it cannot, and flies home.
 
     Args:
-        cockpit: Where it signals that the vehicle comes home, and that it is there.
-        helm: Flies home.
-        launch: Since when the mission is in the air.
-        enclosure: Whether zones leave a way home.
+        context: Where it signals that the vehicle comes home, and that it is there.
+        gate: Flies home.
+        flight_phase: Since when the mission is in the air.
+        reachability: Whether zones leave a way home.
 
     Attributes:
         why: Why the vehicle comes home, once it does.
     """
 
-    def __init__(self, cockpit: Cockpit, helm: Helm, launch: Launch, enclosure: Enclosure) -> None:
+    def __init__(
+        self,
+        context: MissionContext,
+        gate: CommandGate,
+        flight_phase: FlightPhase,
+        reachability: HomeReachability,
+    ) -> None:
         self.why: str | None = None
         self._by_word = False
-        self._cockpit = cockpit
-        self._helm = helm
-        self._launch = launch
-        self._enclosure = enclosure
-        self._way_home = WayHome(cockpit.mission, cockpit.router)
+        self._context = context
+        self._gate = gate
+        self._flight_phase = flight_phase
+        self._reachability = reachability
+        self._way_home = WayHome(context.mission, context.router)
 
     def renew(self, mission: Mission, router: Router) -> None:
         """Zones and fences are others now."""
@@ -63,38 +69,38 @@ class Homecoming:
     @property
     def _can_end(self) -> bool:
         """Whether the mission can still be ended."""
-        return knows(self._cockpit.state, Signal.COME_HOME)
+        return knows(self._context.state, Signal.COME_HOME)
 
     def check(self, telemetry: Telemetry) -> None:
         """End the mission if it is time; say it, loudly, where no way leads home."""
-        if self._cockpit.state is not State.LAND:
-            news = self._enclosure.look(telemetry, due=self._cockpit.state is State.HOME)
+        if self._context.state is not State.LAND:
+            news = self._reachability.look(telemetry, due=self._context.state is State.HOME)
             if news is not None:
-                self._cockpit.say(news)
+                self._context.say(news)
         if self._can_end:
             why = self._due(telemetry)
             if why is not None:
                 self.come_home(why)
 
     def _due(self, telemetry: Telemetry) -> str | None:
-        since_s = self._launch.since_s(self._cockpit.now_s)
+        since_s = self._flight_phase.since_s(self._context.now_s)
         need = self._way_home.need(telemetry)
-        return reason_to_return(self._cockpit.mission, telemetry, since_s, need)
+        return reason_to_return(self._context.mission, telemetry, since_s, need)
 
     def come_home(self, why: str) -> None:
         """End the mission, in the air by flying home."""
         if not self._can_end:
             return
         self.why = why
-        if self._cockpit.in_air:
-            self._cockpit.signal(Signal.COME_HOME)
+        if self._context.in_air:
+            self._context.signal(Signal.COME_HOME)
         else:
-            self._launch.stayed_why = why
-            self._cockpit.signal(Signal.GROUNDED)
+            self._flight_phase.stayed_why = why
+            self._context.signal(Signal.GROUNDED)
 
     def come_home_by_word(self, who: str) -> None:
         """The same, because somebody asked for it, who may call it off."""
-        self._by_word = self._cockpit.state is not State.READY
+        self._by_word = self._context.state is not State.READY
         self.come_home(f"{who}'s word")
 
     def call_off(self) -> None:
@@ -104,82 +110,82 @@ class Homecoming:
 
     def objection(self) -> str | None:
         """Why its way home cannot be called off; None if whoever asked for it may do so."""
-        if self._cockpit.state is State.HOME and self._by_word:
-            return self._due(self._cockpit.heard)
+        if self._context.state is State.HOME and self._by_word:
+            return self._due(self._context.heard)
         return self.why
 
-    # The journey.
+    # The flight itself.
 
     def begin(self) -> None:
         """Fly home along the graph, and say why."""
-        self._cockpit.say(f"coming home: {self.why}")
+        self._context.say(f"coming home: {self.why}")
         self._go()
 
     def arrived(self) -> None:
         """Land, if this is home."""
-        goal = self._helm.navigator.goal
+        goal = self._gate.navigator.goal
         if goal is not None and goal.node == HOME_NODE:
             self._above_home(goal.position)
 
-    def stranded(self, refusal: str) -> None:
+    def no_route(self, refusal: str) -> None:
         """Wait where it is."""
-        if not self._cockpit.schedule.retrying:
-            self._helm.wait_here(refusal)
+        if not self._context.schedule.retrying:
+            self._gate.wait_here(refusal)
 
-    def try_again(self) -> None:
+    def retry(self) -> None:
         """By another way, perhaps."""
         self._go()
 
-    def fly_on(self) -> None:
+    def replan(self) -> None:
         """By a way planned anew."""
         self._go()
 
     def _go(self) -> None:
-        self._helm.fly_to(Goal(self._cockpit.mission.home, HOME_NODE))
+        self._gate.fly_to(Goal(self._context.mission.home, HOME_NODE))
 
     def _above_home(self, home: Point) -> None:
         """Land if it stays here, and no order from before may take it away: it would land there."""
-        telemetry = self._cockpit.heard
-        near_m = self._cockpit.mission.planner.acceptance_radius_m + LANDING_M
-        under_way = set(self._helm.navigator.commanded.open(telemetry)) - {home}
+        telemetry = self._context.heard
+        near_m = self._context.mission.planner.acceptance_radius_m + LANDING_M
+        under_way = set(self._gate.navigator.setpoints.open(telemetry)) - {home}
         places = (telemetry.position, stopping_point(telemetry))  # it may be passing by
         known = telemetry.ages.position_s < POSITION_S
         near = known and all(math.dist(place, home) <= near_m for place in places)
         if near and not under_way:
-            self._cockpit.signal(Signal.ARRIVED)
-        elif not (self._helm.custody.pending or self._cockpit.schedule.retrying):
-            self._cockpit.schedule.retry_in(RETRY_S)
+            self._context.signal(Signal.ARRIVED)
+        elif not (self._gate.commanded_mode.pending or self._context.schedule.retrying):
+            self._context.schedule.retry_in(RETRY_S)
 
 
-class Landing:
+class LandState:
     """Descends at home.
 
     Args:
-        cockpit: Whether something waits to be tried again.
-        helm: Lands it.
+        context: Whether something waits to be tried again.
+        gate: Lands it.
     """
 
-    def __init__(self, cockpit: Cockpit, helm: Helm) -> None:
-        self._cockpit = cockpit
-        self._helm = helm
+    def __init__(self, context: MissionContext, gate: CommandGate) -> None:
+        self._context = context
+        self._gate = gate
 
     def begin(self) -> None:
         """Descend."""
-        self._helm.command(LandHere())
+        self._gate.command(LandHere())
 
     def arrived(self) -> None:
         """It is above home already."""
 
-    def stranded(self, refusal: str) -> None:
+    def no_route(self, refusal: str) -> None:
         """It stays above home."""
-        if not self._cockpit.schedule.retrying:
-            self._helm.wait_here(refusal)
+        if not self._context.schedule.retrying:
+            self._gate.wait_here(refusal)
 
-    def try_again(self) -> None:
+    def retry(self) -> None:
         """It did not descend."""
         self.begin()
 
-    def fly_on(self) -> None:
+    def replan(self) -> None:
         """Descend, unless it does."""
-        if not isinstance(self._helm.custody.last, LandHere):
+        if not isinstance(self._gate.commanded_mode.last, LandHere):
             self.begin()

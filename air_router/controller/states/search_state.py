@@ -8,11 +8,11 @@ from typing import Final
 
 from air_router.controller.model.behaviour import Signal, State
 from air_router.controller.model.events import RobotPath, RobotPose, RobotSought
-from air_router.controller.model.mission_context import Cockpit
-from air_router.controller.motion.command_gate import Helm
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Progress
 from air_router.controller.targets.exploration import Exploration
-from air_router.controller.targets.search_points import Aim, RadioEvent, Search
+from air_router.controller.targets.search_points import RadioEvent, Search, SearchPoint
 
 FOLLOW_M: Final = 8.0
 """A robot that has moved so far from where we hover (or search) is followed."""
@@ -21,12 +21,12 @@ SEEK_AGAIN_S: Final = 10.0
 """Pause before the robots are gone through again when none of them could be sought."""
 
 
-class Pursuit:
+class SearchState:
     """Chooses a robot, flies to where it should be, and follows what is heard of it.
 
     Args:
-        cockpit: Where it signals that the robot was found, or that nobody can be sought.
-        helm: Flies there.
+        context: Where it signals that the robot was found, or that nobody can be sought.
+        gate: Flies there.
         search: Whom to seek, and where.
         exploration: What else there is to do; None: this vehicle only searches.
         name: This UAV's: of two that seek the same robot, the lower name keeps it.
@@ -37,16 +37,16 @@ class Pursuit:
 
     def __init__(
         self,
-        cockpit: Cockpit,
-        helm: Helm,
+        context: MissionContext,
+        gate: CommandGate,
         search: Search,
         exploration: Exploration | None,
         *,
         name: str,
     ) -> None:
         self.robot: str | None = None
-        self._cockpit = cockpit
-        self._helm = helm
+        self._context = context
+        self._gate = gate
         self._search = search
         self._exploration = exploration
         self._name = name
@@ -56,18 +56,18 @@ class Pursuit:
     @property
     def sought(self) -> str | None:
         """The robot that is sought or hovered over now; None while it does something else."""
-        return self.robot if self._cockpit.state in {State.SEARCH, State.COMM} else None
+        return self.robot if self._context.state in {State.SEARCH, State.COMM} else None
 
     def seek(self, robot: str) -> None:
         """Somebody asks for this robot."""
         self._wanted = robot
-        self._cockpit.signal(Signal.SEEK)
+        self._context.signal(Signal.SEEK)
 
     def forget(self) -> None:
         """The vehicle does something else."""
         self.robot = None
 
-    # The journey.
+    # The flight itself.
 
     def begin(self) -> None:
         """Seek whom somebody asked for, or else the robot whose turn it is."""
@@ -80,107 +80,107 @@ class Pursuit:
         One that is sought already, if it `goes_on`, is not tried once more by that.
         """
         for aim in self._aims(first):
-            motion = self._helm.plan_to(aim.goal)
-            if self._helm.navigator.progress is not Progress.STRANDED:
+            motion = self._gate.plan_to(aim.goal)
+            if self._gate.navigator.progress is not Progress.NO_ROUTE:
                 self.robot = aim.robot
                 if not (goes_on and aim.robot == first):
-                    self._search.roster.sought(aim.robot)
-                self._cockpit.say(f"SEARCH {aim.robot}: {aim.reason}")
-                self._helm.advance(motion)
+                    self._search.targets.sought(aim.robot)
+                self._context.say(f"SEARCH {aim.robot}: {aim.reason}")
+                self._gate.advance(motion)
                 return
-            self._cockpit.say(f"no way to {aim.robot}: {self._helm.refusal}")
+            self._context.say(f"no way to {aim.robot}: {self._gate.refusal}")
         self._nobody()
 
     def arrived(self) -> None:
         """Wait for it here."""
-        if not self._cockpit.schedule.running:
-            self._cockpit.schedule.start()
-            self._cockpit.say(f"at the search position of {self.robot}")
+        if not self._context.schedule.running:
+            self._context.schedule.start()
+            self._context.say(f"at the search position of {self.robot}")
 
-    def stranded(self, refusal: str) -> None:
+    def no_route(self, refusal: str) -> None:
         """Give it up."""
-        self._cockpit.say(f"no way to {self.robot}: {refusal}")
+        self._context.say(f"no way to {self.robot}: {refusal}")
         self._nobody()
 
-    def try_again(self) -> None:
+    def retry(self) -> None:
         """To the same place, or choose again if nobody could be sought."""
         if self.robot is None:
             self.begin()
         else:
-            self._helm.fly_again()
+            self._gate.fly_again()
 
-    def fly_on(self) -> None:
+    def replan(self) -> None:
         """Seek the same robot, if there is a way to it now."""
         self._set_out(self.robot, goes_on=True)
 
-    def _aims(self, first: str | None) -> Iterator[Aim]:
+    def _aims(self, first: str | None) -> Iterator[SearchPoint]:
         """Where to seek that robot, then the others in their turn."""
-        now_s = self._cockpit.now_s
+        now_s = self._context.now_s
         if first is not None:
             yield self._search.aim(first, now_s)
         yield from (aim for aim in self._search.aims(now_s) if aim.robot != first)
 
     def _nobody(self) -> None:
         self.robot = None
-        self._helm.navigator.stop()
+        self._gate.navigator.stop()
         if self._exploration is not None and self._exploration.remaining:
-            self._cockpit.signal(Signal.NO_TARGET)
+            self._context.signal(Signal.NO_TARGET)
         else:
-            self._helm.hold("no robot can be sought from here")
-            self._cockpit.schedule.retry_in(SEEK_AGAIN_S)
+            self._gate.hold("no robot can be sought from here")
+            self._context.schedule.retry_in(SEEK_AGAIN_S)
 
     def follow(self, *, force: bool = False) -> None:
         """Hover over the robot's newest position once it has moved away, or search ahead of it."""
         if self.robot is None:
             return
-        if self._cockpit.state is State.SEARCH and self._search.foresees:
-            over = self._search.ahead_of(self.robot, self._cockpit.now_s)
+        if self._context.state is State.SEARCH and self._search.foresees:
+            over = self._search.ahead_of(self.robot, self._context.now_s)
         else:
             over = self._search.over(self.robot)
         if over is None:
             return
-        (hover, beside_m), goal = over, self._helm.navigator.goal
+        (hover, beside_m), goal = over, self._gate.navigator.goal
         if not force and goal is not None and math.dist(goal.position, hover.position) < FOLLOW_M:
             return
         if beside_m > 0:
-            self._cockpit.say(f"no hovering over {self.robot}: waiting {beside_m:.0f} m beside it")
-        self._helm.fly_to(hover)
+            self._context.say(f"no hovering over {self.robot}: waiting {beside_m:.0f} m beside it")
+        self._gate.fly_to(hover)
 
     # What is heard of robots.
 
     def pose_heard(self, event: RobotPose) -> None:
         """A robot is, or was, there; its own word of that is the robot itself."""
-        news = self._search.roster.pose_heard(
-            event.robot, event.position, event.stamp_s, self._cockpit.now_s
+        news = self._search.targets.pose_heard(
+            event.robot, event.position, event.stamp_s, self._context.now_s
         )
         if not news or event.robot != self.robot:
             return
-        if self._cockpit.state is State.SEARCH and event.peer == event.robot:
-            self._cockpit.signal(Signal.FOUND)
+        if self._context.state is State.SEARCH and event.peer == event.robot:
+            self._context.signal(Signal.FOUND)
         elif self.sought is not None:
             self.follow()
 
     def path_heard(self, event: RobotPath) -> None:
         """A robot will drive there."""
-        news = self._search.roster.path_heard(
-            event.robot, event.points, event.stamp_s, self._cockpit.now_s
+        news = self._search.targets.path_heard(
+            event.robot, event.points, event.stamp_s, self._context.now_s
         )
-        searching = self._cockpit.state is State.SEARCH and event.robot == self.robot
+        searching = self._context.state is State.SEARCH and event.robot == self.robot
         if news and searching and self._search.foresees:
             self.follow()
 
     def radio_heard(self, event: RadioEvent) -> None:
         """A robot's radio was heard."""
-        self._search.heard(event, self._cockpit.now_s)
+        self._search.heard(event, self._context.now_s)
 
     def sought_by_other(self, event: RobotSought) -> None:
         """Another UAV seeks a robot: one of the two goes on, if it is ours."""
-        roster, now_s = self._search.roster, self._cockpit.now_s
-        news = roster.sought_by_other(event.by, event.robot, now_s)
+        targets, now_s = self._search.targets, self._context.now_s
+        news = targets.sought_by_other(event.by, event.robot, now_s)
         # Whom somebody asked for is not given up.
-        free = self._cockpit.state is State.SEARCH and self.robot != self._asked_for
+        free = self._context.state is State.SEARCH and self.robot != self._asked_for
         ours = free and self.robot is not None and self.robot == event.robot
         # A repeated word, or one that leaves nobody else, changes nothing.
-        if ours and news and event.by < self._name and roster.free(now_s):
-            self._cockpit.say(f"{event.by} seeks {event.robot} as well, and keeps it")
-            self._cockpit.signal(Signal.YIELDED)
+        if ours and news and event.by < self._name and targets.free(now_s):
+            self._context.say(f"{event.by} seeks {event.robot} as well, and keeps it")
+            self._context.signal(Signal.YIELDED)

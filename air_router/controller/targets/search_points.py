@@ -1,4 +1,4 @@
-"""Where to fly for each robot: the roster's best guess, where hovering keeps the clearance."""
+"""Where to fly for each robot: the best guess, where hovering keeps the clearance."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from air_router.controller.motion.navigator import Goal
 from air_router.controller.targets.exploration import Exploration
 from air_router.controller.targets.seeking import Outlook, policy_of
-from air_router.controller.targets.target_list import Roster, SearchPlace
+from air_router.controller.targets.target_list import SearchPlace, TargetList
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
 from air_router.routing.return_planner import Pace, Way
@@ -24,7 +24,7 @@ RadioEvent = ContactBegan | ContactEnded | SyncStarted | SyncEnded
 
 
 @dataclass(frozen=True, slots=True)
-class Aim:
+class SearchPoint:
     """A robot that could be sought now, where, and why there.
 
     Attributes:
@@ -60,7 +60,7 @@ class Search:
         *,
         explore: bool = True,
     ) -> None:
-        self.roster = Roster(seek)
+        self.targets = TargetList(seek)
         self._policy = policy_of(mission.seek_policy)
         self._exploration = exploration
         self._router = router
@@ -80,18 +80,18 @@ class Search:
     def heard(self, event: RadioEvent, now_s: float) -> None:
         """A robot's radio was heard: it is near."""
         if self._exploration.here is not None:
-            self.roster.radio_heard(event.peer, self._exploration.here, now_s)
+            self.targets.radio_heard(event.peer, self._exploration.here, now_s)
         if isinstance(event, SyncEnded) and event.complete:
-            self.roster.synced(event.peer, event.direction, now_s)
+            self.targets.synced(event.peer, event.direction, now_s)
 
-    def aims(self, now_s: float) -> Iterator[Aim]:
+    def aims(self, now_s: float) -> Iterator[SearchPoint]:
         """The robots in the order in which they are to be tried."""
-        for place in self._policy.order(self.roster, self._outlook(now_s)):
+        for place in self._policy.order(self.targets, self._outlook(now_s)):
             yield self._aim(place)
 
-    def aim(self, robot: str, now_s: float) -> Aim:
+    def aim(self, robot: str, now_s: float) -> SearchPoint:
         """Where one of the robots would be sought now."""
-        return self._aim(self._policy.place(robot, self.roster, self._outlook(now_s)))
+        return self._aim(self._policy.place(robot, self.targets, self._outlook(now_s)))
 
     @property
     def foresees(self) -> bool:
@@ -118,14 +118,14 @@ class Search:
             return math.inf
         return self._pace.time_s(Way(route.length_m, len(route.legs)))
 
-    def _aim(self, place: SearchPlace) -> Aim:
+    def _aim(self, place: SearchPlace) -> SearchPoint:
         robot = place.robot
         if place.position is None:
-            return Aim(robot, self._exploration.longest_unseen(), place.reason)
+            return SearchPoint(robot, self._exploration.longest_unseen(), place.reason)
         hover, why = self.hover(place.position)
         beside_m = math.dist(place.position, hover)
         reason = place.reason + (f"; {why}, so {max(beside_m, 0.1):.1f} m beside it" if why else "")
-        return Aim(robot, Goal(hover), reason, beside_m)
+        return SearchPoint(robot, Goal(hover), reason, beside_m)
 
     def hover(self, position: Point) -> tuple[Point, str]:
         """Where to hover for a place, and why not there; nothing if it is the place itself."""
@@ -135,11 +135,11 @@ class Search:
     def ahead_of(self, robot: str, now_s: float) -> tuple[Goal, float] | None:
         """Where a robot is to be met from here, and how far beside it; None if never heard of."""
         aim = self.aim(robot, now_s)
-        return None if self.roster.position_of(robot) is None else (aim.goal, aim.beside_m)
+        return None if self.targets.position_of(robot) is None else (aim.goal, aim.beside_m)
 
     def over(self, robot: str) -> tuple[Goal, float] | None:
         """The hovering place nearest to a robot, and how far beside it; None if never heard of."""
-        position = self.roster.position_of(robot)
+        position = self.targets.position_of(robot)
         if position is None:
             return None
         place = self._hover_point(position)

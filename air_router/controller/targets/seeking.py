@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
-from air_router.controller.targets.target_list import RECENT_POSE_S, Roster, SearchPlace
-from air_router.controller.targets.target_track import Course
+from air_router.controller.targets.target_list import RECENT_POSE_S, SearchPlace, TargetList
+from air_router.controller.targets.target_track import PredictedPath
 from air_router.files.settings import SeekPolicy
 from geo.frame import Point
 
@@ -46,13 +46,13 @@ class Policy(Protocol):
     foresees: bool
     """Whether it matters where a robot goes, and not only where it is."""
 
-    def order(self, roster: Roster, outlook: Outlook) -> tuple[SearchPlace, ...]:
-        """Every robot of the roster once, best first.
+    def order(self, targets: TargetList, outlook: Outlook) -> tuple[SearchPlace, ...]:
+        """Every robot of the list once, best first.
 
         Robots that another UAV seeks come last, before them those that count as lost.
         """
 
-    def place(self, robot: str, roster: Roster, outlook: Outlook) -> SearchPlace:
+    def place(self, robot: str, targets: TargetList, outlook: Outlook) -> SearchPlace:
         """Where to look for one robot."""
 
 
@@ -71,13 +71,15 @@ class RoundRobin:
 
     foresees = False
 
-    def order(self, roster: Roster, outlook: Outlook) -> tuple[SearchPlace, ...]:
+    def order(self, targets: TargetList, outlook: Outlook) -> tuple[SearchPlace, ...]:
         """As `Policy.order`."""
-        return tuple(self.place(name, roster, outlook) for name in roster.candidates(outlook.now_s))
+        return tuple(
+            self.place(name, targets, outlook) for name in targets.candidates(outlook.now_s)
+        )
 
-    def place(self, robot: str, roster: Roster, outlook: Outlook) -> SearchPlace:
+    def place(self, robot: str, targets: TargetList, outlook: Outlook) -> SearchPlace:
         """The last pose while it is recent, else the end of the path, else the last pose."""
-        return roster.place(robot, outlook.now_s)
+        return targets.place(robot, outlook.now_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,28 +135,28 @@ class Freshest:
 
     foresees = False
 
-    def order(self, roster: Roster, outlook: Outlook) -> tuple[SearchPlace, ...]:
+    def order(self, targets: TargetList, outlook: Outlook) -> tuple[SearchPlace, ...]:
         """As `Policy.order`; of equals the one whose turn it is."""
         groups = [
             sorted(
-                (self._prospect(name, roster, outlook) for name in group),
+                (self._prospect(name, targets, outlook) for name in group),
                 key=lambda prospect: -prospect.benefit,
             )
-            for group in roster.groups(outlook.now_s)
+            for group in targets.groups(outlook.now_s)
         ]
         prospects = [prospect for group in groups for prospect in group]
         oldest_s = max((prospect.age_s for prospect in prospects), default=0.0)
         return tuple(prospect.told(oldest_s) for prospect in prospects)
 
-    def place(self, robot: str, roster: Roster, outlook: Outlook) -> SearchPlace:
+    def place(self, robot: str, targets: TargetList, outlook: Outlook) -> SearchPlace:
         """As `Policy.place`."""
-        return self._meeting(robot, roster, outlook).place
+        return self._meeting(robot, targets, outlook).place
 
-    def _prospect(self, robot: str, roster: Roster, outlook: Outlook) -> _Prospect:
-        known = roster[robot]
-        meeting = self._meeting(robot, roster, outlook)
+    def _prospect(self, robot: str, targets: TargetList, outlook: Outlook) -> _Prospect:
+        known = targets[robot]
+        meeting = self._meeting(robot, targets, outlook)
         arrival_s = outlook.now_s + meeting.flight_s
-        course = roster.course(robot)
+        course = targets.course(robot)
         doubt_s = max(arrival_s - (outlook.began_s if course is None else course.end_s), 0.0)
         age_s = _since_s(outlook.now_s, outlook.began_s, known.word_s, known.taken_s)
         ages_s = age_s + _since_s(outlook.now_s, outlook.began_s, known.given_s)
@@ -164,15 +166,15 @@ class Freshest:
         benefit = ages_s * chance / (meeting.flight_s + round_s)
         return _Prospect(meeting.place, age_s, meeting.flight_s, benefit)
 
-    def _meeting(self, robot: str, roster: Roster, outlook: Outlook) -> Meeting:
-        course = roster.course(robot)
+    def _meeting(self, robot: str, targets: TargetList, outlook: Outlook) -> Meeting:
+        course = targets.course(robot)
         if course is None:
             return Meeting(SearchPlace(robot, None, _UNHEARD), outlook.flight_s(outlook.unseen))
         along_m, flight_s = self._aim(course, outlook)
         words = _words(course, along_m, outlook)
         return Meeting(SearchPlace(robot, course.place(along_m), words), flight_s)
 
-    def _aim(self, course: Course, outlook: Outlook) -> tuple[float, float]:
+    def _aim(self, course: PredictedPath, outlook: Outlook) -> tuple[float, float]:
         """How far along a course the robot is sought, and the flight there."""
         recent = outlook.now_s - course.start_s <= RECENT_POSE_S
         along_m = 0.0 if recent else course.length_m
@@ -192,11 +194,11 @@ class Rendezvous(Freshest):
 
     foresees = True
 
-    def _aim(self, course: Course, outlook: Outlook) -> tuple[float, float]:
+    def _aim(self, course: PredictedPath, outlook: Outlook) -> tuple[float, float]:
         return meet(course, outlook)
 
 
-def meet(course: Course, outlook: Outlook) -> tuple[float, float]:
+def meet(course: PredictedPath, outlook: Outlook) -> tuple[float, float]:
     """How far along a course a robot can be met soonest, and how long the vehicle flies there.
 
     The vehicle is there before the robot, and `MEETING_M` sooner on the way it would not be; or it
@@ -220,7 +222,7 @@ def meet(course: Course, outlook: Outlook) -> tuple[float, float]:
     return high_m, outlook.flight_s(course.place(high_m))
 
 
-def _words(course: Course, along_m: float, outlook: Outlook) -> str:
+def _words(course: PredictedPath, along_m: float, outlook: Outlook) -> str:
     if along_m <= 0 or len(course.points) == 1:
         return "its last position"
     if along_m >= course.length_m:

@@ -8,7 +8,7 @@ from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 
 
 @dataclass(slots=True)
-class Exchange:
+class SyncProgress:
     """One meeting with one robot.
 
     Only a sync that began after the robot was found counts: it alone carries all that both had

@@ -1,11 +1,11 @@
-"""Whom to seek next, and where: the roster of robots and what is known of them."""
+"""Whom to seek next, and where: the list of robots and what is known of them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from statistics import median
 
-from air_router.controller.targets.target_track import USUAL_SPEED_M_S, Course, Whereabouts
+from air_router.controller.targets.target_track import USUAL_SPEED_M_S, PredictedPath, TargetTrack
 from geo.frame import Point
 from mocha_link.links.metrics import Direction
 
@@ -30,7 +30,7 @@ class SearchPlace:
 
 
 @dataclass(slots=True)
-class Roster:
+class TargetList:
     """The robots to seek, in the mission's order, and the newest that is known of each.
 
     Times given as `now_s` are the vehicle's clock; stamps are the robots' own and only compared
@@ -38,12 +38,12 @@ class Roster:
     """
 
     names: tuple[str, ...]
-    _records: dict[str, Whereabouts] = field(default_factory=dict)
+    _records: dict[str, TargetTrack] = field(default_factory=dict)
     _last_sought: str | None = None
     _others: dict[str, tuple[str | None, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._records = {name: Whereabouts(name) for name in self.names}
+        self._records = {name: TargetTrack(name) for name in self.names}
 
     def pose_heard(self, robot: str, position: Point, stamp_s: float, now_s: float) -> bool:
         """Take a robot's pose in; True if it is newer than the one known before."""
@@ -73,7 +73,7 @@ class Roster:
         else:
             record.given_s = now_s
 
-    def __getitem__(self, robot: str) -> Whereabouts:
+    def __getitem__(self, robot: str) -> TargetTrack:
         """What is known of a robot."""
         return self._records[robot]
 
@@ -82,7 +82,7 @@ class Roster:
         record = self._records.get(robot)
         return record.pose.position if record is not None and record.pose is not None else None
 
-    def course(self, robot: str) -> Course | None:
+    def course(self, robot: str) -> PredictedPath | None:
         """Where a robot will be; one whose speed is not known drives as the others do."""
         speeds_m_s = [r.speed_m_s for r in self._records.values()]
         known_m_s = [speed_m_s for speed_m_s in speeds_m_s if speed_m_s is not None]

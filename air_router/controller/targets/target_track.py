@@ -50,7 +50,7 @@ class Intent:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class PredictedPath:
     """Where a robot will be, if it does as it said; a single point is a robot that stands.
 
     Attributes:
@@ -133,7 +133,7 @@ class _Stamps:
 
 
 @dataclass(slots=True)
-class Whereabouts:
+class TargetTrack:
     """What is known of one robot.
 
     Clocks of robots differ, from ours and from each other's. A robot's stamps are compared with
@@ -210,7 +210,7 @@ class Whereabouts:
         """A time on the robot's clock, on ours."""
         return stamp_s + min(self._poses.behind_s, self._paths.behind_s)
 
-    def course(self, usual_m_s: float = USUAL_SPEED_M_S) -> Course | None:
+    def course(self, usual_m_s: float = USUAL_SPEED_M_S) -> PredictedPath | None:
         """Where it will be; None if it was never heard of.
 
         From its newest pose on along its path; when that was over and its radio was heard, from
@@ -222,10 +222,10 @@ class Whereabouts:
         speed_m_s = self.speed_m_s or usual_m_s
         said, radio = self._said(speed_m_s), self.radio
         if radio is not None and (said is None or radio.stamp_s > said.end_s):
-            return Course((radio.position,), radio.stamp_s, speed_m_s)
+            return PredictedPath((radio.position,), radio.stamp_s, speed_m_s)
         return said
 
-    def _said(self, speed_m_s: float) -> Course | None:
+    def _said(self, speed_m_s: float) -> PredictedPath | None:
         """Where it said that it will be.
 
         A path that it has left counts no more, nor does a pose from long before the path.
@@ -234,13 +234,13 @@ class Whereabouts:
         if path is None:
             if pose is None:
                 return None
-            return Course((pose.position,), self.ours_s(pose.stamp_s), speed_m_s)
+            return PredictedPath((pose.position,), self.ours_s(pose.stamp_s), speed_m_s)
         if pose is None or path.stamp_s - pose.stamp_s > _BEFORE_S:
-            return Course(path.points, self.ours_s(path.stamp_s), speed_m_s)
+            return PredictedPath(path.points, self.ours_s(path.stamp_s), speed_m_s)
         ahead, off_m = _ahead(path.points, pose.position)
         if off_m > _LEFT_M and pose.stamp_s - path.stamp_s > _LEFT_S:
             ahead = ()
-        return Course((pose.position, *ahead), self.ours_s(pose.stamp_s), speed_m_s)
+        return PredictedPath((pose.position, *ahead), self.ours_s(pose.stamp_s), speed_m_s)
 
     def _news(self, now_s: float) -> None:
         self.news_s = now_s

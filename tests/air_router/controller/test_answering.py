@@ -248,7 +248,7 @@ def test_near_the_end_of_its_leg_it_is_left_to_stop_there(in_state):
 @pytest.mark.parametrize("state", [State.SEARCH, State.COMM, State.GOTO, State.HOME])
 def test_what_was_held_is_gone_on_with(in_state, state):
     flight = in_state(state)
-    robot, errand = flight.controller.robot, flight.controller.errand
+    robot, goto_task = flight.controller.robot, flight.controller.goto_task
     ask(flight, HoldNow())
     assert (flight.controller.robot, flight.controller.navigator.goal) == (None, None)
     ask(flight, HoldNow())  # once more changes nothing
@@ -256,7 +256,7 @@ def test_what_was_held_is_gone_on_with(in_state, state):
     assert answer.accepted
     after = State.SEARCH if state is State.COMM else state
     assert (flight.controller.state, flight.controller.robot) == (after, robot)
-    assert flight.controller.errand is errand
+    assert flight.controller.goto_task is goto_task
 
 
 def test_a_hold_that_fails_is_asked_for_again(in_state):
@@ -345,7 +345,7 @@ def test_gusts_do_not_keep_it_at_a_point_for_ever(in_state):
     for second in range(12):
         flight.give(dataclasses.replace(shaken, time_s=flight.now_s + second))
         flight.now_s += 1.0
-    assert flight.controller.errand.done == 1
+    assert flight.controller.goto_task.done == 1
 
 
 def test_a_point_in_a_zone_is_hovered_beside_and_one_outside_of_the_fence_refused(in_state):
@@ -472,7 +472,7 @@ def test_points_that_can_wait_are_flown_to_once_the_mission_is_in_the_air(preten
     assert flight.controller.state is State.HOLD
     ask(flight, GoOn())
     flight.step()
-    assert flight.controller.errand.stops == FAR
+    assert flight.controller.goto_task.stops == FAR
     ask(flight, HoldNow())
     flight.give(GoTo(FAR, waits=True, request_id="4"))
     flight.pilot_chooses(FlightMode.OTHER)
@@ -536,7 +536,7 @@ def test_a_way_home_that_the_pilot_interrupted_says_nothing_of_the_next(in_state
     flight.pilot_chooses(FlightMode.HOLD)
     assert ask(flight, GoOn())[0].accepted
     flight.give(CommandFailed(flight.motions[-1], "lost"))
-    flight.controller._crew.homecoming.come_home("the climb does not go on")
+    flight.controller._parts.return_state.come_home("the climb does not go on")
     assert ask(flight, ExploreNow())[0].code is Refusal.COMING_HOME
 
 

@@ -242,7 +242,7 @@ def test_a_place_from_which_no_waypoint_is_reached_costs_none_of_them(pretend):
     flight.velocity, flight.target, here = (0.0, 0.0), None, flight.position
     flight.position = Point(0.0, 5000.0)  # a glitch of the position, far outside of the fence
     flight.controller.navigator.go(flight.controller.exploration.goal, flight.telemetry())
-    flight.controller._crew.helm.advance(None)
+    flight.controller._parts.gate.advance(None)
     assert flight.controller.exploration.remaining >= 34
     flight.position = here
     flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 2000.0)
@@ -270,11 +270,11 @@ def test_a_motion_that_waited_is_looked_at_again_before_it_is_sent(pretend):
     controller, now_s = flight.controller, flight.now_s
     motion = FlyToPoint(flight.mission.home, 40.0)
     assert "called off" in controller.objection(motion, now_s)
-    controller.custody.commanded(motion)
+    controller.commanded_mode.commanded(motion)
     assert controller.objection(motion, now_s) is None
     assert "too old" in controller.objection(motion, now_s + 1.0)
     across = FlyToPoint(Point(1e4, 0.0), 40.0)
-    controller.custody.commanded(across)
+    controller.commanded_mode.commanded(across)
     assert "no longer clear" in controller.objection(across, now_s)
     flight.pilot_chooses(FlightMode.OTHER)
     assert "called off" in controller.objection(across, flight.now_s)

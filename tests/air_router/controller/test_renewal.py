@@ -71,7 +71,9 @@ def test_what_it_may_reach_while_it_brakes_it_is_to_leave_and_not_in_breach_of(
     stops_m = speed * (flight.controller.navigator.reaction_s + speed / 4.0)
     zone = Zone("new", Circle(Point(*ahead(flight, share * stops_m + 20.0)), 20.0))
     now = before.with_areas(before.fences, (*before.zones, zone))
-    found = flight.controller._crew.renewal._reached(before, now, flight.controller.telemetry)
+    found = flight.controller._parts.airspace_update._reached(
+        before, now, flight.controller.telemetry
+    )
     assert (zone.name in found) is reached
 
 
@@ -311,7 +313,7 @@ def test_wherever_zones_appear_what_has_been_left_is_not_entered_again(pretend, 
                 due = flight.now_s + chance.uniform(0.5, 5.0)
         if boarding(flight) and due is not None and flight.now_s > due:
             flight.give(PlanRenewed())
-            due = None if flight.controller._crew.renewal.phase is None else due
+            due = None if flight.controller._parts.airspace_update.phase is None else due
         for zone in zones:
             far_m = Airspace(None, [zone], 0.0).distance_m(flight.position)
             if far_m >= 5.0:
@@ -513,7 +515,9 @@ def walled_in(pretend, **changes):
     for zone in walls(flight.position):
         drawn.append(zone)
         change(flight, *drawn)
-        flight.fly_until(lambda: flight.controller._crew.renewal.phase is Phase.BOARDING, 10.0)
+        flight.fly_until(
+            lambda: flight.controller._parts.airspace_update.phase is Phase.BOARDING, 10.0
+        )
         flight.give(PlanRenewed())
         flight.step()
         if flight.controller.walled_in:  # what the mission has beside it is a wall too
@@ -585,7 +589,7 @@ def test_a_change_of_zones_is_no_further_try_to_find_a_robot(pretend):
         change(flight, box((300.0, 300.0 + 30.0 * number), name=f"new {number}"))
         flight.fly_until(lambda n=number: boarding(flight) == n + 1, 20.0)
         flight.give(PlanRenewed())
-    assert flight.controller.search.roster["io"].tries == 1
+    assert flight.controller.search.targets["io"].tries == 1
 
 
 def test_a_way_that_is_not_there_is_said_once(pretend):

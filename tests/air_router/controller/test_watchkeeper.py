@@ -102,10 +102,10 @@ def test_while_a_jump_is_under_way_a_report_of_an_item_is_of_the_one_before(pret
     flight.take_off()
     flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) > 20.0)
     flight._act = flight.actions.append  # neither confirmed nor failed
-    flight.fly_until(lambda: isinstance(flight.controller.custody.pending, FlyToNode))
-    jump, commanded = flight.controller.custody.pending, len(flight.motions)
+    flight.fly_until(lambda: isinstance(flight.controller.commanded_mode.pending, FlyToNode))
+    jump, commanded = flight.controller.commanded_mode.pending, len(flight.motions)
     flight.give(ItemReached(flight.now_s, flight.plan.item_of(jump.node)))
-    assert flight.controller.custody.pending is jump
+    assert flight.controller.commanded_mode.pending is jump
     assert len(flight.motions) == commanded
 
 

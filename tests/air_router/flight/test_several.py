@@ -9,7 +9,7 @@ from air_router.controller.model.actions import FlyToNode, Seeking
 from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import RobotPose, RobotSought
 from air_router.controller.model.requests import ComeHome, GoOn
-from air_router.controller.targets.target_list import SOUGHT_BY_OTHER_S, Roster
+from air_router.controller.targets.target_list import SOUGHT_BY_OTHER_S, TargetList
 from air_router.gossip.gossip import SEEK_INTERVAL_S, Gossip
 from air_router.gossip.mapper import Mapper
 from air_router.gossip.team_messages import Reader
@@ -94,23 +94,23 @@ def test_the_team_is_told_whom_it_seeks_and_when_it_does_no_longer(pretend):
 
 
 def test_a_robot_that_another_uav_seeks_comes_last_for_some_minutes():
-    roster = Roster(("callisto", "europa", "io"))
-    roster.sought_by_other("atlas", "callisto", 0.0)
-    assert roster.candidates(1.0) == ("europa", "io", "callisto")
-    assert roster.candidates(SOUGHT_BY_OTHER_S + 1.0) == ("callisto", "europa", "io")
-    roster.sought_by_other("atlas", "io", 10.0)
-    assert roster.candidates(11.0) == ("callisto", "europa", "io")
-    assert roster.free(11.0) == ("callisto", "europa")
-    roster.sought_by_other("atlas", None, 20.0)
-    assert roster.free(20.0) == roster.names
+    targets = TargetList(("callisto", "europa", "io"))
+    targets.sought_by_other("atlas", "callisto", 0.0)
+    assert targets.candidates(1.0) == ("europa", "io", "callisto")
+    assert targets.candidates(SOUGHT_BY_OTHER_S + 1.0) == ("callisto", "europa", "io")
+    targets.sought_by_other("atlas", "io", 10.0)
+    assert targets.candidates(11.0) == ("callisto", "europa", "io")
+    assert targets.free(11.0) == ("callisto", "europa")
+    targets.sought_by_other("atlas", None, 20.0)
+    assert targets.free(20.0) == targets.names
 
 
 def test_even_a_lost_robot_is_sought_before_one_that_another_uav_seeks():
-    roster = Roster(("callisto", "europa"))
-    roster.pose_heard("callisto", Point(0.0, 0.0), 1.0, 0.0)
+    targets = TargetList(("callisto", "europa"))
+    targets.pose_heard("callisto", Point(0.0, 0.0), 1.0, 0.0)
     now_s = 2000.0
-    roster.sought_by_other("atlas", "europa", now_s)
-    assert roster.candidates(now_s) == ("callisto", "europa")
+    targets.sought_by_other("atlas", "europa", now_s)
+    assert targets.candidates(now_s) == ("callisto", "europa")
 
 
 @pytest.mark.parametrize(("ours", "yields"), [("titan", True), ("alpha", False), ("", False)])

@@ -5,7 +5,7 @@ import pytest
 from air_router.preflight.energy import CLIMB_M_S, battery
 from air_router.preflight.preflight import Verdict
 from air_router.routing.graph import WaypointGraph
-from air_router.routing.return_planner import LANDING_MARGIN, Homeward
+from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
 from air_router.routing.router import Router
 
 
@@ -19,7 +19,7 @@ def check(mission, router, charge, **changes):
 
 
 def test_what_is_good_on_the_ground_reaches_the_farthest_waypoint_in_flight(pennovation, router):
-    homeward = Homeward(router)
+    homeward = ReturnPlanner(router)
     _, way = homeward.worst_waypoint
     out_s = pennovation.altitude_above_home_m / CLIMB_M_S + homeward.pace.time_s(way)
     for reserve in (0.0, 0.25):

@@ -13,8 +13,8 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.return_planner import (
     LANDING_M_S,
     LANDING_MARGIN,
-    Homeward,
     Pace,
+    ReturnPlanner,
     Way,
     WayHome,
 )
@@ -42,7 +42,7 @@ def made(folder, **changes):
 
 def homeward(mission):
     graph = WaypointGraph(mission)
-    return Homeward(Router(graph))
+    return ReturnPlanner(Router(graph))
 
 
 def test_ways_home_go_around_and_straight_ones_are_taken(tmp_path):
@@ -76,7 +76,7 @@ def test_where_routes_are_the_shortest_so_is_the_worst_way(tmp_path):
 def test_no_way_home_is_longer_than_over_the_graph_or_shorter_than_straight(pennovation):
     graph = WaypointGraph(pennovation)
     router = Router(graph)
-    for node, way in Homeward(router).home.items():
+    for node, way in ReturnPlanner(router).home.items():
         straight_m = math.dist(graph.position(node), pennovation.home)
         route = router.route(graph.position(node), 0)
         assert isinstance(route, Route)

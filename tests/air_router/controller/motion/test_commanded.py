@@ -9,8 +9,8 @@ from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.controller.model.requests import ExploreNow, GoTo
 from air_router.controller.motion.navigator import Goal, Navigator
-from air_router.controller.motion.pending_setpoints import Commanded
-from air_router.routing.departure import Onward
+from air_router.controller.motion.pending_setpoints import PendingSetpoints
+from air_router.routing.departure import PendingSetpoint
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Zone
@@ -30,39 +30,39 @@ HOLD = HoldHere("a test")
 
 
 def test_what_is_not_confirmed_may_all_be_flown_to():
-    commanded = Commanded(near_m=2.0, speed_m_s=0.0)
-    commanded.sent(NODE)
-    commanded.sent(PLACE)
-    assert commanded.open(at(0, 0)) == (NODE.position, PLACE.position)
-    commanded.confirmed(NODE)
-    assert commanded.open(at(0, 0)) == (NODE.position, PLACE.position)
-    commanded.confirmed(PLACE)
-    assert commanded.open(at(0, 0)) == (PLACE.position,)
-    assert commanded.open(at(0.5, 99.0)) == ()  # arrived
-    commanded.sent(HOLD)
-    assert commanded.open(at(0, 0)) == (PLACE.position,)
-    commanded.confirmed(HOLD)
-    assert commanded.open(at(0, 0)) == ()
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
+    setpoints.sent(NODE)
+    setpoints.sent(PLACE)
+    assert setpoints.open(at(0, 0)) == (NODE.position, PLACE.position)
+    setpoints.confirmed(NODE)
+    assert setpoints.open(at(0, 0)) == (NODE.position, PLACE.position)
+    setpoints.confirmed(PLACE)
+    assert setpoints.open(at(0, 0)) == (PLACE.position,)
+    assert setpoints.open(at(0.5, 99.0)) == ()  # arrived
+    setpoints.sent(HOLD)
+    assert setpoints.open(at(0, 0)) == (PLACE.position,)
+    setpoints.confirmed(HOLD)
+    assert setpoints.open(at(0, 0)) == ()
 
 
 def test_of_two_alike_the_newest_is_confirmed():
-    commanded = Commanded(near_m=2.0, speed_m_s=0.0)
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
     for motion in (NODE, HOLD, PLACE, HOLD, HOLD):
-        commanded.sent(motion)
-    commanded.confirmed(HOLD)
-    assert commanded.open(at(0, 0)) == ()
+        setpoints.sent(motion)
+    setpoints.confirmed(HOLD)
+    assert setpoints.open(at(0, 0)) == ()
 
 
 def test_what_the_vehicle_says_of_itself_counts_where_it_is_far():
-    commanded = Commanded(near_m=2.0, speed_m_s=0.0)
-    assert commanded.bound(at(0, 0, target=Point(3.0, 3.0))) == ()
-    assert commanded.bound(at(0, 0, target=Point(30.0, 3.0))) == (
-        Onward(Point(30.0, 3.0), Point(30.0, 3.0)),
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
+    assert setpoints.pending(at(0, 0, target=Point(3.0, 3.0))) == ()
+    assert setpoints.pending(at(0, 0, target=Point(30.0, 3.0))) == (
+        PendingSetpoint(Point(30.0, 3.0), Point(30.0, 3.0)),
     )
-    commanded.sent(NODE)
-    assert commanded.bound(at(0, 0, target=Point(30.0, 3.0)))[0].place == NODE.position
-    commanded.forget()
-    assert commanded.bound(at(0, 0)) == ()
+    setpoints.sent(NODE)
+    assert setpoints.pending(at(0, 0, target=Point(30.0, 3.0)))[0].place == NODE.position
+    setpoints.forget()
+    assert setpoints.pending(at(0, 0)) == ()
 
 
 @pytest.fixture
@@ -88,24 +88,24 @@ def bend(pretend, pennovation):
 def test_a_jump_that_might_arrive_late_is_held_for_first(bend):
     navigator = Navigator(bend.mission, bend.router)
     way = FlyToPoint(Point(100.0, 0.0), 40.0)
-    navigator.commanded.sent(way)
-    navigator.commanded.confirmed(way)
+    navigator.setpoints.sent(way)
+    navigator.setpoints.confirmed(way)
     moving = at(15.0, 0.0, velocity_m_s=(3.5, 0.0))
     goal = Goal(Point(15.0, -60.0))
     motion = navigator.go(goal, moving)
     assert isinstance(motion, HoldHere)  # sent from farther on it would cut the box
-    navigator.commanded.sent(motion)
+    navigator.setpoints.sent(motion)
     stands = at(20.0, 0.0)
     assert navigator.update(stands) is None  # the way east is not over while that is not confirmed
     assert isinstance(navigator.again(stands), HoldHere)
-    navigator.commanded.confirmed(motion)
+    navigator.setpoints.confirmed(motion)
     assert navigator.update(stands) == FlyToPoint(goal.position, 40.0)
 
 
 def test_a_jump_that_may_arrive_late_is_given_at_once(bend):
     navigator = Navigator(bend.mission, bend.router)
     way = FlyToPoint(Point(100.0, 0.0), 40.0)
-    navigator.commanded.sent(way)
+    navigator.setpoints.sent(way)
     moving = at(15.0, 0.0, velocity_m_s=(3.5, 0.0))
     assert navigator.go(Goal(Point(15.0, 60.0)), moving) == FlyToPoint(Point(15.0, 60.0), 40.0)
 
@@ -183,26 +183,26 @@ def test_however_late_commands_arrive_the_clearance_is_kept(pretend, pennovation
 
 
 def test_a_jump_that_would_show_though_another_order_is_still_to_come_is_doubtful():
-    commanded = Commanded(near_m=2.0, speed_m_s=0.0)
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
     other = FlyToNode(2, Point(50.0, 50.0))
-    assert not commanded.doubtful(NODE, shows=True)
-    commanded.sent(NODE)  # given up
-    assert not commanded.doubtful(NODE, shows=True)  # it came late: the same place
-    commanded.sent(PLACE)
-    assert commanded.doubtful(NODE, shows=True)
-    assert commanded.doubtful(NODE, shows=False)  # the first one may come, and show
-    assert not commanded.doubtful(other, shows=False)
-    commanded.confirmed(PLACE)
-    assert not commanded.doubtful(NODE, shows=True)
-    commanded.forget()
-    assert not commanded.doubtful(NODE, shows=True)
+    assert not setpoints.doubtful(NODE, shows=True)
+    setpoints.sent(NODE)  # given up
+    assert not setpoints.doubtful(NODE, shows=True)  # it came late: the same place
+    setpoints.sent(PLACE)
+    assert setpoints.doubtful(NODE, shows=True)
+    assert setpoints.doubtful(NODE, shows=False)  # the first one may come, and show
+    assert not setpoints.doubtful(other, shows=False)
+    setpoints.confirmed(PLACE)
+    assert not setpoints.doubtful(NODE, shows=True)
+    setpoints.forget()
+    assert not setpoints.doubtful(NODE, shows=True)
 
 
 def test_it_may_be_turned_away_at_the_second_place_having_come_from_the_first():
-    commanded = Commanded(near_m=2.0, speed_m_s=4.0)
-    commanded.sent(NODE)
-    commanded.sent(FlyToPoint(Point(100.0, 50.0), 40.0))
-    reaches = {on.reach for on in commanded.bound(at(0, 0)) if on.place == (100.0, 50.0)}
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=4.0)
+    setpoints.sent(NODE)
+    setpoints.sent(FlyToPoint(Point(100.0, 50.0), 40.0))
+    reaches = {on.reach for on in setpoints.pending(at(0, 0)) if on.place == (100.0, 50.0)}
     assert any(reach.east_m == 100.0 and reach.north_m > 52.0 for reach in reaches)
 
 
@@ -219,9 +219,9 @@ def test_what_may_come_late_is_held_for_where_it_would_not_show(pretend):
     flight.deaf = False
     flight.telemetry = lambda: dataclasses.replace(telemetry(), item=item)
     flight.step()
-    commanded = len(flight.motions)
+    setpoints = len(flight.motions)
     flight.give(ExploreNow())
-    assert isinstance(flight.motions[commanded], HoldHere)
+    assert isinstance(flight.motions[setpoints], HoldHere)
     flight.telemetry = telemetry
     flight.fly_until(lambda: isinstance(flight.motions[-1], FlyToNode), 10.0)
     assert flight.motions[-1].node == told.node
@@ -236,9 +236,9 @@ def test_a_leg_is_swept_for_as_long_as_the_position_is_old(bend):
 
 
 def test_it_swings_as_far_beyond_a_leg_s_end_as_its_true_speed_takes_it():
-    commanded = Commanded(near_m=2.0, speed_m_s=3.5)
-    commanded.sent(NODE)
-    (slow,) = commanded.bound(at(0, 0, velocity_m_s=(3.5, 0.0)))
-    (fast,) = commanded.bound(at(0, 0, velocity_m_s=(12.0, 0.0)))
+    setpoints = PendingSetpoints(near_m=2.0, speed_m_s=3.5)
+    setpoints.sent(NODE)
+    (slow,) = setpoints.pending(at(0, 0, velocity_m_s=(3.5, 0.0)))
+    (fast,) = setpoints.pending(at(0, 0, velocity_m_s=(12.0, 0.0)))
     assert slow.reach.east_m < 103.0
     assert fast.reach.east_m > 115.0

@@ -1,7 +1,7 @@
 import pytest
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
-from air_router.controller.motion.commanded_mode import Custody
+from air_router.controller.motion.commanded_mode import CommandedMode
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
@@ -19,50 +19,50 @@ def flying(mode, **changes):
     return Telemetry(**values | {"mode": mode} | changes)
 
 
-def ours(custody):
-    return {mode for mode in FlightMode if not custody.taken(flying(mode))}
+def ours(commanded_mode):
+    return {mode for mode in FlightMode if not commanded_mode.taken(flying(mode))}
 
 
 @pytest.fixture
-def custody():
-    custody = Custody()
-    custody.assume(FlightMode.MISSION)
-    return custody
+def commanded_mode():
+    commanded_mode = CommandedMode()
+    commanded_mode.assume(FlightMode.MISSION)
+    return commanded_mode
 
 
 @pytest.mark.parametrize(("motion", "mode"), MOTIONS)
-def test_a_command_under_way_allows_the_old_and_the_new_mode(custody, motion, mode):
-    custody.commanded(motion)
-    assert ours(custody) == {FlightMode.MISSION, mode}
-    custody.confirmed(motion)
-    assert ours(custody) == {mode}
+def test_a_command_under_way_allows_the_old_and_the_new_mode(commanded_mode, motion, mode):
+    commanded_mode.commanded(motion)
+    assert ours(commanded_mode) == {FlightMode.MISSION, mode}
+    commanded_mode.confirmed(motion)
+    assert ours(commanded_mode) == {mode}
 
 
-def test_a_failed_command_leaves_both_open_and_a_pilot_s_mode_is_still_seen(custody):
+def test_a_failed_command_leaves_both_open_and_a_pilot_s_mode_is_still_seen(commanded_mode):
     motion = FlyToNode(1, HERE)
-    custody.commanded(motion)
-    assert custody.failed(motion)
-    assert ours(custody) == {FlightMode.MISSION}
+    commanded_mode.commanded(motion)
+    assert commanded_mode.failed(motion)
+    assert ours(commanded_mode) == {FlightMode.MISSION}
 
 
-def test_a_late_confirmation_of_an_older_command_changes_nothing(custody):
+def test_a_late_confirmation_of_an_older_command_changes_nothing(commanded_mode):
     first, second = FlyToNode(1, HERE), FlyToPoint(HERE, 40.0)
-    custody.commanded(first)
-    custody.commanded(second)
-    custody.confirmed(first)
-    assert custody.pending is second
-    assert not custody.failed(first)
-    assert custody.pending is second
+    commanded_mode.commanded(first)
+    commanded_mode.commanded(second)
+    commanded_mode.confirmed(first)
+    assert commanded_mode.pending is second
+    assert not commanded_mode.failed(first)
+    assert commanded_mode.pending is second
 
 
-def test_on_the_ground_the_autopilot_may_change_its_mode(custody):
-    custody.commanded(LandHere())
-    assert not custody.taken(flying(FlightMode.HOLD, in_air=False))
+def test_on_the_ground_the_autopilot_may_change_its_mode(commanded_mode):
+    commanded_mode.commanded(LandHere())
+    assert not commanded_mode.taken(flying(FlightMode.HOLD, in_air=False))
 
 
-def test_a_failsafe_in_the_very_mode_that_we_asked_for_is_seen(custody):
+def test_a_failsafe_in_the_very_mode_that_we_asked_for_is_seen(commanded_mode):
     hold = HoldHere("why")
-    custody.commanded(hold)
-    custody.confirmed(hold)
-    assert not custody.taken(flying(FlightMode.HOLD))
-    assert custody.taken(flying(FlightMode.HOLD, failsafe=True))
+    commanded_mode.commanded(hold)
+    commanded_mode.confirmed(hold)
+    assert not commanded_mode.taken(flying(FlightMode.HOLD))
+    assert commanded_mode.taken(flying(FlightMode.HOLD, failsafe=True))

@@ -40,7 +40,7 @@ def searching(folder, zones):
 
 
 def aim_at(search, place):
-    search.roster.pose_heard("io", place, 1.0, 1.0)
+    search.targets.pose_heard("io", place, 1.0, 1.0)
     (aim,) = search.aims(2.0)
     return aim
 
@@ -69,7 +69,7 @@ def test_a_robot_in_a_closed_yard_is_sought_from_outside_of_it(tmp_path):
     mission, search = searching(tmp_path, [yard])
     for place, why in ((Point(0, -10), "no clear way leads there"), (Point(28, 0), "too close")):
         aim = aim_at(search, place)
-        search.roster.__init__(("io",))
+        search.targets.__init__(("io",))
         assert mission.planning_airspace.point_clear(aim.goal.position)
         assert max(map(abs, aim.goal.position)) > 35
         assert why in aim.reason

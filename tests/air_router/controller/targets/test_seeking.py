@@ -11,8 +11,8 @@ from air_router.controller.model.actions import StateChanged
 from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import RobotPath, RobotPose
 from air_router.controller.targets.seeking import EARLY_SHARE, MEETING_M, Outlook, meet, policy_of
-from air_router.controller.targets.target_list import LOST_AFTER_S, Roster
-from air_router.controller.targets.target_track import USUAL_SPEED_M_S, Course, Whereabouts
+from air_router.controller.targets.target_list import LOST_AFTER_S, TargetList
+from air_router.controller.targets.target_track import USUAL_SPEED_M_S, PredictedPath, TargetTrack
 from air_router.files.settings import SEEK_POLICIES
 from geo.frame import Point
 from mocha_link.links.metrics import ContactBegan, Direction
@@ -36,58 +36,58 @@ def outlook(now_s, here=HOME, *, began_s=0.0, walled=()):
     return Outlook(now_s, began_s, flight_s, unseen=UNSEEN, round_s=185.0)
 
 
-def order(policy, roster, *args, **how):
-    return [place.robot for place in policy_of(policy).order(roster, outlook(*args, **how))]
+def order(policy, targets, *args, **how):
+    return [place.robot for place in policy_of(policy).order(targets, outlook(*args, **how))]
 
 
-def heard(roster, robot, place, now_s, *path, given=True):
+def heard(targets, robot, place, now_s, *path, given=True):
     """Met at a place; its clock is far from ours."""
     stamp_s = 1e9 + now_s
-    roster.pose_heard(robot, place, stamp_s, now_s)
+    targets.pose_heard(robot, place, stamp_s, now_s)
     if path:
-        roster.path_heard(robot, path, stamp_s, now_s)
-    roster.synced(robot, Direction.IN, now_s)
+        targets.path_heard(robot, path, stamp_s, now_s)
+    targets.synced(robot, Direction.IN, now_s)
     if given:
-        roster.synced(robot, Direction.OUT, now_s)
+        targets.synced(robot, Direction.OUT, now_s)
 
 
 @st.composite
 def rosters(draw):
-    roster = Roster(draw(names))
-    for name in (*roster.names, "stranger"):
+    targets = TargetList(draw(names))
+    for name in (*targets.names, "stranger"):
         now_s, stamp_s = draw(moments), draw(st.floats(0, 1e11))
         if draw(st.booleans()):
-            roster.pose_heard(name, draw(points), stamp_s, now_s)
+            targets.pose_heard(name, draw(points), stamp_s, now_s)
         if draw(st.booleans()):
-            roster.path_heard(name, draw(paths), draw(st.floats(0, 1e11)), now_s)
+            targets.path_heard(name, draw(paths), draw(st.floats(0, 1e11)), now_s)
         if draw(st.booleans()):
-            roster.synced(name, draw(st.sampled_from(Direction)), now_s)
+            targets.synced(name, draw(st.sampled_from(Direction)), now_s)
         if draw(st.booleans()):
-            roster.radio_heard(name, draw(points), draw(moments))
-    if roster.names and draw(st.booleans()):
-        roster.sought(draw(st.sampled_from(roster.names)))
-        roster.sought_by_other("other", draw(st.sampled_from(roster.names)), draw(moments))
-    return roster
+            targets.radio_heard(name, draw(points), draw(moments))
+    if targets.names and draw(st.booleans()):
+        targets.sought(draw(st.sampled_from(targets.names)))
+        targets.sought_by_other("other", draw(st.sampled_from(targets.names)), draw(moments))
+    return targets
 
 
 @pytest.mark.parametrize("policy", SEEK_POLICIES)
-@given(roster=rosters(), now_s=moments, here=points, wall=points)
+@given(targets=rosters(), now_s=moments, here=points, wall=points)
 @few
-def test_every_robot_once_the_same_twice_and_in_its_group(policy, roster, now_s, here, wall):
-    first = policy_of(policy).order(roster, outlook(now_s, here, walled=[wall, UNSEEN]))
-    again = policy_of(policy).order(roster, outlook(now_s, here, walled=[wall, UNSEEN]))
+def test_every_robot_once_the_same_twice_and_in_its_group(policy, targets, now_s, here, wall):
+    first = policy_of(policy).order(targets, outlook(now_s, here, walled=[wall, UNSEEN]))
+    again = policy_of(policy).order(targets, outlook(now_s, here, walled=[wall, UNSEEN]))
     assert first == again
     robots = [place.robot for place in first]
-    assert sorted(robots) == sorted(roster.names)
-    groups = [set(group) for group in roster.groups(now_s)]
+    assert sorted(robots) == sorted(targets.names)
+    groups = [set(group) for group in targets.groups(now_s)]
     rank = [next(i for i, group in enumerate(groups) if robot in group) for robot in robots]
     assert rank == sorted(rank)
     for place in first:
         assert place.reason
-        assert place.position is not None or roster[place.robot].word_s is None
+        assert place.position is not None or targets[place.robot].word_s is None
 
 
-courses = st.builds(Course, paths, st.floats(-300, 100), st.floats(0.2, 3.0))
+courses = st.builds(PredictedPath, paths, st.floats(-300, 100), st.floats(0.2, 3.0))
 
 
 @given(course=courses, here=points)
@@ -112,14 +112,14 @@ def test_a_meeting_is_as_soon_as_can_be(course, here):
 
 def test_the_meeting_point_of_a_straight_way_is_where_the_times_are_equal():
     # 300 m away and driving towards us at 1 m/s: together 4 + 1 m/s, with the robot's share.
-    course = Course((Point(300.0, 0.0), Point(0.0, 0.0)), 0.0, 1.0)
+    course = PredictedPath((Point(300.0, 0.0), Point(0.0, 0.0)), 0.0, 1.0)
     along_m, flight_s = meet(course, outlook(0.0))
     assert along_m == pytest.approx(300.0 / (1 + SPEED_M_S * (1 - EARLY_SHARE)), abs=MEETING_M)
     assert flight_s == pytest.approx((300.0 - along_m) / SPEED_M_S)
 
 
 def test_a_course_says_where_the_robot_is_and_when_it_ends():
-    course = Course((Point(0, 0), Point(10, 0), Point(10, 0), Point(10, 20)), 100.0, 2.0)
+    course = PredictedPath((Point(0, 0), Point(10, 0), Point(10, 0), Point(10, 20)), 100.0, 2.0)
     assert course.length_m == 30
     assert course.end_s == 115
     assert [course.place(m) for m in (-1, 0, 5, 10, 20, 30, 31)] == [
@@ -132,13 +132,13 @@ def test_a_course_says_where_the_robot_is_and_when_it_ends():
         (10, 20),
     ]
     assert [course.along_m(s) for s in (0, 100, 103, 500)] == [0, 0, 6, 30]
-    stands = Course((Point(3, 4),), 100.0, 2.0)
+    stands = PredictedPath((Point(3, 4),), 100.0, 2.0)
     assert (stands.length_m, stands.end_s, stands.place(7.0)) == (0, 100, (3, 4))
 
 
 def test_clocks_of_robots_need_not_agree_with_ours():
     for behind_s in (-1e9, 0.0, 12345.0):
-        robot = Whereabouts("io")
+        robot = TargetTrack("io")
         robot.pose_heard(Point(0, 0), 1e10 + behind_s, 100.0)  # straight from it
         robot.pose_heard(Point(50, 0), 1e10 + behind_s + 50.0, 400.0)  # carried for 250 s
         assert robot.word_s == pytest.approx(150.0)
@@ -146,7 +146,7 @@ def test_clocks_of_robots_need_not_agree_with_ours():
 
 
 def test_a_radio_that_is_heard_says_where_a_robot_is_once_its_path_is_over():
-    robot = Whereabouts("io")
+    robot = TargetTrack("io")
     robot.radio_heard(Point(7, 7), 50.0)
     assert (robot.course().points, robot.course().end_s, robot.word_s) == (((7, 7),), 50.0, None)
     robot.path_heard((Point(0, 0), Point(100, 0)), 1e9 + 100.0, 100.0)
@@ -160,7 +160,7 @@ def test_a_radio_that_is_heard_says_where_a_robot_is_once_its_path_is_over():
 
 
 def test_the_speed_is_that_of_driving_whatever_the_noise_and_the_stops():
-    robot = Whereabouts("io")
+    robot = TargetTrack("io")
     assert robot.speed_m_s is None
     east_m = 0.0
     for second in range(60):
@@ -171,17 +171,17 @@ def test_the_speed_is_that_of_driving_whatever_the_noise_and_the_stops():
 
 
 def test_a_robot_whose_speed_is_not_known_drives_as_the_others_do():
-    roster = Roster(("slow", "new"))
-    for robot in roster.names:
-        heard(roster, robot, Point(0, 0), 0.0, Point(0, 0), Point(100, 0))
-    assert roster.course("new").speed_m_s == USUAL_SPEED_M_S
-    heard(roster, "slow", Point(3, 0), 10.0)
-    assert roster.course("slow").speed_m_s == pytest.approx(0.3)
-    assert roster.course("new").speed_m_s == pytest.approx(0.3)
+    targets = TargetList(("slow", "new"))
+    for robot in targets.names:
+        heard(targets, robot, Point(0, 0), 0.0, Point(0, 0), Point(100, 0))
+    assert targets.course("new").speed_m_s == USUAL_SPEED_M_S
+    heard(targets, "slow", Point(3, 0), 10.0)
+    assert targets.course("slow").speed_m_s == pytest.approx(0.3)
+    assert targets.course("new").speed_m_s == pytest.approx(0.3)
 
 
 def test_a_course_follows_the_path_from_where_the_robot_is_on_it():
-    robot = Whereabouts("io")
+    robot = TargetTrack("io")
     robot.path_heard((Point(0, 0), Point(100, 0), Point(100, 100)), 10.0, 10.0)
     robot.pose_heard(Point(60, 1), 70.0, 70.0)
     assert robot.course().points == ((60, 1), (100, 0), (100, 100))
@@ -194,72 +194,72 @@ def test_a_course_follows_the_path_from_where_the_robot_is_on_it():
 
 
 def test_the_freshest_policy_seeks_who_has_waited_longest_both_ways():
-    roster = Roster(("a", "b", "c"))
-    heard(roster, "a", Point(50, 0), 200.0)
-    heard(roster, "b", Point(-50, 0), 100.0)
-    heard(roster, "c", Point(0, 50), 150.0)
-    assert order("round_robin", roster, 300.0) == ["a", "b", "c"]
-    assert order("freshest", roster, 300.0) == ["b", "c", "a"]
-    heard(roster, "b", Point(-50, 0), 290.0, given=False)  # it has not our news
-    heard(roster, "c", Point(0, 50), 290.0)
-    assert order("freshest", roster, 300.0) == ["b", "a", "c"]
+    targets = TargetList(("a", "b", "c"))
+    heard(targets, "a", Point(50, 0), 200.0)
+    heard(targets, "b", Point(-50, 0), 100.0)
+    heard(targets, "c", Point(0, 50), 150.0)
+    assert order("round_robin", targets, 300.0) == ["a", "b", "c"]
+    assert order("freshest", targets, 300.0) == ["b", "c", "a"]
+    heard(targets, "b", Point(-50, 0), 290.0, given=False)  # it has not our news
+    heard(targets, "c", Point(0, 50), 290.0)
+    assert order("freshest", targets, 300.0) == ["b", "a", "c"]
 
 
 def test_a_near_robot_is_sought_before_a_far_one_that_is_hardly_older():
-    roster = Roster(("far", "near"))
-    heard(roster, "far", Point(400, 0), 100.0)
-    heard(roster, "near", Point(10, 0), 105.0)
-    assert order("freshest", roster, 300.0) == ["near", "far"]
-    (best, _) = policy_of("freshest").order(roster, outlook(300.0))
+    targets = TargetList(("far", "near"))
+    heard(targets, "far", Point(400, 0), 100.0)
+    heard(targets, "near", Point(10, 0), 105.0)
+    assert order("freshest", targets, 300.0) == ["near", "far"]
+    (best, _) = policy_of("freshest").order(targets, outlook(300.0))
     assert best.reason == "data, 195 s; 2 s away; its last position"
 
 
 def test_who_was_sought_in_vain_is_not_sought_at_once_again():
-    roster = Roster(("a", "b"))
-    heard(roster, "a", Point(50, 0), 100.0)
-    heard(roster, "b", Point(50, 0), 150.0)
-    assert order("freshest", roster, 300.0)[0] == "a"
-    roster.sought("a")
-    assert order("freshest", roster, 400.0) == ["b", "a"]
-    roster.pose_heard("a", Point(60, 0), 2e9, 410.0)  # somebody has seen it
-    assert order("freshest", roster, 900.0)[0] == "a"
+    targets = TargetList(("a", "b"))
+    heard(targets, "a", Point(50, 0), 100.0)
+    heard(targets, "b", Point(50, 0), 150.0)
+    assert order("freshest", targets, 300.0)[0] == "a"
+    targets.sought("a")
+    assert order("freshest", targets, 400.0) == ["b", "a"]
+    targets.pose_heard("a", Point(60, 0), 2e9, 410.0)  # somebody has seen it
+    assert order("freshest", targets, 900.0)[0] == "a"
 
 
 def test_lost_ones_and_those_that_others_seek_come_last_and_those_without_a_way():
-    roster = Roster(("lost", "taken", "walled", "open"))
-    heard(roster, "lost", Point(5, 5), 1.0)
+    targets = TargetList(("lost", "taken", "walled", "open"))
+    heard(targets, "lost", Point(5, 5), 1.0)
     late_s = LOST_AFTER_S + 50.0
     for robot in ("taken", "walled", "open"):
-        heard(roster, robot, Point(100, 10) if robot == "walled" else Point(9, 9), 1000.0)
-    roster.sought_by_other("other", "taken", late_s)
+        heard(targets, robot, Point(100, 10) if robot == "walled" else Point(9, 9), 1000.0)
+    targets.sought_by_other("other", "taken", late_s)
     for policy in ("freshest", "rendezvous"):
-        ranked = order(policy, roster, late_s, walled=[Point(100, 10)])
+        ranked = order(policy, targets, late_s, walled=[Point(100, 10)])
         assert ranked == ["open", "walled", "lost", "taken"]
 
 
 def test_robots_never_heard_of_are_looked_for_in_turns():
-    roster = Roster(("a", "b"))
+    targets = TargetList(("a", "b"))
     policy = policy_of("rendezvous")
     seen = []
     for _ in range(4):
-        first = policy.order(roster, outlook(200.0))[0]
+        first = policy.order(targets, outlook(200.0))[0]
         assert first.position is None
         seen.append(first.robot)
-        roster.sought(first.robot)
+        targets.sought(first.robot)
     assert seen == ["a", "b", "a", "b"]
 
 
 def test_a_rendezvous_is_ahead_of_the_robot_and_says_so():
-    roster = Roster(("io",))
-    heard(roster, "io", Point(100, 0), 100.0, Point(100, 0), Point(100, 300))
-    (place,) = policy_of("rendezvous").order(roster, outlook(120.0))
+    targets = TargetList(("io",))
+    heard(targets, "io", Point(100, 0), 100.0, Point(100, 0), Point(100, 300))
+    (place,) = policy_of("rendezvous").order(targets, outlook(120.0))
     assert place.position[0] == 100
     assert 20 < place.position[1] < 60
     assert "where its path leads it in" in place.reason
-    (place,) = policy_of("rendezvous").order(roster, outlook(500.0))
+    (place,) = policy_of("rendezvous").order(targets, outlook(500.0))
     assert place.position == (100, 300)
     assert place.reason.endswith("where its path ends")
-    (place,) = policy_of("freshest").order(roster, outlook(120.0))
+    (place,) = policy_of("freshest").order(targets, outlook(120.0))
     assert place.position == (100, 0)
 
 
@@ -296,7 +296,7 @@ def test_where_a_radio_is_heard_is_noted_in_flight(pretend):
     flight.take_off()
     flight.fly_until(lambda: flight.now_s > 200.0)
     flight.give(ContactBegan("io", 0.0, None))
-    there, known = flight.position, flight.controller.search.roster["io"]
+    there, known = flight.position, flight.controller.search.targets["io"]
     assert math.dist(known.course().points[0], there) < 1.0
     flight.fly_to_state(State.SEARCH)
     assert math.dist(flight.controller.navigator.goal.position, there) < 1.0

@@ -2,16 +2,16 @@ import math
 
 import pytest
 
-from air_router.controller.targets.target_list import LOST_AFTER_S, RECENT_POSE_S, Roster
+from air_router.controller.targets.target_list import LOST_AFTER_S, RECENT_POSE_S, TargetList
 from geo.frame import Point
 
 
-def roster():
-    return Roster(("callisto", "europa", "io"))
+def targets():
+    return TargetList(("callisto", "europa", "io"))
 
 
 def test_robots_take_turns():
-    robots = roster()
+    robots = targets()
     order = []
     for _ in range(5):
         robot = robots.candidates(0.0)[0]
@@ -21,7 +21,7 @@ def test_robots_take_turns():
 
 
 def test_a_recent_pose_says_where_to_look():
-    robots = roster()
+    robots = targets()
     robots.pose_heard("io", Point(1, 2), stamp_s=100.0, now_s=5.0)
     robots.path_heard("io", (Point(9, 9),), stamp_s=101.0, now_s=5.0)
     place = robots.place("io", now_s=5.0 + RECENT_POSE_S)
@@ -29,7 +29,7 @@ def test_a_recent_pose_says_where_to_look():
 
 
 def test_after_a_while_the_end_of_the_path_says_where_to_look():
-    robots = roster()
+    robots = targets()
     robots.pose_heard("io", Point(1, 2), stamp_s=100.0, now_s=5.0)
     robots.path_heard("io", (Point(9, 9),), stamp_s=101.0, now_s=5.0)
     place = robots.place("io", now_s=6.0 + RECENT_POSE_S)
@@ -39,14 +39,14 @@ def test_after_a_while_the_end_of_the_path_says_where_to_look():
 
 def test_a_path_that_is_a_minute_older_than_the_pose_says_nothing_any_more():
     for older_s, where in ((59.0, Point(9, 9)), (61.0, Point(1, 2))):
-        robots = roster()
+        robots = targets()
         robots.pose_heard("io", Point(1, 2), stamp_s=200.0, now_s=200.0)
         robots.path_heard("io", (Point(9, 9),), stamp_s=200.0 - older_s, now_s=200.0)
         assert robots.place("io", now_s=500.0).position == where
 
 
 def test_what_another_uav_says_again_counts_as_news_when_it_had_lapsed():
-    robots = roster()
+    robots = targets()
     assert robots.sought_by_other("second", "io", 0.0)
     assert not robots.sought_by_other("second", "io", 179.0)
     assert "io" not in robots.free(179.0 + 180.0)
@@ -55,17 +55,17 @@ def test_what_another_uav_says_again_counts_as_news_when_it_had_lapsed():
 
 
 def test_without_a_path_the_last_pose_however_old():
-    robots = roster()
+    robots = targets()
     robots.pose_heard("io", Point(1, 2), stamp_s=100.0, now_s=5.0)
     assert robots.place("io", now_s=5000.0).position == Point(1, 2)
 
 
 def test_a_robot_never_heard_of_has_no_place():
-    assert roster().place("io", now_s=0.0).position is None
+    assert targets().place("io", now_s=0.0).position is None
 
 
 def test_old_news_changes_nothing():
-    robots = roster()
+    robots = targets()
     assert robots.pose_heard("io", Point(1, 2), stamp_s=100.0, now_s=5.0)
     assert not robots.pose_heard("io", Point(3, 4), stamp_s=100.0, now_s=6.0)
     assert not robots.pose_heard("io", Point(3, 4), stamp_s=99.0, now_s=6.0)
@@ -75,14 +75,14 @@ def test_old_news_changes_nothing():
 
 
 def test_strangers_are_ignored():
-    robots = roster()
+    robots = targets()
     assert not robots.pose_heard("mallory", Point(1, 2), stamp_s=100.0, now_s=5.0)
     assert not robots.path_heard("mallory", (Point(1, 2),), stamp_s=100.0, now_s=5.0)
     assert robots.position_of("mallory") is None
 
 
 def test_lost_robots_are_tried_last_and_robots_never_heard_are_not_lost():
-    robots = roster()
+    robots = targets()
     robots.pose_heard("callisto", Point(0, 0), stamp_s=1.0, now_s=0.0)
     late_s = LOST_AFTER_S + 1.0
     robots.pose_heard("io", Point(0, 0), stamp_s=1.0, now_s=late_s)
@@ -99,7 +99,7 @@ def poses(robots, stamps_s, from_s):
 
 @pytest.mark.parametrize("bad_s", [9.9e10, math.nan, math.inf, -math.inf, -9e10, 0.0])
 def test_one_bad_stamp_blinds_to_no_robot(bad_s):
-    robots = roster()
+    robots = targets()
     assert poses(robots, [1000.0 + k for k in range(10)], 5.0) == 10
     poses(robots, [bad_s], 15.0)
     assert poses(robots, [1011.0 + k for k in range(90)], 16.0) >= 86
@@ -109,14 +109,14 @@ def test_one_bad_stamp_blinds_to_no_robot(bad_s):
 
 
 def test_a_clock_that_is_set_back_is_followed():
-    robots = roster()
+    robots = targets()
     poses(robots, [1.7e9 + k for k in range(10)], 5.0)
     assert poses(robots, [20.0 + k for k in range(10)], 15.0) >= 6
     assert robots["io"].word_s == pytest.approx(24.0)
 
 
 def test_what_others_carried_stays_old():
-    robots = roster()
+    robots = targets()
     poses(robots, [1000.0 + k for k in range(10)], 5.0)
     late = [(900.0 + 7 * k, 15.0 + k / 10) for k in range(10)]  # all at once, of a long time
     assert not any(robots.pose_heard("io", Point(0, 0), *at) for at in late)

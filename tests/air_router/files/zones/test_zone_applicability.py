@@ -219,7 +219,7 @@ def test_below_the_cruise_altitudes_no_leg_crosses_a_low_zone(tmp_path):
     assert navigator.progress is Progress.FLYING
     navigator = Navigator(mission, router)
     assert navigator.go(beyond, telemetry(20.0)) is None
-    assert navigator.progress is Progress.STRANDED
+    assert navigator.progress is Progress.NO_ROUTE
     assert navigator.refusal.reason == (
         "the vehicle is 20 m above home, lower than the mission flies, where z is in the way; "
         "climb first"
