@@ -275,11 +275,17 @@ class RealFlight:
     def do_replan(self, value: str) -> None:
         """A station uploads the plan again, or another one."""
         items = items_of(self._seen.messages, 0)
-        self._note(What.FENCE_CHANGED, f"{value} plan")
+        items = items_of(self._seen.messages, 0)
         if value == "reversed":
-            self._note(What.PILOT, "plan")
             items = [*items[:3], *reversed(items[3:])]
-        self._station.upload([{**i, "x": i["x"] + 1, "y": i["y"] - 1} for i in items])
+
+        def stored() -> None:
+            self._note(What.FENCE_CHANGED, f"{value} plan")
+            if value == "reversed":
+                self._note(What.PILOT, "plan")
+
+        moved = [{**i, "x": i["x"] + 1, "y": i["y"] - 1} for i in items]
+        self._station.upload(moved, stored=stored)
 
     def do_home(self, value: float) -> None:
         """A station moves home up or down."""

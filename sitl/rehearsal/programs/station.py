@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from pymavlink.dialects.v20 import common as mavlink
@@ -41,6 +41,7 @@ class Station:
         self._vehicle = vehicle
         self._plan: Sequence[Mapping[str, Any]] = ()
         self._kind = _MISSION
+        self._stored: Callable[[], object] = lambda: None
 
     def beat(self) -> None:
         """A station's HEARTBEAT."""
@@ -77,13 +78,20 @@ class Station:
         """Take mission (0) or fence (1) off board."""
         self._send(self._sender.mission_clear_all_encode(self._vehicle, 1, kind))
 
-    def upload(self, items: Sequence[Mapping[str, Any]], kind: int = _MISSION) -> None:
-        """Begin to put a plan on board; the vehicle asks for its items."""
-        self._plan, self._kind = items, kind
+    def upload(
+        self,
+        items: Sequence[Mapping[str, Any]],
+        kind: int = _MISSION,
+        stored: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Begin to put a plan on board: the vehicle asks for its items until it has `stored` it."""
+        self._plan, self._kind, self._stored = items, kind, stored
         self._relay.answers = self._answer
         self._send(self._sender.mission_count_encode(self._vehicle, 1, len(items), kind))
 
     def _answer(self, message: WireMessage) -> None:
+        if message.name == "MISSION_ACK" and message.target == self._sender.srcSystem:
+            self._stored()
         asked = message.name in {"MISSION_REQUEST_INT", "MISSION_REQUEST"}
         if not asked or message.target != self._sender.srcSystem:
             return

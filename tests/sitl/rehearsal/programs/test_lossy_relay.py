@@ -135,11 +135,16 @@ def test_a_station_uploads_a_plan_as_the_vehicle_asks_for_it(ends):
     with LossyRelay(companion.getsockname()[1], 1) as relay:
         vehicle.sendto(heartbeat(armed=True), ("127.0.0.1", relay.api_port))
         companion.recvfrom(4096)
-        Station(relay).upload([item])
+        stored = SimpleQueue()
+        Station(relay).upload([item], stored=lambda: stored.put(1))
         vehicle.recvfrom(4096)
         ask = packed(lambda s: s.mission_request_int_encode(255, 190, 0, 0))
         vehicle.sendto(ask, ("127.0.0.1", relay.api_port))
         sent = mavlink.MAVLink(None).decode(bytearray(vehicle.recvfrom(4096)[0]))
+        assert stored.empty()
+        done = packed(lambda s: s.mission_ack_encode(255, 190, 0, 0))
+        vehicle.sendto(done, ("127.0.0.1", relay.api_port))
+        assert stored.get(timeout=LIMIT_S)
     assert (sent.get_type(), sent.x, sent.z) == ("MISSION_ITEM_INT", 5, 20.0)
 
 
