@@ -40,9 +40,6 @@ FLIGHT_S: Final = 420.0
 """Simulated seconds; a flight without a fault takes a quarter of it."""
 
 WALL_S: Final = 300.0
-ENDS_S: Final = 20.0
-"""Wall clock: a companion whose vehicle stands on the ground disarmed ends by itself."""
-
 DISARMED_S: Final = 5.0
 """Wall clock, until a vehicle that has landed is seen disarmed here, too."""
 
@@ -52,7 +49,6 @@ LET_GO_S: Final = 40.0
 _EPOCH: Final = 1_800_000_000
 _REACTS_S: Final = 0.15
 _SHOWS_S: Final = 8.0
-_LANDED_M: Final = 0.3
 _BEAT_S: Final = 0.05
 _MOVED: Final = 400
 _RESTS_S: Final = 0.5
@@ -290,12 +286,9 @@ class RealFlight:
     def do_home(self, value: float) -> None:
         """A station moves home up or down."""
         self._note(What.HOME_MOVED, value)
-        latitude, longitude, _ = (
-            self._seen.samples[0].latitude_deg,
-            self._seen.samples[0].longitude_deg,
-            0,
-        )
-        self._station.move_home((latitude, longitude), (self._seen.ground_m or 0.0) + value)
+        first = self._seen.samples[0]
+        place = first.latitude_deg, first.longitude_deg
+        self._station.move_home(place, (self._seen.ground_m or 0.0) + value)
 
     def do_speed(self, value: float) -> None:
         """A station changes the speed."""
