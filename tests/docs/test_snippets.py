@@ -21,6 +21,7 @@ import mocha_link.cli.cli
 import sitl.cli.cli
 from air_router.cli.command_line import _with_places
 from air_router.control.command_request import parse, wish_of
+from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from air_router.mission.loading import load_mission
 from air_router.report.report import COLUMNS
 from mocha_link.team.document import Document
@@ -304,6 +305,15 @@ def test_goals_by_gossip(tmp_path):
     mission = f"{SHORTEST}team: team.yaml\nuav: titan\n{ALL['control.md yaml 1'].text}"
     (tmp_path / "mission.yaml").write_text(mission)
     assert load_mission(tmp_path / "mission.yaml").goals_from == ("basestation",)
+
+
+def test_what_a_robot_says():
+    said = json.loads(ALL["robot.md json 1"].text)
+    models = {"/pose": PoseMessage, "/path": PathMessage, "/sightings": SightingsMessage}
+    assert said.keys() == models.keys()
+    for topic, message in said.items():
+        assert message.keys() == models[topic].model_fields.keys()
+        models[topic].decode(json.dumps(message).encode())
 
 
 def test_the_request_in_other_languages():
