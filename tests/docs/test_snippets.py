@@ -39,23 +39,23 @@ EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["option
 RUN_BY = {  # snippets that need something around them: the test that runs each
     "README.md python 1": "test_readme.py::test_the_snippet_runs",
     "bridges.md python 1": "mocha_link/bridges/test_docs.py::test_the_program",
-    "control.md python 1": "air_router/test_control.py::test_what_the_docs_show_is_done",
+    "control.md python 1": "air_router/control/test_control.py::test_what_the_docs_show_is_done",
     "coverage.md python 1": "air_router/test_docs_routes.py::test_the_snippet_runs",
     "embedding.md python 1": "mocha_link/test_docs_embedding.py::test_the_planner_meets_everybody",
     "embedding.md python 2": (
         "mocha_link/test_docs_embedding.py::test_the_reader_needs_nothing_of_ours"
     ),
     "mission-file.md yaml": (
-        "air_router/test_mission_file.py::"
+        "air_router/files/yaml/test_mission_file.py::"
         "test_the_documented_examples_load_and_the_table_has_every_key"
     ),
     "radios.md text 1": "mocha_link/test_docs_embedding.py::test_the_reports_are_reports",
     "radios.md yaml 1": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
     "radios.md 2": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
-    "records.md 1": "air_router/test_replay.py::test_the_snippet_of_the_docs_runs",
+    "records.md 1": "air_router/record/test_replay.py::test_the_snippet_of_the_docs_runs",
     "ros.md python 1": "mocha_link/bridges/test_docs.py::test_values",
     "state-machine.md mermaid": (
-        "air_router/test_behaviour.py::test_the_diagram_in_the_docs_is_the_one_drawn_from_the_table"
+        "air_router/controller/model/test_behaviour.py::test_the_diagram_in_the_docs_is_the_one_drawn_from_the_table"
     ),
     "team-file.md yaml": "mocha_link/test_docs.py::test_the_examples_are_teams",
 }
