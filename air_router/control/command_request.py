@@ -27,7 +27,7 @@ from air_router.controller.model.requests import (
 from air_router.errors import AirRouterError, ExitCode
 from air_router.messages import MOST_POINTS
 from geo.frame import FrameError, LocalFrame
-from mocha_link.printable import printable
+from mocha_link.sanitize import sanitize
 
 MAX_BYTES: Final = 64 * 1024
 
@@ -71,7 +71,7 @@ class Wish(BaseModel, extra="forbid", strict=True):
 
     def who(self, by: str) -> str:
         """Who asks, in letters that a terminal shows."""
-        return printable(self.by or "").strip() or by
+        return sanitize(self.by or "").strip() or by
 
 
 class _Hold(Wish):
@@ -93,7 +93,7 @@ class _Seek(Wish):
 
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> SeekNow:
         del frame
-        return SeekNow(printable(self.robot), by=self.who(by))
+        return SeekNow(sanitize(self.robot), by=self.who(by))
 
 
 class _Explore(Wish):
@@ -160,7 +160,7 @@ def wish_of(values: Any) -> Wish:
         raise WishError("a request is a JSON object")
     name = values.get("request")
     if not isinstance(name, str) or name not in MODELS:
-        raise WishError(f"no request '{printable(str(name)[:40])}'; use one of {VERBS}")
+        raise WishError(f"no request '{sanitize(str(name)[:40])}'; use one of {VERBS}")
     model = MODELS[name]
     try:
         return model.model_validate(values)
@@ -216,7 +216,7 @@ def _places(text: str) -> list[list[float]]:
 def _complaint(error: ValidationError, model: type[Wish]) -> str:
     """The first thing that is wrong with a request."""
     detail = error.errors(include_url=False, include_input=False)[0]
-    where = printable(".".join(map(str, detail["loc"]))[:60])
+    where = sanitize(".".join(map(str, detail["loc"]))[:60])
     if detail["type"] == "extra_forbidden":
         return f"unknown field '{where}'; use {', '.join(model.model_fields)}"
     if detail["type"] == "missing":

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from air_router.files.json_scan import JsonError, blanks_end, check_json
-from mocha_link.team.complaint import Key
 from mocha_link.team.document import Document, DocumentError, Problem
+from mocha_link.team.error_text import Key
 
 MAX_BYTES: Final = 4 * 1024 * 1024
 MAX_DEPTH: Final = 60

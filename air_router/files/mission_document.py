@@ -22,7 +22,7 @@ from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError
 from geo.degree_lines import dense_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.validity import Validity
-from mocha_link.printable import printable
+from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
 Keys = tuple[str | int, ...]
@@ -108,7 +108,7 @@ class Area:
     place: Place | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", printable(self.name))
+        object.__setattr__(self, "name", sanitize(self.name))
 
 
 @dataclass(frozen=True, slots=True)

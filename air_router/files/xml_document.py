@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Final
 from xml.parsers import expat
 
-from mocha_link.team.complaint import Key
 from mocha_link.team.document import DocumentError, Problem
+from mocha_link.team.error_text import Key
 
 MAX_DEPTH: Final = 60
 MAX_ELEMENTS: Final = 500_000

@@ -16,7 +16,7 @@ from air_router.mission.fence_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_pl
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
 from air_router.mission.mission import Mission, Waypoint
 from air_router.mission.validation import check_geometry, check_team
-from mocha_link.printable import printable
+from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Document, DocumentError
 
 DRAWN_OVER: Final = frozenset(
@@ -120,7 +120,7 @@ def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Miss
     if draft.frame is None or draft.home is None:
         return None
     return Mission(
-        name=printable(draft.name),
+        name=sanitize(draft.name),
         path=draft.document.path,
         frame=draft.frame,
         home=draft.home.position,

@@ -12,7 +12,7 @@ from air_router.coverage.cover_area import Field
 from air_router.report.picture import draw_home, draw_zones, save
 from geo.coverage.coverage import Coverage
 from geo.frame import Point
-from mocha_link.printable import printable
+from mocha_link.sanitize import sanitize
 
 from matplotlib.collections import LineCollection  # isort: skip - picture says what is missing
 from air_router.report.map_marks import FENCE, ROUTE, WRONG, drawn, patch_of  # isort: skip
@@ -58,7 +58,7 @@ def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
         draw_home(axes, field.home)
     first = plan.rows[0].start
     axes.scatter(*first, s=36, color=ROUTE, edgecolor="white", zorder=7, label="first row")
-    label_sheet(figure, axes, printable(field.draft.name), told)
+    label_sheet(figure, axes, sanitize(field.draft.name), told)
     save(figure, path)
 
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from mocha_link.cli.command_help import add_command
 from mocha_link.errors import MochaLinkError
 from mocha_link.team import keys
-from mocha_link.team.complaint import as_label
 from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.error_text import as_label
 from mocha_link.team.keys import KeyMismatchError, SecretKey
 from mocha_link.team.team import Robot, Team
 

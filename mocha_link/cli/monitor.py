@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from mocha_link.cli.display import News, event_line, path_text, signal_text
-from mocha_link.printable import printable
+from mocha_link.sanitize import sanitize
 
 MAX_NEWS = 200
 SILENT_S = 3.0  # snapshots come every second
@@ -86,7 +86,7 @@ class Picture:
             _table(fields, 0.0, unicode=True)  # what is strange is found out here
             self._links = fields
         else:
-            line = printable(event_line(fields, date=False))  # what is strange is found out here
+            line = sanitize(event_line(fields, date=False))  # what is strange is found out here
             if self._told.is_new(fields):
                 self._news.append(line)
         self._heard_s = steady_s
@@ -94,11 +94,11 @@ class Picture:
     def lines(self, size: Size, style: Style, steady_s: float) -> list[str]:
         """The screen at a steady time: title, table, and the latest news in what room is left."""
         silent_s = steady_s - self._heard_s
-        title = f"links of {printable(str(self._links['robot']))}, {self._endpoint}"
+        title = f"links of {sanitize(str(self._links['robot']))}, {self._endpoint}"
         colour = BOLD
         fault = self._links.get("storage_fault")
         if fault:
-            title, colour = f"NOT ON DISK: {printable(str(fault))}  {title}", RED
+            title, colour = f"NOT ON DISK: {sanitize(str(fault))}  {title}", RED
         if silent_s > SILENT_S:
             title, colour = f"NO NEWS FOR {silent_s:.0f} s  {title}", RED
         colours = ["", *(str(link["state"]) for link in self._links["links"].values())]
@@ -124,7 +124,7 @@ def _table(fields: Mapping[str, Any], later_s: float, *, unicode: bool) -> list[
     return [
         ["peer", *(column.head for column in _COLUMNS)],
         *(
-            [printable(peer), *(printable(column.cell(link, scene)) for column in _COLUMNS)]
+            [sanitize(peer), *(sanitize(column.cell(link, scene)) for column in _COLUMNS)]
             for peer, link in links.items()
         ),
     ]

@@ -24,7 +24,7 @@ PROBE_S = 0.1  # then probes leave at this distance, growing
 MAX_PROBE_S = 1.0
 LEAST_QUOTA = 80  # less is not worth a packet
 RETURN = 3  # times the bytes received: more does not leave before the peer has proven its address
-POKE_S = 1.0  # a second poke within this time does not send everything once more
+CONTACT_REPEAT_S = 1.0  # a second contact within this time does not send everything once more
 
 
 class Flow:
@@ -136,7 +136,7 @@ class Flow:
         if parsed.ack:
             self._acknowledged(parsed.ack, now_s)
         if self._down:
-            self._revive(now_s)
+            self._resume(now_s)
         self._progress_s = now_s
         self._blind = False
         self._unheard_s = None
@@ -186,23 +186,23 @@ class Flow:
         link = self._link
         return 1.125 * (link.srtt_s or UNKNOWN_RTT_S) + max(4 * link.rttvar_s, GRANULARITY_S)
 
-    def _revive(self, now_s: float) -> None:
+    def _resume(self, now_s: float) -> None:
         """The link is back after a gap: what was under way is lost."""
         self._outbox.give_up()
         self._down = self._tail = False
         self._pacing.resume(now_s)
 
-    def poke(self, now_s: float) -> None:
+    def on_contact(self, now_s: float) -> None:
         """A contact begins: send at once."""
         self._hello = True
         rtt_s = self._link.srtt_s or UNKNOWN_RTT_S
         if self.alive_s is not None and now_s < self.alive_s + rtt_s + QUIET_S:
             return
-        if self._unheard_s is not None and now_s < self._unheard_s + POKE_S:
+        if self._unheard_s is not None and now_s < self._unheard_s + CONTACT_REPEAT_S:
             return
         self._blind = self._unheard_s is None
         self._unheard_s = self._progress_s = now_s
-        self._revive(now_s)
+        self._resume(now_s)
 
     # --- what goes out
 

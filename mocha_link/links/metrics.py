@@ -28,10 +28,10 @@ __all__ = [
     "ContactBegan",
     "ContactEnded",
     "Direction",
-    "LinkBook",
     "LinkEvent",
     "LinkMetrics",
     "LinkState",
+    "LinkTable",
     "MessageStored",
     "RssiChanged",
     "StorageFailed",
@@ -255,7 +255,7 @@ def throughput_bytes_s(size: int, taken_s: float, rtt_s: float | None) -> float 
     return size / taken_s
 
 
-class LinkBook:
+class LinkTable:
     """Keeps the metrics of all links from what is reported to it.
 
     A contact that only syncs have shown is over `quiet_s` after the last one.
@@ -265,7 +265,7 @@ class LinkBook:
         self._links = {peer: _Account() for peer in peers}
         self._quiet_s = quiet_s
 
-    def note(self, event: LinkEvent) -> None:
+    def update(self, event: LinkEvent) -> None:
         """Take in an event."""
         link = self._links.get(event.peer)
         if link is None:

@@ -8,7 +8,7 @@ from mocha_link.sync.server import Route
 
 
 @dataclass(frozen=True, slots=True)
-class Dial:
+class Connect:
     """Open a fresh connection to a peer, for one pull."""
 
     peer: str
@@ -23,7 +23,7 @@ class Send:
 
 
 @dataclass(frozen=True, slots=True)
-class HangUp:
+class Disconnect:
     """Close the connection to a peer: when what was sent on it is out, or at once if it is `void`.
 
     What the kernel repeated of a pull that broke off would get there in the midst of the next one.
@@ -43,7 +43,7 @@ class Reply:
 
 
 @dataclass(frozen=True, slots=True)
-class Cast:
+class SendDatagram:
     """Send a datagram of a pull of ours to the peer's port for us."""
 
     peer: str
@@ -51,11 +51,11 @@ class Cast:
 
 
 @dataclass(frozen=True, slots=True)
-class CastBack:
+class ReplyDatagram:
     """Send a datagram to where the peer's datagrams come from."""
 
     peer: str
     packet: bytes
 
 
-Action = Dial | Send | HangUp | Reply | Cast | CastBack
+Action = Connect | Send | Disconnect | Reply | SendDatagram | ReplyDatagram

@@ -38,7 +38,7 @@ _FAILURES: dict[int, str] = {
 }
 
 
-class Line(Protocol):
+class Connection(Protocol):
     """A connection on which requests go out and replies come in.
 
     `failure` says what it suffered, if anything; it is of no use then. `eager`: requests do not
@@ -80,7 +80,7 @@ class Line(Protocol):
         """Close at once: what was sent and is not out yet shall not come late."""
 
 
-class TcpLine:
+class TcpConnection:
     """A connection without encryption, of our own ZMTP: it is set up in half the time."""
 
     def __init__(self, address: str, port: int, *, eager: bool = True) -> None:
@@ -93,7 +93,7 @@ class TcpLine:
         self._connect()
 
     def _connect(self) -> None:
-        self._protocol = zmtp.Connection(MAX_REPLY_BYTES)
+        self._protocol = zmtp.ZmtpSession(MAX_REPLY_BYTES)
         self._out = bytearray(self._protocol.hello)
         self._answers = 0  # bytes of them that may not be out yet
         self._connected_s: float | None = None
@@ -266,7 +266,7 @@ def _content(frame: zmq.Frame) -> Part:
     return frame.bytes if len(frame) < zmtp.OWN_BYTES else frame.buffer.toreadonly()
 
 
-class CurveLine:
+class CurveConnection:
     """An encrypted connection, by libzmq."""
 
     def __init__(

@@ -24,7 +24,7 @@ _EVENTS = zmq.Event.ACCEPTED | zmq.Event.CLOSED | zmq.Event.DISCONNECTED
 LOG = logging.getLogger("mocha_link")
 
 
-class Doorman:
+class ConnectionLimiter:
     """Looks after the connections of a ROUTER; call `look` a few times a second."""
 
     def __init__(self, port: zmq.Socket[bytes], number: int) -> None:

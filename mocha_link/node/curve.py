@@ -47,7 +47,7 @@ class Refusal(NamedTuple):
 
 
 def protect_port(port: zmq.Socket[bytes], own: SecretKey, peer: str) -> None:
-    """Have a ROUTER, before it binds, let in only who the `Gatekeeper` allows for a peer.
+    """Have a ROUTER, before it binds, let in only who the `ZapHandler` allows for a peer.
 
     Raises:
         CurveUnavailableError: this libzmq is built without CURVE.
@@ -70,7 +70,7 @@ def protect_contact(contact: zmq.Socket[bytes], own: SecretKey, peer: PublicKey)
     contact.setsockopt(zmq.CURVE_SECRETKEY, own.curve)
 
 
-class Gatekeeper:
+class ZapHandler:
     """Answers libzmq's question, whether a key may enter, for all protected ports of a context.
 
     Make it before the ports are bound. Its `sockets` (`socket`, and a monitor of every watched

@@ -21,21 +21,29 @@ from mocha_link.links.link_events import (
     StorageFailed,
     StorageRecovered,
 )
-from mocha_link.links.metrics import QUIET_S, LinkBook, LinkMetrics
+from mocha_link.links.metrics import QUIET_S, LinkMetrics, LinkTable
 from mocha_link.links.reading import Reading
 from mocha_link.links.trigger import SILENT_INTERVALS, SyncTrigger
-from mocha_link.node.actions import Action, Cast, CastBack, Dial, HangUp, Reply, Send
+from mocha_link.node.actions import (
+    Action,
+    Connect,
+    Disconnect,
+    Reply,
+    ReplyDatagram,
+    Send,
+    SendDatagram,
+)
 from mocha_link.node.publisher import Publisher
-from mocha_link.store.config_hash import difference, shared_mark
+from mocha_link.store.config_hash import config_hash_of, difference
 from mocha_link.store.database import Database
 from mocha_link.store.header import Header
-from mocha_link.store.reassembly_buffer import Shelf
+from mocha_link.store.reassembly_buffer import ReassemblyBuffer
 from mocha_link.store.record import Record
 from mocha_link.store.signature import Signer, Verifier
 from mocha_link.sync.frames import Frame
-from mocha_link.sync.peer_state import Acquaintance
+from mocha_link.sync.peer_state import PeerState
 from mocha_link.sync.protocol import ID_BYTES
-from mocha_link.sync.pull import Means, Memory, Pull
+from mocha_link.sync.pull import PathStats, Pull, PullContext
 from mocha_link.sync.server import Route, Server
 from mocha_link.sync.step import Step
 from mocha_link.team.team import Team, Topic, Trust, UnknownRobotError
@@ -44,7 +52,7 @@ TIMEOUT_S = 5.0
 STALLED_S = 1.0  # a pull without a byte for so long does not outlive a new contact
 LINGER_S = 2.0  # so long the end of a sync is repeated to a peer that asks again
 LEAST_BUDGET = 1024  # with less left no pull begins
-RUN_BYTES = 8
+BOOT_ID_BYTES = 8
 REMIND_S = 600.0  # so often the log repeats that a peer has another team file
 
 LOG = logging.getLogger("mocha_link")
@@ -89,26 +97,28 @@ class Gossip:
         keyless = not any(robot.key for robot in team.robots.values())
         self._verifies = team.trust is Trust.SIGNED or not keyless
         quiet_s = max(QUIET_S, SILENT_INTERVALS * team.trigger.interval_s)
-        self._book = LinkBook(self.me.peers, quiet_s=quiet_s)
+        self._link_table = LinkTable(self.me.peers, quiet_s=quiet_s)
         for peer in protected:
-            self._book.measure(peer, protected=True)
+            self._link_table.measure(peer, protected=True)
         self._trigger = SyncTrigger(self.me.peers, team.trigger, by_timer=by_timer)
         self._publisher = Publisher(
             self.me, team.topics_of(name), self.database, signer.of if signer else None
         )
-        self._means = Means(
+        self._pull_context = PullContext(
             own=name,
             team=team,
             database=self.database,
-            shelf=Shelf(keeper=self.database.keeper, saved=self.database.take_parts()),
+            reassembly=ReassemblyBuffer(
+                keeper=self.database.keeper, saved=self.database.take_parts()
+            ),
             new_id=new_id,
             timeout_s=timeout_s,
         )
-        run = int.from_bytes(os.urandom(RUN_BYTES), "big")
-        terms = shared_mark(team)
-        self._known = {peer: Acquaintance(run, history, terms) for peer in self.me.peers}
+        boot_id = int.from_bytes(os.urandom(BOOT_ID_BYTES), "big")
+        config_hash = config_hash_of(team)
+        self._known = {peer: PeerState(boot_id, history, config_hash) for peer in self.me.peers}
         self._warned_s: dict[str, float] = {}  # of another team file
-        self._memories = {peer: Memory() for peer in self.me.peers}
+        self._path_stats = {peer: PathStats() for peer in self.me.peers}
         self._servers = {
             peer: Server(peer, self.database, self._known[peer]) for peer in self.me.peers
         }
@@ -152,9 +162,9 @@ class Gossip:
         self._tell_contacts()
         if begins:
             self._spent[peer] = 0
-            self._servers[peer].poke(now)
+            self._servers[peer].on_contact(now)
             self._after_server(peer, now)
-            self._revive(peer, now)
+            self._on_contact(peer, now)
         self._pull_due(now)
 
     def sync(self, peer: str, now: Instant) -> bool:
@@ -173,15 +183,15 @@ class Gossip:
             return False
         pull = self._pulls[peer] = Pull(
             peer,
-            self._means,
-            self._memories[peer],
+            self._pull_context,
+            self._path_stats[peer],
             self._known[peer],
             verify=partial(self._verifier.verify, handed_by=peer) if self._verifies else None,
             original=self._team.robot(peer).original,
             datagrams=self._datagrams,
             budget=left,
         )
-        self._actions.append(Dial(peer))
+        self._actions.append(Connect(peer))
         self._take(pull, pull.start(now), now)
         return True
 
@@ -190,7 +200,7 @@ class Gossip:
         server = self._servers[peer]
         reply = server.answer(route, parts, now)
         if reply is not None:
-            self._book.count(peer, bytes_out=len(reply))
+            self._link_table.count(peer, bytes_out=len(reply))
             self._actions.append(Reply(peer, route, reply))
         self._after_server(peer, now)
 
@@ -202,7 +212,7 @@ class Gossip:
         """The next frame of a sync for a connection of the peer, in parts; None: nothing now."""
         supplied = self._servers[peer].supply()
         if supplied:
-            self._book.count(peer, bytes_out=sum(map(len, supplied[1])))
+            self._link_table.count(peer, bytes_out=sum(map(len, supplied[1])))
         return supplied
 
     def packet_in(self, peer: str, packet: bytes, now: Instant) -> bool:
@@ -227,7 +237,7 @@ class Gossip:
         elif peer in self._ending:
             flow, _ = self._ending[peer]
             flow.receive(packet, now.steady_s)
-            self._cast(peer, flow.transmit(now.steady_s))
+            self._send_datagrams(peer, flow.transmit(now.steady_s))
 
     def progress(self, peer: str, now: Instant) -> None:
         """The connection to a peer stands, or bytes are arriving on it."""
@@ -240,7 +250,7 @@ class Gossip:
 
         Nothing more of it must be handed in: the peer's pull may be another one already.
         """
-        return any(isinstance(each, HangUp) and each.peer == peer for each in self._actions)
+        return any(isinstance(each, Disconnect) and each.peer == peer for each in self._actions)
 
     def measured(self, peer: str, rtt_s: float) -> None:
         """The round trip of the connection to a peer."""
@@ -261,17 +271,17 @@ class Gossip:
     def storage(self, reason: str | None, now: Instant) -> None:
         """Messages are not written to disk any more (why), or are again (None)."""
         if reason is None:
-            self._tell(StorageRecovered(self.me.name, now.unix_s))
+            self._emit(StorageRecovered(self.me.name, now.unix_s))
         else:
-            self._tell(StorageFailed(self.me.name, now.unix_s, reason))
+            self._emit(StorageFailed(self.me.name, now.unix_s, reason))
 
     def save(self, now: Instant) -> None:
         """Hand to the storage what has come in part; at the end."""
-        self._means.shelf.save(now.steady_s, at_once=True)
+        self._pull_context.reassembly.save(now.steady_s, at_once=True)
 
     def tick(self, now: Instant) -> None:
         """Do what is due by the time alone; call it often, and at `wake_s`."""
-        self._means.shelf.save(now.steady_s)
+        self._pull_context.reassembly.save(now.steady_s)
         for peer in self._trigger.silenced(now.unix_s):
             self._tell_signal(peer, now)
         self._tell_contacts()
@@ -280,7 +290,7 @@ class Gossip:
         for pull in list(self._pulls.values()):
             self._take(pull, pull.tick(now), now)
         for peer, (flow, until_s) in list(self._ending.items()):
-            self._cast(peer, flow.transmit(now.steady_s))
+            self._send_datagrams(peer, flow.transmit(now.steady_s))
             if flow.settled or now.steady_s > until_s:
                 del self._ending[peer]
         for peer, server in self._servers.items():
@@ -307,14 +317,14 @@ class Gossip:
         self, now: Instant, ages_s: Mapping[str, Mapping[str, float]] | None = None
     ) -> dict[str, LinkMetrics]:
         """The state of every link; `ages_s` is what `ages_s` has answered just now."""
-        return self._book.links(now.unix_s, self.ages_s(now) if ages_s is None else ages_s)
+        return self._link_table.links(now.unix_s, self.ages_s(now) if ages_s is None else ages_s)
 
     def ages_s(self, now: Instant) -> dict[str, dict[str, float]]:
         """The ages of the newest messages by peer and topic; any thread may ask at any time."""
         return {peer: dict(self._ages_s(peer, now)) for peer in self.me.peers}
 
     def held(self, peer: str) -> dict[tuple[int, int], int]:
-        """What a peer is known to hold; see `Acquaintance.newest`."""
+        """What a peer is known to hold; see `PeerState.newest`."""
         self._check(peer)
         return self._known[peer].newest
 
@@ -329,13 +339,13 @@ class Gossip:
         for peer in self._trigger.due(now.unix_s):
             self.sync(peer, now)
 
-    def _revive(self, peer: str, now: Instant) -> None:
+    def _on_contact(self, peer: str, now: Instant) -> None:
         """A contact begins: do not wait for the timers of a pull that stalls."""
         pull = self._pulls.get(peer)
         if pull is None or now.steady_s - pull.alive_s <= STALLED_S:
             return
         if pull.path == "udp":
-            self._take(pull, pull.poke(now), now)
+            self._take(pull, pull.on_contact(now), now)
         else:
             # Its connection sleeps in TCP's back-off; a fresh one gets through at once.
             self._take(pull, pull.fail("stalled, and a new contact began", now), now)
@@ -344,51 +354,51 @@ class Gossip:
         peer = pull.peer
         for frame in step.frames:
             self._actions.append(Send(peer, frame))
-        self._cast(peer, step.packets)
+        self._send_datagrams(peer, step.packets)
         for reason in step.refusals:
             self._refuse(peer, reason)
         if pull.over and self._pulls.pop(peer, None) is not None:
-            self._book.measure(
+            self._link_table.measure(
                 peer,
                 rtt_s=pull.rtt_s,
                 bandwidth_bytes_s=pull.throughput_bytes_s,
                 path=pull.path,
             )
-            self._actions.append(HangUp(peer, pull.broken or pull.path == "udp"))
+            self._actions.append(Disconnect(peer, pull.broken or pull.path == "udp"))
             if pull.flow and pull.path == "udp":
-                self._cast(peer, pull.flow.transmit(now.steady_s))
+                self._send_datagrams(peer, pull.flow.transmit(now.steady_s))
                 self._ending[peer] = (pull.flow, now.steady_s + LINGER_S)
-        self._compare_terms(peer, now)
+        self._compare_config(peer, now)
         for event in step.events:
-            self._tell(event)
+            self._emit(event)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
                 self._recover(self._team.topic(event.robot, event.topic), now)
 
     def _after_server(self, peer: str, now: Instant) -> None:
         server = self._servers[peer]
         for packet in server.transmit(now):
-            self._book.count(peer, bytes_out=len(packet))
-            self._actions.append(CastBack(peer, packet))
+            self._link_table.count(peer, bytes_out=len(packet))
+            self._actions.append(ReplyDatagram(peer, packet))
         for event in server.take():
-            self._tell(event)
-        self._compare_terms(peer, now)
+            self._emit(event)
+        self._compare_config(peer, now)
 
-    def _compare_terms(self, peer: str, now: Instant) -> None:
+    def _compare_config(self, peer: str, now: Instant) -> None:
         """Say it when a peer turns out to have another team file, and at times once more."""
-        differs = self._known[peer].foreign
-        self._book.measure(peer, team_differs=differs)
+        differs = self._known[peer].config_mismatch
+        self._link_table.measure(peer, team_differs=differs)
         warned_s = self._warned_s.get(peer)
         if differs and (warned_s is None or now.steady_s - warned_s > REMIND_S):
             self._warned_s[peer] = now.steady_s
             LOG.warning("%s: nothing is exchanged: %s", self.me.name, difference(peer))
 
-    def _cast(self, peer: str, packets: Iterable[bytes]) -> None:
+    def _send_datagrams(self, peer: str, packets: Iterable[bytes]) -> None:
         for packet in packets:
-            self._actions.append(Cast(peer, packet))
+            self._actions.append(SendDatagram(peer, packet))
 
     def _count_in(self, peer: str, size: int) -> None:
         self._spent[peer] += size
-        self._book.count(peer, bytes_in=size)
+        self._link_table.count(peer, bytes_in=size)
 
     def _recover(self, topic: Topic, now: Instant) -> None:
         record = self._publisher.recovered(topic, now.unix_s)
@@ -396,7 +406,7 @@ class Gossip:
             self._tell_own(record, now)
 
     def _refuse(self, peer: str, reason: str) -> None:
-        self._book.count(peer, refused=1)
+        self._link_table.count(peer, refused=1)
         first = not self._refusals[peer]
         self._refusals[peer] += 1
         LOG.log(logging.WARNING if first else logging.DEBUG, "refused from %s: %s", peer, reason)
@@ -406,20 +416,20 @@ class Gossip:
         if known:
             robot, topic = known
             size = len(record.body)
-            self._tell(
+            self._emit(
                 MessageStored(robot.name, now.unix_s, robot.name, topic.name, record.header, size)
             )
 
     def _tell_signal(self, peer: str, now: Instant) -> None:
         rssi_dbm, reading = self._trigger.rssi_dbm(peer), self._trigger.reading(peer)
-        self._tell(RssiChanged(peer, now.unix_s, rssi_dbm, reading))
+        self._emit(RssiChanged(peer, now.unix_s, rssi_dbm, reading))
 
     def _tell_contacts(self) -> None:
         for event in self._trigger.news():
-            self._tell(event)
+            self._emit(event)
 
-    def _tell(self, event: LinkEvent) -> None:
-        self._book.note(event)
+    def _emit(self, event: LinkEvent) -> None:
+        self._link_table.update(event)
         self._events.append(event)
 
     def _check(self, peer: str) -> None:

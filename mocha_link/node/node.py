@@ -19,7 +19,7 @@ from mocha_link.node.lifetime import Startable
 from mocha_link.node.transport import Transport
 from mocha_link.radios import Radio, open_radio
 from mocha_link.store import batch, payload
-from mocha_link.store.config_hash import Terms
+from mocha_link.store.config_hash import TeamConfig
 from mocha_link.store.database import Database
 from mocha_link.store.header import Header
 from mocha_link.store.record import Record
@@ -108,7 +108,9 @@ class Node(Startable):
         self._settling = True  # nobody to tell yet
         self._peer_keys = _peer_keys(team, robot) if self._secret else {}
         self._storage = (
-            Storage(Path(storage), terms=Terms.of(team), on_fault=self._fault) if storage else None
+            Storage(Path(storage), terms=TeamConfig.of(team), on_fault=self._fault)
+            if storage
+            else None
         )
         try:
             self._gossip = Gossip(

@@ -14,7 +14,7 @@ import zmq
 
 from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.node import kernel
-from mocha_link.node.connection_limiter import Doorman
+from mocha_link.node.connection_limiter import ConnectionLimiter
 from mocha_link.node.curve import protect_port
 from mocha_link.sync.frames import Frame
 from mocha_link.sync.server import Route
@@ -79,7 +79,7 @@ class Port:
         except BaseException:
             self.socket.close(0)
             raise
-        self._doorman = None if secret else Doorman(self.socket, number)
+        self._limiter = None if secret else ConnectionLimiter(self.socket, number)
         self._datagrams = _datagram_socket(me, number)
 
     def watch(self, poller: zmq.Poller) -> None:
@@ -95,7 +95,7 @@ class Port:
 
     def look(self) -> int:
         """Look who is connected, a few times a second; how many had to be sent away."""
-        return self._doorman.look() if self._doorman else 0
+        return self._limiter.look() if self._limiter else 0
 
     def receive(self) -> tuple[Route, list[bytes]] | None:
         """The next request: on which connection it came, and its body parts.
@@ -172,7 +172,7 @@ class Port:
                 self.push(to, parts)
         return self._stuck is None
 
-    def cast(self, packet: bytes) -> None:
+    def send_datagram(self, packet: bytes) -> None:
         """Send a datagram to where the peer's come from."""
         if self._datagrams and self.caller:
             with contextlib.suppress(OSError):
@@ -180,8 +180,8 @@ class Port:
 
     def close(self) -> None:
         """Close at once; nothing that is queued is sent any more."""
-        if self._doorman:
-            self._doorman.close()
+        if self._limiter:
+            self._limiter.close()
         self.socket.close(0)
         if self._datagrams:
             self._datagrams.close()

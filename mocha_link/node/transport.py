@@ -13,9 +13,17 @@ import zmq
 from mocha_link.clock import Instant
 from mocha_link.links.link_events import LinkEvent
 from mocha_link.node import kernel
-from mocha_link.node.actions import Action, Cast, CastBack, Dial, HangUp, Reply, Send
-from mocha_link.node.connection import CurveLine, Line, TcpLine
-from mocha_link.node.curve import Gatekeeper
+from mocha_link.node.actions import (
+    Action,
+    Connect,
+    Disconnect,
+    Reply,
+    ReplyDatagram,
+    Send,
+    SendDatagram,
+)
+from mocha_link.node.connection import Connection, CurveConnection, TcpConnection
+from mocha_link.node.curve import ZapHandler
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.port import Port
 from mocha_link.node.resolver import Resolver
@@ -65,11 +73,13 @@ class Transport:
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._poller = zmq.Poller()
         self._ports: dict[str, Port] = {}
-        self._gate: Gatekeeper | None = None
-        self._lines: dict[str, Line | list[bytes]] = {}  # frames: the address is not known yet
+        self._gate: ZapHandler | None = None
+        self._connections: dict[
+            str, Connection | list[bytes]
+        ] = {}  # frames: the address is not known yet
         self._patient_until_s: dict[str, float] = {}  # peers that requests must not hurry to
         self._seals: dict[str, Seal] = {}
-        self._caster: socket.socket | None = None
+        self._datagram_socket: socket.socket | None = None
         self._peers_at: dict[tuple[str, int], str] = {}
         self._resolver = Resolver(self.wake)
         self._waker, self._woken = socket.socketpair()
@@ -84,13 +94,13 @@ class Transport:
         try:
             if self._secret:
                 self._seals = {p: Seal(self._secret, key) for p, key in self._keys.items()}
-                self._gate = Gatekeeper(self._context, self._keys)
+                self._gate = ZapHandler(self._context, self._keys)
             for peer in self._me.peers:
                 secret = self._secret if peer in self._keys else None
                 self._ports[peer] = Port(self._context, self._me, peer, secret)
                 if secret and self._gate:
                     self._gate.watch(self._ports[peer].socket, peer)
-            self._caster = _caster(self._me.listen)
+            self._datagram_socket = _datagram_socket(self._me.listen)
         except BaseException:
             self._close_all()
             raise
@@ -98,7 +108,11 @@ class Transport:
         self._woken.setblocking(False)
         for port in self._ports.values():
             port.watch(self._poller)
-        for each in (*(self._gate.sockets if self._gate else ()), self._caster, self._woken):
+        for each in (
+            *(self._gate.sockets if self._gate else ()),
+            self._datagram_socket,
+            self._woken,
+        ):
             if each:
                 self._poller.register(each, zmq.POLLIN)
         self._thread.start()
@@ -150,18 +164,18 @@ class Transport:
                 self._serve(port)
         if self._gate and not ready.isdisjoint(self._gate.sockets):
             self._admit(self._gate)
-        if self._caster and self._caster.fileno() in ready:
-            self._catch(self._caster)
+        if self._datagram_socket and self._datagram_socket.fileno() in ready:
+            self._catch(self._datagram_socket)
         now = self._now()
         observe = now.steady_s - self._observed_s > OBSERVE_S  # what nothing tells to the poller
         if observe:
             self._observed_s = now.steady_s
             self._look()
-        for peer, line in list(self._lines.items()):
-            if isinstance(line, list):
-                self._open_line(peer, line)
-            elif observe or line.is_ready(ready, now.steady_s):
-                self._attend(line, peer, now)
+        for peer, connection in list(self._connections.items()):
+            if isinstance(connection, list):
+                self._open_connection(peer, connection)
+            elif observe or connection.is_ready(ready, now.steady_s):
+                self._attend(connection, peer, now)
         with self._lock:
             self._gossip.tick(now)
         self._act()
@@ -172,9 +186,9 @@ class Transport:
     def _wait_ms(self) -> int:
         with self._lock:
             wake_s = self._gossip.wake_s
-        for line in self._lines.values():
-            if not isinstance(line, list) and line.wake_s is not None:
-                wake_s = min(wake_s or line.wake_s, line.wake_s)
+        for connection in self._connections.values():
+            if not isinstance(connection, list) and connection.wake_s is not None:
+                wake_s = min(wake_s or connection.wake_s, connection.wake_s)
         if wake_s is None:
             return TICK_MS
         return max(int((wake_s - self._now().steady_s) * 1000 + 0.999), 0)
@@ -225,16 +239,16 @@ class Transport:
             port.push(*supplied)
         return 0
 
-    def _admit(self, gate: Gatekeeper) -> None:
+    def _admit(self, gate: ZapHandler) -> None:
         refusals = gate.serve()
         with self._lock:
             for refusal in refusals:
                 self._gossip.refused(refusal.peer, f"somebody came {refusal.why}")
 
-    def _catch(self, caster: socket.socket) -> None:
+    def _catch(self, datagram_socket: socket.socket) -> None:
         for _ in range(BURST):
             try:
-                packet, source = caster.recvfrom(DATAGRAM_BYTES)
+                packet, source = datagram_socket.recvfrom(DATAGRAM_BYTES)
             except BlockingIOError:
                 return
             except OSError:
@@ -249,25 +263,25 @@ class Transport:
                     self._gossip.packet_back(peer, opened, self._now())
                 self._act()
 
-    def _attend(self, line: Line, peer: str, now: Instant) -> None:
-        arrived = line.turn(now.steady_s)
-        rtt_s = line.rtt_s() if arrived else None
+    def _attend(self, connection: Connection, peer: str, now: Instant) -> None:
+        arrived = connection.turn(now.steady_s)
+        rtt_s = connection.rtt_s() if arrived else None
         with self._lock:
             if not self._gossip.leaves(peer):  # another thread may have begun a new pull
                 if arrived:
                     self._gossip.progress(peer, now)
                 if rtt_s is not None:
                     self._gossip.measured(peer, rtt_s)
-                for parts in line.replies():
+                for parts in connection.replies():
                     self._gossip.reply(peer, parts, self._now())
-                if line.failure and not self._gossip.leaves(peer):
-                    self._gossip.lost(peer, line.failure, now)
+                if connection.failure and not self._gossip.leaves(peer):
+                    self._gossip.lost(peer, connection.failure, now)
         self._act()
-        if self._lines.get(peer) is line:
-            if line.failure:
+        if self._connections.get(peer) is connection:
+            if connection.failure:
                 self._hang_up(peer, void=True)
             else:
-                line.watch(self._poller)
+                connection.watch(self._poller)
 
     def _act(self) -> None:
         with self._lock:
@@ -283,104 +297,106 @@ class Transport:
     def _do(self, action: Action) -> None:
         peer = action.peer
         match action:
-            case Dial():
+            case Connect():
                 self._hang_up(peer, void=True)
-                self._lines[peer] = []
+                self._connections[peer] = []
             case Send():
-                line = self._lines.get(peer)
-                if isinstance(line, list):
-                    line.append(action.frame)
-                    self._open_line(peer, line)
-                elif line:
-                    line.send(action.frame)
-                    line.watch(self._poller)
-            case HangUp():
+                connection = self._connections.get(peer)
+                if isinstance(connection, list):
+                    connection.append(action.frame)
+                    self._open_connection(peer, connection)
+                elif connection:
+                    connection.send(action.frame)
+                    connection.watch(self._poller)
+            case Disconnect():
                 self._hang_up(peer, void=action.void)
             case Reply():
                 self._ports[peer].reply(action.route, action.frame)
-            case Cast():
-                self._cast(peer, action.packet)
-            case CastBack():
-                self._ports[peer].cast(self._sealed(peer, action.packet))
+            case SendDatagram():
+                self._send_datagram(peer, action.packet)
+            case ReplyDatagram():
+                self._ports[peer].send_datagram(self._sealed(peer, action.packet))
 
-    def _open_line(self, peer: str, frames: list[bytes]) -> None:
+    def _open_connection(self, peer: str, frames: list[bytes]) -> None:
         robot = self._team.robot(peer)
         address = self._resolver.address(robot.address)
         port = robot.port_for(self._me.name)
         why = self._resolver.failure(robot.address)
         if address:
             try:
-                line = self._new_line(peer, address, port)
+                connection = self._new_connection(peer, address, port)
             except (OSError, zmq.ZMQError) as error:
                 why = f"cannot connect to {robot.address}:{port}: {error}"
             else:
-                self._lines[peer] = line
+                self._connections[peer] = connection
                 for frame in frames:
-                    line.send(frame)
-                line.watch(self._poller)
+                    connection.send(frame)
+                connection.watch(self._poller)
                 return
         if why:
-            self._lines.pop(peer, None)
+            self._connections.pop(peer, None)
             with self._lock:
                 self._gossip.lost(peer, why, self._now())
 
-    def _new_line(self, peer: str, address: str, port: int) -> Line:
+    def _new_connection(self, peer: str, address: str, port: int) -> Connection:
         if self._secret and peer in self._keys:
-            return CurveLine(self._context, address, port, own=self._secret, peer=self._keys[peer])
+            return CurveConnection(
+                self._context, address, port, own=self._secret, peer=self._keys[peer]
+            )
         eager = self._now().steady_s >= self._patient_until_s.get(peer, 0.0)
-        return TcpLine(address, port, eager=eager)
+        return TcpConnection(address, port, eager=eager)
 
     def _hang_up(self, peer: str, *, void: bool) -> None:
-        line = self._lines.pop(peer, None)
-        if line and not isinstance(line, list):
+        connection = self._connections.pop(peer, None)
+        if connection and not isinstance(connection, list):
             now_s = self._now().steady_s
-            if not line.eager and now_s >= self._patient_until_s.get(peer, 0.0):
+            if not connection.eager and now_s >= self._patient_until_s.get(peer, 0.0):
                 self._patient_until_s[peer] = now_s + PATIENT_S
-            line.forget(self._poller)
+            connection.forget(self._poller)
             if void:
-                line.abort()
+                connection.abort()
             else:
-                line.close()
+                connection.close()
 
-    def _cast(self, peer: str, packet: bytes) -> None:
+    def _send_datagram(self, peer: str, packet: bytes) -> None:
         robot = self._team.robot(peer)
         address = self._resolver.address(robot.address)
-        if address and self._caster:
+        if address and self._datagram_socket:
             place = (address, robot.port_for(self._me.name))
             self._peers_at[place] = peer
             with contextlib.suppress(OSError):  # full, or no way there now: it is a datagram
-                self._caster.sendto(self._sealed(peer, packet), place)
+                self._datagram_socket.sendto(self._sealed(peer, packet), place)
 
     def _sealed(self, peer: str, packet: bytes) -> bytes:
         seal = self._seals.get(peer)
         return seal.seal(packet) if seal else packet
 
     def _close_all(self) -> None:
-        for peer in list(self._lines):
+        for peer in list(self._connections):
             self._hang_up(peer, void=True)
         if self._gate:
             self._gate.close()
         for port in self._ports.values():
             port.close()
-        if self._caster:
-            self._caster.close()
+        if self._datagram_socket:
+            self._datagram_socket.close()
         self._context.term()
         self._waker.close()
         self._woken.close()
 
 
-def _caster(listen: str) -> socket.socket | None:
+def _datagram_socket(listen: str) -> socket.socket | None:
     """The socket from which our datagrams go; None if there can be none."""
-    caster = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    datagram_socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        kernel.let_parts_be_made(caster)
+        kernel.let_parts_be_made(datagram_socket)
         if listen != "*":
             with contextlib.suppress(OSError):  # not Linux; then the address was there
-                kernel.let_address_come_later(caster)
-        caster.bind(("" if listen == "*" else listen, 0))
-        caster.setblocking(False)
+                kernel.let_address_come_later(datagram_socket)
+        datagram_socket.bind(("" if listen == "*" else listen, 0))
+        datagram_socket.setblocking(False)
     except OSError as error:
-        caster.close()
+        datagram_socket.close()
         LOG.warning("no datagrams: %s", error)
         return None
-    return caster
+    return datagram_socket

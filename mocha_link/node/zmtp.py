@@ -74,7 +74,7 @@ class _Large:
         return self._view.toreadonly()
 
 
-class Connection:
+class ZmtpSession:
     """Turns requests into bytes and bytes into replies; one per TCP connection.
 
     `hello` is to be sent first, without waiting for anything. Requests may follow when the other

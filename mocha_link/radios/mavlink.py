@@ -10,7 +10,7 @@ from typing import Any
 
 from mocha_link.errors import RadioError
 from mocha_link.links.reading import Reading, Unit
-from mocha_link.radios.port import Desk, Report
+from mocha_link.radios.port import Report, ReportSink
 from mocha_link.radios.streams import bound, datagrams
 from mocha_link.radios.worker import Worker
 from mocha_link.team.url import RadioUrl
@@ -28,7 +28,7 @@ class MavlinkRadio:
     def __init__(self, url: RadioUrl, peer: str) -> None:
         self._url = url
         self._peer = peer
-        self._desk = Desk()
+        self._desk = ReportSink()
         self._worker = Worker()
         self._socket: socket.socket | None = None
 

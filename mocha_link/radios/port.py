@@ -56,7 +56,7 @@ class ManualRadio:
             self._report(peer, reading)
 
 
-class Desk:
+class ReportSink:
     """Passes reports on to a node, and counts what was refused instead of failing over it."""
 
     def __init__(self) -> None:

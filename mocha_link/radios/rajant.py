@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 from mocha_link.errors import RadioError
 from mocha_link.links.reading import Reading
-from mocha_link.radios.port import Desk, Report
+from mocha_link.radios.port import Report, ReportSink
 from mocha_link.radios.rajant_monitor import Monitor
 from mocha_link.radios.reports import Lines
 from mocha_link.radios.worker import Worker, pause, pump
@@ -51,7 +51,7 @@ class RajantRadio:
         self._peers = peers
         self._retry_s = retry_s
         self._command = (*command, url.options.get("jar", ""), url.host)
-        self._desk = Desk()
+        self._desk = ReportSink()
         self._worker = Worker()
 
     @property
@@ -122,7 +122,7 @@ class RajantRadio:
 class _Session:
     """One run of the monitor, from its first line to its last."""
 
-    def __init__(self, peers: Mapping[str, str], desk: Desk, report: Report) -> None:
+    def __init__(self, peers: Mapping[str, str], desk: ReportSink, report: Report) -> None:
         self.lines_seen = False
         self._peers = peers
         self._desk = desk

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from typing import ClassVar, Protocol
 
 from mocha_link.errors import RadioError
-from mocha_link.radios.port import LOG, Desk, Report
+from mocha_link.radios.port import LOG, Report, ReportSink
 from mocha_link.radios.reports import MAX_LINE_BYTES, Lines, parse_report
 from mocha_link.radios.worker import READ_BYTES, Worker, pause, pump
 from mocha_link.team.url import RadioUrl
@@ -26,7 +26,7 @@ class _Listening:
 
     def __init__(self, url: str) -> None:
         self._url = RadioUrl.parse(url, scheme=self.SCHEME)
-        self._desk = Desk()
+        self._desk = ReportSink()
         self._worker = Worker()
         self._socket: socket.socket | None = None
 
@@ -143,7 +143,7 @@ class StdinRadio:
 
     def __init__(self, file: _Readable | None = None) -> None:
         self._file = file
-        self._desk = Desk()
+        self._desk = ReportSink()
         self._worker = Worker()
 
     @property
@@ -175,7 +175,7 @@ class StdinRadio:
             LOG.warning("standard input has ended: no more radio reports, nobody is heard")
 
 
-def accept(desk: Desk, report: Report, raw: bytes, source: str) -> None:
+def accept(desk: ReportSink, report: Report, raw: bytes, source: str) -> None:
     """Pass one report on to the node, or refuse it."""
     try:
         peer, reading = parse_report(raw, source)

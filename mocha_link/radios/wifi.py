@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from mocha_link.errors import RadioError
 from mocha_link.links.reading import Reading, Unit
-from mocha_link.radios.port import Desk, Report
+from mocha_link.radios.port import Report, ReportSink
 from mocha_link.radios.worker import Worker, pause
 from mocha_link.team.url import RadioUrl
 
@@ -94,7 +94,7 @@ class WifiRadio:
         self._command = (*command, "dev", url.host, "station", "dump")
         self._peers = peers
         self._poll_s = poll_s
-        self._desk = Desk()
+        self._desk = ReportSink()
         self._worker = Worker()
         self._lock = threading.Lock()
         self._process: subprocess.Popen[str] | None = None

@@ -1,4 +1,4 @@
-"""What ids mean: the terms under which a database's file was written, and two nodes may talk."""
+"""What ids mean: the configuration that a database was written under, and that peers share."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mocha_link.team.team import Team
 MARK_BYTES = 8
 
 
-def shared_mark(team: Team) -> int:
+def config_hash_of(team: Team) -> int:
     """A u64 that two nodes must have in common before one reads what the other says.
 
     It covers whatever decides on what the bytes of a message are taken for: the id and name of
@@ -45,7 +45,7 @@ def difference(peer: str) -> str:
 
 
 @dataclass(frozen=True)
-class Terms:
+class TeamConfig:
     """Ids follow from names by their order, so with another team file they may mean others.
 
     `names` says what each topic key (see `index`) stands for; `accepted` is whatever else decides
@@ -56,8 +56,8 @@ class Terms:
     accepted: str = ""
 
     @classmethod
-    def of(cls, team: Team) -> Terms:
-        """The terms of a team."""
+    def of(cls, team: Team) -> TeamConfig:
+        """The configuration of a team."""
         names = {
             robot.robot_id << 8 | topic.topic_id: f"{name} {topic.name} {topic.type} {topic.dtype}"
             for name, robot in team.robots.items()
@@ -68,7 +68,7 @@ class Terms:
 
     @cached_property
     def mark(self) -> bytes:
-        """The same for the same terms."""
+        """The same for the same configuration."""
         return blake2b(f"{self.text} {self.accepted}".encode(), digest_size=16).digest()
 
     @cached_property

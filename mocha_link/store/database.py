@@ -20,7 +20,7 @@ from operator import xor
 
 from mocha_link.store.header import WRAP_MS, Header, latest_ms
 from mocha_link.store.index import Floors, Kept, WireOrder, follows, rank
-from mocha_link.store.reassembly_buffer import Keeper, Saved
+from mocha_link.store.reassembly_buffer import Keeper, StoredFragment
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import Contents
@@ -60,7 +60,7 @@ class Database:
         self._wire = WireOrder()
         self._groups: dict[int, list[int]] = {}
         self._knowledge: dict[str, Knowledge] = {}
-        self._parts: list[Saved] = []
+        self._parts: list[StoredFragment] = []
         if storage:
             self._begin(storage)
 
@@ -69,7 +69,7 @@ class Database:
         """Where parts of messages are kept; None if everything is in memory."""
         return self._storage
 
-    def take_parts(self) -> list[Saved]:
+    def take_parts(self) -> list[StoredFragment]:
         """Once, for a `Shelf`: what was kept of messages that have not come whole."""
         parts, self._parts = self._parts, []
         return parts
@@ -154,7 +154,7 @@ class Database:
             if Header.at(robot_id, topic_id, stamp_ms).pack() in self._by_raw:
                 return False
             floor_ms = self._floors[key]
-            if now_s is None or floor_ms < 0 or not self._versions[key][-1].record.inferred:
+            if now_s is None or floor_ms < 0 or not self._versions[key][-1].record.extrapolated:
                 return stamp_ms > floor_ms
             return follows(stamp_ms, floor_ms, latest_ms(now_s))
 
@@ -306,7 +306,7 @@ class Database:
                 if number not in same:
                     storage.put(number, kept.record)
             for part in found.parts:  # the shelf knows nothing of them
-                storage.drop_parts(part.long, part.total)
+                storage.drop_parts(part.message_id, part.total)
             for peer, known in found.knowledge.items():
                 self._knowledge.setdefault(peer, replace(known, own_sequence=0))
             for peer, known in self._knowledge.items():
@@ -319,6 +319,6 @@ def digest(header: bytes) -> int:
 
 
 def _newer(record: Record, stored: Record, latest: int) -> bool:
-    if not record.inferred and not stored.inferred:
+    if not record.extrapolated and not stored.extrapolated:
         return record.stamp_ms > stored.stamp_ms
     return follows(record.stamp_ms, stored.stamp_ms, latest)

@@ -28,7 +28,7 @@ MAX_BYTES = 64 * 1024 * 1024
 MAX_BODY_BYTES = MAX_BYTES + 1024 * 1024  # incompressible data, and what may stand behind it
 PREFIX = 2
 STAMPS_MS = 2**47
-STAMP_MASK = (1 << 48) - 1  # of a long id
+STAMP_MASK = (1 << 48) - 1  # of a message id
 TAKEN_MS = STAMPS_MS - 2**44  # what comes from others is earlier: its maker must have some left
 MAGIC = b"\xd6mcl"
 VERSION = 2  # version 1: the checksum does not say whose message it is
@@ -293,6 +293,6 @@ def _unpacked(body: Body, frame: _Frame, limit: int, step: int | None = None) ->
         raise PayloadError("not an LZ4 frame: its size is another one than it states")
 
 
-def is_body(long: int, total: int) -> bool:
-    """Whether a message of that long id and size is possible."""
-    return 0 < total <= MAX_BODY_BYTES and long & STAMP_MASK < STAMPS_MS
+def is_body(message_id: int, total: int) -> bool:
+    """Whether a message of that message id and size is possible."""
+    return 0 < total <= MAX_BODY_BYTES and message_id & STAMP_MASK < STAMPS_MS

@@ -27,10 +27,10 @@ Range = tuple[int, int]
 """First byte and the one behind the last."""
 
 
-class Saved(NamedTuple):
+class StoredFragment(NamedTuple):
     """A piece of a message as it is kept on disk."""
 
-    long: int
+    message_id: int
     total: int
     start: int
     data: bytes
@@ -39,14 +39,14 @@ class Saved(NamedTuple):
 class Keeper(Protocol):
     """Where parts of messages are kept over a restart."""
 
-    def keep_part(self, part: Saved) -> None:
+    def keep_part(self, part: StoredFragment) -> None:
         """Keep another part."""
 
-    def drop_parts(self, long: int, total: int) -> None:
+    def drop_parts(self, message_id: int, total: int) -> None:
         """All parts of a message need not be kept any longer."""
 
 
-class Partial:
+class Fragment:
     """Some bytes of a whole of `total`, from pieces in any order, repeated or overlapping.
 
     Attributes:
@@ -138,11 +138,11 @@ class Partial:
         return [(gaps[first][0], gaps[last - 1][1]) for first, last in itertools.pairwise(cuts)]
 
 
-class Shelf:
+class ReassemblyBuffer:
     """The partial messages of a node, whichever peers they came from.
 
-    A message is known by its long id (`sync.long_id`) and the size of its body. The ones that have
-    not grown for longest go when all take more than `limit` bytes.
+    A message is known by its message id (`frames.message_id_of`) and the size of its body. Those
+    that have not grown for longest go when all take more than `limit` bytes.
 
     Args:
         limit: bytes that all may take.
@@ -155,55 +155,55 @@ class Shelf:
         limit: int = _LIMIT_BYTES,
         *,
         keeper: Keeper | None = None,
-        saved: Iterable[Saved] = (),
+        saved: Iterable[StoredFragment] = (),
     ) -> None:
         self._limit = limit
         self._keeper = keeper
-        self._partials: dict[tuple[int, int], Partial] = {}  # the latest grown last
+        self._fragments: dict[tuple[int, int], Fragment] = {}  # the latest grown last
         self._kept: set[tuple[int, int]] = set()  # of which the keeper has something
         self._cost = 0
         self._unsaved = 0
         self._saved_s: float | None = None
-        for long, total, start, data in saved:
-            self._kept.add((long, total))
-            if self.add(long, total, start, memoryview(data)) is not None:
-                self._forget((long, total))  # whole, so it has been taken or refused already
-        for partial in self._partials.values():
-            partial.unsaved.clear()
+        for message_id, total, start, data in saved:
+            self._kept.add((message_id, total))
+            if self.add(message_id, total, start, memoryview(data)) is not None:
+                self._forget((message_id, total))  # whole, so it has been taken or refused already
+        for fragment in self._fragments.values():
+            fragment.unsaved.clear()
         self._unsaved = 0
 
     def __len__(self) -> int:
-        return len(self._partials)
+        return len(self._fragments)
 
     @property
     def cost(self) -> int:
         """The memory that all take, about."""
         return self._cost
 
-    def __iter__(self) -> Iterator[tuple[int, Partial]]:
-        """Long ids and what there is of them, those of which most is there first."""
-        found = sorted(self._partials.items(), key=lambda item: -item[1].held)
-        return iter([(key[0], partial) for key, partial in found])
+    def __iter__(self) -> Iterator[tuple[int, Fragment]]:
+        """Message ids and what there is of them, those of which most is there first."""
+        found = sorted(self._fragments.items(), key=lambda item: -item[1].held)
+        return iter([(key[0], fragment) for key, fragment in found])
 
-    def add(self, long: int, total: int, offset: int, data: memoryview) -> bytes | None:
+    def add(self, message_id: int, total: int, offset: int, data: memoryview) -> bytes | None:
         """Take in a piece within `total`; the whole body if it is complete, which then goes.
 
         The keeper keeps it until `drop`: it has to be safe elsewhere first.
         """
-        key = (long, total)
-        partial = self._partials.pop(key, None)
-        if partial is None:
-            partial = Partial(total)
+        key = (message_id, total)
+        fragment = self._fragments.pop(key, None)
+        if fragment is None:
+            fragment = Fragment(total)
         else:
-            self._cost -= partial.cost
+            self._cost -= fragment.cost
         self._unsaved += len(data)
-        partial.add(offset, data)
-        if partial.held == total:
-            return partial.whole()
-        self._partials[key] = partial
-        self._cost += partial.cost
+        fragment.add(offset, data)
+        if fragment.held == total:
+            return fragment.whole()
+        self._fragments[key] = fragment
+        self._cost += fragment.cost
         while self._cost > self._limit:
-            self._drop(next(iter(self._partials)))
+            self._drop(next(iter(self._fragments)))
         return None
 
     def save(self, now_s: float, *, at_once: bool = False) -> None:
@@ -214,24 +214,26 @@ class Shelf:
             self._saved_s = now_s
         if not at_once and self._unsaved < SAVE_BYTES and now_s - self._saved_s < SAVE_S:
             return
-        for (long, total), partial in self._partials.items():
-            for start, end in partial.unsaved:
-                self._keeper.keep_part(Saved(long, total, start, partial.read(start, end)))
-                self._kept.add((long, total))
-            partial.unsaved.clear()
+        for (message_id, total), fragment in self._fragments.items():
+            for start, end in fragment.unsaved:
+                self._keeper.keep_part(
+                    StoredFragment(message_id, total, start, fragment.read(start, end))
+                )
+                self._kept.add((message_id, total))
+            fragment.unsaved.clear()
         self._unsaved = 0
         self._saved_s = None
 
-    def drop(self, long: int) -> None:
+    def drop(self, message_id: int) -> None:
         """Forget a message, of whatever size."""
-        if self._partials or self._kept:
-            for key in [key for key in self._partials if key[0] == long]:
+        if self._fragments or self._kept:
+            for key in [key for key in self._fragments if key[0] == message_id]:
                 self._drop(key)
-            for key in [key for key in self._kept if key[0] == long]:
+            for key in [key for key in self._kept if key[0] == message_id]:
                 self._forget(key)
 
     def _drop(self, key: tuple[int, int]) -> None:
-        self._cost -= self._partials.pop(key).cost
+        self._cost -= self._fragments.pop(key).cost
         self._forget(key)
 
     def _forget(self, key: tuple[int, int]) -> None:

@@ -12,7 +12,7 @@ class Record:
     """A message as it is stored and passed on: `body` is what the wire carries, untouched.
 
     `stamp_ms` is when the robot published it, Unix milliseconds below 2**47 that agree with the
-    header modulo 65536 s; `received_s` is when we got or made it. `inferred` says that the stamp
+    header modulo 65536 s; `received_s` is when we got or made it. `extrapolated`: the stamp
     was guessed from the header by our clock, as that of an original node has to be: if the clock
     was wrong, it is wrong by a multiple of 65536 s, and comparisons bear with that. `body` is a
     read-only view if it came in a buffer of its own.
@@ -23,7 +23,7 @@ class Record:
     body: bytes | memoryview
     stamp_ms: int
     received_s: float
-    inferred: bool = False
+    extrapolated: bool = False
 
     @property
     def stamp_s(self) -> float:

@@ -19,8 +19,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from mocha_link.store import storage_file
-from mocha_link.store.config_hash import Terms
-from mocha_link.store.reassembly_buffer import Saved
+from mocha_link.store.config_hash import TeamConfig
+from mocha_link.store.reassembly_buffer import StoredFragment
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.store.storage_file import (
     Changes,
@@ -75,7 +75,7 @@ class Storage:
         self,
         path: Path,
         *,
-        terms: Terms | None = None,
+        terms: TeamConfig | None = None,
         on_fault: Callable[[StorageError | None], None] | None = None,
         retry_s: float = RETRY_S,
         connect: Callable[[Path], sqlite3.Connection] = storage_file.connect,
@@ -147,17 +147,17 @@ class Storage:
             self._pending.knowledge[peer] = knowledge
             self._tell()
 
-    def keep_part(self, part: Saved) -> None:
+    def keep_part(self, part: StoredFragment) -> None:
         """For the shelf: a part of a message that has not come whole."""
         with self._changed:
             self._pending.parts.append(part)
             self._tell()
 
-    def drop_parts(self, long: int, total: int) -> None:
+    def drop_parts(self, message_id: int, total: int) -> None:
         """For the shelf: the parts of a message that need not be kept any longer."""
         with self._changed:
-            self._pending.part_drops.add((long, total))
-            self._pending.parts = [p for p in self._pending.parts if p[:2] != (long, total)]
+            self._pending.part_drops.add((message_id, total))
+            self._pending.parts = [p for p in self._pending.parts if p[:2] != (message_id, total)]
             self._tell()
 
     def wait(self, timeout_s: float | None = None) -> bool:

@@ -6,8 +6,8 @@ Tables (schema 1; `PRAGMA user_version` has its number, `application_id` is "MOC
                received_s, body (as on the wire), checksum (CRC-32 of all the others)
     knowledge  peer, and epoch, sequence, own_sequence (u64 as 8 bytes, big endian), checksum
     about      epoch of the database (8 bytes), one row
-    part       of a message that has not come whole: long id (8 bytes), size of the whole, offset,
-               checksum, data
+    part       of a message that has not come whole: message id (8 bytes), size of the whole,
+               offset, checksum, data
     terms      what the ids stand for (JSON) and a digest of the terms of the team, at most one row
 
 The journal is a write-ahead log next to the file (`-wal`) and every commit is synchronised, so what
@@ -28,10 +28,10 @@ from pathlib import Path
 from typing import Any
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.store.config_hash import Terms
+from mocha_link.store.config_hash import TeamConfig
 from mocha_link.store.header import Header, HeaderError, latest_ms
 from mocha_link.store.payload import STAMP_MASK, is_body
-from mocha_link.store.reassembly_buffer import Saved
+from mocha_link.store.reassembly_buffer import StoredFragment
 from mocha_link.store.record import Knowledge, Record
 
 VERSION = 1
@@ -96,7 +96,7 @@ class Contents:
     epoch: int | None = None
     records: dict[int, Record] = field(default_factory=dict)
     knowledge: dict[str, Knowledge] = field(default_factory=dict)
-    parts: list[Saved] = field(default_factory=list)
+    parts: list[StoredFragment] = field(default_factory=list)
 
     def latest_ms(self) -> int:
         """The latest stamp that a header could stand for when the last message came."""
@@ -113,7 +113,7 @@ class Changes:
     puts: dict[int, Record] = field(default_factory=dict)
     knowledge: dict[str, Knowledge] = field(default_factory=dict)
     part_drops: set[tuple[int, int]] = field(default_factory=set)
-    parts: list[Saved] = field(default_factory=list)
+    parts: list[StoredFragment] = field(default_factory=list)
 
 
 def connect(path: Path) -> sqlite3.Connection:
@@ -191,7 +191,7 @@ class StorageFile:
         """Write whose file it is; shows that it can be written."""
         self._connection.execute("INSERT OR REPLACE INTO about VALUES (1, ?)", (_u64(epoch),))
 
-    def adopt(self, terms: Terms, contents: Contents) -> int:
+    def adopt(self, terms: TeamConfig, contents: Contents) -> int:
         """Go on under the terms of a team; how many messages had to go, as their ids mean others.
 
         What peers have offered was judged by the earlier terms, so it is not known any more.
@@ -201,16 +201,16 @@ class StorageFile:
         if row and row[0] == terms.mark:
             return 0
         contents.knowledge.clear()
-        earlier = Terms.read(row[1]) if row else terms.names
+        earlier = TeamConfig.read(row[1]) if row else terms.names
         void = [n for n, r in contents.records.items() if not terms.keeps(r.header, earlier or {})]
         for number in void:
             del contents.records[number]
         strange = {
-            (part.long, part.total)
+            (part.message_id, part.total)
             for part in contents.parts
-            if not terms.keeps(_header_of(part.long), earlier or {})
+            if not terms.keeps(_header_of(part.message_id), earlier or {})
         }
-        contents.parts = [p for p in contents.parts if (p.long, p.total) not in strange]
+        contents.parts = [p for p in contents.parts if (p.message_id, p.total) not in strange]
         if earlier is None:
             raise StorageDamagedError(_damaged(self._path, "its terms are altered"))
         run("BEGIN IMMEDIATE")
@@ -239,7 +239,7 @@ class StorageFile:
             run_many(
                 "INSERT OR REPLACE INTO part VALUES (?, ?, ?, ?, ?)",
                 (
-                    (_u64(part.long), part.total, part.start, _part_checksum(part), part.data)
+                    (_u64(part.message_id), part.total, part.start, _part_checksum(part), part.data)
                     for part in changes.parts
                 ),
             )
@@ -256,7 +256,7 @@ class StorageFile:
     def _drop_parts(self, keys: Iterable[tuple[int, int]]) -> None:
         self._connection.executemany(
             "DELETE FROM part WHERE long = ? AND total = ?",
-            ((_u64(long), total) for long, total in keys),
+            ((_u64(message_id), total) for message_id, total in keys),
         )
 
     def close(self) -> None:
@@ -302,7 +302,7 @@ def _row(number: int, record: Record) -> tuple[object, ...]:
         record.header.robot_id,
         record.header.topic_id,
         record.stamp_ms,
-        record.inferred,
+        record.extrapolated,
         record.priority,
         record.received_s,
     )
@@ -311,11 +311,11 @@ def _row(number: int, record: Record) -> tuple[object, ...]:
 
 def _record(number: int, *row: Any) -> Record:
     *fields, checksum, body = row
-    robot_id, topic_id, stamp_ms, inferred, priority, received_s = fields
+    robot_id, topic_id, stamp_ms, extrapolated, priority, received_s = fields
     if _checksum(number, fields, body) != checksum:
         raise ValueError("altered")
     header = Header.at(robot_id, topic_id, stamp_ms)
-    return Record(header, priority, body, stamp_ms, received_s, bool(inferred))
+    return Record(header, priority, body, stamp_ms, received_s, bool(extrapolated))
 
 
 def _knowledge_row(peer: str, known: Knowledge) -> tuple[object, ...]:
@@ -330,20 +330,20 @@ def _knowledge(peer: str, *row: Any) -> Knowledge:
     return known
 
 
-def _part(long: bytes, total: int, start: int, checksum: int, data: bytes) -> Saved:
-    part = Saved(int.from_bytes(long, "big"), total, start, data)
-    fits = start >= 0 and data and start + len(data) <= total and is_body(part.long, total)
+def _part(message_id: bytes, total: int, start: int, checksum: int, data: bytes) -> StoredFragment:
+    part = StoredFragment(int.from_bytes(message_id, "big"), total, start, data)
+    fits = start >= 0 and data and start + len(data) <= total and is_body(part.message_id, total)
     if not fits or checksum != _part_checksum(part):
         raise ValueError("altered")
     return part
 
 
-def _part_checksum(part: Saved) -> int:
+def _part_checksum(part: StoredFragment) -> int:
     return zlib.crc32(part.data, zlib.crc32(_PART.pack(*part[:3])))
 
 
-def _header_of(long: int) -> Header:
-    return Header.at(long >> 56, long >> 48 & 0xFF, long & STAMP_MASK)
+def _header_of(message_id: int) -> Header:
+    return Header.at(message_id >> 56, message_id >> 48 & 0xFF, message_id & STAMP_MASK)
 
 
 def _checksum(number: int, fields: Sequence[object], body: bytes | memoryview) -> int:

@@ -37,7 +37,7 @@ _AHEAD_S = 0.25
 _WEIGHT = 0.125  # of a new size in the average
 
 
-class Past(Protocol):
+class PathHistory(Protocol):
     """What earlier pulls have shown of the way to a peer."""
 
     rtt_s: float | None
@@ -52,7 +52,7 @@ class ClientSession:
     Make one per pull; it is `over` when it has ended or broken off, `broken` in the latter case.
 
     Args:
-        memory: what is known of the way; it learns which message was cut.
+        path_stats: what is known of the way; it learns which message was cut.
         verify: raises PayloadError for a message that this peer may not hand us.
         budget: bytes of replies after which nothing more is asked for; 0: no limit.
     """
@@ -66,7 +66,7 @@ class ClientSession:
         database: Database,
         new_id: Callable[[], bytes],
         timeout_s: float,
-        memory: Past,
+        path_stats: PathHistory,
         verify: Verify | None = None,
         budget: int = 0,
     ) -> None:
@@ -79,7 +79,7 @@ class ClientSession:
         self._database = database
         self._new_id = new_id
         self._timeout_s = timeout_s
-        self._memory = memory
+        self._path_stats = path_stats
         self._verify = verify
         self._budget = budget
         self._asked: dict[bytes, tuple[bytes, Header | None, float]] = {}
@@ -119,7 +119,7 @@ class ClientSession:
             self._fetched_s = now.steady_s
             self._fetched_bytes += len(frame)
             self._size += _WEIGHT * (len(frame) - self._size)
-            self._memory.cut.pop(_topic_of(header), None)
+            self._path_stats.cut.pop(_topic_of(header), None)
             self._store(step, header, body, now)
         else:
             self.rtt_s = now.steady_s - asked_s
@@ -179,7 +179,7 @@ class ClientSession:
             elif header.hangs_old_nodes:
                 step.refusals.append(f"header {header}: original nodes would stop over its time")
             else:
-                found.append((self._memory.cut.get(_topic_of(header), 0), header))
+                found.append((self._path_stats.cut.get(_topic_of(header), 0), header))
         # What a contact was too short for comes last: it must not starve the others again.
         found.sort(key=lambda each: each[0])
         self._wanted.extend(header for _, header in found)
@@ -216,9 +216,9 @@ class ClientSession:
     def _widen(self) -> None:
         """Adapt the window to what the link carries and to how large the messages are."""
         ahead = float(_AHEAD_BYTES)
-        rate = self.bandwidth_bytes_s or self._memory.rate_bytes_s
+        rate = self.bandwidth_bytes_s or self._path_stats.rate_bytes_s
         if rate:
-            ahead = max(ahead, rate * ((self._memory.rtt_s or 0.0) + _AHEAD_S))
+            ahead = max(ahead, rate * ((self._path_stats.rtt_s or 0.0) + _AHEAD_S))
         self._window = int(min(max(ahead / self._size, MIN_WINDOW), MAX_WINDOW))
         if self._budget:
             left = self._budget - self.bytes_in
@@ -239,7 +239,7 @@ class ClientSession:
 
     def _end(self, step: Step, now: Instant) -> None:
         self.over = True
-        self._memory.rate_bytes_s = self.bandwidth_bytes_s or self._memory.rate_bytes_s
+        self._path_stats.rate_bytes_s = self.bandwidth_bytes_s or self._path_stats.rate_bytes_s
         step.events.append(
             SyncEnded(
                 self.peer,
@@ -255,11 +255,11 @@ class ClientSession:
     def _fail(self, step: Step, reason: str, now: Instant) -> None:
         self.over = self.broken = True
         self._wanted.clear()
-        self._memory.rate_bytes_s = self.bandwidth_bytes_s or self._memory.rate_bytes_s
+        self._path_stats.rate_bytes_s = self.bandwidth_bytes_s or self._path_stats.rate_bytes_s
         cut = next((header for _, header, _ in self._asked.values() if header), None)
         if cut and self.alive_s > self._fetched_s:  # a part of it was here when the link broke
             topic = _topic_of(cut)
-            self._memory.cut[topic] = self._memory.cut.get(topic, 0) + 1
+            self._path_stats.cut[topic] = self._path_stats.cut.get(topic, 0) + 1
         step.events.append(SyncTimedOut(self.peer, now.unix_s, Direction.IN, reason))
 
 

@@ -1,10 +1,10 @@
 """The frames of the sync between two new nodes (docs/sync-protocol.md).
 
-There are two sorts. A *letter* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END) may take several
-frames, which may arrive in any order. A *chunks* frame carries whole messages and pieces. A
-checksum covers everything but the data in chunks, which bring their own.
+There are two sorts. A *sync message* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END) may take
+several frames, which may arrive in any order. A *chunks* frame carries whole messages of robots,
+and pieces of them. A checksum covers everything but the data in chunks, which bring their own.
 
-A message is known by its long id: robot u8, topic u8, stamp u48 (Unix ms), as one number.
+A message of a robot is known by its id: robot u8, topic u8, stamp u48 (Unix ms), as one number.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import NamedTuple
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.store.payload import is_body
-from mocha_link.store.reassembly_buffer import Partial
+from mocha_link.store.reassembly_buffer import Fragment
 
 OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS = range(1, 9)  # kinds of frames
 ROUNDS = 8  # OPENs of one pull
-MAX_LETTER_BYTES = 1024 * 1024
-MIN_PART_BYTES = 200  # of a letter, but for the last part
+MAX_SYNC_MESSAGE_BYTES = 1024 * 1024
+MIN_PART_BYTES = 200  # of a message, but for the last part
 MAX_CHUNKS = 65_535  # of each sort in one frame
 LARGE_BYTES = 32_768  # data from this size on are parts of their own, where frames have parts
 MAX_LARGE = 48  # of them in one frame
@@ -29,9 +29,9 @@ MAX_LARGE = 48  # of them in one frame
 _LETTER = struct.Struct(">BIBII")  # kind, checksum, round, offset, total
 _CHUNKS = struct.Struct(">BIBIHH")  # kind, checksum, round, number, whole messages, pieces
 _COVERED = 5  # the checksum is over what follows it
-WHOLE = struct.Struct(">QI")  # long id, size
-PIECE = struct.Struct(">QIII")  # long id, size of the whole, offset, size of the piece
-LETTER_BYTES, CHUNKS_BYTES = _LETTER.size, _CHUNKS.size
+WHOLE = struct.Struct(">QI")  # message id, size
+PIECE = struct.Struct(">QIII")  # message id, size of the whole, offset, size of the piece
+MESSAGE_HEADER_BYTES, CHUNKS_BYTES = _LETTER.size, _CHUNKS.size
 
 Frame = bytes | memoryview
 
@@ -40,15 +40,15 @@ class FrameError(MochaLinkError):
     """Bytes that are no frame of the sync."""
 
 
-def long_id(robot_id: int, topic_id: int, stamp_ms: int) -> int:
-    """The long id of a message."""
+def message_id_of(robot_id: int, topic_id: int, stamp_ms: int) -> int:
+    """The id of a message of a robot."""
     return robot_id << 56 | topic_id << 48 | stamp_ms
 
 
-class Letter(NamedTuple):
-    """A complete letter; mocha_link/sync/sync_messages.py reads its content.
+class SyncMessage(NamedTuple):
+    """A complete message of the sync; mocha_link/sync/sync_messages.py reads its content.
 
-    A pull may have several rounds; a letter of an earlier one is void.
+    A pull may have several rounds; a message of an earlier one is void.
     """
 
     kind: int
@@ -56,34 +56,34 @@ class Letter(NamedTuple):
     content: bytes
 
 
-def letter_frame(kind: int, round_: int, content: bytes, offset: int, room: int) -> bytes:
-    """The part of a letter from an offset on that fits in `room` bytes."""
-    part = content[offset : offset + room - LETTER_BYTES]
+def message_frame(kind: int, round_: int, content: bytes, offset: int, room: int) -> bytes:
+    """The part of a message from an offset on that fits in `room` bytes."""
+    part = content[offset : offset + room - MESSAGE_HEADER_BYTES]
     covered = struct.pack(">BII", round_, offset, len(content)) + part
     return struct.pack(">BI", kind, zlib.crc32(covered, kind)) + covered
 
 
-def letter_frames(kind: int, round_: int, content: bytes, room: int) -> list[bytes]:
-    """A letter in frames of at most `room` bytes."""
-    step = room - LETTER_BYTES
+def message_frames(kind: int, round_: int, content: bytes, room: int) -> list[bytes]:
+    """A message in frames of at most `room` bytes."""
+    step = room - MESSAGE_HEADER_BYTES
     offsets = range(0, max(len(content), 1), step)
-    return [letter_frame(kind, round_, content, offset, room) for offset in offsets]
+    return [message_frame(kind, round_, content, offset, room) for offset in offsets]
 
 
-class Letters:
-    """Puts letters together from their frames. Each comes out once; a SKIP is a frame by itself.
+class MessageAssembler:
+    """Puts messages together from their frames. Each comes out once; a SKIP is a frame by itself.
 
     Args:
-        kinds: the kinds of letters that this side receives.
+        kinds: the kinds of messages that this side receives.
     """
 
     def __init__(self, *kinds: int) -> None:
         self._kinds = kinds
-        self._open: dict[int, tuple[int, Partial | None]] = {}  # by kind: round, what is there
+        self._open: dict[int, tuple[int, Fragment | None]] = {}  # by kind: round, what is there
 
-    def take(self, frame: Frame) -> Letter | None:
-        """Take in a frame; the letter if this completes it. Raises FrameError."""
-        if len(frame) < LETTER_BYTES:
+    def take(self, frame: Frame) -> SyncMessage | None:
+        """Take in a frame; the message if this completes it. Raises FrameError."""
+        if len(frame) < MESSAGE_HEADER_BYTES:
             raise FrameError(f"a frame of {len(frame)} bytes")
         kind, checksum, round_, offset, total = _LETTER.unpack_from(frame)
         if kind not in self._kinds:
@@ -91,23 +91,23 @@ class Letters:
         view = memoryview(frame)
         if zlib.crc32(view[_COVERED:], kind) != checksum:
             raise FrameError("a damaged frame")
-        part = view[LETTER_BYTES:]
+        part = view[MESSAGE_HEADER_BYTES:]
         end = offset + len(part)
-        if round_ >= ROUNDS or total > MAX_LETTER_BYTES or end > total:
-            raise FrameError(f"a letter of {total} bytes in round {round_}")
+        if round_ >= ROUNDS or total > MAX_SYNC_MESSAGE_BYTES or end > total:
+            raise FrameError(f"a message of {total} bytes in round {round_}")
         if len(part) < MIN_PART_BYTES and end < total:
-            raise FrameError(f"a letter of {total} bytes in parts of {len(part)}")
+            raise FrameError(f"a message of {total} bytes in parts of {len(part)}")
         if kind == SKIP and len(part) == total:
-            return Letter(kind, round_, bytes(part))
-        known, partial = self._open.get(kind, (-1, None))
-        if round_ < known or (round_ == known and partial is None):
+            return SyncMessage(kind, round_, bytes(part))
+        known, fragment = self._open.get(kind, (-1, None))
+        if round_ < known or (round_ == known and fragment is None):
             return None
-        if round_ > known or partial is None or partial.total != total:
-            partial = Partial(total)
-        partial.add(offset, part)
-        content = partial.whole()
-        self._open[kind] = (round_, partial if content is None else None)
-        return None if content is None else Letter(kind, round_, content)
+        if round_ > known or fragment is None or fragment.total != total:
+            fragment = Fragment(total)
+        fragment.add(offset, part)
+        content = fragment.whole()
+        self._open[kind] = (round_, fragment if content is None else None)
+        return None if content is None else SyncMessage(kind, round_, content)
 
 
 class Chunks(NamedTuple):
@@ -118,8 +118,8 @@ class Chunks(NamedTuple):
 
     round: int
     number: int
-    wholes: list[tuple[int, int]]  # long id, size
-    pieces: list[tuple[int, int, int, int]]  # long id, size of the whole, offset, size
+    wholes: list[tuple[int, int]]  # message id, size
+    pieces: list[tuple[int, int, int, int]]  # message id, size of the whole, offset, size
     data: memoryview
     more: tuple[memoryview, ...] = ()
 
@@ -208,8 +208,8 @@ def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
     if 0 in sizes:
         raise FrameError("a message of 0 bytes")
     size = sum(sizes)
-    for long, total, offset, length in pieces:
-        if offset + length > total or not length or not is_body(long, total):
+    for message_id, total, offset, length in pieces:
+        if offset + length > total or not length or not is_body(message_id, total):
             raise FrameError(f"a piece of {length} bytes at {offset} of {total}")
         size += length
     room = len(frame) - end + sum(map(len, more))

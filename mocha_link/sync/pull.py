@@ -17,14 +17,14 @@ from mocha_link.datagram.datagram import Flow
 from mocha_link.links.link_events import Direction, SyncEnded, SyncTimedOut
 from mocha_link.links.metrics import throughput_bytes_s
 from mocha_link.store.database import Database
-from mocha_link.store.reassembly_buffer import Shelf
+from mocha_link.store.reassembly_buffer import ReassemblyBuffer
 from mocha_link.sync.client import ClientSession
 from mocha_link.sync.credit import Credit
 from mocha_link.sync.frames import Frame
-from mocha_link.sync.peer_state import Acquaintance
+from mocha_link.sync.peer_state import PeerState
 from mocha_link.sync.protocol import ID_BYTES, SERRM, SYNC1, SYNCC, SYNCF, request
 from mocha_link.sync.step import Step
-from mocha_link.sync.sync_receiver import Intake, Verify
+from mocha_link.sync.sync_receiver import SyncReceiver, Verify
 from mocha_link.team.team import Team
 
 Path = Literal["original", "zmq", "udp"]
@@ -32,14 +32,14 @@ Path = Literal["original", "zmq", "udp"]
 NEAR_S = 0.02  # round trips below this: a connection is set up in no time and carries more
 LOOK_S = 0.025  # a connection that stands within this time tells that an unknown peer is near
 PATIENCE_S = 0.1  # without an answer on the connection to a near peer, datagrams may get through
-LETTER_ROOM = 1100  # our frames fit in a datagram, whichever path they take
+MESSAGE_ROOM = 1100  # our frames fit in a datagram, whichever path they take
 MAX_MISSES = 2  # pulls on which datagrams carried nothing although the peer took them
 IDLE = 2  # times the time-out: so long datagrams may come that carry nothing
 RETRY_EVERY = 8  # then they are tried again only so often
 
 
 @dataclass(slots=True)
-class Memory:
+class PathStats:
     """What earlier pulls have shown of the way to a peer."""
 
     rtt_s: float | None = None
@@ -52,7 +52,7 @@ class Memory:
         """Whether round trips are so short that connections serve best."""
         return self.rtt_s is not None and self.rtt_s < NEAR_S
 
-    def may_cast(self) -> bool:
+    def may_use_datagrams(self) -> bool:
         """Whether to try datagrams; asked once per pull."""
         if self.udp_misses < MAX_MISSES:
             return True
@@ -61,13 +61,13 @@ class Memory:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Means:
+class PullContext:
     """What the pulls of a node share."""
 
     own: str
     team: Team
     database: Database
-    shelf: Shelf
+    reassembly: ReassemblyBuffer
     new_id: Callable[[], bytes]
     timeout_s: float
 
@@ -86,9 +86,9 @@ class Pull:
     def __init__(  # noqa: PLR0913 - all it needs to know, once
         self,
         peer: str,
-        means: Means,
-        memory: Memory,
-        acquaintance: Acquaintance,
+        pull_context: PullContext,
+        path_stats: PathStats,
+        peer_state: PeerState,
         *,
         verify: Verify | None,
         original: bool,
@@ -101,35 +101,35 @@ class Pull:
         self.path: Path | None = "original" if original else None
         self.alive_s = 0.0
         self.flow: Flow | None = None
-        self._memory = memory
-        self._acquaintance = acquaintance
-        self._timeout_s = means.timeout_s
+        self._path_stats = path_stats
+        self._peer_state = peer_state
+        self._timeout_s = pull_context.timeout_s
         self._session = ClientSession(
             peer,
-            means.own,
-            team=means.team,
-            database=means.database,
-            new_id=means.new_id,
-            timeout_s=means.timeout_s,
-            memory=memory,
+            pull_context.own,
+            team=pull_context.team,
+            database=pull_context.database,
+            new_id=pull_context.new_id,
+            timeout_s=pull_context.timeout_s,
+            path_stats=path_stats,
             verify=verify,
             budget=budget,
         )
-        self._intake = Intake(
+        self._receiver = SyncReceiver(
             peer,
-            team=means.team,
-            database=means.database,
-            shelf=means.shelf,
-            acquaintance=acquaintance,
+            team=pull_context.team,
+            database=pull_context.database,
+            reassembly=pull_context.reassembly,
+            peer_state=peer_state,
             verify=verify,
             budget=budget,
-            room=LETTER_ROOM,
+            room=MESSAGE_ROOM,
         )
-        self._datagrams = datagrams and not original and memory.may_cast()
-        self._credit = Credit(memory.rate_bytes_s, memory.rtt_s)
+        self._datagrams = datagrams and not original and path_stats.may_use_datagrams()
+        self._credit = Credit(path_stats.rate_bytes_s, path_stats.rtt_s)
         self._id = b""
         self._outbox: deque[bytes] = deque()
-        self._cast_at_s: float | None = None
+        self._datagrams_at_s: float | None = None
         self._refused = False
         self._began_s = self._first_s = self._last_s = 0.0
 
@@ -140,21 +140,21 @@ class Pull:
         if self.path == "original":
             return step
         self._id = step.frames[0][:ID_BYTES]
-        acquainted = self._acquaintance.ticket != 0
-        opening = self._intake.open(now).frames
+        acquainted = self._peer_state.address_token != 0
+        opening = self._receiver.open(now).frames
         first = request(self._id, SYNC1, self._credit.grant + opening[0])
         rest = [request(self._id, SYNCF, frame) for frame in opening[1:]]
         step.frames[:0] = [first, *rest]
         if self._datagrams:
             self._outbox.extend(opening)
             size = sum(map(len, opening))
-            if not acquainted and size < LETTER_ROOM:
+            if not acquainted and size < MESSAGE_ROOM:
                 # The peer sends little more than it got before it knows that it is us.
-                self._outbox.append(bytes(LETTER_ROOM - size))
-            known = self._memory.rtt_s is not None
-            wait_s = PATIENCE_S if self._memory.is_near else 0.0 if known else LOOK_S
-            self._cast_at_s = now.steady_s + wait_s
-            step.packets += self._cast(now)
+                self._outbox.append(bytes(MESSAGE_ROOM - size))
+            known = self._path_stats.rtt_s is not None
+            wait_s = PATIENCE_S if self._path_stats.is_near else 0.0 if known else LOOK_S
+            self._datagrams_at_s = now.steady_s + wait_s
+            step.packets += self._due_datagrams(now)
         return step
 
     def reply(self, parts: Sequence[Frame], now: Instant) -> Step:
@@ -179,7 +179,7 @@ class Pull:
             return Step(events=broken.events, refusals=step.refusals)
         step.frames = [request(self._id, SYNCF, each) for each in step.frames]
         size = sum(map(len, parts))
-        if self._credit.take(size, now.steady_s, self._memory.rtt_s) and not self.over:
+        if self._credit.take(size, now.steady_s, self._path_stats.rtt_s) and not self.over:
             step.frames.append(request(self._id, SYNCC, self._credit.grant))
         return step
 
@@ -196,29 +196,29 @@ class Pull:
             step.refusals += taken.refusals
         if self.flow.alive_s == now.steady_s:
             self.progress(now, self.flow.rtt_s)
-        step.packets += self._cast(now)
+        step.packets += self._due_datagrams(now)
         return step
 
     def progress(self, now: Instant, rtt_s: float | None = None) -> None:
         """The connection stands, or bytes have arrived, though no whole reply yet."""
         self.alive_s = now.steady_s
         if rtt_s is not None:
-            self._memory.rtt_s = rtt_s
+            self._path_stats.rtt_s = rtt_s
         self._session.progress(now)
 
     def measured(self, rtt_s: float) -> None:
         """The round trip of the connection, as far as it is known by now."""
         if self.path == "udp":
             return
-        self._memory.rtt_s = rtt_s
-        if self._memory.is_near and self._cast_at_s is not None:
-            self._cast_at_s = max(self._cast_at_s, self._began_s + PATIENCE_S)
+        self._path_stats.rtt_s = rtt_s
+        if self._path_stats.is_near and self._datagrams_at_s is not None:
+            self._datagrams_at_s = max(self._datagrams_at_s, self._began_s + PATIENCE_S)
 
-    def poke(self, now: Instant) -> Step:
+    def on_contact(self, now: Instant) -> Step:
         """A new contact begins while the pull is under way."""
         if self.flow:
-            self.flow.poke(now.steady_s)
-        return Step(packets=self._cast(now))
+            self.flow.on_contact(now.steady_s)
+        return Step(packets=self._due_datagrams(now))
 
     def tick(self, now: Instant) -> Step:
         """What the time alone brings: datagrams that are due, and the end of patience."""
@@ -228,9 +228,9 @@ class Pull:
             return self.fail(silent if midway else self._session.why_silent(), now)
         since_s = max(self._last_s, self._began_s)
         if self._relies_on_datagrams and now.steady_s - since_s > IDLE * self._timeout_s:
-            self._memory.udp_misses += 1
+            self._path_stats.udp_misses += 1
             return self.fail("only small datagrams of the peer get here", now)
-        return Step(packets=self._cast(now))
+        return Step(packets=self._due_datagrams(now))
 
     def fail(self, reason: str, now: Instant) -> Step:
         """Break off for a reason that is known outside, e.g. a closed connection."""
@@ -253,19 +253,19 @@ class Pull:
     @property
     def wake_s(self) -> float | None:
         """When to call `tick` at the latest."""
-        if self._cast_at_s is not None:
-            return self._cast_at_s
+        if self._datagrams_at_s is not None:
+            return self._datagrams_at_s
         return self.flow.wake_s if self.flow else None
 
     @property
     def bytes_in(self) -> int:
         """Bytes that came in so far."""
-        return self._session.bytes_in + self._intake.bytes
+        return self._session.bytes_in + self._receiver.bytes
 
     @property
     def rtt_s(self) -> float | None:
         """The round trip on the way to the peer."""
-        return self._session.rtt_s or self._memory.rtt_s
+        return self._session.rtt_s or self._path_stats.rtt_s
 
     @property
     def bandwidth_bytes_s(self) -> float | None:
@@ -273,7 +273,7 @@ class Pull:
         if self.path in ("original", None):
             return self._session.bandwidth_bytes_s
         taken_s = self._last_s - self._first_s
-        return self._intake.bytes / taken_s if self._intake.messages and taken_s > 0 else None
+        return self._receiver.bytes / taken_s if self._receiver.messages and taken_s > 0 else None
 
     @property
     def throughput_bytes_s(self) -> float | None:
@@ -289,11 +289,11 @@ class Pull:
     def _reply_of_refusal(self, now: Instant) -> Step:
         if self.path is not None:
             return self.fail("the peer does not know of the sync any more", now)
-        if self._acquaintance.foreign:  # a node of ours, last time: do not take it for another now
-            self._acquaintance.foreign = False
+        if self._peer_state.config_mismatch:  # a node of ours, last time: no other one now
+            self._peer_state.config_mismatch = False
             return self.fail(f"{self.peer} had another team file; asking once more", now)
         self._refused = True  # an original node; its reply to GHEAD comes next
-        self.flow = self._cast_at_s = None
+        self.flow = self._datagrams_at_s = None
         self.progress(now)
         return Step()
 
@@ -308,12 +308,12 @@ class Pull:
         broken = self.fail("the peer answered what was not asked", now)
         return Step(events=broken.events, refusals=[why])
 
-    def _cast(self, now: Instant) -> list[bytes]:
+    def _due_datagrams(self, now: Instant) -> list[bytes]:
         """The datagrams to send now."""
-        if self._cast_at_s is not None and self._cast_at_s <= now.steady_s:
-            self._cast_at_s = None
+        if self._datagrams_at_s is not None and self._datagrams_at_s <= now.steady_s:
+            self._datagrams_at_s = None
             if self.path is None and not self._refused:
-                self.flow = Flow(self._id, self._next_frame, rtt_s=self._memory.rtt_s)
+                self.flow = Flow(self._id, self._next_frame, rtt_s=self._path_stats.rtt_s)
         return self.flow.transmit(now.steady_s) if self.flow else []
 
     def _next_frame(self, _room: int) -> bytes | None:
@@ -323,10 +323,10 @@ class Pull:
         self.progress(now)
         self._first_s = self._first_s or now.steady_s
         self._last_s = now.steady_s
-        step = self._intake.receive(frame, now, more)
-        if self._intake.rejection:
-            step.events += self.fail(self._intake.rejection, now).events
-        elif self._intake.over and not self.over:
+        step = self._receiver.receive(frame, now, more)
+        if self._receiver.rejection:
+            step.events += self.fail(self._receiver.rejection, now).events
+        elif self._receiver.over and not self.over:
             self.over = True
             self._learn()
             step.events.append(
@@ -334,10 +334,10 @@ class Pull:
                     self.peer,
                     now.unix_s,
                     Direction.IN,
-                    messages=self._intake.messages,
-                    bytes=self._intake.bytes,
+                    messages=self._receiver.messages,
+                    bytes=self._receiver.bytes,
                     duration_s=now.steady_s - self._began_s,
-                    complete=self._intake.complete,
+                    complete=self._receiver.complete,
                 )
             )
         return step
@@ -345,6 +345,6 @@ class Pull:
     def _learn(self) -> None:
         """What nothing came of says nothing of datagrams: the contact may have been too short."""
         if self.path == "zmq":
-            self._memory.rate_bytes_s = self.bandwidth_bytes_s or self._memory.rate_bytes_s
-        elif self.path == "udp" and (self._intake.messages or self._intake.complete):
-            self._memory.udp_misses = 0
+            self._path_stats.rate_bytes_s = self.bandwidth_bytes_s or self._path_stats.rate_bytes_s
+        elif self.path == "udp" and (self._receiver.messages or self._receiver.complete):
+            self._path_stats.udp_misses = 0

@@ -15,8 +15,8 @@ from mocha_link.links.link_events import Direction, LinkEvent, SyncEnded, SyncSt
 from mocha_link.store.config_hash import difference
 from mocha_link.store.database import Database
 from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
-from mocha_link.sync.frames import HELLO, OPEN, Frame, FrameError, letter_frame
-from mocha_link.sync.peer_state import Acquaintance
+from mocha_link.sync.frames import HELLO, OPEN, Frame, FrameError, message_frame
+from mocha_link.sync.peer_state import PeerState
 from mocha_link.sync.protocol import (
     CODE_BYTES,
     GHEAD,
@@ -30,7 +30,7 @@ from mocha_link.sync.protocol import (
 )
 from mocha_link.sync.pull import NEAR_S
 from mocha_link.sync.sync_messages import Hello, Reception
-from mocha_link.sync.sync_sender import MIN_ROOM, Feed
+from mocha_link.sync.sync_sender import MIN_ROOM, SyncSender
 
 FAST_BYTES_S = 2.5e6  # at this rate a connection carries more than datagrams from Python
 LINGER_S = 2.0  # so long our last packets are repeated to a peer that has said END
@@ -54,9 +54,9 @@ def _random_number() -> int:
 class _Sync:
     """A pull of a new node."""
 
-    def __init__(self, request_id: bytes, feed: Feed, now: Instant) -> None:
+    def __init__(self, request_id: bytes, sender: SyncSender, now: Instant) -> None:
         self.id = request_id
-        self.feed = feed
+        self.sender = sender
         self.began_s = now.steady_s
         self.heard_s = now.steady_s
         self.by_datagram = False
@@ -83,12 +83,12 @@ class Server:
         self,
         peer: str,
         database: Database,
-        acquaintance: Acquaintance,
+        peer_state: PeerState,
         number: Callable[[], int] = _random_number,
     ) -> None:
         self._peer = peer
         self._database = database
-        self._acquaintance = acquaintance
+        self._peer_state = peer_state
         self._session = ServerSession(peer, database)
         self._sync: _Sync | None = None
         self._flow: Flow | None = None
@@ -167,16 +167,16 @@ class Server:
         room = sync.allowed - sync.sent
         if room <= 0:
             return None
-        parts = sync.feed.next_parts(min(sync.chunk, max(room, MIN_ROOM + ID_BYTES)), sync.id)
+        parts = sync.sender.next_parts(min(sync.chunk, max(room, MIN_ROOM + ID_BYTES)), sync.id)
         if parts is None:
             return None
         sync.sent += sum(map(len, parts))
         return sync.route, parts
 
-    def poke(self, now: Instant) -> None:
+    def on_contact(self, now: Instant) -> None:
         """A new contact begins."""
         if self._flow:
-            self._flow.poke(now.steady_s)
+            self._flow.on_contact(now.steady_s)
 
     def tick(self, now: Instant) -> None:
         """What the peer's silence ends."""
@@ -200,7 +200,7 @@ class Server:
             return
         if now.steady_s - sync.routed_s > 2 * (sync.routed_s - sync.began_s) + UNHEARD_S:
             sync.by_datagram = False
-            sync.all_cast = sync.feed.done
+            sync.all_cast = sync.sender.done
             sync.again.extend(flow.reclaim())
 
     def take(self) -> list[LinkEvent]:
@@ -218,7 +218,7 @@ class Server:
             self._opened = (request_id, route)
             if request_id in self._past:
                 return self._rejection(request_id)  # a connection that came too late
-            sync = _Sync(request_id, Feed(self._database, self._acquaintance), now)
+            sync = _Sync(request_id, SyncSender(self._database, self._peer_state), now)
             grant, argument = argument[: GRANT.size], argument[GRANT.size :]
             if not self._opens(sync, argument):
                 # An error reply would make us an original node to the peer, who reads by ids.
@@ -231,7 +231,7 @@ class Server:
         sync.heard_s = now.steady_s
         if code == SYNC1 and sync.sent and sync.route != route and self._flow is None:
             # Its first connection broke, with all that was sent on it.
-            sync.feed = Feed(self._database, self._acquaintance)
+            sync.sender = SyncSender(self._database, self._peer_state)
             sync.allowed = 0
         if sync.route is None or code == SYNC1:
             sync.route, sync.sent, sync.routed_s = route, 0, now.steady_s
@@ -250,8 +250,8 @@ class Server:
         """What to say on the connection of a sync that is turned away."""
         if self._rejected is None or self._rejected[0] != request_id:
             return None
-        hello = Hello(self._rejected[1], self._acquaintance.terms)
-        return request_id + letter_frame(HELLO, 0, hello.encode(), 0, _HELLO_ROOM)
+        hello = Hello(self._rejected[1], self._peer_state.config_hash)
+        return request_id + message_frame(HELLO, 0, hello.encode(), 0, _HELLO_ROOM)
 
     def _packet_of_new(self, token: bytes, packet: bytes, now: Instant) -> bool:
         sync = self._sync
@@ -261,7 +261,7 @@ class Server:
             return True  # the connection was first, so it serves
         if sync and sync.id != token and now.steady_s - sync.heard_s < REPLACED_S:
             return False  # a copy of an old opening must not end what goes well
-        sync = _Sync(token, Feed(self._database, self._acquaintance), now)
+        sync = _Sync(token, SyncSender(self._database, self._peer_state), now)
         flow = Flow(
             token,
             lambda room: self._next_for_datagram(sync, room),
@@ -273,7 +273,7 @@ class Server:
         frames = [frame for frame in flow.receive(packet, now.steady_s) if frame[:1] != PADDING]
         if not frames or not all(self._opens(sync, frame) for frame in frames):
             return False
-        flow.proven = sync.feed.admitted
+        flow.proven = sync.sender.admitted
         sync.by_datagram = sync.all_cast = True
         self._begin(sync, now)
         self._close_flow()
@@ -285,8 +285,8 @@ class Server:
 
     @staticmethod
     def _next_for_datagram(sync: _Sync, room: int) -> bytes | None:
-        fits = room >= MIN_ROOM or sync.feed.is_brief(room)
-        return sync.feed.next(room) if sync.by_datagram and fits else None
+        fits = room >= MIN_ROOM or sync.sender.is_brief(room)
+        return sync.sender.next(room) if sync.by_datagram and fits else None
 
     def _feed_frame(self, frame: bytes, now: Instant) -> None:
         if self._sync and self._flow and self._sync.id == self._flow.token:
@@ -299,7 +299,7 @@ class Server:
     @staticmethod
     def _takes(sync: _Sync, frame: bytes) -> bool:
         try:
-            sync.feed.receive(frame)
+            sync.sender.receive(frame)
         except FrameError:
             return False
         return True
@@ -313,10 +313,10 @@ class Server:
 
     def _look(self, now: Instant) -> None:
         """End the pull when the peer says that it is over, or may not have anything."""
-        if self._sync and self._sync.feed.over:
+        if self._sync and self._sync.sender.over:
             self._end(self._sync, now)
-        elif self._sync and self._sync.feed.rejection is not None:
-            self._turn_away(self._sync, self._sync.feed.rejection, now)
+        elif self._sync and self._sync.sender.rejection is not None:
+            self._turn_away(self._sync, self._sync.sender.rejection, now)
 
     def _turn_away(self, sync: _Sync, why: Reception, now: Instant) -> None:
         """A flow stays until it has said so."""
@@ -338,15 +338,15 @@ class Server:
                 self._peer,
                 now.unix_s,
                 Direction.OUT,
-                messages=sync.feed.messages,
-                bytes=sync.feed.bytes,
+                messages=sync.sender.messages,
+                bytes=sync.sender.bytes,
                 duration_s=now.steady_s - sync.began_s,
-                complete=not sync.feed.cut_short,
+                complete=not sync.sender.cut_short,
             )
         )
 
     def _break_off(self, sync: _Sync, reason: str, now: Instant) -> None:
-        if sync.feed.done and sync.all_cast and self._flow and self._flow.settled:
+        if sync.sender.done and sync.all_cast and self._flow and self._flow.settled:
             self._end(sync, now)  # all has arrived, only the peer's END has not
             return
         self._sync = None
@@ -359,6 +359,6 @@ class Server:
         if flow:
             self._unheard = self._unheard + 1 if flow.rtt_s is None else 0
         if flow and flow.rtt_s is not None:
-            self._acquaintance.renew_ticket()
+            self._peer_state.renew_token()
             self._rtt_s = flow.rtt_s
             self._rate_bytes_s = flow.rate_bytes_s or self._rate_bytes_s

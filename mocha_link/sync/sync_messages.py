@@ -1,4 +1,4 @@
-"""What the letters of the sync between two new nodes say (docs/sync-protocol.md).
+"""What the messages of the sync between two new nodes say (docs/sync-protocol.md).
 
 In the order of a pull: OPEN, HELLO, and if digests were compared GROUPS and ANSWER; SKIP at any
 time, DONE; END says nothing.
@@ -14,21 +14,21 @@ from typing import Any, NamedTuple
 
 from mocha_link.store.payload import STAMP_MASK, STAMPS_MS, is_body
 from mocha_link.store.reassembly_buffer import MAX_RANGES, Range
-from mocha_link.sync.frames import MAX_LETTER_BYTES, FrameError, long_id
+from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, FrameError, message_id_of
 
 VERSION = 2
-MAX_PARTIALS = 64
+MAX_FRAGMENTS = 64
 MAX_LISTED = 65_535  # messages of a robot in an ANSWER
 GROUP_COUNT = 16
 
-# Version, sort of knowledge, run, budget, terms, ticket.
+# Version, sort of knowledge, boot id, budget, configuration hash, address token.
 _OPEN = struct.Struct(">BBQQQQ")
 _SINCE = struct.Struct(">QQ")
 _COUNT = struct.Struct(">H")
 _DIGEST = struct.Struct(">BQ")
 _PARTIAL = struct.Struct(">QIB")
 _RANGE = struct.Struct(">II")
-_HELLO = struct.Struct(">BBQQ")  # reception, version, terms, ticket
+_HELLO = struct.Struct(">BBQQ")  # reception, version, configuration hash, address token
 _SKIP = struct.Struct(">Q")
 _DONE = struct.Struct(">QQIB")
 _GROUPS = struct.Struct(f">B{GROUP_COUNT}Q")
@@ -43,18 +43,18 @@ class VersionError(FrameError):
 
 @dataclass(frozen=True, slots=True)
 class Since:
-    """We know what your database `epoch` held at `sequence`; since then we got `longs`."""
+    """We know what your database `epoch` held at `sequence`; since then we got `message_ids`."""
 
     epoch: int
     sequence: int
-    longs: Sequence[int]
+    message_ids: Sequence[int]
 
 
 @dataclass(frozen=True, slots=True)
 class Have:
     """All that we hold."""
 
-    longs: Sequence[int]
+    message_ids: Sequence[int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +64,10 @@ class Digest:
     digests: dict[int, int]
 
 
-class Wish(NamedTuple):
+class FragmentRequest(NamedTuple):
     """A message of which a part is there, and what is missing of it."""
 
-    long: int
+    message_id: int
     total: int
     missing: list[Range]
 
@@ -76,74 +76,76 @@ class Wish(NamedTuple):
 class Open:
     """What the asking side says first: what it has, what it has in part, what it may take.
 
-    `run` is a number of its process. `budget` is in bytes of frames; 0: no limit. `terms` stands
-    for what ids mean to it (`terms.shared_mark`). `ticket` is the last one that the serving side
-    has given it; 0: none.
+    `boot_id` is a number of its process. `budget` is in bytes of frames; 0: no limit.
+    `config_hash` stands for what ids mean to it (`config_hash_of`). `address_token` is the last
+    one that the serving side has given it; 0: none.
     """
 
-    run: int
+    boot_id: int
     budget: int
     knowledge: Since | Have | Digest
-    wishes: Sequence[Wish] = ()
-    terms: int = 0
-    ticket: int = 0
+    requests: Sequence[FragmentRequest] = ()
+    config_hash: int = 0
+    address_token: int = 0
 
     def encode(self) -> bytes:
-        """The content of the letter."""
+        """The content of the message."""
         match self.knowledge:
-            case Since(epoch, sequence, longs):
+            case Since(epoch, sequence, message_ids):
                 sort = _KNOWS_SINCE
-                parts = [_SINCE.pack(epoch, sequence), _counted(longs)]
-            case Have(longs):
+                parts = [_SINCE.pack(epoch, sequence), _counted(message_ids)]
+            case Have(message_ids):
                 sort = _KNOWS_HAVE
-                parts = [_counted(longs)]
+                parts = [_counted(message_ids)]
             case Digest(digests):
                 sort = _KNOWS_DIGEST
                 parts = [_COUNT.pack(len(digests))]
                 parts += [_DIGEST.pack(*item) for item in digests.items()]
-        parts.append(bytes((len(self.wishes),)))
-        for wish in self.wishes:
-            parts.append(_PARTIAL.pack(wish.long, wish.total, len(wish.missing)))
-            parts += [_RANGE.pack(*each) for each in wish.missing]
-        head = _OPEN.pack(VERSION, sort, self.run, self.budget, self.terms, self.ticket)
+        parts.append(bytes((len(self.requests),)))
+        for request in self.requests:
+            parts.append(_PARTIAL.pack(request.message_id, request.total, len(request.missing)))
+            parts += [_RANGE.pack(*each) for each in request.missing]
+        head = _OPEN.pack(
+            VERSION, sort, self.boot_id, self.budget, self.config_hash, self.address_token
+        )
         return head + b"".join(parts)
 
     @classmethod
     def decode(cls, content: bytes) -> Open:
-        """Read the content of the letter. Raises FrameError, or VersionError."""
+        """Read the content of the message. Raises FrameError, or VersionError."""
         if content[:1] != bytes((VERSION,)):
             raise VersionError(f"version {content[:1].hex()} of the sync; ours is {VERSION}")
         reader = _Reader(content)
-        _, sort, run, budget, terms, ticket = reader.read(_OPEN)
+        _, sort, boot_id, budget, config_hash, address_token = reader.read(_OPEN)
         knowledge: Since | Have | Digest
         if sort == _KNOWS_SINCE:
             epoch, sequence = reader.read(_SINCE)
-            knowledge = Since(epoch, sequence, reader.longs())
+            knowledge = Since(epoch, sequence, reader.message_ids())
         elif sort == _KNOWS_HAVE:
-            knowledge = Have(reader.longs())
+            knowledge = Have(reader.message_ids())
         elif sort == _KNOWS_DIGEST:
             knowledge = Digest(dict(reader.table(_DIGEST, reader.read(_COUNT)[0])))
         else:
             raise FrameError(f"knowledge of sort {sort}")
-        wishes = [_wish(reader) for _ in range(reader.byte())]
-        if len(wishes) > MAX_PARTIALS:
-            raise FrameError(f"{len(wishes)} partial messages")
+        requests = [_request(reader) for _ in range(reader.byte())]
+        if len(requests) > MAX_FRAGMENTS:
+            raise FrameError(f"{len(requests)} partial messages")
         reader.end()
-        return cls(run, budget, knowledge, wishes, terms, ticket)
+        return cls(boot_id, budget, knowledge, requests, config_hash, address_token)
 
 
-def _wish(reader: _Reader) -> Wish:
-    long, total, count = reader.read(_PARTIAL)
+def _request(reader: _Reader) -> FragmentRequest:
+    message_id, total, count = reader.read(_PARTIAL)
     missing: list[Range] = reader.table(_RANGE, count)
     bounds = [bound for each in missing for bound in each]
     if (
         not 0 < count <= MAX_RANGES
-        or not is_body(long, total)
+        or not is_body(message_id, total)
         or bounds != sorted(set(bounds))
         or bounds[-1] > total
     ):
         raise FrameError("a partial message with impossible ranges")
-    return Wish(long, total, missing)
+    return FragmentRequest(message_id, total, missing)
 
 
 class Reception(enum.IntEnum):
@@ -151,37 +153,37 @@ class Reception(enum.IntEnum):
 
     WELCOME = 0
     UNKNOWN = 1  # it cannot tell what is new since the Since
-    OTHER_TERMS = 2  # ids mean something else to it: nothing follows
+    CONFIG_MISMATCH = 2  # ids mean something else to it: nothing follows
     UNREADABLE = 3  # damaged, or of another version: nothing follows
 
 
 class Hello(NamedTuple):
-    """The serving side's first word, with its own terms and version, and a ticket.
+    """The serving side's first word: its own configuration hash and version, an address token.
 
-    Who shows the ticket in a later OPEN has been reached at its address.
+    A peer that shows it in a later OPEN has been reached at its address.
     """
 
     reception: Reception = Reception.WELCOME
-    terms: int = 0
+    config_hash: int = 0
     version: int = VERSION
-    ticket: int = 0
+    address_token: int = 0
 
     def encode(self) -> bytes:
-        """The content of the letter."""
-        return _HELLO.pack(self.reception, self.version, self.terms, self.ticket)
+        """The content of the message."""
+        return _HELLO.pack(self.reception, self.version, self.config_hash, self.address_token)
 
     @classmethod
     def decode(cls, content: bytes) -> Hello:
-        """Read the content of the letter. Raises FrameError.
+        """Read the content of the message. Raises FrameError.
 
         Of another version only that is read: it says nothing else that we know how to take.
         """
         if len(content) > 1 and content[1] != VERSION:
             return cls(Reception.UNREADABLE, 0, content[1])
-        reception, _, terms, ticket = _only(_HELLO, content)
+        reception, _, config_hash, address_token = _only(_HELLO, content)
         if reception > max(Reception):
             raise FrameError(f"a reception of sort {reception}")
-        return cls(Reception(reception), terms, ticket=ticket)
+        return cls(Reception(reception), config_hash, address_token=address_token)
 
 
 class Done(NamedTuple):
@@ -196,12 +198,12 @@ class Done(NamedTuple):
     cut_short: bool
 
     def encode(self) -> bytes:
-        """The content of the letter."""
+        """The content of the message."""
         return _DONE.pack(*self)
 
     @classmethod
     def decode(cls, content: bytes) -> Done:
-        """Read the content of the letter. Raises FrameError."""
+        """Read the content of the message. Raises FrameError."""
         epoch, sequence, frames, cut_short = _only(_DONE, content)
         return cls(epoch, sequence, frames, bool(cut_short))
 
@@ -226,18 +228,18 @@ class Answer(NamedTuple):
 
     robot_id: int
     groups: int
-    longs: Sequence[int]
+    message_ids: Sequence[int]
 
 
 def encode_answers(answers: Iterable[Answer]) -> bytes:
-    """The content of an ANSWER. What does not fit in a letter is left out, and may come twice."""
+    """The content of an ANSWER. What does not fit in a message is left out, and may come twice."""
     parts = []
-    room = MAX_LETTER_BYTES - (1 << 8) * _ANSWER.size
-    for robot_id, groups, longs in answers:
-        listed = longs[: min(room // _TOPIC_STAMP.size, MAX_LISTED)]
+    room = MAX_SYNC_MESSAGE_BYTES - (1 << 8) * _ANSWER.size
+    for robot_id, groups, message_ids in answers:
+        listed = message_ids[: min(room // _TOPIC_STAMP.size, MAX_LISTED)]
         room -= len(listed) * _TOPIC_STAMP.size
         parts.append(_ANSWER.pack(robot_id, groups, len(listed)))
-        parts += [long.to_bytes(8, "big")[1:] for long in listed]
+        parts += [message_id.to_bytes(8, "big")[1:] for message_id in listed]
     return b"".join(parts)
 
 
@@ -248,29 +250,31 @@ def decode_answers(content: bytes) -> list[Answer]:
     while not reader.at_end:
         robot_id, groups, count = reader.read(_ANSWER)
         table = reader.table(_TOPIC_STAMP, count)
-        longs = [long_id(robot_id, topic, upper << 32 | lower) for topic, upper, lower in table]
-        answers.append(Answer(robot_id, groups, longs))
+        message_ids = [
+            message_id_of(robot_id, topic, upper << 32 | lower) for topic, upper, lower in table
+        ]
+        answers.append(Answer(robot_id, groups, message_ids))
     return answers
 
 
-def encode_skip(long: int) -> bytes:
+def encode_skip(message_id: int) -> bytes:
     """The content of a SKIP: a message whose rest need not be sent."""
-    return _SKIP.pack(long)
+    return _SKIP.pack(message_id)
 
 
 def decode_skip(content: bytes) -> int:
     """The reverse of `encode_skip`. Raises FrameError."""
-    long: int = _only(_SKIP, content)[0]
-    return long
+    message_id: int = _only(_SKIP, content)[0]
+    return message_id
 
 
-def _counted(longs: Sequence[int]) -> bytes:
-    return struct.pack(f">H{len(longs)}Q", len(longs), *longs)
+def _counted(message_ids: Sequence[int]) -> bytes:
+    return struct.pack(f">H{len(message_ids)}Q", len(message_ids), *message_ids)
 
 
 def _only(layout: struct.Struct, content: bytes) -> tuple[Any, ...]:
     if len(content) != layout.size:
-        raise FrameError(f"a letter of {len(content)} bytes, not {layout.size}")
+        raise FrameError(f"a message of {len(content)} bytes, not {layout.size}")
     return layout.unpack(content)
 
 
@@ -294,12 +298,12 @@ class _Reader:
     def table(self, layout: struct.Struct, count: int) -> list[tuple[Any, ...]]:
         return list(layout.iter_unpack(self._take(layout.size * count)))
 
-    def longs(self) -> tuple[int, ...]:
+    def message_ids(self) -> tuple[int, ...]:
         (count,) = self.read(_COUNT)
-        longs = struct.unpack(f">{count}Q", self._take(8 * count))
-        if any(long & STAMP_MASK >= STAMPS_MS for long in longs):
+        message_ids = struct.unpack(f">{count}Q", self._take(8 * count))
+        if any(message_id & STAMP_MASK >= STAMPS_MS for message_id in message_ids):
             raise FrameError("a stamp that is no time")
-        return longs
+        return message_ids
 
     def end(self) -> None:
         if not self.at_end:

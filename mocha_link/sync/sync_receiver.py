@@ -11,20 +11,20 @@ from mocha_link.store.config_hash import difference
 from mocha_link.store.database import Database
 from mocha_link.store.header import UNSAFE_MS, WRAP_MS, Header
 from mocha_link.store.payload import TAKEN_MS, PayloadError, Trailer
-from mocha_link.store.reassembly_buffer import Shelf
+from mocha_link.store.reassembly_buffer import ReassemblyBuffer
 from mocha_link.store.record import Knowledge, Record
 from mocha_link.sync import frames as sync
-from mocha_link.sync import sync_messages as letters
+from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import FrameError
-from mocha_link.sync.peer_state import Acquaintance, record_id
+from mocha_link.sync.peer_state import PeerState, record_id
 from mocha_link.sync.step import Step
-from mocha_link.sync.sync_messages import Digest, Have, Reception, Since, Wish
+from mocha_link.sync.sync_messages import Digest, FragmentRequest, Have, Reception, Since
 from mocha_link.team.team import Robot, Team, Topic
 
 Verify = Callable[[Header, sync.Frame, Trailer | None], None]
 
 ROOM = 65_536
-MAX_LISTED = 512  # long ids in an OPEN; beyond that digests are shorter
+MAX_LISTED = 512  # message ids in an OPEN; beyond that digests are shorter
 SPARE_BYTES = 32_768  # what may come twice rather than cost another round trip
 _REPAIRS = 2  # rounds that only ask again for what was damaged
 _SKIP_BYTES = 4_096  # so much more of what we have already is worth a word
@@ -34,15 +34,15 @@ _MAX_FAILED = 1_024
 _MAX_REFUSALS = 100  # that one frame is told of
 
 
-class Intake:
+class SyncReceiver:
     """Takes in what one peer gives us. Make one per pull; it is `over` when all is said.
 
     Args:
         peer: its name.
         team: whose robots and topics are accepted.
         database: where messages go.
-        shelf: where parts of messages wait for the rest; one for all peers.
-        acquaintance: what is remembered of this peer.
+        reassembly: where parts of messages wait for the rest; one for all peers.
+        peer_state: what is remembered of this peer.
         verify: raises PayloadError for a message that this peer may not hand us.
         budget: bytes of frames that the peer may send; 0: no limit.
         room: the largest frame that we may send.
@@ -60,8 +60,8 @@ class Intake:
         *,
         team: Team,
         database: Database,
-        shelf: Shelf,
-        acquaintance: Acquaintance,
+        reassembly: ReassemblyBuffer,
+        peer_state: PeerState,
         verify: Verify | None = None,
         budget: int = 0,
         room: int = ROOM,
@@ -74,20 +74,20 @@ class Intake:
         self.bytes = 0
         self._team = team
         self._database = database
-        self._shelf = shelf
-        self._acquaintance = acquaintance
+        self._reassembly = reassembly
+        self._peer_state = peer_state
         self._verify = verify
         self._budget = budget
         self._room = room
         self._topics: dict[int, tuple[Robot, Topic] | None] = {}
-        self._letters = sync.Letters(sync.HELLO, sync.GROUPS, sync.DONE)
+        self._assembler = sync.MessageAssembler(sync.HELLO, sync.GROUPS, sync.DONE)
         self._round = 0
         self._repairs = 0
         self._now_s = 0.0
         self._next = 0  # frames of chunks of this round: all below it have come, and those
         self._ahead: set[int] = set()
         self._damaged = 0  # frames
-        self._done: letters.Done | None = None
+        self._done: sync_messages.Done | None = None
         self._begun: set[int] = set()  # messages of which a part came in this pull
         self._skipped: set[int] = set()
         self._failed: set[int] = set()  # messages
@@ -110,7 +110,7 @@ class Intake:
             if len(frame) and frame[0] == sync.CHUNKS:
                 self._chunks(sync.read_chunks(frame, more), now, step)
             else:
-                self._letter(frame if not more else b"", step)  # letters have one part
+                self._on_message(frame if not more else b"", step)  # messages have one part
         except FrameError as error:
             _refuse(step, str(error))
             self._damaged += 1
@@ -128,11 +128,16 @@ class Intake:
         self._flawed = False
 
     def _opening(self, knowledge: Since | Have | Digest) -> list[bytes]:
-        known = self._acquaintance
-        opening = letters.Open(
-            known.run, self._budget, knowledge, self._wishes(), known.terms, known.ticket
+        known = self._peer_state
+        opening = sync_messages.Open(
+            known.boot_id,
+            self._budget,
+            knowledge,
+            self._requests(),
+            known.config_hash,
+            known.address_token,
         )
-        return sync.letter_frames(sync.OPEN, self._round, opening.encode(), self._room)
+        return sync.message_frames(sync.OPEN, self._round, opening.encode(), self._room)
 
     def _knowledge(self) -> Since | Have | Digest:
         known = self._database.knowledge(self.peer)
@@ -143,8 +148,8 @@ class Intake:
             stored.sort(key=lambda record: len(record.body), reverse=True)
             if sum(len(record.body) for record in stored[MAX_LISTED:]) > SPARE_BYTES:
                 return self._all()
-        longs = [record_id(record) for record in stored[:MAX_LISTED]]
-        return Since(known.epoch, known.sequence, longs)
+        message_ids = [record_id(record) for record in stored[:MAX_LISTED]]
+        return Since(known.epoch, known.sequence, message_ids)
 
     def _all(self) -> Have | Digest:
         kept = self._database.kept()
@@ -152,64 +157,64 @@ class Intake:
             return Have([record_id(record) for record in kept])
         return Digest(self._database.digests())
 
-    def _wishes(self) -> list[Wish]:
-        wishes: list[Wish] = []
-        for long, partial in list(self._shelf):
-            if not self._wants(long):
-                self._shelf.drop(long)
-            elif len(wishes) < letters.MAX_PARTIALS:
-                wishes.append(Wish(long, partial.total, partial.missing()))
-        return wishes
+    def _requests(self) -> list[FragmentRequest]:
+        requests: list[FragmentRequest] = []
+        for message_id, fragment in list(self._reassembly):
+            if not self._wants(message_id):
+                self._reassembly.drop(message_id)
+            elif len(requests) < sync_messages.MAX_FRAGMENTS:
+                requests.append(FragmentRequest(message_id, fragment.total, fragment.missing()))
+        return requests
 
-    def _wants(self, long: int) -> bool:
+    def _wants(self, message_id: int) -> bool:
         return self._database.wants_stamp(
-            long >> 56, long >> 48 & 0xFF, long & payload.STAMP_MASK, self._now_s
+            message_id >> 56, message_id >> 48 & 0xFF, message_id & payload.STAMP_MASK, self._now_s
         )
 
-    def _letter(self, frame: sync.Frame, step: Step) -> None:
-        letter = self._letters.take(frame)
-        if letter is None or letter.round != self._round:
+    def _on_message(self, frame: sync.Frame, step: Step) -> None:
+        message = self._assembler.take(frame)
+        if message is None or message.round != self._round:
             return
-        if letter.kind == sync.HELLO:
-            self._hello(letters.Hello.decode(letter.content), step)
-        elif letter.kind == sync.GROUPS:
-            groups = letters.decode_groups(letter.content)
+        if message.kind == sync.HELLO:
+            self._hello(sync_messages.Hello.decode(message.content), step)
+        elif message.kind == sync.GROUPS:
+            groups = sync_messages.decode_groups(message.content)
             answers = [self._answer(*each) for each in groups.items()]
-            content = letters.encode_answers(answers)
-            step.frames += sync.letter_frames(sync.ANSWER, self._round, content, self._room)
+            content = sync_messages.encode_answers(answers)
+            step.frames += sync.message_frames(sync.ANSWER, self._round, content, self._room)
         else:
-            self._done = letters.Done.decode(letter.content)
+            self._done = sync_messages.Done.decode(message.content)
 
-    def _hello(self, hello: letters.Hello, step: Step) -> None:
-        self._acquaintance.ticket = hello.ticket or self._acquaintance.ticket
-        if hello.version != letters.VERSION:
+    def _hello(self, hello: sync_messages.Hello, step: Step) -> None:
+        self._peer_state.address_token = hello.address_token or self._peer_state.address_token
+        if hello.version != sync_messages.VERSION:
             self.rejection = (
-                f"{self.peer} speaks version {hello.version} of the sync, we {letters.VERSION}; "
-                "install the same release on both"
+                f"{self.peer} speaks version {hello.version} of the sync, "
+                f"we {sync_messages.VERSION}; install the same release on both"
             )
         elif hello.reception is Reception.UNREADABLE:
             self.rejection = f"{self.peer} could not read how we began; damaged on its way"
-        elif not self._acquaintance.agrees(hello.terms):
+        elif not self._peer_state.agrees(hello.config_hash):
             self.rejection = difference(self.peer)
         elif hello.reception is Reception.UNKNOWN and self._round + 1 < sync.ROUNDS:
             self._begin_round()
             step.frames += self._opening(self._all())
 
-    def _answer(self, robot_id: int, digests: tuple[int, ...]) -> letters.Answer:
+    def _answer(self, robot_id: int, digests: tuple[int, ...]) -> sync_messages.Answer:
         groups = 0
-        longs = []
+        message_ids = []
         for group, ours in enumerate(self._database.group_digests(robot_id)):
             if ours != digests[group]:
                 groups |= 1 << group
-                longs += [record_id(r) for r in self._database.headers_in(robot_id, group)]
-        return letters.Answer(robot_id, groups, longs)
+                message_ids += [record_id(r) for r in self._database.headers_in(robot_id, group)]
+        return sync_messages.Answer(robot_id, groups, message_ids)
 
     def _chunks(self, chunks: sync.Chunks, now: Instant, step: Step) -> None:
         if chunks.round == self._round and not self._count(chunks.number):
             return
         contents = chunks.contents()
-        for long, _ in chunks.wholes:
-            self._message(long, sync.own(next(contents)), now, step)
+        for message_id, _ in chunks.wholes:
+            self._message(message_id, sync.own(next(contents)), now, step)
         for piece in chunks.pieces:
             self._piece(piece, next(contents), now, step)
 
@@ -231,54 +236,54 @@ class Intake:
     def _piece(
         self, piece: tuple[int, int, int, int], data: memoryview, now: Instant, step: Step
     ) -> None:
-        long, total, offset, size = piece
-        if self._topic(long) is None:
-            _refuse(step, _unknown(long))
+        message_id, total, offset, size = piece
+        if self._topic(message_id) is None:
+            _refuse(step, _unknown(message_id))
             return
-        if not self._wants(long):  # another peer has brought it, or a newer one
-            self._begun.discard(long)
+        if not self._wants(message_id):  # another peer has brought it, or a newer one
+            self._begun.discard(message_id)
             more = total - offset - size > _SKIP_BYTES and len(self._skipped) < _MAX_BEGUN
-            if more and long not in self._skipped:
-                self._skipped.add(long)
-                content = letters.encode_skip(long)
-                step.frames += sync.letter_frames(sync.SKIP, self._round, content, self._room)
+            if more and message_id not in self._skipped:
+                self._skipped.add(message_id)
+                content = sync_messages.encode_skip(message_id)
+                step.frames += sync.message_frames(sync.SKIP, self._round, content, self._room)
             return
-        if long not in self._begun and len(self._begun) >= _MAX_BEGUN:
+        if message_id not in self._begun and len(self._begun) >= _MAX_BEGUN:
             raise FrameError("parts of too many messages")
-        body = self._shelf.add(long, total, offset, data)
+        body = self._reassembly.add(message_id, total, offset, data)
         if body is None:
-            self._begun.add(long)
+            self._begun.add(message_id)
         else:
-            self._begun.discard(long)
-            self._message(long, body, now, step)
+            self._begun.discard(message_id)
+            self._message(message_id, body, now, step)
 
-    def _message(self, long: int, body: sync.Frame, now: Instant, step: Step) -> None:
-        self._judge(long, body, now, step)
-        self._shelf.drop(long)
+    def _message(self, message_id: int, body: sync.Frame, now: Instant, step: Step) -> None:
+        self._judge(message_id, body, now, step)
+        self._reassembly.drop(message_id)
 
-    def _judge(self, long: int, body: sync.Frame, now: Instant, step: Step) -> None:
-        known = self._topic(long)
+    def _judge(self, message_id: int, body: sync.Frame, now: Instant, step: Step) -> None:
+        known = self._topic(message_id)
         if known is None:
-            _refuse(step, _unknown(long))
+            _refuse(step, _unknown(message_id))
             return
         robot, topic = known
-        stamp_ms = long & payload.STAMP_MASK
+        stamp_ms = message_id & payload.STAMP_MASK
         try:
             trailer = _proven(body, robot, topic, stamp_ms)
         except PayloadError as error:  # damaged on its way, perhaps
-            _refuse(step, f"message {long:016x}: {error}")
-            self._hopeless |= long in self._failed or len(self._failed) >= _MAX_FAILED
-            self._failed.add(long)
+            _refuse(step, f"message {message_id:016x}: {error}")
+            self._hopeless |= message_id in self._failed or len(self._failed) >= _MAX_FAILED
+            self._failed.add(message_id)
             self._flawed = True
             return
         header = Header.at(robot.robot_id, topic.topic_id, stamp_ms)
-        self._acquaintance.holds(long)
+        self._peer_state.holds(message_id)
         try:
             payload.check_type(body, topic)
             if self._verify:
                 self._verify(header, body, trailer)
         except PayloadError as error:  # intact, so it will not be another one next time
-            _refuse(step, f"message {long:016x}: {error}")
+            _refuse(step, f"message {message_id:016x}: {error}")
             return
         record = Record(header, topic.priority, body, stamp_ms, now.unix_s, trailer is None)
         if self._database.insert(record, now.unix_s):
@@ -287,9 +292,9 @@ class Intake:
                 MessageStored(self.peer, now.unix_s, robot.name, topic.name, header, len(body))
             )
 
-    def _topic(self, long: int) -> tuple[Robot, Topic] | None:
+    def _topic(self, message_id: int) -> tuple[Robot, Topic] | None:
         """Whose message it is and of what; None if it must not be taken."""
-        key, stamp_ms = long >> 48, long & payload.STAMP_MASK
+        key, stamp_ms = message_id >> 48, message_id & payload.STAMP_MASK
         try:
             known = self._topics[key]
         except KeyError:
@@ -298,8 +303,8 @@ class Intake:
             return None
         return known
 
-    def _finish(self, done: letters.Done, step: Step) -> None:
-        missing = [long for long in self._begun if self._wants(long)]
+    def _finish(self, done: sync_messages.Done, step: Step) -> None:
+        missing = [message_id for message_id in self._begun if self._wants(message_id)]
         flawed = self._flawed or bool(missing)
         last = self._repairs == _REPAIRS or self._round + 1 == sync.ROUNDS
         if flawed and not (done.cut_short or self._hopeless or last):
@@ -311,9 +316,9 @@ class Intake:
         self.complete = not (flawed or done.cut_short)
         if self.complete:
             self._learn(done)
-        step.frames += sync.letter_frames(sync.END, self._round, b"", self._room)
+        step.frames += sync.message_frames(sync.END, self._round, b"", self._room)
 
-    def _learn(self, done: letters.Done) -> None:
+    def _learn(self, done: sync_messages.Done) -> None:
         knowledge = Knowledge(done.epoch, done.sequence, self._database.sequence)
         if knowledge != self._database.knowledge(self.peer):
             self._database.learn(self.peer, knowledge)
@@ -324,8 +329,8 @@ def _refuse(step: Step, reason: str) -> None:
         step.refusals.append(reason)
 
 
-def _unknown(long: int) -> str:
-    return f"message {long:016x}: no such robot or topic in the team, or an impossible time"
+def _unknown(message_id: int) -> str:
+    return f"message {message_id:016x}: no such robot or topic in the team, or an impossible time"
 
 
 def _proven(body: sync.Frame, robot: Robot, topic: Topic, stamp_ms: int) -> Trailer | None:

@@ -11,13 +11,13 @@ from mocha_link.store.header import Header
 from mocha_link.store.reassembly_buffer import Range
 from mocha_link.store.record import Record
 from mocha_link.sync import frames as sync
-from mocha_link.sync import sync_messages as letters
-from mocha_link.sync.peer_state import Acquaintance, record_id
+from mocha_link.sync import sync_messages
+from mocha_link.sync.peer_state import PeerState, record_id
 from mocha_link.sync.sync_messages import Digest, Have, Hello, Reception, Since, VersionError
 
 MIN_ROOM = 300
 _MIN_PIECE = 64  # a smaller one is not worth its head
-_DONE_BYTES = sync.LETTER_BYTES + letters.DONE_BYTES
+_DONE_BYTES = sync.MESSAGE_HEADER_BYTES + sync_messages.DONE_BYTES
 # What would take less than this share of a frame is left for the next one rather than cut in two.
 _SMALL_SHARE = 4
 _ROOMY = 16_384  # larger frames need not be full, so nothing is cut in two once half is used
@@ -26,7 +26,7 @@ _FEW = 8  # new ones are put in their place one by one
 _BEGUN, _FIRST = 1 << 64, 1 << 65  # in a rank
 
 
-class Feed:
+class SyncSender:
     """Gives one peer what it lacks, the most urgent first, in frames of any size.
 
     Looks into the database before every frame, so what is stored meanwhile joins in. Order:
@@ -38,12 +38,12 @@ class Feed:
         done: all has been given out, or all that the peer's budget allows.
         cut_short: not all, because the budget was used up.
         rejection: why the peer gets nothing, once it has opened.
-        admitted: the peer has shown a ticket of ours.
+        admitted: the peer has shown an address token of ours.
         messages: that were given out to the end.
         bytes: of all frames.
     """
 
-    def __init__(self, database: Database, peer: Acquaintance) -> None:
+    def __init__(self, database: Database, peer: PeerState) -> None:
         self.over = False
         self.done = False
         self.cut_short = False
@@ -53,7 +53,7 @@ class Feed:
         self.bytes = 0
         self._database = database
         self._peer = peer
-        self._letters = sync.Letters(sync.OPEN, sync.ANSWER, sync.SKIP, sync.END)
+        self._assembler = sync.MessageAssembler(sync.OPEN, sync.ANSWER, sync.SKIP, sync.END)
         self._round = -1
         self._outbox: list[tuple[int, bytes, int]] = []  # kind, content, offset of what is left
         self._budget = 0
@@ -62,25 +62,25 @@ class Feed:
         self._asked: frozenset[int] = frozenset()  # robots whose groups the peer is to answer
         self._queue: list[int] = []  # ranks, the most urgent last
         self._records: dict[int, Record] = {}  # by rank
-        self._missing: dict[int, list[Range]] = {}  # of what was begun, by long id
+        self._missing: dict[int, list[Range]] = {}  # of what was begun, by message id
         self._given: set[int] = set()
         self._sequence = self._opened_at = 0
         self._number = 0
 
     def receive(self, frame: sync.Frame) -> None:
         """Take in a frame of the peer. Raises FrameError."""
-        letter = self._letters.take(frame)
-        if letter is None or self.over:
+        message = self._assembler.take(frame)
+        if message is None or self.over:
             return
-        if letter.kind == sync.OPEN:
-            self._receive_opening(letter)
-        elif letter.kind == sync.END:
+        if message.kind == sync.OPEN:
+            self._receive_opening(message)
+        elif message.kind == sync.END:
             self.over = True
             self._peer.end()
-        elif letter.kind == sync.SKIP:
-            self._skip(letters.decode_skip(letter.content))
-        elif letter.round == self._round:
-            self._answer(letters.decode_answers(letter.content))
+        elif message.kind == sync.SKIP:
+            self._skip(sync_messages.decode_skip(message.content))
+        elif message.round == self._round:
+            self._answer(sync_messages.decode_answers(message.content))
 
     def next(self, room: int, prefix: bytes = b"") -> bytes | None:
         """The next frame, of at most `room` bytes (at least MIN_ROOM) with `prefix` before it.
@@ -93,8 +93,8 @@ class Feed:
         return bytes(parts[0]) if len(parts) == 1 else b"".join(parts)
 
     def is_brief(self, room: int) -> bool:
-        """Whether what comes next is a letter of at most so many bytes."""
-        return bool(self._outbox) and sync.LETTER_BYTES + len(self._outbox[0][1]) <= room
+        """Whether what comes next is a message of the sync of at most so many bytes."""
+        return bool(self._outbox) and sync.MESSAGE_HEADER_BYTES + len(self._outbox[0][1]) <= room
 
     def next_parts(self, room: int, prefix: bytes = b"") -> list[sync.Frame] | None:
         """The same, with large data as parts of their own."""
@@ -102,7 +102,7 @@ class Feed:
         if self.over or self._round < 0:
             return None
         if self._outbox:
-            return [prefix + self._letter(room)]
+            return [prefix + self._message_part(room)]
         if self.done:
             return None
         if self._database.sequence != self._sequence and not self._unknown:
@@ -116,20 +116,20 @@ class Feed:
             return parts
         if self._queue or not (self._unknown or self._asked):
             self._end()
-            return [prefix + self._letter(room)]
+            return [prefix + self._message_part(room)]
         return None
 
-    def _receive_opening(self, letter: sync.Letter) -> None:
+    def _receive_opening(self, message: sync.SyncMessage) -> None:
         try:
-            opening = letters.Open.decode(letter.content)
+            opening = sync_messages.Open.decode(message.content)
         except VersionError:
-            self._reject(letter.round, Reception.UNREADABLE)
+            self._reject(message.round, Reception.UNREADABLE)
             return
-        self.admitted = self._peer.admits(opening.ticket)
-        if self._peer.agrees(opening.terms):
-            self._open(letter.round, opening)
+        self.admitted = self._peer.admits(opening.address_token)
+        if self._peer.agrees(opening.config_hash):
+            self._open(message.round, opening)
         else:
-            self._reject(letter.round, Reception.OTHER_TERMS)
+            self._reject(message.round, Reception.CONFIG_MISMATCH)
 
     def _reject(self, round_: int, why: Reception) -> None:
         """Say so, and nothing else, whatever else comes."""
@@ -139,10 +139,14 @@ class Feed:
         self._asked = frozenset()
         self._unknown = True
         self._outbox = [
-            (sync.HELLO, Hello(why, self._peer.terms, ticket=self._peer.next_ticket).encode(), 0)
+            (
+                sync.HELLO,
+                Hello(why, self._peer.config_hash, address_token=self._peer.next_token).encode(),
+                0,
+            )
         ]
 
-    def _open(self, round_: int, opening: letters.Open) -> None:
+    def _open(self, round_: int, opening: sync_messages.Open) -> None:
         self._round = round_
         self.rejection = None
         self._budget = opening.budget
@@ -154,38 +158,38 @@ class Feed:
         self.done = self.cut_short = self._unknown = False
         self._asked = frozenset()
         self._outbox.clear()
-        self._peer.met(opening.run)
+        self._peer.met(opening.boot_id)
         self._sequence = self._opened_at = self._database.sequence  # before looking at what it has
         groups: list[tuple[int, tuple[int, ...]]] = []
         new: Iterable[Record] = ()
         match opening.knowledge:
-            case Since(epoch, sequence, longs):
-                self._note(longs)
+            case Since(epoch, sequence, message_ids):
+                self._note(message_ids)
                 if self._database.remembers(epoch, sequence):
                     new = self._database.since(sequence)
                 else:
                     self._unknown = True
-            case Have(longs):
+            case Have(message_ids):
                 self._peer.forget()
-                self._note(longs)
+                self._note(message_ids)
                 new = self._database.kept()
             case Digest(digests):
                 self._peer.forget()
                 new, groups = self._compare(digests)
         reception = Reception.UNKNOWN if self._unknown else Reception.WELCOME
-        hello = Hello(reception, self._peer.terms, ticket=self._peer.next_ticket)
+        hello = Hello(reception, self._peer.config_hash, address_token=self._peer.next_token)
         self._outbox.append((sync.HELLO, hello.encode(), 0))
         if groups:
             self._asked = frozenset(robot_id for robot_id, _ in groups)
-            self._outbox.append((sync.GROUPS, letters.encode_groups(groups), 0))
+            self._outbox.append((sync.GROUPS, sync_messages.encode_groups(groups), 0))
         if not self._unknown:
-            self._resume(opening.wishes)
+            self._resume(opening.requests)
             self._enqueue(new)
             self._put_one_first()
 
-    def _note(self, longs: Iterable[int]) -> None:
-        for long in longs:
-            self._peer.holds(long)
+    def _note(self, message_ids: Iterable[int]) -> None:
+        for message_id in message_ids:
+            self._peer.holds(message_id)
 
     def _compare(
         self, digests: dict[int, int]
@@ -199,40 +203,42 @@ class Feed:
             new = [each for each in self._database.kept() if each.header.robot_id in absent]
         return new, [(each, self._database.group_digests(each)) for each in sorted(differing)]
 
-    def _answer(self, answers: Iterable[letters.Answer]) -> None:
+    def _answer(self, answers: Iterable[sync_messages.Answer]) -> None:
         if not self._asked:
             return
-        for _, _, longs in answers:
-            self._note(longs)
+        for _, _, message_ids in answers:
+            self._note(message_ids)
         for robot_id, groups, _ in answers:
             if robot_id in self._asked:
-                for group in range(letters.GROUP_COUNT):
+                for group in range(sync_messages.GROUP_COUNT):
                     if groups >> group & 1:
                         self._enqueue(self._database.headers_in(robot_id, group))
         self._asked = frozenset()
         if not self._number:
             self._put_one_first()
 
-    def _resume(self, wishes: Iterable[letters.Wish]) -> None:
+    def _resume(self, requests: Iterable[sync_messages.FragmentRequest]) -> None:
         begun = []
-        for long, total, missing in wishes:
-            record = self._peer.begun(long)
+        for message_id, total, missing in requests:
+            record = self._peer.begun(message_id)
             if record is None:
-                header = Header.at(long >> 56, long >> 48 & 0xFF, long & payload.STAMP_MASK)
+                header = Header.at(
+                    message_id >> 56, message_id >> 48 & 0xFF, message_id & payload.STAMP_MASK
+                )
                 record = self._database.get(header)
-            is_same = record and len(record.body) == total and record_id(record) == long
-            if record and is_same and long not in self._missing:
-                begun.append(long)
-                self._missing[long] = missing[::-1]
-                self._peer.begin(long, record)
-                self._push(_rank(long, record.priority, begun=True), record)
+            is_same = record and len(record.body) == total and record_id(record) == message_id
+            if record and is_same and message_id not in self._missing:
+                begun.append(message_id)
+                self._missing[message_id] = missing[::-1]
+                self._peer.begin(message_id, record)
+                self._push(_rank(message_id, record.priority, begun=True), record)
         self._peer.end(begun)
 
-    def _skip(self, long: int) -> None:
+    def _skip(self, message_id: int) -> None:
         """The peer has got a message from somebody else, or a newer one."""
-        self._peer.holds(long)
-        if self._missing.pop(long, None):
-            rank = next(rank for rank in self._queue if rank & _BEGUN and _long(rank) == long)
+        self._peer.holds(message_id)
+        if self._missing.pop(message_id, None):
+            rank = next(rank for rank in self._queue if rank & _BEGUN and _long(rank) == message_id)
             self._queue.remove(rank)
             del self._records[rank]
 
@@ -245,10 +251,14 @@ class Feed:
         lacks = self._peer.lacks
         new: list[int] = []
         for record in records:
-            long = record_id(record)
-            if long in self._missing or long in self._given or not lacks(record, long):
+            message_id = record_id(record)
+            if (
+                message_id in self._missing
+                or message_id in self._given
+                or not lacks(record, message_id)
+            ):
                 continue
-            rank = _rank(long, record.priority, begun=False)
+            rank = _rank(message_id, record.priority, begun=False)
             if rank not in self._records:
                 self._records[rank] = record
                 new.append(rank)
@@ -276,11 +286,11 @@ class Feed:
         insort(self._queue, rank)
         self._records[rank] = record
 
-    def _letter(self, room: int) -> bytes:
-        """The next part of the first letter that waits."""
+    def _message_part(self, room: int) -> bytes:
+        """The next part of the first message that waits."""
         kind, content, offset = self._outbox.pop(0)
-        frame = sync.letter_frame(kind, self._round, content, offset, room)
-        offset += len(frame) - sync.LETTER_BYTES
+        frame = sync.message_frame(kind, self._round, content, offset, room)
+        offset += len(frame) - sync.MESSAGE_HEADER_BYTES
         if offset < len(content):
             self._outbox.insert(0, (kind, content, offset))
         self.bytes += len(frame)
@@ -289,7 +299,9 @@ class Feed:
 
     def _end(self) -> None:
         self.cut_short = bool(self._queue)
-        done = letters.Done(self._database.epoch, self._sequence, self._number, self.cut_short)
+        done = sync_messages.Done(
+            self._database.epoch, self._sequence, self._number, self.cut_short
+        )
         self.done = True
         self._outbox.append((sync.DONE, done.encode(), 0))
 
@@ -305,7 +317,7 @@ class Feed:
             rank = self._queue[-1]
             record = self._records[rank]
             body = record.body
-            long = _long(rank)
+            message_id = _long(rank)
             if not rank & _BEGUN:
                 if self._sequence != self._opened_at and self._replaced(record):
                     self._pop()
@@ -313,16 +325,16 @@ class Feed:
                 needed = sync.WHOLE.size + len(body)
                 if needed <= room:
                     self._pop()
-                    wholes.append(sync.WHOLE.pack(long, len(body)))
+                    wholes.append(sync.WHOLE.pack(message_id, len(body)))
                     data.append(body)
                     room -= needed
-                    self._finish(long)
+                    self._finish(message_id)
                     continue
                 if needed <= most // _SMALL_SHARE or (most > _ROOMY and room < most // 2):
                     break
             if room < sync.PIECE.size + _MIN_PIECE or len(pieces) == sync.MAX_CHUNKS:
                 break
-            room -= self._piece(long, record, room, pieces, tail)
+            room -= self._piece(message_id, record, room, pieces, tail)
         if not wholes and not pieces:
             return None
         place = (self._round, self._number)
@@ -330,43 +342,50 @@ class Feed:
         return sync.chunks_parts(place, wholes, pieces, data + tail, prefix)
 
     def _piece(
-        self, long: int, record: Record, room: int, pieces: list[bytes], data: list[sync.Frame]
+        self,
+        message_id: int,
+        record: Record,
+        room: int,
+        pieces: list[bytes],
+        data: list[sync.Frame],
     ) -> int:
         """Take a piece of the first message in the queue; the room that it uses."""
         total = len(record.body)
-        missing = self._missing.get(long)
+        missing = self._missing.get(message_id)
         if missing is None:
-            missing = self._missing[long] = [(0, total)]
-            self._peer.begin(long, record)
+            missing = self._missing[message_id] = [(0, total)]
+            self._peer.begin(message_id, record)
             first = self._queue[-1] & _FIRST
             self._pop()
-            self._push(_rank(long, record.priority, begun=True) | first, record)
+            self._push(_rank(message_id, record.priority, begun=True) | first, record)
         start, end = missing.pop()
         size = min(end - start, room - sync.PIECE.size)
-        pieces.append(sync.PIECE.pack(long, total, start, size))
+        pieces.append(sync.PIECE.pack(message_id, total, start, size))
         data.append(memoryview(record.body)[start : start + size])
         if start + size < end:
             missing.append((start + size, end))
         elif not missing:
-            del self._missing[long]
+            del self._missing[message_id]
             self._pop()
-            self._finish(long)
+            self._finish(message_id)
         return sync.PIECE.size + size
 
     def _pop(self) -> None:
         del self._records[self._queue.pop()]
 
-    def _finish(self, long: int) -> None:
-        self._given.add(long)
+    def _finish(self, message_id: int) -> None:
+        self._given.add(message_id)
         self.messages += 1
 
     def _replaced(self, record: Record) -> bool:
         return self._database.get(record.header) is None
 
 
-def _rank(long: int, priority: int, *, begun: bool) -> int:
-    """Sorts by urgency; holds the long id."""
-    return (priority << 2 | begun) << 64 | (long & payload.STAMP_MASK) << 16 | long >> 48
+def _rank(message_id: int, priority: int, *, begun: bool) -> int:
+    """Sorts by urgency; holds the message id."""
+    return (
+        (priority << 2 | begun) << 64 | (message_id & payload.STAMP_MASK) << 16 | message_id >> 48
+    )
 
 
 def _long(rank: int) -> int:

@@ -18,7 +18,7 @@ import pydantic
 import yaml
 from pydantic_core import ErrorDetails
 
-from mocha_link.team.complaint import Key, as_label, code_of, complaint
+from mocha_link.team.error_text import Key, as_label, code_of, error_text
 from mocha_link.team.problem import DocumentError, Problem, ProblemList
 
 __all__ = ["Document", "DocumentError", "Problem", "as_yaml"]
@@ -209,7 +209,7 @@ class Document:
         missing = detail["type"] == "missing"
         keys = detail["loc"][:-1] if missing else detail["loc"]
         place = self.place_of_key(*keys) if unknown else self.place(*keys)
-        return Problem(self.path, *place, complaint(detail, model), code_of(detail), tuple(keys))
+        return Problem(self.path, *place, error_text(detail, model), code_of(detail), tuple(keys))
 
     def _find(self, keys: Sequence[Key]) -> tuple[yaml.Node | None, yaml.Node | None]:
         """The value node and its key node; steps that the document does not have are skipped."""

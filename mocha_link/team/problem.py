@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from mocha_link.errors import MochaLinkError
-from mocha_link.printable import printable
+from mocha_link.sanitize import sanitize
 
 MOST_OF_A_KIND: Final = 20
 """Problems with one code that a file is told of; a person mends the first ones and looks again."""
@@ -35,7 +35,7 @@ class Problem:
     keys: tuple[str | int, ...] = field(default=(), compare=False)
 
     def __str__(self) -> str:
-        return f"{self.path}:{self.line}:{self.column}: {printable(self.message)} [{self.code}]"
+        return f"{self.path}:{self.line}:{self.column}: {sanitize(self.message)} [{self.code}]"
 
     def as_json(self) -> dict[str, Any]:
         """What ``--json`` prints of it."""

@@ -11,8 +11,8 @@ from typing import Any
 
 import yaml
 
-from mocha_link.team.complaint import Key
 from mocha_link.team.document import Document, Problem
+from mocha_link.team.error_text import Key
 
 
 def other_readings(document: Document) -> Iterator[Problem]:

@@ -37,12 +37,12 @@ TIMELESS = {"supply"}
 """Calls that are not told the time."""
 
 WANTED = {
-    "dial": (actions.Dial, "peer"),
+    "dial": (actions.Connect, "peer"),
     "send": (actions.Send, "peer frame"),
-    "hang_up": (actions.HangUp, "peer at_once=void"),
+    "hang_up": (actions.Disconnect, "peer at_once=void"),
     "reply": (actions.Reply, "peer route frame"),
-    "send_datagram": (actions.Cast, "peer packet"),
-    "reply_datagram": (actions.CastBack, "peer packet"),
+    "send_datagram": (actions.SendDatagram, "peer packet"),
+    "reply_datagram": (actions.ReplyDatagram, "peer packet"),
 }
 _TONGUE = Tongue((adapter.EVENTS, adapter.PARTS, WANTED), adapter.WORDS, adapter.Point)
 

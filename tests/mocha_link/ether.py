@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from mocha_link.clock import Instant
-from mocha_link.node.actions import Cast, CastBack, Dial, HangUp, Reply, Send
+from mocha_link.node.actions import Connect, Disconnect, Reply, ReplyDatagram, Send, SendDatagram
 from mocha_link.node.gossip import Gossip
 from mocha_link.store import payload
 from mocha_link.store.header import Header, as_ms
@@ -218,7 +218,7 @@ class Ether:
     def _do(self, name: str, action: Action) -> None:
         peer = action.peer
         match action:
-            case Dial():
+            case Connect():
                 stands_s = self.time_s + 2 * self.delay_s
                 line = Line(next(self._lines), name, peer, stands_s)
                 self.lines[name, peer] = line
@@ -229,15 +229,15 @@ class Ether:
                 line.waiting.append(action.frame)
                 if self.time_s >= line.stands_s:
                     self._flush(line)
-            case HangUp():
+            case Disconnect():
                 self.lines.pop((name, peer), None)
             case Reply():
                 self._answer(name, action.route, action.frame)
-            case Cast():
+            case SendDatagram():
                 piece = Carried("udp", name, peer, action.packet)
                 if self._lets(piece):
                     self._later(lambda: self._cast(name, peer, self.alter(piece)))
-            case CastBack():
+            case ReplyDatagram():
                 piece = Carried("udp", name, peer, action.packet)
                 if (name, peer) in self._callers and self._lets(piece):
                     back = self.nodes[peer].packet_back

@@ -6,11 +6,11 @@ import random
 from typing import TYPE_CHECKING
 
 from mocha_link.datagram import packet as wire
-from mocha_link.node.actions import Cast, CastBack, Reply, Send
+from mocha_link.node.actions import Reply, ReplyDatagram, Send, SendDatagram
 from mocha_link.node.gossip import Gossip
 from mocha_link.sync import frames as sync
 from mocha_link.sync.credit import GRANT
-from mocha_link.sync.frames import LETTER_BYTES
+from mocha_link.sync.frames import MESSAGE_HEADER_BYTES
 from mocha_link.sync.protocol import CODE_BYTES, DENDT, GDATA, GHEAD, ID_BYTES, SYNC1, SYNCC, SYNCF
 from tests.mocha_link.meeting import Meeting
 from tests.mocha_link.network import mutated as mutated_sync
@@ -50,9 +50,9 @@ class Recorder(Meeting):
                     return
             case Reply(frame=frame):
                 self.replies.append(frame)
-            case Cast(packet=packet):
+            case SendDatagram(packet=packet):
                 self.up.append(packet)
-            case CastBack(packet=packet):
+            case ReplyDatagram(packet=packet):
                 self.down.append(packet)
         super()._do(name, action)
 
@@ -215,7 +215,7 @@ def _code_of(frame: bytes) -> bytes:
 def _kind_of_reply(frame: bytes) -> object:
     """The kind of a sync's frame, or about the length of what is none."""
     body = frame[ID_BYTES:]
-    if len(body) >= LETTER_BYTES and sync.OPEN <= body[0] <= sync.CHUNKS:
+    if len(body) >= MESSAGE_HEADER_BYTES and sync.OPEN <= body[0] <= sync.CHUNKS:
         return body[0]
     return "original", len(body).bit_length()
 

@@ -11,7 +11,7 @@ import itertools
 from typing import TYPE_CHECKING
 
 from mocha_link.clock import Instant
-from mocha_link.node.actions import Cast, CastBack, Dial, HangUp, Reply, Send
+from mocha_link.node.actions import Connect, Disconnect, Reply, ReplyDatagram, Send, SendDatagram
 from mocha_link.node.gossip import Gossip
 from tests.mocha_link import original
 
@@ -197,20 +197,20 @@ class Meeting:
         peer = action.peer
         node = self.members[peer].node
         match action:
-            case Dial():
+            case Connect():
                 self._dialled += 1
                 self._connections[name, peer] = self._dialled
-            case HangUp():
+            case Disconnect():
                 self._connections.pop((name, peer), None)
             case Send():
                 if self._arrives(name, peer):
                     self._ask_engine_or_original(name, peer, action.frame)
             case Reply():
                 self._give_back(name, peer, action.route, action.frame)
-            case Cast():
+            case SendDatagram():
                 if isinstance(node, Gossip) and self._arrives(name, peer):
                     node.packet_in(name, action.packet, self.now(peer))
-            case CastBack():
+            case ReplyDatagram():
                 if isinstance(node, Gossip) and self._arrives(name, peer):
                     node.packet_back(name, action.packet, self.now(peer))
 

@@ -13,13 +13,13 @@ from mocha_link.clock import Instant
 from mocha_link.store import payload
 from mocha_link.store.database import Database
 from mocha_link.store.header import Header
-from mocha_link.store.reassembly_buffer import Shelf
+from mocha_link.store.reassembly_buffer import ReassemblyBuffer
 from mocha_link.store.record import Record
 from mocha_link.sync import frames as sync
 from mocha_link.sync.frames import FrameError
-from mocha_link.sync.peer_state import Acquaintance, record_id
-from mocha_link.sync.sync_receiver import Intake
-from mocha_link.sync.sync_sender import Feed
+from mocha_link.sync.peer_state import PeerState, record_id
+from mocha_link.sync.sync_receiver import SyncReceiver
+from mocha_link.sync.sync_sender import SyncSender
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 
@@ -56,12 +56,12 @@ class Node:
     def start(self) -> None:
         """Begin a new process with an empty memory."""
         self.database = Database(history)
-        self.shelf = Shelf()
-        self.peers: dict[str, Acquaintance] = {}
+        self.reassembly = ReassemblyBuffer()
+        self.peers: dict[str, PeerState] = {}
 
-    def peer(self, name: str) -> Acquaintance:
+    def peer(self, name: str) -> PeerState:
         if name not in self.peers:
-            self.peers[name] = Acquaintance(self.random.getrandbits(64), history)
+            self.peers[name] = PeerState(self.random.getrandbits(64), history)
         return self.peers[name]
 
     def store(  # noqa: PLR0913
@@ -72,12 +72,12 @@ class Node:
         *,
         size: int = 20,
         priority: int = 0,
-        inferred: bool = False,
+        extrapolated: bool = False,
     ) -> Record:
         data = random.Random(f"{robot_id} {topic_id} {stamp_ms}").randbytes(size)
         body = payload.pack(0, priority, data, stamp_ms=stamp_ms)
         header = Header.at(robot_id, topic_id, stamp_ms)
-        record = Record(header, priority, body, stamp_ms, NOW.unix_s, inferred)
+        record = Record(header, priority, body, stamp_ms, NOW.unix_s, extrapolated)
         self.database.insert(record, NOW.unix_s)
         return record
 
@@ -90,13 +90,13 @@ class Pull:
     """One node's pull from another, frame by frame."""
 
     def __init__(self, asker: Node, server: Node, *, budget: int = 0, room: int = 1_100) -> None:
-        self.feed = Feed(server.database, server.peer(asker.name))
-        self.intake = Intake(
+        self.sender = SyncSender(server.database, server.peer(asker.name))
+        self.receiver = SyncReceiver(
             server.name,
             team=TEAM,
             database=asker.database,
-            shelf=asker.shelf,
-            acquaintance=asker.peer(server.name),
+            reassembly=asker.reassembly,
+            peer_state=asker.peer(server.name),
             budget=budget,
             room=room,
         )
@@ -107,7 +107,7 @@ class Pull:
         self.bytes_up = self.bytes_down = self.data_down = 0
         self.seen: set[bytes] = set()
         self.arrived: Counter[int] = Counter()  # data bytes by long id
-        self.take(self.intake.open(NOW))
+        self.take(self.receiver.open(NOW))
 
     def take(self, step) -> None:
         self.up += step.frames
@@ -117,7 +117,7 @@ class Pull:
 
     def give(self, room: int = 1_100) -> bytes | None:
         """The next frame of the serving side, under way now."""
-        frame = self.feed.next(room)
+        frame = self.sender.next(room)
         if frame is not None:
             assert len(frame) <= room
             self.down.append(frame)
@@ -129,7 +129,7 @@ class Pull:
         """One frame of the asking side arrives."""
         frame = self.up.pop(place)
         try:
-            self.feed.receive(frame)
+            self.sender.receive(frame)
         except FrameError as error:
             self.refusals.append(str(error))
 
@@ -139,14 +139,14 @@ class Pull:
         if frame[0] == sync.CHUNKS and frame not in self.seen:
             self.seen.add(frame)
             self.count(frame)
-        self.take(self.intake.receive(frame, NOW))
+        self.take(self.receiver.receive(frame, NOW))
 
     def count(self, frame: bytes) -> None:
         with contextlib.suppress(FrameError):
             chunks = sync.read_chunks(frame)
             self.arrived.update(dict(chunks.wholes))
-            for long, _, _, size in chunks.pieces:
-                self.arrived[long] += size
+            for message_id, _, _, size in chunks.pieces:
+                self.arrived[message_id] += size
 
     def run(self, room: int = 65_536) -> Pull:
         """All of it, with nothing in its way."""

@@ -151,14 +151,14 @@ class Liar:
         self.caster.close()
 
     @contextlib.contextmanager
-    def asked(self) -> Iterator[tuple[socket.socket, zmtp.Connection]]:
+    def asked(self) -> Iterator[tuple[socket.socket, zmtp.ZmtpSession]]:
         """titan pulls: the connection on which it asks. Then the pull has to come to an end."""
         assert self._besieged.titan.sync("io")
         connection, _ = self._listener.accept()
         with connection:
             connection.settimeout(WAIT_S)
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            yield connection, zmtp.Connection(100_000)
+            yield connection, zmtp.ZmtpSession(100_000)
         self.end = self._besieged.end("titan", "io")
         self._besieged.count()
 
@@ -170,7 +170,7 @@ class Liar:
                 return source
 
 
-def requests(connection: socket.socket, parser: zmtp.Connection) -> list[bytes]:
+def requests(connection: socket.socket, parser: zmtp.ZmtpSession) -> list[bytes]:
     """The next requests; none when titan has hung up."""
     while True:
         try:
@@ -187,7 +187,7 @@ def requests(connection: socket.socket, parser: zmtp.Connection) -> list[bytes]:
 
 def message(body: bytes) -> bytes:
     """A request or reply as it stands on a ZeroMQ connection."""
-    return zmtp.Connection.request(body)
+    return zmtp.ZmtpSession.request(body)
 
 
 def _handshake(kind: bytes) -> bytes:

@@ -13,7 +13,7 @@ from air_router.files.zones.zone_files import place_zone, unique_names
 from geo.airspace.zone import Circle, Ring, Shape, ZoneError
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.validity import Validity
-from mocha_link.printable import printable
+from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Problem
 
 Line = tuple[Geodetic, ...]
@@ -76,7 +76,7 @@ def chart_of(draft: Draft) -> Chart:
     frame = draft.frame
     if frame is None:
         raise ValueError("a mission without a frame has no chart")
-    chart = Chart(printable(draft.name), home_altitude_amsl_m=draft.home_altitude_amsl_m)
+    chart = Chart(sanitize(draft.name), home_altitude_amsl_m=draft.home_altitude_amsl_m)
     if draft.home is not None:
         chart.home = MapSpot("home", frame.to_geodetic(draft.home.position), 0.0)
     chart.fences = [_area(area, frame) for area in draft.fences]

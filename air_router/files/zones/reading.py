@@ -18,7 +18,7 @@ from air_router.files.json_document import JsonDocument, value_at
 from air_router.files.mission_document import Keys, Source
 from geo.frame import Geodetic
 from geo.validity import Validity
-from mocha_link.printable import printable
+from mocha_link.sanitize import sanitize
 from mocha_link.team.problem import Problem, ProblemList
 
 MAX_RADIUS_M = 1_000_000.0
@@ -142,7 +142,7 @@ class ZoneReading:
         validity: Validity | None = None,
     ) -> None:
         """Add a zone; one of several shapes becomes as many, with a number behind the name."""
-        name = printable(name)
+        name = sanitize(name)
         for number, (keys, shape) in enumerate(shapes, start=1):
             numbered = name if len(shapes) == 1 else f"{name}, part {number}"
             self.zones.append(

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
-from mocha_link.node.actions import Action, Dial, HangUp, Reply, Send
+from mocha_link.node.actions import Action, Connect, Disconnect, Reply, Send
 from mocha_link.store.header import Header
 from mocha_link.sync.protocol import ACK, CODE_BYTES, ID_BYTES, SYNC1
 from sitl.experiment.channels.channel import Change, Channel, Link, Load, Places, Stage
@@ -330,7 +330,7 @@ class Air:
             self._replies.append(action.frame)
             return
         link = Link(node.number, self._numbers[action.peer])
-        if isinstance(action, Dial):
+        if isinstance(action, Connect):
             self._count += 1
             self._exchanges[link] = Exchange(link, (self._count.to_bytes(8),))
             return
@@ -338,7 +338,7 @@ class Air:
         if isinstance(action, Send):
             exchange.asked.append(action.frame)
             self._arm(exchange)
-        elif isinstance(action, HangUp):
+        elif isinstance(action, Disconnect):
             self._hang_up(exchange, void=action.void)
 
     def _hang_up(self, exchange: Exchange, *, void: bool) -> None:

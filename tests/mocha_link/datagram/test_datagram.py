@@ -167,7 +167,7 @@ def contacts(mbit, rtt_s, contact_s, *, count=4, **faults):
         question = numbered(1, 64)
         server = End(world, there, answer, **known, got=asked)
         client = End(world, back, question).join(server)
-        client.flow.poke(world.now_s)
+        client.flow.on_contact(world.now_s)
         client.go()
         world.run(end_s)
         shares.append(client.bytes / (mbit * MBIT * (contact_s - rtt_s)))
@@ -267,7 +267,7 @@ def test_a_cut_and_what_comes_after(poked):
     assert there.asked - asked < 12  # it does not flood a link that is down
     before = b.bytes
     world.run(8)
-    (a if poked else b).flow.poke(world.now_s)  # whoever hears of the contact
+    (a if poked else b).flow.on_contact(world.now_s)  # whoever hears of the contact
     (a if poked else b).go()
     world.run(8 + rtt_s + 0.05)
     assert not a.flow.down
@@ -294,7 +294,7 @@ def test_pokes_do_not_flood_a_link_that_is_down():
     a = End(world, there, endless, rate_bytes_s=MBIT, rtt_s=0.05).join(End(world, back))
     for tenth in range(200):
         world.run(tenth / 10)
-        a.flow.poke(world.now_s)
+        a.flow.on_contact(world.now_s)
         a.go()
     assert there.asked < 20 * 40
     assert len(a.flow._outbox._contents) < 64
@@ -305,7 +305,7 @@ def test_a_poke_of_a_link_that_works_is_one_small_packet():
     a = End(world, there, numbered(10)).join(End(world, back))
     a.go()
     world.run(1)
-    a.flow.poke(1.0)
+    a.flow.on_contact(1.0)
     (packet,) = a.flow.transmit(1.0)
     assert len(packet) < 40
     assert a.flow.wake_s is not None

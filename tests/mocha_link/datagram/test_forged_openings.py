@@ -10,7 +10,7 @@ from mocha_link.datagram import packet as wire
 from mocha_link.datagram.datagram import RETURN, Flow
 from mocha_link.links.metrics import SyncEnded
 from mocha_link.store.database import Database
-from mocha_link.sync.peer_state import TICKETS, Acquaintance
+from mocha_link.sync.peer_state import TOKENS, PeerState
 from mocha_link.sync.server import Server
 from tests.mocha_link.ether import Ether
 from tests.mocha_link.sync.test_server import Asker, at, fill
@@ -27,14 +27,14 @@ def database() -> Database:
 
 @pytest.fixture
 def server(database) -> Server:
-    return Server("io", database, Acquaintance(9))
+    return Server("io", database, PeerState(9))
 
 
-def opening(server: Server, *, padded: int, ticket: int) -> bytes:
+def opening(server: Server, *, padded: int, address_token: int) -> bytes:
     """The first datagram of somebody who says that he is io."""
     io = Asker(server)
-    io.intake._acquaintance.ticket = ticket
-    frames = io.intake.open(at(0)).frames + ([bytes(padded)] if padded else [])
+    io.receiver._peer_state.address_token = address_token
+    frames = io.receiver.open(at(0)).frames + ([bytes(padded)] if padded else [])
     flow = Flow(io.id, lambda _: frames.pop(0) if frames else None)
     (packet,) = flow.transmit(at(0).steady_s)
     return packet
@@ -50,10 +50,10 @@ def said(server: Server, *, seconds: float = 60) -> list[bytes]:
     return packets
 
 
-@pytest.mark.parametrize("ticket", [0, 12345])
+@pytest.mark.parametrize("address_token", [0, 12345])
 @pytest.mark.parametrize("padded", [0, 500, 1_100])
-def test_little_is_sent_to_who_has_not_been_reached(server, padded, ticket):
-    packet = opening(server, padded=padded, ticket=ticket)
+def test_little_is_sent_to_who_has_not_been_reached(server, padded, address_token):
+    packet = opening(server, padded=padded, address_token=address_token)
     assert server.packet(packet, at(0))
     packets = said(server)
     assert packets
@@ -61,14 +61,14 @@ def test_little_is_sent_to_who_has_not_been_reached(server, padded, ticket):
 
 
 def test_what_is_repeated_counts_but_not_more_than_that(server):
-    packet = opening(server, padded=1_000, ticket=0)
+    packet = opening(server, padded=1_000, address_token=0)
     for _ in range(5):
         server.packet(packet, at(0))
     assert sum(map(len, said(server))) <= RETURN * 5 * len(packet)
 
 
 def test_acknowledgements_that_guess_prove_nothing(server):
-    packet = opening(server, padded=1_000, ticket=0)
+    packet = opening(server, padded=1_000, address_token=0)
     server.packet(packet, at(0))
     sent, received, rng = sum(map(len, server.transmit(at(0)))), len(packet), random.Random(1)
     for number in range(2_000):
@@ -81,37 +81,37 @@ def test_acknowledgements_that_guess_prove_nothing(server):
 
 
 def test_who_shows_a_ticket_is_served_at_once(server):
-    ticket = server._acquaintance.next_ticket
-    server.packet(opening(server, padded=0, ticket=ticket), at(0))
+    address_token = server._peer_state.next_token
+    server.packet(opening(server, padded=0, address_token=address_token), at(0))
     assert sum(map(len, server.transmit(at(0)))) > 10_000
 
 
 def test_a_ticket_is_good_for_a_few_syncs():
     """So a copy of an opening is of use for that long only."""
-    known = Acquaintance(1)
-    ticket = known.next_ticket
+    known = PeerState(1)
+    address_token = known.next_token
     assert not known.admits(0)
-    for _ in range(TICKETS):
-        assert known.admits(ticket)
-        known.renew_ticket()
-    assert not known.admits(ticket)
-    assert known.next_ticket != ticket
+    for _ in range(TOKENS):
+        assert known.admits(address_token)
+        known.renew_token()
+    assert not known.admits(address_token)
+    assert known.next_token != address_token
 
 
 def test_only_syncs_that_got_through_use_tickets_up(server):
-    ticket = server._acquaintance.next_ticket
-    for number in range(TICKETS + 1):
+    address_token = server._peer_state.next_token
+    for number in range(TOKENS + 1):
         io = Asker(server, number.to_bytes(6))
         io.cast(at(100 * number))
         said(server)
         server.tick(at(100 * number + 50))
-    assert server._acquaintance.admits(ticket)
-    for number in range(TICKETS):
+    assert server._peer_state.admits(address_token)
+    for number in range(TOKENS):
         io = Asker(server, (100 + number).to_bytes(6))
         io.cast(at(1000 + 100 * number))
         io.run(1000 + 100 * number, FAR_S)
         server.tick(at(1000 + 100 * number + 50))
-    assert not server._acquaintance.admits(ticket)
+    assert not server._peer_state.admits(address_token)
 
 
 # --- what it costs those who mean well
@@ -120,7 +120,7 @@ def test_only_syncs_that_got_through_use_tickets_up(server):
 @pytest.fixture
 def ether(team) -> Ether:
     ether = Ether(team, datagrams=True, delay_s=FAR_S)
-    ether.nodes["io"]._memories["titan"].rtt_s = 2 * FAR_S  # so that datagrams go at once
+    ether.nodes["io"]._path_stats["titan"].rtt_s = 2 * FAR_S  # so that datagrams go at once
     return ether
 
 
@@ -145,6 +145,6 @@ def test_a_round_trip_at_the_first_contact_and_nothing_later(ether):
 def test_the_same_after_a_restart(ether, who):
     later = [pulled_s(ether) for _ in range(2)][-1]
     ether.restart(who)
-    ether.nodes["io"]._memories["titan"].rtt_s = 2 * FAR_S
+    ether.nodes["io"]._path_stats["titan"].rtt_s = 2 * FAR_S
     assert pulled_s(ether) < later + 1.6 * 2 * FAR_S
     assert pulled_s(ether) < 1.5 * 2 * FAR_S

@@ -9,8 +9,8 @@ from mocha_link.links.metrics import (
     ContactBegan,
     ContactEnded,
     Direction,
-    LinkBook,
     LinkState,
+    LinkTable,
     MessageStored,
     RssiChanged,
     StorageFailed,
@@ -45,86 +45,86 @@ def test_what_says_something_of_the_link(size, taken_s, rtt_s, rate):
 
 def test_the_bandwidth_of_what_the_peer_pulls():
     """A round trip passes before its first message and after the last."""
-    book = LinkBook(("io",))
-    book.measure("io", rtt_s=0.5)
-    book.note(SyncEnded("io", 3, OUT, 4, 500, 1.0))
-    assert book.links()["io"].bandwidth_bytes_s is None
-    book.note(SyncEnded("io", 3, OUT, 4, 200_000, 2.5))
-    assert book.links()["io"].bandwidth_bytes_s == 100_000
-    book.note(SyncEnded("io", 4, OUT, 1, 500, 1.0))  # says nothing new
-    assert book.links()["io"].bandwidth_bytes_s == 100_000
+    link_table = LinkTable(("io",))
+    link_table.measure("io", rtt_s=0.5)
+    link_table.update(SyncEnded("io", 3, OUT, 4, 500, 1.0))
+    assert link_table.links()["io"].bandwidth_bytes_s is None
+    link_table.update(SyncEnded("io", 3, OUT, 4, 200_000, 2.5))
+    assert link_table.links()["io"].bandwidth_bytes_s == 100_000
+    link_table.update(SyncEnded("io", 4, OUT, 1, 500, 1.0))  # says nothing new
+    assert link_table.links()["io"].bandwidth_bytes_s == 100_000
 
 
 def test_states_of_both_directions():
-    book = LinkBook(("io",))
-    assert book.links()["io"].state is LinkState.IDLE
-    book.note(SyncStarted("io", 1, IN))
-    book.note(SyncStarted("io", 2, OUT))
-    book.note(SyncEnded("io", 3, OUT, 4, 500, 1.0))
-    link = book.links()["io"]
+    link_table = LinkTable(("io",))
+    assert link_table.links()["io"].state is LinkState.IDLE
+    link_table.update(SyncStarted("io", 1, IN))
+    link_table.update(SyncStarted("io", 2, OUT))
+    link_table.update(SyncEnded("io", 3, OUT, 4, 500, 1.0))
+    link = link_table.links()["io"]
     assert (link.state, link.state_in, link.state_out) == (
         LinkState.STARTED,
         LinkState.STARTED,
         LinkState.ENDED,
     )
     assert (link.last_sync_in_s, link.last_sync_out_s) == (None, 3)
-    book.note(SyncTimedOut("io", 4, IN, "silence"))
-    link = book.links()["io"]
+    link_table.update(SyncTimedOut("io", 4, IN, "silence"))
+    link = link_table.links()["io"]
     assert (link.state, link.timeouts, link.syncs_in, link.syncs_out) == (
         LinkState.TIMED_OUT,
         1,
         0,
         1,
     )
-    book.note(SyncEnded("io", 5, IN, 0, 0, 1.0))
-    link = book.links()["io"]
+    link_table.update(SyncEnded("io", 5, IN, 0, 0, 1.0))
+    link = link_table.links()["io"]
     assert (link.state, link.last_sync_in_s, link.syncs_in) == (LinkState.ENDED, 5, 1)
 
 
 def test_counters_and_measures():
-    book = LinkBook(("io",))
-    book.count("io", bytes_in=5, bytes_out=7, refused=1)
-    book.count("io", bytes_in=5)
-    book.measure("io", rtt_s=0.1, bandwidth_bytes_s=None)
-    book.measure("io", rtt_s=0.9, bandwidth_bytes_s=1000.0)
-    book.note(RssiChanged("io", 1, -60.0))
-    link = book.links()["io"]
+    link_table = LinkTable(("io",))
+    link_table.count("io", bytes_in=5, bytes_out=7, refused=1)
+    link_table.count("io", bytes_in=5)
+    link_table.measure("io", rtt_s=0.1, bandwidth_bytes_s=None)
+    link_table.measure("io", rtt_s=0.9, bandwidth_bytes_s=1000.0)
+    link_table.update(RssiChanged("io", 1, -60.0))
+    link = link_table.links()["io"]
     assert (link.bytes_in, link.bytes_out, link.refused) == (10, 7, 1)
     assert (link.rtt_s, link.bandwidth_bytes_s, link.rssi_dbm) == (0.9, 1000.0, -60.0)
     assert link.rtt_smoothed_s == pytest.approx(0.2)
 
 
 def test_own_messages_belong_to_no_link():
-    book = LinkBook(("io",))
-    before = book.links()
-    book.note(MessageStored("titan", 1, "titan", "/map", Header(0, 0, 1, 0), 3))
-    assert book.links() == before
+    link_table = LinkTable(("io",))
+    before = link_table.links()
+    link_table.update(MessageStored("titan", 1, "titan", "/map", Header(0, 0, 1, 0), 3))
+    assert link_table.links() == before
 
 
 def test_the_signal_keeps_its_unit_and_source():
-    book = LinkBook(("io",))
+    link_table = LinkTable(("io",))
     snr = Reading(14.0, Unit.SNR_DB, "silvus")
-    book.note(RssiChanged("io", 1, None, snr))
-    link = book.links()["io"]
+    link_table.update(RssiChanged("io", 1, None, snr))
+    link = link_table.links()["io"]
     assert (link.signal, link.rssi_dbm) == (snr, None)
-    book.note(RssiChanged("io", 2, -60.0))
-    link = book.links()["io"]
+    link_table.update(RssiChanged("io", 2, -60.0))
+    link = link_table.links()["io"]
     assert (link.signal, link.rssi_dbm) == (Reading(-60.0, Unit.DBM, "radio"), -60.0)
-    book.note(RssiChanged("io", 3, None))
-    assert book.links()["io"].signal is None
+    link_table.update(RssiChanged("io", 3, None))
+    assert link_table.links()["io"].signal is None
 
 
 def test_what_an_exchange_measured_stays():
-    book = LinkBook(("io",))
-    book.measure("io", path="udp", protected=True)
-    book.measure("io", rtt_s=0.1)
-    link = book.links()["io"]
+    link_table = LinkTable(("io",))
+    link_table.measure("io", path="udp", protected=True)
+    link_table.measure("io", rtt_s=0.1)
+    link = link_table.links()["io"]
     assert (link.path, link.protected, link.rtt_s) == ("udp", True, 0.1)
 
 
 def test_ages_by_topic():
-    book = LinkBook(("io", "titan"))
-    links = book.links(5.0, {"io": {"/pose": 3.0, "/path": 1.5}, "mars": {"/x": 1.0}})
+    link_table = LinkTable(("io", "titan"))
+    links = link_table.links(5.0, {"io": {"/pose": 3.0, "/path": 1.5}, "mars": {"/x": 1.0}})
     assert links["io"].topic_ages_s == {"/pose": 3.0, "/path": 1.5}
     assert links["io"].newest_age_s == 1.5
     assert links["titan"].topic_ages_s == {}
@@ -137,73 +137,73 @@ def stored(at_s):
 
 
 def test_a_contact_of_the_radio():
-    book = LinkBook(("io",))
-    book.note(ContactBegan("io", 10, None))
-    assert book.links()["io"].contacts == (Contact(10, None, 0, 0, 0, 0, ""),)
-    book.note(SyncStarted("io", 10, IN))
-    book.count("io", bytes_in=500)
-    book.note(stored(11))
-    book.note(SyncEnded("io", 11, IN, 1, 500, 1.0))
-    book.note(SyncStarted("io", 12, OUT))
-    book.count("io", bytes_out=70)
-    book.note(SyncEnded("io", 12.5, OUT, 2, 70, 0.5))
-    book.note(SyncTimedOut("io", 13, OUT, "silence"))  # the radio says when it is over
-    assert book.links(500.0)["io"].contacts == (Contact(10, None, 1, 2, 500, 70, ""),)
-    book.note(ContactEnded("io", 14, 4, "too weak"))
-    link = book.links()["io"]
+    link_table = LinkTable(("io",))
+    link_table.update(ContactBegan("io", 10, None))
+    assert link_table.links()["io"].contacts == (Contact(10, None, 0, 0, 0, 0, ""),)
+    link_table.update(SyncStarted("io", 10, IN))
+    link_table.count("io", bytes_in=500)
+    link_table.update(stored(11))
+    link_table.update(SyncEnded("io", 11, IN, 1, 500, 1.0))
+    link_table.update(SyncStarted("io", 12, OUT))
+    link_table.count("io", bytes_out=70)
+    link_table.update(SyncEnded("io", 12.5, OUT, 2, 70, 0.5))
+    link_table.update(SyncTimedOut("io", 13, OUT, "silence"))  # the radio says when it is over
+    assert link_table.links(500.0)["io"].contacts == (Contact(10, None, 1, 2, 500, 70, ""),)
+    link_table.update(ContactEnded("io", 14, 4, "too weak"))
+    link = link_table.links()["io"]
     assert link.contacts == (Contact(10, 14, 1, 2, 500, 70, "too weak"),)
     assert link.contacts_begun == 1
 
 
 def test_a_contact_without_a_radio():
-    book = LinkBook(("io",))
+    link_table = LinkTable(("io",))
     for number in range(3):  # tries that bring nothing are none
-        book.note(SyncStarted("io", number, IN))
-        assert book.links()["io"].contacts == ()
-        book.note(SyncTimedOut("io", number + 0.5, IN, "silence"))
-    assert book.links()["io"].contacts_begun == 0
+        link_table.update(SyncStarted("io", number, IN))
+        assert link_table.links()["io"].contacts == ()
+        link_table.update(SyncTimedOut("io", number + 0.5, IN, "silence"))
+    assert link_table.links()["io"].contacts_begun == 0
     for number in (10, 12):
-        book.note(SyncStarted("io", number, IN))
-        book.count("io", bytes_in=6)
-        book.note(SyncEnded("io", number + 0.5, IN, 0, 6, 0.5))
-    book.note(SyncStarted("io", 14, IN))
-    book.count("io", bytes_in=3)
-    book.note(SyncTimedOut("io", 19, IN, "silence"))
-    assert book.links()["io"].contacts == (Contact(10, 19, 0, 0, 15, 0, "timed out"),)
+        link_table.update(SyncStarted("io", number, IN))
+        link_table.count("io", bytes_in=6)
+        link_table.update(SyncEnded("io", number + 0.5, IN, 0, 6, 0.5))
+    link_table.update(SyncStarted("io", 14, IN))
+    link_table.count("io", bytes_in=3)
+    link_table.update(SyncTimedOut("io", 19, IN, "silence"))
+    assert link_table.links()["io"].contacts == (Contact(10, 19, 0, 0, 15, 0, "timed out"),)
 
 
 def test_a_contact_that_becomes_quiet():
-    book = LinkBook(("io",))
-    book.note(SyncStarted("io", 10, OUT))
-    book.count("io", bytes_out=6)
-    book.note(SyncEnded("io", 11, OUT, 0, 6, 1.0))
-    assert book.links(20.9)["io"].contacts == (Contact(10, None, 0, 0, 0, 6, ""),)
-    book.count("io", bytes_out=5)
-    book.note(SyncStarted("io", 30, OUT))
-    assert book.links(60)["io"].contacts == (
+    link_table = LinkTable(("io",))
+    link_table.update(SyncStarted("io", 10, OUT))
+    link_table.count("io", bytes_out=6)
+    link_table.update(SyncEnded("io", 11, OUT, 0, 6, 1.0))
+    assert link_table.links(20.9)["io"].contacts == (Contact(10, None, 0, 0, 0, 6, ""),)
+    link_table.count("io", bytes_out=5)
+    link_table.update(SyncStarted("io", 30, OUT))
+    assert link_table.links(60)["io"].contacts == (
         Contact(10, 11, 0, 0, 0, 11, "quiet"),
     )  # the second has brought nothing so far, and lasts as long as its sync
-    book.count("io", bytes_out=1)
-    book.note(SyncEnded("io", 60, OUT, 0, 6, 1.0))
-    assert book.links(61)["io"].contacts[1:] == (Contact(30, None, 0, 0, 0, 1, ""),)
-    assert book.links(61)["io"].contacts_begun == 2
+    link_table.count("io", bytes_out=1)
+    link_table.update(SyncEnded("io", 60, OUT, 0, 6, 1.0))
+    assert link_table.links(61)["io"].contacts[1:] == (Contact(30, None, 0, 0, 0, 1, ""),)
+    assert link_table.links(61)["io"].contacts_begun == 2
 
 
 def test_the_history_is_bounded():
-    book = LinkBook(("io",))
+    link_table = LinkTable(("io",))
     for number in range(100):
-        book.note(ContactBegan("io", 2 * number, None))
-        book.note(ContactEnded("io", 2 * number + 1, 1, "too weak"))
-    book.note(ContactBegan("io", 999, None))
-    link = book.links()["io"]
+        link_table.update(ContactBegan("io", 2 * number, None))
+        link_table.update(ContactEnded("io", 2 * number + 1, 1, "too weak"))
+    link_table.update(ContactBegan("io", 999, None))
+    link = link_table.links()["io"]
     assert len(link.contacts) == 32
     assert link.contacts[-1].began_s == 999
     assert link.contacts_begun == 101
 
 
 def test_the_disk_belongs_to_no_link():
-    book = LinkBook(("io",))
-    before = book.links()
-    book.note(StorageFailed("titan", 1, "the disk is full"))
-    book.note(StorageRecovered("titan", 2))
-    assert book.links() == before
+    link_table = LinkTable(("io",))
+    before = link_table.links()
+    link_table.update(StorageFailed("titan", 1, "the disk is full"))
+    link_table.update(StorageRecovered("titan", 2))
+    assert link_table.links() == before

@@ -13,7 +13,7 @@ import zmq
 from zmq.utils.monitor import parse_monitor_message
 
 from mocha_link.node import curve
-from mocha_link.node.curve import CurveUnavailableError, Gatekeeper, Refusal
+from mocha_link.node.curve import CurveUnavailableError, Refusal, ZapHandler
 from mocha_link.team.keys import SecretKey
 
 WAIT_S = 60  # a limit against hangs
@@ -40,16 +40,16 @@ class Hall:
 
     def __post_init__(self) -> None:
         allowed = {"io": IO.public, "europa": EUROPA.public}
-        self.gatekeeper = Gatekeeper(self.context, allowed)
+        self.zap_handler = ZapHandler(self.context, allowed)
 
     def open(self, peer: str, *, protect: bool = True) -> int:
         door = self.context.socket(zmq.ROUTER)
         if protect:
             curve.protect_port(door, TITAN, peer)
-            self.gatekeeper.watch(door, peer)
+            self.zap_handler.watch(door, peer)
         self.doors[door] = peer
         self.poller.register(door, zmq.POLLIN)
-        for each in self.gatekeeper.sockets:
+        for each in self.zap_handler.sockets:
             self.poller.register(each, zmq.POLLIN)
         return door.bind_to_random_port("tcp://127.0.0.1")
 
@@ -69,8 +69,8 @@ class Hall:
         while not done():
             assert time.monotonic() < limit_s, "hangs"
             ready = {each for each, _ in self.poller.poll(100)}
-            if ready.intersection(self.gatekeeper.sockets):
-                self.refusals += self.gatekeeper.serve()
+            if ready.intersection(self.zap_handler.sockets):
+                self.refusals += self.zap_handler.serve()
             for door, peer in self.doors.items():
                 if door in ready:
                     identity, body = door.recv_multipart(zmq.NOBLOCK)
@@ -93,7 +93,7 @@ class Hall:
         return events
 
     def close(self) -> None:
-        self.gatekeeper.close()
+        self.zap_handler.close()
         self.context.destroy(0)
         self.clients.destroy(0)
 
@@ -114,7 +114,7 @@ def test_each_port_has_its_own_key(hall, caplog):
         events = hall.refused(hall.dial(port, holding(EUROPA)))  # of the team, but not for here
     assert zmq.Event.HANDSHAKE_FAILED_AUTH in events
     assert set(hall.refusals) == {Refusal("io", "with a wrong key")}
-    assert hall.gatekeeper.refused["io"] == len(hall.refusals)
+    assert hall.zap_handler.refused["io"] == len(hall.refusals)
     assert "refused at the port for io: it came with a wrong key" in caplog.messages
     assert hall.ask(hall.dial(port, holding(IO))) == b"io hears you"
     assert len([m for m in caplog.messages if m.startswith("refused")]) == 1  # told once
@@ -131,13 +131,13 @@ def test_many_at_once_with_wrong_keys(hall):
         hall.dial(port, holding(SecretKey.generate()))
     client = hall.dial(port, holding(IO))
     assert hall.ask(client) == b"io hears you"
-    hall.serve_until(lambda: hall.gatekeeper.refused["io"] >= 40)
+    hall.serve_until(lambda: hall.zap_handler.refused["io"] >= 40)
     assert hall.ask(client) == b"io hears you"
 
 
 def test_a_context_has_one_gatekeeper(hall):
     with pytest.raises(zmq.ZMQError):
-        Gatekeeper(hall.context, {})
+        ZapHandler(hall.context, {})
 
 
 def test_closing_in_either_order():

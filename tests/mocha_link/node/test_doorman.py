@@ -11,7 +11,7 @@ import zmq
 
 from mocha_link.node import connection_limiter as module
 from mocha_link.node.port import MAX_REQUEST_BYTES, Port
-from mocha_link.node.zmtp import Connection
+from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.team.team import Robot
 from tests.mocha_link.node.test_port import WAIT_MS, clients, context, port, titan
 
@@ -26,8 +26,8 @@ def dial(titan: Robot) -> socket.socket:
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, 1400)
     connection.settimeout(20)
     connection.connect((titan.listen, titan.port_for("io")))
-    connection.sendall(Connection.hello)
-    zmtp = Connection(1000)
+    connection.sendall(ZmtpSession.hello)
+    zmtp = ZmtpSession(1000)
     while not zmtp.ready:
         zmtp.receive(connection.recv(1000))
     return connection
@@ -84,7 +84,7 @@ def test_the_oldest_of_too_many_connections_goes(port, titan, monkeypatch):
             pass
         assert not any(closed(each) for each in inside[2:])
         inside[2].close()
-        while len(port._doorman._inside) == 3:
+        while len(port._limiter._inside) == 3:
             port.look()
         assert port.look() == 0
 
@@ -99,7 +99,7 @@ def test_who_comes_and_goes_leaves_nothing(port, titan, clients, kind):
         port.reply(route, b"done")
         client.recv_multipart()
         client.close(0)
-    while port._doorman._inside:
+    while port._limiter._inside:
         assert port.look() == 0
 
 

@@ -15,7 +15,7 @@ from mocha_link.links.metrics import (
     SyncTimedOut,
 )
 from mocha_link.links.reading import Reading, Unit
-from mocha_link.node.actions import Dial, HangUp, Send
+from mocha_link.node.actions import Connect, Disconnect, Send
 from mocha_link.team.team import UnknownRobotError
 from tests.mocha_link.ether import NAMES, Ether, T
 
@@ -60,7 +60,7 @@ def test_a_contact_triggers_at_once_then_every_interval(ether):
     assert io.take() == ([], [RssiChanged("titan", T, -80, Reading(-80, Unit.DBM, "radio"))])
     io.heard("titan", -70, ether.now)
     actions, events = io.take()
-    assert [type(a) for a in actions] == [Dial, Send, Send]
+    assert [type(a) for a in actions] == [Connect, Send, Send]
     assert [a.frame[6:11] for a in actions[1:]] == [b"SYNC1", b"GHEAD"]
     assert [type(e) for e in events] == [RssiChanged, ContactBegan, SyncStarted]
     io.heard("titan", -70, ether.now)
@@ -82,7 +82,7 @@ def test_a_failed_pull_is_tried_again_at_the_next_trigger(ether):
         io.heard("titan", -70, ether.now)
         io.tick(ether.now)
     actions, events = io.take()
-    assert [type(a) for a in actions] == [Dial, Send, Send, HangUp, Dial, Send, Send]
+    assert [type(a) for a in actions] == [Connect, Send, Send, Disconnect, Connect, Send, Send]
     assert [type(e) for e in events] == [
         RssiChanged,
         ContactBegan,
@@ -99,17 +99,17 @@ def test_a_new_contact_replaces_a_stalled_pull(ether):
     ether.time_s = 0.5
     io.heard("titan", None, ether.now)
     io.heard("titan", -70, ether.now)  # too soon to call the pull stalled
-    assert [type(a) for a in io.take()[0]] == [Dial, Send, Send]
+    assert [type(a) for a in io.take()[0]] == [Connect, Send, Send]
     ether.time_s = 2.0
     io.heard("titan", None, ether.now)
     io.heard("titan", -70, ether.now)
-    assert [type(a) for a in io.take()[0]] == [HangUp, Dial, Send, Send]
+    assert [type(a) for a in io.take()[0]] == [Disconnect, Connect, Send, Send]
 
 
 def test_by_timer_everybody_is_asked(team):
     ether = Ether(team, by_timer=True)
     ether.nodes["io"].tick(ether.now)
-    dialled = [a.peer for a in ether.nodes["io"].take()[0] if isinstance(a, Dial)]
+    dialled = [a.peer for a in ether.nodes["io"].take()[0] if isinstance(a, Connect)]
     assert dialled == ["callisto", "titan"]
 
 

@@ -15,9 +15,9 @@ import zmq
 
 from mocha_link.node import connection as module
 from mocha_link.node import curve
-from mocha_link.node.connection import EAGER_S, CurveLine, Line, TcpLine
-from mocha_link.node.curve import Gatekeeper
-from mocha_link.node.zmtp import Connection
+from mocha_link.node.connection import EAGER_S, Connection, CurveConnection, TcpConnection
+from mocha_link.node.curve import ZapHandler
+from mocha_link.node.zmtp import ZmtpSession
 from mocha_link.team.keys import SecretKey
 from tests.mocha_link.conftest import free_ports, own_host
 
@@ -25,7 +25,7 @@ WAIT_S = 60  # a limit against hangs
 HOST = "127.0.0.1"
 GREETING = bytes.fromhex("ff00000000000000017f03014e554c4c") + bytes(48)
 READY = bytes.fromhex("04190552454144590b536f636b65742d5479706500000003524550")
-HELLO_BYTES = len(Connection.hello)
+HELLO_BYTES = len(ZmtpSession.hello)
 BROKE = "the connection broke in the ZeroMQ handshake, or the peer wants a key"
 RESET = struct.pack("ii", 1, 0)
 
@@ -57,8 +57,8 @@ def peer() -> Iterator[Peer]:
 
 
 @pytest.fixture
-def line(peer) -> Iterator[TcpLine]:
-    with contextlib.closing(TcpLine(HOST, peer.port)) as line:
+def line(peer) -> Iterator[TcpConnection]:
+    with contextlib.closing(TcpConnection(HOST, peer.port)) as line:
         yield line
 
 
@@ -89,7 +89,7 @@ def nothing_to_read(connection: socket.socket) -> bool:
     return False
 
 
-def turn_until(line: Line, done: Callable[[], bool], now_s: float | None = None) -> None:
+def turn_until(line: Connection, done: Callable[[], bool], now_s: float | None = None) -> None:
     """What the transport does with it, by the real time or at a moment that stands still."""
     poller = zmq.Poller()
     limit_s = time.monotonic() + WAIT_S
@@ -103,7 +103,7 @@ def turn_until(line: Line, done: Callable[[], bool], now_s: float | None = None)
     line.forget(poller)
 
 
-def replies_of(line: Line, count: int) -> list[list[bytes]]:
+def replies_of(line: Connection, count: int) -> list[list[bytes]]:
     replies: list[list[bytes]] = []
 
     def done() -> bool:
@@ -227,7 +227,7 @@ def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, pee
 def test_replies_of_a_real_rep(context):
     with context.socket(zmq.REP) as rep:
         port = rep.bind_to_random_port(f"tcp://{HOST}")
-        with contextlib.closing(TcpLine(HOST, port)) as line:
+        with contextlib.closing(TcpConnection(HOST, port)) as line:
             for number in range(20):
                 line.send(b"%d" % number)
 
@@ -266,7 +266,7 @@ def test_a_libzmq_that_reads_everything_together(context, requests):
 
         thread = threading.Thread(target=carry)
         thread.start()
-        with contextlib.closing(TcpLine(HOST, port)) as line:
+        with contextlib.closing(TcpConnection(HOST, port)) as line:
             for number in range(requests):
                 line.send(b"%d" % number)
             seen = set()
@@ -307,7 +307,7 @@ def pump(near: socket.socket, far: socket.socket, stop: threading.Event) -> None
 
 
 def test_a_refused_connection():
-    with contextlib.closing(TcpLine(HOST, free_ports(HOST, 1))) as line:
+    with contextlib.closing(TcpConnection(HOST, free_ports(HOST, 1))) as line:
         line.send(b"one")
         turn_until(line, lambda: line.failure is not None)
         assert "cannot connect to 127.0.0.1:" in line.failure
@@ -316,7 +316,7 @@ def test_a_refused_connection():
 
 def test_no_way_there():
     """The kernel says so before anything is sent."""
-    with contextlib.closing(TcpLine("255.255.255.255", 9)) as line:
+    with contextlib.closing(TcpConnection("255.255.255.255", 9)) as line:
         turn_until(line, lambda: line.failure is not None)
         assert line.failure.startswith("cannot connect to 255.255.255.255:9: ")
 
@@ -400,7 +400,7 @@ def test_what_a_peer_does_not_read_waits(line, peer):
 
 
 def test_closing_is_at_once_and_closes(peer):
-    line = TcpLine(HOST, peer.port)
+    line = TcpConnection(HOST, peer.port)
     line.send(b"one")
     connection = peer.accept()
     line.close()
@@ -421,7 +421,7 @@ class Hall:
 
     def __init__(self, context: zmq.Context, *, protect: bool = True) -> None:
         self.refusals: list[object] = []
-        self._gate = Gatekeeper(context, {"io": IO.public})
+        self._gate = ZapHandler(context, {"io": IO.public})
         self._door = context.socket(zmq.ROUTER)
         if protect:
             curve.protect_port(self._door, TITAN, "io")
@@ -446,8 +446,10 @@ def hall(context) -> Iterator[Hall]:
         yield hall
 
 
-def curve_line(hall: Hall, context: zmq.Context, own: SecretKey, peer: SecretKey) -> CurveLine:
-    return CurveLine(context, hall.host, hall.port, own=own, peer=peer.public)
+def curve_line(
+    hall: Hall, context: zmq.Context, own: SecretKey, peer: SecretKey
+) -> CurveConnection:
+    return CurveConnection(context, hall.host, hall.port, own=own, peer=peer.public)
 
 
 def test_the_right_key(hall, context):
@@ -520,7 +522,7 @@ def test_a_connection_that_takes_nothing_is_a_failure_not_an_error(hall, context
 
 
 def test_no_key_where_one_is_wanted(hall):
-    with contextlib.closing(TcpLine(hall.host, hall.port)) as line:
+    with contextlib.closing(TcpConnection(hall.host, hall.port)) as line:
         line.send(b"idididGHEAD")
 
         def done() -> bool:
@@ -535,7 +537,7 @@ def test_no_key_where_one_is_wanted(hall):
 def test_a_refused_connection_with_keys(context):
     """libzmq would try again for ever; that it was refused is a failure here, too."""
     host = own_host()
-    line = CurveLine(context, host, free_ports(host, 1), own=IO, peer=TITAN.public)
+    line = CurveConnection(context, host, free_ports(host, 1), own=IO, peer=TITAN.public)
     with contextlib.closing(line):
         line.send(b"anybody there?")
         assert line.rtt_s() is None

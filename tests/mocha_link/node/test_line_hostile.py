@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 
-from mocha_link.node.connection import TcpLine
+from mocha_link.node.connection import TcpConnection
 from tests.mocha_link.node.test_line import GREETING, READY, Peer, turn_until
 
 PINGS = (b"\4\x07\4PING\0\0" + b"") * 20_000
@@ -14,7 +14,7 @@ def test_answers_that_a_peer_does_not_read_do_not_fill_the_memory():
     """It asks for heartbeats as fast as it can, and never reads one."""
     with (
         contextlib.closing(Peer()) as peer,
-        contextlib.closing(TcpLine("127.0.0.1", peer.port)) as line,
+        contextlib.closing(TcpConnection("127.0.0.1", peer.port)) as line,
     ):
         line.turn(100.0)
         connection = peer.accept()

@@ -188,7 +188,7 @@ def test_no_socket_left(field, monkeypatch):
         raise OSError(errno.EMFILE, "Too many open files")
 
     io, _, io_saw = field.node("io")
-    monkeypatch.setattr(transport, "TcpLine", fail)
+    monkeypatch.setattr(transport, "TcpConnection", fail)
     io.sync("titan")
     broken = io_saw.wait(SyncTimedOut, peer="titan", direction=IN)
     port = field.team.robot("titan").port_for("io")

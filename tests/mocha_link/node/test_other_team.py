@@ -10,7 +10,7 @@ import pytest
 from mocha_link.links.metrics import Direction, SyncEnded, SyncTimedOut
 from mocha_link.node import gossip
 from mocha_link.node.actions import Send
-from mocha_link.store.config_hash import shared_mark
+from mocha_link.store.config_hash import config_hash_of
 from mocha_link.sync import frames as sync
 from mocha_link.sync.sync_messages import Hello, Reception
 from mocha_link.team.document import Document
@@ -71,12 +71,12 @@ HARMLESS = {
 
 @pytest.mark.parametrize("text", SHIFTING.values(), ids=SHIFTING)
 def test_what_moves_ids_or_types_counts(text):
-    assert shared_mark(team_of(text)) != shared_mark(TEAM)
+    assert config_hash_of(team_of(text)) != config_hash_of(TEAM)
 
 
 @pytest.mark.parametrize("text", HARMLESS.values(), ids=HARMLESS)
 def test_what_does_not_is_free(text):
-    assert shared_mark(team_of(text)) == shared_mark(TEAM)
+    assert config_hash_of(team_of(text)) == config_hash_of(TEAM)
 
 
 class Field(Ether):
@@ -214,7 +214,7 @@ def answers(field: Field, *frames: bytes) -> None:
 
 
 def hello(*fields: object) -> bytes:
-    return sync.letter_frame(sync.HELLO, 0, Hello(*fields).encode(), 0, 1000)
+    return sync.message_frame(sync.HELLO, 0, Hello(*fields).encode(), 0, 1000)
 
 
 @pytest.mark.parametrize(
@@ -222,7 +222,7 @@ def hello(*fields: object) -> bytes:
     [
         (Reception.WELCOME, 12345),
         (Reception.UNKNOWN, 12345),
-        (Reception.OTHER_TERMS, 12345),
+        (Reception.CONFIG_MISMATCH, 12345),
     ],
 )
 def test_who_says_other_terms_hands_us_nothing(said):
@@ -231,7 +231,7 @@ def test_who_says_other_terms_hands_us_nothing(said):
     publisher = Ether(TEAM, names=("a", "b"))
     publisher.publish("b", "/pose", b"here is b")
     (record,) = publisher.nodes["b"].database.kept()
-    whole = sync.WHOLE.pack(sync.long_id(1, 0, record.stamp_ms), len(record.body))
+    whole = sync.WHOLE.pack(sync.message_id_of(1, 0, record.stamp_ms), len(record.body))
     answers(field, hello(*said), sync.chunks_frame((0, 0), [whole], [], [record.body]))
     _, events = field.nodes["a"].take()
     assert [type(event) for event in events] == [SyncTimedOut]

@@ -25,9 +25,9 @@ from mocha_link.node.port import (
     QUEUE_REQUESTS,
     Port,
 )
-from mocha_link.store.config_hash import shared_mark
+from mocha_link.store.config_hash import config_hash_of
 from mocha_link.sync import frames as sync
-from mocha_link.sync import sync_messages as letters
+from mocha_link.sync import sync_messages
 from mocha_link.sync.sync_messages import Have
 from mocha_link.team.team import Robot
 from tests.mocha_link.conftest import free_ports, own_host
@@ -271,8 +271,8 @@ def test_a_connection_that_sleeps_does_not_hold_up_the_next_one(field, clients, 
     monkeypatch.setattr(Port, "flush", watched)
     titan, _, _ = field.node("titan", datagrams=False)
     titan.publish("/map", os.urandom(30_000_000))
-    opening = letters.Open(7, 0, Have(()), terms=shared_mark(titan.team)).encode()
-    (frame,) = sync.letter_frames(sync.OPEN, 0, opening, 1100)
+    opening = sync_messages.Open(7, 0, Have(()), config_hash=config_hash_of(titan.team)).encode()
+    (frame,) = sync.message_frames(sync.OPEN, 0, opening, 1100)
     grant = struct.pack(">QI", 1 << 40, 1_000_000)
     sleeper = clients.dial(titan.robot, asleep=True)
     sleeper.send_multipart([b"", b"ididid" + b"SYNC1" + grant + frame])
@@ -311,11 +311,11 @@ def test_datagrams_come_to_the_same_number(port, sender):
 
 
 def test_datagrams_go_back_to_where_the_peer_was_seen(port, sender):
-    port.cast(b"to nobody yet")
+    port.send_datagram(b"to nobody yet")
     sender.send(b"hello")
     assert port.is_ready(ready(port))
     ((_, port.caller),) = port.packets(64)
-    port.cast(b"hello back")
+    port.send_datagram(b"hello back")
     assert sender.recv(100) == b"hello back"
 
 
@@ -325,7 +325,7 @@ def test_a_caller_that_is_gone_stops_nothing(port, titan, sender):
         gone.bind((titan.listen, 0))
         port.caller = gone.getsockname()
     for _ in range(3):
-        port.cast(b"anybody?")
+        port.send_datagram(b"anybody?")
     sender.send(b"somebody")
     assert port.is_ready(ready(port))
     assert [packet for packet, _ in port.packets(64)] == [b"somebody"]
@@ -338,7 +338,8 @@ def test_empty_and_long_datagrams(port, sender):
     assert port.is_ready(ready(port))
     assert [len(packet) for packet, _ in port.packets(64)] == [0, DATAGRAM_BYTES, 3]
     port.caller = sender.getsockname()
-    port.cast(bytes(70_000))  # more than the kernel takes: dropped like any other on the way
+    # More than the kernel takes: dropped like any other on the way.
+    port.send_datagram(bytes(70_000))
 
 
 def test_a_datagram_port_that_is_taken_is_done_without(context, titan, caplog):
@@ -349,7 +350,7 @@ def test_a_datagram_port_that_is_taken_is_done_without(context, titan, caplog):
             assert not port.is_ready(set())
             assert list(port.packets(64)) == []
             port.caller = other.getsockname()
-            port.cast(b"nothing")
+            port.send_datagram(b"nothing")
             poller = zmq.Poller()
             port.watch(poller)
             assert [each for each, _ in poller.sockets] == [port.socket]

@@ -85,7 +85,7 @@ def test_what_is_stored_is_a_message_as_it_crosses_the_wire(publisher, often):
     trailer = payload.check(record.body, ids_of(record))
     assert trailer.stamp_ms == record.stamp_ms == int(T * 1000)
     assert trailer.signature is None
-    assert (record.header, record.received_s, record.inferred) == (header, T, False)
+    assert (record.header, record.received_s, record.extrapolated) == (header, T, False)
 
 
 def test_at_once_and_flush_do_not_wait(publisher, database, slow):

@@ -14,7 +14,7 @@ import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.node.zmtp import Connection, ZmtpError
+from mocha_link.node.zmtp import ZmtpError, ZmtpSession
 
 WAIT_MS = 20_000
 LIMIT = 1024 * 1024
@@ -22,15 +22,15 @@ GREETING = bytes.fromhex("ff00000000000000017f03014e554c4c") + bytes(48)
 READY = bytes.fromhex("04190552454144590b536f636b65742d5479706500000003524550")
 
 
-def heard(connection: Connection, data: bytes) -> list[list[bytes]]:
+def heard(connection: ZmtpSession, data: bytes) -> list[list[bytes]]:
     """What comes of some bytes."""
     connection.receive(data)
     return list(connection.replies())
 
 
-def ready() -> Connection:
+def ready() -> ZmtpSession:
     """A connection on which the other side has said hello."""
-    connection = Connection(LIMIT)
+    connection = ZmtpSession(LIMIT)
     connection.receive(GREETING + READY)
     assert connection.ready
     return connection
@@ -46,7 +46,7 @@ class Peer:
         self.zmq.setsockopt(zmq.RCVTIMEO, WAIT_MS)
         port = self.zmq.bind_to_random_port("tcp://127.0.0.1")
         self.tcp = socket.create_connection(("127.0.0.1", port), timeout=60)
-        self.connection = Connection(limit)
+        self.connection = ZmtpSession(limit)
         self.heard = b""
 
     def until(self, count: int) -> list[list[bytes]]:
@@ -157,14 +157,14 @@ REPLIES = [[b"short"], [b""], [b"x" * 255], [b"y" * 256], [b"z" * 700], [b"a" * 
 def test_cut_anywhere_it_is_the_same():
     wire = recorded()
     for place in range(len(wire) + 1):
-        connection = Connection(LIMIT)
+        connection = ZmtpSession(LIMIT)
         replies = heard(connection, wire[:place]) + heard(connection, wire[place:])
         assert replies == REPLIES
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 64, 1000])
 def test_in_pieces_of_any_size_it_is_the_same(size):
-    wire, connection = recorded(), Connection(LIMIT)
+    wire, connection = recorded(), ZmtpSession(LIMIT)
     replies = []
     for start in range(0, len(wire), size):
         replies += heard(connection, wire[start : start + size])
@@ -188,7 +188,7 @@ def test_libzmq_takes_our_answers_to_its_heartbeats():
         router.setsockopt(zmq.HEARTBEAT_IVL, 20)
         router.setsockopt(zmq.HEARTBEAT_TIMEOUT, 5_000)
         port = router.bind_to_random_port("tcp://127.0.0.1")
-        connection = Connection(LIMIT)
+        connection = ZmtpSession(LIMIT)
         with socket.create_connection(("127.0.0.1", port), timeout=60) as tcp:
             tcp.sendall(connection.hello)
             answers = b""
@@ -220,8 +220,8 @@ def test_libzmq_takes_our_answers_to_its_heartbeats():
 )
 def test_what_is_no_node(data, why):
     with pytest.raises(ZmtpError, match=why):
-        Connection(LIMIT).receive(data)
-    connection = Connection(LIMIT)
+        ZmtpSession(LIMIT).receive(data)
+    connection = ZmtpSession(LIMIT)
     with pytest.raises(ZmtpError, match=why):  # noqa: PT012 - which byte it is does not matter
         for byte in data:
             connection.receive(bytes((byte,)))
@@ -238,7 +238,7 @@ def test_a_frame_of_the_largest_size_is_taken():
     assert heard(connection, b"\2" + LIMIT.to_bytes(8) + body) == [[body]]
 
 
-def outcome(connection: Connection, pieces: list[bytes]) -> tuple[list[list[bytes]], str]:
+def outcome(connection: ZmtpSession, pieces: list[bytes]) -> tuple[list[list[bytes]], str]:
     """The replies in some bytes, and what was wrong with them."""
     replies: list[list[bytes]] = []
     try:
@@ -263,8 +263,8 @@ def outcome(connection: Connection, pieces: list[bytes]) -> tuple[list[list[byte
     st.booleans(),
 )
 def test_any_bytes_are_replies_or_a_zmtp_error(pieces, greeted):
-    connection = ready() if greeted else Connection(LIMIT)
-    whole = ready() if greeted else Connection(LIMIT)
+    connection = ready() if greeted else ZmtpSession(LIMIT)
+    whole = ready() if greeted else ZmtpSession(LIMIT)
     results = [outcome(connection, pieces), outcome(whole, [b"".join(pieces)])]
     assert results[0] == results[1]
     assert all(len(part) <= LIMIT for parts in results[0][0] for part in parts)
@@ -337,7 +337,7 @@ def test_a_large_body_is_received_where_it_stays():
 def test_large_bodies_are_not_copied_again_and_again():
     """32 MB in pieces of 4 KB: copying what is there for each piece would move 130 GB."""
     size = 32 * LIMIT
-    connection = Connection(size)
+    connection = ZmtpSession(size)
     connection.receive(GREETING + READY + b"\2" + size.to_bytes(8))
     piece = bytes(4096)
     begin = time.thread_time()

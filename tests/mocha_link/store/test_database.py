@@ -29,7 +29,7 @@ def record(stamp_s: float, *, robot_id: int = 0, topic_id: int = 0, priority: in
 def guessed(stamp_s: float, now_s: float) -> Record:
     """What an original peer hands over at `now_s`: its stamp is what our clock makes of it."""
     header = record(stamp_s).header
-    return replace(record(stamp_s), stamp_ms=header.stamp_ms(now_s), inferred=True)
+    return replace(record(stamp_s), stamp_ms=header.stamp_ms(now_s), extrapolated=True)
 
 
 def test_newest_wins():
@@ -340,7 +340,7 @@ def test_what_is_wanted_would_be_stored_whatever_the_clock_does(depth, inserts, 
     for each, then_s, from_original in inserts:
         taken = each
         if from_original:
-            taken = replace(each, stamp_ms=each.header.stamp_ms(then_s), inferred=True)
+            taken = replace(each, stamp_ms=each.header.stamp_ms(then_s), extrapolated=True)
             would = database.wants(each.header, then_s)
         else:
             would = database.wants_stamp(*topic(each), each.stamp_ms, then_s)

@@ -12,17 +12,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.links.metrics import MessageStored
-from mocha_link.store.config_hash import Terms
+from mocha_link.store.config_hash import TeamConfig
 from mocha_link.store.database import Database
-from mocha_link.store.reassembly_buffer import SAVE_BYTES, SAVE_S, Saved, Shelf
+from mocha_link.store.reassembly_buffer import SAVE_BYTES, SAVE_S, ReassemblyBuffer, StoredFragment
 from mocha_link.store.storage import Storage
-from mocha_link.sync.frames import long_id
+from mocha_link.sync.frames import message_id_of
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import TEAM
 from tests.mocha_link.ether import Ether
 
 LARGE = random.Random(1).randbytes(400_000)
-LONG = long_id(2, 0, 1_795_175_900_000)
+LONG = message_id_of(2, 0, 1_795_175_900_000)
 NOW_S = 1000.0
 
 
@@ -30,15 +30,15 @@ class Notes:
     """Keeps parts, as a storage does."""
 
     def __init__(self) -> None:
-        self.parts: list[Saved] = []
+        self.parts: list[StoredFragment] = []
         self.written = 0
 
-    def keep_part(self, part: Saved) -> None:
+    def keep_part(self, part: StoredFragment) -> None:
         self.parts.append(part)
         self.written += len(part.data)
 
-    def drop_parts(self, long: int, total: int) -> None:
-        self.parts = [part for part in self.parts if part[:2] != (long, total)]
+    def drop_parts(self, message_id: int, total: int) -> None:
+        self.parts = [part for part in self.parts if part[:2] != (message_id, total)]
 
 
 # --- the shelf
@@ -55,69 +55,69 @@ class Notes:
     )
 )
 def test_each_byte_is_written_once_and_comes_back(steps):
-    notes, whole, shelf = Notes(), LARGE[:100_000], None
+    notes, whole, reassembly = Notes(), LARGE[:100_000], None
     there: set[range] = set()
-    shelf = Shelf(keeper=notes)
+    reassembly = ReassemblyBuffer(keeper=notes)
     for step in steps:
         if step == "save":
-            shelf.save(NOW_S, at_once=True)
+            reassembly.save(NOW_S, at_once=True)
         elif step == "restart":
-            shelf.save(NOW_S, at_once=True)
-            held = [(long, p.held, p.missing(10_000)) for long, p in shelf]
-            shelf = Shelf(keeper=notes, saved=notes.parts)
-            assert [(long, p.held, p.missing(10_000)) for long, p in shelf] == held
+            reassembly.save(NOW_S, at_once=True)
+            held = [(message_id, p.held, p.missing(10_000)) for message_id, p in reassembly]
+            reassembly = ReassemblyBuffer(keeper=notes, saved=notes.parts)
+            assert [(message_id, p.held, p.missing(10_000)) for message_id, p in reassembly] == held
         else:
             start, size = step
             end = min(start + size, len(whole))
-            body = shelf.add(LONG, len(whole), start, memoryview(whole)[start:end])
+            body = reassembly.add(LONG, len(whole), start, memoryview(whole)[start:end])
             there.add(range(start, end))
             if body is not None:
                 assert body == whole
-                shelf.drop(LONG)
+                reassembly.drop(LONG)
                 assert not notes.parts
                 return
-    shelf.save(NOW_S, at_once=True)
+    reassembly.save(NOW_S, at_once=True)
     assert notes.written == len(set().union(*there))
 
 
 def test_it_is_saved_when_it_is_enough_or_time():
     notes = Notes()
-    shelf, size = Shelf(keeper=notes), 4 * SAVE_BYTES
+    reassembly, size = ReassemblyBuffer(keeper=notes), 4 * SAVE_BYTES
     data = memoryview(bytes(size))
-    shelf.add(LONG, size, 0, data[:100])
-    shelf.save(NOW_S)
-    shelf.save(NOW_S + SAVE_S - 0.1)
+    reassembly.add(LONG, size, 0, data[:100])
+    reassembly.save(NOW_S)
+    reassembly.save(NOW_S + SAVE_S - 0.1)
     assert not notes.parts
-    shelf.save(NOW_S + SAVE_S)
+    reassembly.save(NOW_S + SAVE_S)
     assert [part[:3] for part in notes.parts] == [(LONG, size, 0)]
-    shelf.save(NOW_S + 10 * SAVE_S)
+    reassembly.save(NOW_S + 10 * SAVE_S)
     assert len(notes.parts) == 1
-    shelf.add(LONG, size, 200, data[: SAVE_BYTES - 1])
-    shelf.save(NOW_S + 10 * SAVE_S)
+    reassembly.add(LONG, size, 200, data[: SAVE_BYTES - 1])
+    reassembly.save(NOW_S + 10 * SAVE_S)
     assert len(notes.parts) == 1
-    shelf.add(LONG, size, 100, data[:1])
-    shelf.save(NOW_S + 10 * SAVE_S)
+    reassembly.add(LONG, size, 100, data[:1])
+    reassembly.save(NOW_S + 10 * SAVE_S)
     assert sorted(part.start for part in notes.parts) == [0, 100, 200]
 
 
 def test_what_is_dropped_for_room_is_dropped_on_disk():
     notes = Notes()
-    shelf = Shelf(50_000, keeper=notes)
+    reassembly = ReassemblyBuffer(50_000, keeper=notes)
     for number in range(3):
-        shelf.add(LONG + number, 30_000, 0, memoryview(LARGE)[:20_000])
-        shelf.save(NOW_S, at_once=True)
-    assert {part.long for part in notes.parts} == {LONG + 1, LONG + 2}
-    again = Shelf(30_000, keeper=notes, saved=list(notes.parts))
-    assert [long for long, _ in again] == [LONG + 2]
-    assert {part.long for part in notes.parts} == {LONG + 2}
+        reassembly.add(LONG + number, 30_000, 0, memoryview(LARGE)[:20_000])
+        reassembly.save(NOW_S, at_once=True)
+    assert {part.message_id for part in notes.parts} == {LONG + 1, LONG + 2}
+    again = ReassemblyBuffer(30_000, keeper=notes, saved=list(notes.parts))
+    assert [message_id for message_id, _ in again] == [LONG + 2]
+    assert {part.message_id for part in notes.parts} == {LONG + 2}
 
 
 def test_a_message_that_was_whole_when_it_ended_is_not_asked_for_again():
     """It was stored, or refused, and what was kept of it was still there."""
     notes = Notes()
-    parts = [Saved(LONG, 100, 0, LARGE[:60]), Saved(LONG, 100, 50, LARGE[50:100])]
+    parts = [StoredFragment(LONG, 100, 0, LARGE[:60]), StoredFragment(LONG, 100, 50, LARGE[50:100])]
     notes.parts = list(parts)
-    assert not len(Shelf(keeper=notes, saved=parts))
+    assert not len(ReassemblyBuffer(keeper=notes, saved=parts))
     assert not notes.parts
 
 
@@ -145,7 +145,7 @@ class Meetings(Ether):
         self.publish("titan", "/map", LARGE)
 
     def boot(self, team: Team | None = None) -> None:
-        terms = Terms.of(team or self.team)
+        terms = TeamConfig.of(team or self.team)
         self.storage = Storage(self.path, terms=terms, retry_s=3600)
         self.restart("io", database=Database(storage=self.storage))
 
@@ -165,7 +165,7 @@ class Meetings(Ether):
         return sum(len(c.data) for c in self.carried[before:] if c.source == "titan")
 
     def held(self, name: str = "io") -> int:
-        return sum(partial.held for _, partial in self.nodes[name]._means.shelf)
+        return sum(partial.held for _, partial in self.nodes[name]._pull_context.reassembly)
 
     @property
     def got(self) -> bytes | None:
@@ -191,7 +191,7 @@ def test_an_orderly_end_keeps_all_that_has_come(meetings):
     said = meetings.meet()
     assert meetings.got == LARGE
     assert said < (len(LARGE) - held) * 1.1 + 2_000
-    assert not len(meetings.nodes["io"]._means.shelf)
+    assert not len(meetings.nodes["io"]._pull_context.reassembly)
     meetings.die()
     with closing(sqlite3.connect(meetings.path)) as file:
         assert file.execute("SELECT count(*) FROM part").fetchone() == (0,)
@@ -225,7 +225,7 @@ def test_what_is_damaged_on_disk_comes_again(meetings):
     meetings.boot()
     assert meetings.storage.fault is None
     assert len(meetings.nodes["io"].database.take_parts()) == 0
-    assert sum(1 for _ in meetings.nodes["io"]._means.shelf) <= count
+    assert sum(1 for _ in meetings.nodes["io"]._pull_context.reassembly) <= count
     meetings.meet()
     assert meetings.got == LARGE
 
@@ -233,10 +233,10 @@ def test_what_is_damaged_on_disk_comes_again(meetings):
 def test_what_a_wrong_part_spoils_is_not_taken_and_comes_again(meetings):
     """As if disk, checksum and all had lied."""
     meetings.meet(pieces=120)
-    shelf = meetings.nodes["io"]._means.shelf
-    ((long, partial),) = list(shelf)
-    shelf.drop(long)
-    shelf.add(long, partial.total, 0, memoryview(bytes(20_000)))
+    reassembly = meetings.nodes["io"]._pull_context.reassembly
+    ((message_id, partial),) = list(reassembly)
+    reassembly.drop(message_id)
+    reassembly.add(message_id, partial.total, 0, memoryview(bytes(20_000)))
     meetings.nodes["io"].save(meetings.now)
     meetings.die()
     meetings.boot()
@@ -253,7 +253,7 @@ def test_under_another_team_file_parts_of_what_has_moved_go(field_of, team, path
     meetings.nodes["io"].save(meetings.now)
     meetings.die()
     later = field_of(TEAM.replace("/map, type: grid/SemanticMap", "/map, type: grid/Other")).team
-    storage = Storage(path, terms=Terms.of(later))
+    storage = Storage(path, terms=TeamConfig.of(later))
     database = Database(storage=storage)
     assert database.take_parts() == []
     assert storage.close(30)

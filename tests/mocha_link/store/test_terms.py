@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mocha_link.links.metrics import StorageFailed
-from mocha_link.store.config_hash import Terms
+from mocha_link.store.config_hash import TeamConfig
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import TEAM
@@ -92,9 +92,9 @@ def test_a_file_whose_terms_are_altered(field, file):
 
 def test_what_counts_as_terms():
     team = team_of(TEAM)
-    assert Terms.of(team).mark == Terms.of(team_of(TEAM + "trust: relays\n")).mark
-    assert Terms.of(team).mark != Terms.of(team_of(TEAM + "trust: signed\n")).mark
-    assert Terms.of(team).mark != Terms.of(team_of(LARGER)).mark
+    assert TeamConfig.of(team).mark == TeamConfig.of(team_of(TEAM + "trust: relays\n")).mark
+    assert TeamConfig.of(team).mark != TeamConfig.of(team_of(TEAM + "trust: signed\n")).mark
+    assert TeamConfig.of(team).mark != TeamConfig.of(team_of(LARGER)).mark
     moved = team.with_robots({"io": {"base_port": 500, "address": "elsewhere"}})
-    assert Terms.of(team).mark == Terms.of(moved).mark
-    assert Terms.read(Terms.of(team).text) == Terms.of(team).names
+    assert TeamConfig.of(team).mark == TeamConfig.of(moved).mark
+    assert TeamConfig.read(TeamConfig.of(team).text) == TeamConfig.of(team).names

@@ -14,10 +14,10 @@ import lz4.frame
 import pytest
 
 from mocha_link.store import payload
-from mocha_link.store.config_hash import shared_mark
+from mocha_link.store.config_hash import config_hash_of
 from mocha_link.store.header import WRAP_MS
 from mocha_link.store.payload import STAMPS_MS
-from mocha_link.sync.frames import DONE, HELLO, WHOLE, chunks_frame, letter_frame, long_id
+from mocha_link.sync.frames import DONE, HELLO, WHOLE, chunks_frame, message_frame, message_id_of
 from mocha_link.sync.protocol import ID_BYTES
 from mocha_link.sync.sync_messages import Done, Hello
 from tests.mocha_link.siege import (
@@ -55,7 +55,9 @@ def io_says(
     besieged: Besieged, *frames: bytes, name: bytes | None = None, patient: bool = False
 ) -> Iterator[Liar]:
     """It begins a sync as it should, says this, under another `name` perhaps, and goes."""
-    hello = letter_frame(HELLO, 0, Hello(terms=shared_mark(besieged.field.team)).encode(), 0, 1000)
+    hello = message_frame(
+        HELLO, 0, Hello(config_hash=config_hash_of(besieged.field.team)).encode(), 0, 1000
+    )
     with Liar(besieged) as liar, liar.asked() as (connection, parser):
         say(connection, HANDSHAKE_OF_ROUTER)
         request_id = requests(connection, parser)[0][:ID_BYTES]
@@ -68,12 +70,12 @@ def io_says(
 
 
 def whole(robot_id: int, topic_id: int, stamp_ms: int, body: bytes) -> bytes:
-    long = long_id(robot_id, topic_id, stamp_ms)
+    long = message_id_of(robot_id, topic_id, stamp_ms)
     return chunks_frame((0, 0), [WHOLE.pack(long, len(body))], [], [body])
 
 
 def done(frames: int = 1) -> bytes:
-    return letter_frame(DONE, 0, Done(7, 7, frames, cut_short=False).encode(), 0, 1000)
+    return message_frame(DONE, 0, Done(7, 7, frames, cut_short=False).encode(), 0, 1000)
 
 
 GOOD = payload.pack(3, 3, b"good")

@@ -18,7 +18,7 @@ from mocha_link.store.record import Record
 from mocha_link.sync import client
 from mocha_link.sync.client import ClientSession
 from mocha_link.sync.protocol import ServerSession
-from mocha_link.sync.pull import Memory
+from mocha_link.sync.pull import PathStats
 from mocha_link.team.team import Team
 
 DATA = Path(__file__).parents[2] / "data" / "mocha"
@@ -139,7 +139,7 @@ def test_our_client_asks_what_the_real_one_asked(recorded_team, bodies, pull, wi
         database=own,
         new_id=lambda: next(ids),
         timeout_s=5,
-        memory=Memory(),
+        path_stats=PathStats(),
     )
     replies = dict(recorded)
     step = session.start(NOW)
@@ -193,7 +193,7 @@ def test_a_recorded_pull_with_large_messages(recorded_team):
         database=got,
         new_id=lambda: next(ids),
         timeout_s=5,
-        memory=Memory(),
+        path_stats=PathStats(),
     )
     pending, asked_frames, replies = asking.start(NOW).frames, [], []
     while pending:

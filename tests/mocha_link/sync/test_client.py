@@ -18,7 +18,7 @@ from mocha_link.store.header import Header
 from mocha_link.store.payload import PayloadError
 from mocha_link.store.record import Record
 from mocha_link.sync.client import FIRST_WINDOW, MAX_WINDOW, MIN_WINDOW, ClientSession
-from mocha_link.sync.pull import Memory
+from mocha_link.sync.pull import PathStats
 from mocha_link.sync.step import Step
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
@@ -56,10 +56,10 @@ def body(data: bytes = b"data", dtype: int = 0) -> bytes:
 class Pull:
     """titan's pull from io, with everything that it did so far."""
 
-    def __init__(self, *, memory: Memory | None = None, **options: object) -> None:
+    def __init__(self, *, path_stats: PathStats | None = None, **options: object) -> None:
         numbers = itertools.count()
         self.database = Database()
-        self.memory = memory or Memory()
+        self.path_stats = path_stats or PathStats()
         self.session = ClientSession(
             "io",
             "titan",
@@ -67,7 +67,7 @@ class Pull:
             database=self.database,
             new_id=lambda: next(numbers).to_bytes(6),
             timeout_s=5,
-            memory=self.memory,
+            path_stats=self.path_stats,
             **options,
         )
         self.open: list[bytes] = []
@@ -126,7 +126,7 @@ def test_a_window_of_requests_is_under_way(pull):
     pull.answer(b"Ack")
     assert pull.events[-1].messages == TOPICS
     assert pull.session.bandwidth_bytes_s == TOPICS * (6 + len(large)) / 2
-    assert pull.memory.rate_bytes_s == pull.session.bandwidth_bytes_s
+    assert pull.path_stats.rate_bytes_s == pull.session.bandwidth_bytes_s
     assert pull.refusals == []
 
 
@@ -145,7 +145,7 @@ def test_small_messages_widen_the_window(pull):
     ("rate", "rtt_s", "window"), [(1e5, 0.5, 146), (1e3, 0.5, FIRST_WINDOW), (1e9, 1, 256)]
 )
 def test_what_the_last_contact_showed_sets_the_window(rate, rtt_s, window):
-    pull = Pull(memory=Memory(rtt_s=rtt_s, rate_bytes_s=rate))
+    pull = Pull(path_stats=PathStats(rtt_s=rtt_s, rate_bytes_s=rate))
     pull.offer(*[Header.at(0, i % TOPICS, 1000 * (int(NOW_S) - 10)) for i in range(TOPICS)])
     assert len(pull.open) == min(window, TOPICS)
 
@@ -257,22 +257,22 @@ def test_a_message_that_was_cut_lets_the_others_go_first():
     first.offer(header(0), header(1), header(2))
     first.answer(body())
     cut(first)
-    again = Pull(memory=first.memory)
+    again = Pull(path_stats=first.path_stats)
     again.offer(header(1), header(2), header(3))
     assert again.asked == [b"GDATA" + header(i).pack() for i in (2, 3, 1)]
     cut(again)
-    third = Pull(memory=first.memory)
+    third = Pull(path_stats=first.path_stats)
     third.offer(header(1), header(2), header(3))
     assert third.asked == [b"GDATA" + header(i).pack() for i in (3, 1, 2)]
     for _ in range(3):
         third.answer(body())
-    assert third.memory.cut == {}
+    assert third.path_stats.cut == {}
 
 
 def test_a_topic_that_is_always_too_large_starves_nobody_though_it_is_new_each_time():
-    memory = Memory()
+    path_stats = PathStats()
     for contact in range(3):
-        pull = Pull(memory=memory)
+        pull = Pull(path_stats=path_stats)
         large = header(1, age_s=100 - contact)
         pull.offer(large, header(2), header(3))
         if contact:
@@ -280,7 +280,7 @@ def test_a_topic_that_is_always_too_large_starves_nobody_though_it_is_new_each_t
             pull.answer(body())
             pull.answer(body())
         cut(pull)
-    assert len(memory.cut) == 1
+    assert len(path_stats.cut) == 1
 
 
 def test_what_was_only_asked_for_when_the_link_broke_keeps_its_place():
@@ -289,7 +289,7 @@ def test_what_was_only_asked_for_when_the_link_broke_keeps_its_place():
     first.offer(header(0), header(1))
     first.answer(body())
     first.take(first.session.fail("the link is gone", at(2)))
-    again = Pull(memory=first.memory)
+    again = Pull(path_stats=first.path_stats)
     again.offer(header(1), header(2))
     assert again.asked == [b"GDATA" + header(i).pack() for i in (1, 2)]
 
@@ -327,7 +327,7 @@ def test_a_message_with_its_full_time(pull):
     pull.offer(own, header(1))
     pull.answer(payload.pack(0, 0, b"old", stamp_ms=stamp_ms))
     record = pull.database.newest(IO, 0)
-    assert (record.stamp_ms, record.inferred) == (stamp_ms, False)
+    assert (record.stamp_ms, record.extrapolated) == (stamp_ms, False)
     pull.answer(payload.pack(0, 0, b"other", stamp_ms=stamp_ms))
     assert pull.database.newest(IO, 1) is None
     assert "the time of another message" in pull.refusals[0]
@@ -336,7 +336,7 @@ def test_a_message_with_its_full_time(pull):
 def test_a_time_without_trailer_is_inferred(pull):
     pull.offer(header(0))
     pull.answer(body())
-    assert pull.database.newest(IO, 0).inferred
+    assert pull.database.newest(IO, 0).extrapolated
 
 
 def test_messages_that_this_peer_may_not_hand_us():

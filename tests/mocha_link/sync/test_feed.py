@@ -9,53 +9,64 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mocha_link.sync import frames as sync
-from mocha_link.sync import peer_state as acquaintance
-from mocha_link.sync import sync_messages as letters
+from mocha_link.sync import peer_state, sync_messages
 from mocha_link.sync.frames import FrameError
-from mocha_link.sync.peer_state import Acquaintance, record_id
-from mocha_link.sync.sync_messages import Digest, Done, Have, Hello, Open, Reception, Since, Wish
-from mocha_link.sync.sync_sender import MIN_ROOM, Feed
+from mocha_link.sync.peer_state import PeerState, record_id
+from mocha_link.sync.sync_messages import (
+    Digest,
+    Done,
+    FragmentRequest,
+    Have,
+    Hello,
+    Open,
+    Reception,
+    Since,
+)
+from mocha_link.sync.sync_sender import MIN_ROOM, SyncSender
 from tests.mocha_link.network import START_MS, Node, Pull, mutated
 
 
 class Served:
     """A feed whose peer says what the test wants."""
 
-    def __init__(self, node: Node, knowledge=None, *, wishes=(), budget=0, peer=None) -> None:
+    def __init__(self, node: Node, knowledge=None, *, requests=(), budget=0, peer=None) -> None:
         self.node = node
-        self.feed = Feed(node.database, peer or Acquaintance(5))
+        self.sender = SyncSender(node.database, peer or PeerState(5))
         self.round = -1
-        self.open(knowledge or Have(()), wishes=wishes, budget=budget)
+        self.open(knowledge or Have(()), requests=requests, budget=budget)
 
     def say(self, kind: int, content: bytes = b"") -> None:
-        for frame in sync.letter_frames(kind, self.round, content, 1_000):
-            self.feed.receive(frame)
+        for frame in sync.message_frames(kind, self.round, content, 1_000):
+            self.sender.receive(frame)
 
-    def open(self, knowledge, *, wishes=(), budget=0) -> None:
+    def open(self, knowledge, *, requests=(), budget=0) -> None:
         self.round += 1
-        self.say(sync.OPEN, Open(77, budget, knowledge, wishes).encode())
+        self.say(sync.OPEN, Open(77, budget, knowledge, requests).encode())
 
     def hear(self, room: int = 65_536) -> list:
         """All that it says now, read."""
-        collector = sync.Letters(sync.HELLO, sync.GROUPS, sync.DONE)
+        collector = sync.MessageAssembler(sync.HELLO, sync.GROUPS, sync.DONE)
         said = []
-        while frame := self.feed.next(room):
+        while frame := self.sender.next(room):
             assert len(frame) <= room
             if frame[0] == sync.CHUNKS:
                 said.append(sync.read_chunks(frame))
-            elif letter := collector.take(frame):
-                assert letter.round == self.round
+            elif message := collector.take(frame):
+                assert message.round == self.round
                 read = {
                     sync.HELLO: Hello.decode,
                     sync.DONE: Done.decode,
-                    sync.GROUPS: letters.decode_groups,
+                    sync.GROUPS: sync_messages.decode_groups,
                 }
-                said.append(read[letter.kind](letter.content))
+                said.append(read[message.kind](message.content))
         return said
 
     def wholes(self) -> list[int]:
         return [
-            long for said in self.hear() if isinstance(said, sync.Chunks) for long, _ in said.wholes
+            message_id
+            for said in self.hear()
+            if isinstance(said, sync.Chunks)
+            for message_id, _ in said.wholes
         ]
 
 
@@ -66,47 +77,47 @@ def node() -> Node:
 
 def test_nothing_is_said_before_the_peer_asks(node):
     node.store(0, 0, START_MS)
-    assert Feed(node.database, Acquaintance(1)).next(1_000) is None
+    assert SyncSender(node.database, PeerState(1)).next(1_000) is None
 
 
 def test_an_empty_database_is_done_at_once(node):
     served = Served(node)
     assert served.hear() == [
-        Hello(ticket=served.feed._peer.next_ticket),
+        Hello(address_token=served.sender._peer.next_token),
         Done(node.database.epoch, 0, 0, cut_short=False),
     ]
-    assert served.feed.done
-    assert not served.feed.over
+    assert served.sender.done
+    assert not served.sender.over
     served.say(sync.END)
-    assert served.feed.over
+    assert served.sender.over
     assert served.hear() == []
 
 
 def test_the_most_urgent_first_then_the_newest(node):
-    longs = [
+    message_ids = [
         record_id(node.store(0, topic, START_MS + age, priority=priority))
         for topic, (priority, age) in enumerate([(1, 9), (3, 1), (3, 2), (0, 50), (1, 10)])
     ]
-    assert Served(node).wholes() == [longs[n] for n in (2, 1, 4, 0, 3)]
+    assert Served(node).wholes() == [message_ids[n] for n in (2, 1, 4, 0, 3)]
 
 
 def test_what_the_peer_has_in_part_comes_before_the_rest_of_its_priority(node):
     urgent = record_id(node.store(0, 0, START_MS, priority=2))
     newer = record_id(node.store(0, 1, START_MS + 9))
     body = node.store(0, 2, START_MS, size=1_000).body
-    begun = sync.long_id(0, 2, START_MS)
-    wish = Wish(begun, len(body), [(100, 150), (900, len(body))])
-    served = Served(node, wishes=[wish])
+    begun = sync.message_id_of(0, 2, START_MS)
+    request = FragmentRequest(begun, len(body), [(100, 150), (900, len(body))])
+    served = Served(node, requests=[request])
     _, chunks, done = served.hear()
-    assert [long for long, _ in chunks.wholes] == [urgent, newer]
+    assert [message_id for message_id, _ in chunks.wholes] == [urgent, newer]
     assert chunks.pieces == [
         (begun, len(body), 100, 50),
         (begun, len(body), 900, len(body) - 900),
     ]
     assert bytes(chunks.data).endswith(body[100:150] + body[900:])
-    assert served.feed.messages == 3
+    assert served.sender.messages == 3
     assert done.sequence == node.database.sequence
-    served = Served(node, wishes=[wish])  # in small frames the order is to be seen
+    served = Served(node, requests=[request])  # in small frames the order is to be seen
     first = [said for said in served.hear(MIN_ROOM) if isinstance(said, sync.Chunks)][:2]
     assert first[0].wholes[0][0] == urgent
     assert next(piece[0] for chunks in first for piece in chunks.pieces) == begun
@@ -118,8 +129,8 @@ def test_one_small_message_comes_before_a_long_rest(node, left, first):
     newer = record_id(node.store(0, 1, START_MS + 9, size=3_000))
     small = record_id(node.store(0, 2, START_MS, size=2_000))
     total = len(node.store(0, 3, START_MS, size=40_000).body)
-    begun = sync.long_id(0, 3, START_MS)
-    served = Served(node, wishes=[Wish(begun, total, [(total - left, total)])])
+    begun = sync.message_id_of(0, 3, START_MS)
+    served = Served(node, requests=[FragmentRequest(begun, total, [(total - left, total)])])
     order = []
     for said in served.hear(MIN_ROOM):
         if isinstance(said, sync.Chunks):
@@ -131,9 +142,9 @@ def test_one_small_message_comes_before_a_long_rest(node, left, first):
 @pytest.mark.parametrize("total", [999, 1_001])
 def test_a_part_of_something_else_is_not_continued(node, total):
     node.store(0, 0, START_MS, size=1_000)
-    wish = Wish(sync.long_id(0, 1, START_MS), total, [(5, total)])
-    other = Wish(sync.long_id(0, 0, START_MS), total, [(5, total)])
-    _, chunks, _ = Served(node, wishes=[wish, other]).hear()
+    request = FragmentRequest(sync.message_id_of(0, 1, START_MS), total, [(5, total)])
+    other = FragmentRequest(sync.message_id_of(0, 0, START_MS), total, [(5, total)])
+    _, chunks, _ = Served(node, requests=[request, other]).hear()
     assert chunks.pieces == []
     assert len(chunks.wholes) == 1
 
@@ -143,7 +154,7 @@ def test_frames_are_filled_but_small_messages_are_not_cut(node):
         node.store(number, 0, START_MS, size=number)
     frames = []
     served = Served(node)
-    while frame := served.feed.next(1_000):
+    while frame := served.sender.next(1_000):
         frames.append(frame)
     chunks = [sync.read_chunks(frame) for frame in frames if frame[0] == sync.CHUNKS]
     assert not any(each.pieces for each in chunks)
@@ -158,19 +169,19 @@ def test_no_frame_is_larger_than_its_room(node, room):
     served = Served(node)
     prefix = b"prefix"
     total = 0
-    while frame := served.feed.next(room, prefix):
+    while frame := served.sender.next(room, prefix):
         assert len(frame) <= room
         assert frame.startswith(prefix)
         total += len(frame) - len(prefix)
-    assert served.feed.bytes == total
-    assert served.feed.messages == 60
+    assert served.sender.bytes == total
+    assert served.sender.messages == 60
 
 
 def test_what_is_stored_meanwhile_joins_in(node):
     node.store(0, 0, START_MS, size=5_000)
     served = Served(node)
-    served.feed.next(1_000)
-    served.feed.next(1_000)
+    served.sender.next(1_000)
+    served.sender.next(1_000)
     late = node.store(0, 1, START_MS)
     *_, last, done = served.hear(1_000)
     assert (record_id(late), len(late.body)) in last.wholes
@@ -183,24 +194,24 @@ def test_what_was_not_begun_is_dropped_for_the_newer_version(node):
     node.store(0, 0, START_MS, size=5_000, priority=1)
     node.store(0, 1, START_MS, size=5_000)
     served = Served(node)
-    served.feed.next(1_000)
-    served.feed.next(1_000)
+    served.sender.next(1_000)
+    served.sender.next(1_000)
     newer = [record_id(node.store(0, topic, START_MS + 5)) for topic in (0, 1)]
     pieces = [piece[0] for said in served.hear(1_000)[:-1] for piece in said.pieces]
-    assert set(pieces) == {sync.long_id(0, 0, START_MS)}
-    assert served.feed.messages == 3
+    assert set(pieces) == {sync.message_id_of(0, 0, START_MS)}
+    assert served.sender.messages == 3
     assert len(newer) == 2
 
 
 def test_what_was_begun_is_finished_in_the_next_contact_though_it_was_replaced(node):
-    peer = Acquaintance(1)
+    peer = PeerState(1)
     body = node.store(0, 0, START_MS, size=5_000).body
     served = Served(node, peer=peer)
     served.hear(1_000)
     newer = node.store(0, 0, START_MS + 5)
-    begun = sync.long_id(0, 0, START_MS)
-    wish = Wish(begun, len(body), [(2_000, len(body))])
-    _, chunks, _ = Served(node, wishes=[wish], peer=peer).hear()
+    begun = sync.message_id_of(0, 0, START_MS)
+    request = FragmentRequest(begun, len(body), [(2_000, len(body))])
+    _, chunks, _ = Served(node, requests=[request], peer=peer).hear()
     assert chunks.pieces == [(begun, len(body), 2_000, len(body) - 2_000)]
     assert chunks.wholes == [(record_id(newer), len(newer.body))]
     Served(node, peer=peer)  # the peer does not want it any more
@@ -208,18 +219,18 @@ def test_what_was_begun_is_finished_in_the_next_contact_though_it_was_replaced(n
 
 
 def test_what_was_begun_is_let_go_when_the_peer_is_done(node):
-    peer = Acquaintance(1)
+    peer = PeerState(1)
     node.store(0, 0, START_MS, size=5_000)
     served = Served(node, peer=peer)
     served.hear(1_000)
-    assert peer.begun(sync.long_id(0, 0, START_MS))
+    assert peer.begun(sync.message_id_of(0, 0, START_MS))
     served.say(sync.END)
-    assert peer.begun(sync.long_id(0, 0, START_MS)) is None
+    assert peer.begun(sync.message_id_of(0, 0, START_MS)) is None
 
 
 def test_what_is_kept_of_what_was_begun_is_bounded(node, monkeypatch):
-    monkeypatch.setattr(acquaintance, "BEGUN_BYTES", 64_000)
-    peer = Acquaintance(1)
+    monkeypatch.setattr(peer_state, "BEGUN_BYTES", 64_000)
+    peer = PeerState(1)
     for number in range(6):
         peer.begin(number, node.store(number, 0, START_MS, size=20_000))
     assert [number for number in range(6) if peer.begun(number)] == [3, 4, 5]
@@ -231,9 +242,9 @@ def test_a_budget_is_never_exceeded(node):
     served = Served(node, budget=5_000)
     *_, done = served.hear(1_000)
     assert done.cut_short
-    assert served.feed.cut_short
-    assert 4_000 < served.feed.bytes <= 5_000
-    assert served.feed.done
+    assert served.sender.cut_short
+    assert 4_000 < served.sender.bytes <= 5_000
+    assert served.sender.done
 
 
 @pytest.mark.parametrize("budget", [1, 60, 100])
@@ -249,9 +260,9 @@ def test_a_budget_that_suffices_cuts_nothing_short(node):
     node.store(0, 0, START_MS, size=500)
     free = Served(node)
     free.hear()
-    served = Served(node, budget=free.feed.bytes)
+    served = Served(node, budget=free.sender.bytes)
     assert not served.hear()[-1].cut_short
-    assert served.feed.bytes == free.feed.bytes
+    assert served.sender.bytes == free.sender.bytes
 
 
 def test_since_then(node):
@@ -267,15 +278,17 @@ def test_since_then(node):
 def test_an_unknown_epoch_or_number_is_said_and_asked_again(node, of):
     node.store(0, 0, START_MS)
     body = node.store(0, 1, START_MS, size=5_000).body
-    wish = Wish(sync.long_id(0, 1, START_MS), len(body), [(0, 10), (4_000, len(body))])
+    request = FragmentRequest(
+        sync.message_id_of(0, 1, START_MS), len(body), [(0, 10), (4_000, len(body))]
+    )
     since = Since(node.database.epoch + of[0], node.database.sequence + of[1], ())
-    served = Served(node, since, wishes=[wish])
-    ticket = served.feed._peer.next_ticket
-    assert served.hear() == [Hello(Reception.UNKNOWN, ticket=ticket)]
+    served = Served(node, since, requests=[request])
+    address_token = served.sender._peer.next_token
+    assert served.hear() == [Hello(Reception.UNKNOWN, address_token=address_token)]
     node.store(0, 2, START_MS)
     assert served.hear() == []
-    assert not served.feed.done
-    served.open(Have(()), wishes=[wish])
+    assert not served.sender.done
+    served.open(Have(()), requests=[request])
     hello, chunks, done = served.hear()
     assert hello.reception is Reception.WELCOME
     assert len(chunks.wholes) == 2
@@ -297,26 +310,28 @@ def test_only_what_differs_is_asked_about(node):
     hello, groups, chunks = served.hear()
     assert hello.reception is Reception.WELCOME
     assert groups == {1: node.database.group_digests(1)}
-    assert {long >> 56 for long, _ in chunks.wholes} == {2}
-    assert not served.feed.done
-    answer = letters.Answer(
+    assert {message_id >> 56 for message_id, _ in chunks.wholes} == {2}
+    assert not served.sender.done
+    answer = sync_messages.Answer(
         1, 1 << 5 | 1 << 6, [record_id(r) for g in (5, 6) for r in other.database.headers_in(1, g)]
     )
-    served.say(sync.ANSWER, letters.encode_answers([answer]))
+    served.say(sync.ANSWER, sync_messages.encode_answers([answer]))
     chunks, _ = served.hear()
-    assert [long for long, _ in chunks.wholes] == [sync.long_id(1, 6, START_MS + 1)]
+    assert [message_id for message_id, _ in chunks.wholes] == [
+        sync.message_id_of(1, 6, START_MS + 1)
+    ]
 
 
 def test_an_answer_to_nothing_is_nothing(node):
     node.store(0, 0, START_MS)
-    served = Served(node, Have((sync.long_id(0, 0, START_MS),)))
+    served = Served(node, Have((sync.message_id_of(0, 0, START_MS),)))
     served.hear()
-    served.say(sync.ANSWER, letters.encode_answers([letters.Answer(0, 0xFFFF, ())]))
+    served.say(sync.ANSWER, sync_messages.encode_answers([sync_messages.Answer(0, 0xFFFF, ())]))
     assert served.hear() == []
 
 
 def test_what_the_peer_gave_us_is_not_given_back(node):
-    peer = Acquaintance(1)
+    peer = PeerState(1)
     peer.met(77)
     record = node.store(0, 0, START_MS)
     peer.holds(record_id(record))
@@ -326,7 +341,7 @@ def test_what_the_peer_gave_us_is_not_given_back(node):
 
 
 def test_a_peer_that_was_restarted_may_have_lost_what_it_had(node):
-    peer = Acquaintance(1)
+    peer = PeerState(1)
     peer.met(76)
     record = node.store(0, 0, START_MS)
     peer.holds(record_id(record))
@@ -336,14 +351,14 @@ def test_a_peer_that_was_restarted_may_have_lost_what_it_had(node):
 
 def test_a_newer_version_than_ours_is_not_answered_with_ours(node):
     node.store(0, 0, START_MS)
-    assert Served(node, Have((sync.long_id(0, 0, START_MS + 1),))).wholes() == []
+    assert Served(node, Have((sync.message_id_of(0, 0, START_MS + 1),))).wholes() == []
 
 
 def test_of_topics_with_a_history_older_versions_count_as_well(node):
-    longs = [record_id(node.store(0, 3, START_MS + version)) for version in range(3)]
+    message_ids = [record_id(node.store(0, 3, START_MS + version)) for version in range(3)]
     peer = node.peer("asker")
-    newer = sync.long_id(0, 3, START_MS + 5)
-    assert Served(node, Have((newer,)), peer=peer).wholes() == longs[::-1]
+    newer = sync.message_id_of(0, 3, START_MS + 5)
+    assert Served(node, Have((newer,)), peer=peer).wholes() == message_ids[::-1]
     both = (newer, newer + 1, newer + 2)
     assert Served(node, Have(both), peer=peer).wholes() == []
 
@@ -351,26 +366,26 @@ def test_of_topics_with_a_history_older_versions_count_as_well(node):
 def test_a_time_that_was_inferred_is_compared_as_its_header_is(node):
     record = node.store(0, 0, START_MS)
     elsewhere = START_MS + 65_536_000 * 3
-    with_time = Have((sync.long_id(0, 0, elsewhere + 1),))
+    with_time = Have((sync.message_id_of(0, 0, elsewhere + 1),))
     assert Served(node, with_time).wholes() == []
     guessed = Node("other")
-    guessed.store(0, 0, START_MS, inferred=True)
+    guessed.store(0, 0, START_MS, extrapolated=True)
     # The peer's time may be a wrong guess, so it does not count as newer; the same one counts.
     assert Served(guessed, with_time).wholes() == [record_id(record)]
-    assert Served(guessed, Have((sync.long_id(0, 0, elsewhere),))).wholes() == []
+    assert Served(guessed, Have((sync.message_id_of(0, 0, elsewhere),))).wholes() == []
 
 
 def test_what_came_from_elsewhere_is_not_sent_to_the_end(node):
     node.store(0, 0, START_MS, size=50_000)
     small = node.store(0, 1, START_MS, size=5)
     served = Served(node)
-    served.feed.next(1_000)
-    served.feed.next(1_000)
-    served.say(sync.SKIP, letters.encode_skip(sync.long_id(0, 0, START_MS)))
-    served.say(sync.SKIP, letters.encode_skip(sync.long_id(0, 0, START_MS)))
+    served.sender.next(1_000)
+    served.sender.next(1_000)
+    served.say(sync.SKIP, sync_messages.encode_skip(sync.message_id_of(0, 0, START_MS)))
+    served.say(sync.SKIP, sync_messages.encode_skip(sync.message_id_of(0, 0, START_MS)))
     assert served.wholes() in ([record_id(small)], [])
-    assert served.feed.done
-    assert served.feed.bytes < 2_200
+    assert served.sender.done
+    assert served.sender.bytes < 2_200
 
 
 def test_frames_may_come_twice_and_late(node):
@@ -402,17 +417,19 @@ def asking_frames(seed: int) -> tuple[Node, list[bytes]]:
         assert begin
     digest = Open(1, 0, Digest({n: n for n in range(5)})).encode()
     since = Open(1, 0, Since(server.database.epoch, 3, (1, 2, 3))).encode()
-    answer = letters.encode_answers([letters.Answer(n, 0xFFFF, [n << 56]) for n in range(5)])
+    answer = sync_messages.encode_answers(
+        [sync_messages.Answer(n, 0xFFFF, [n << 56]) for n in range(5)]
+    )
     for round_, (kind, content) in enumerate(
         [
             (sync.OPEN, since),
             (sync.OPEN, digest),
             (sync.ANSWER, answer),
-            (sync.SKIP, letters.encode_skip(1 << 56)),
+            (sync.SKIP, sync_messages.encode_skip(1 << 56)),
             (sync.END, b""),
         ]
     ):
-        said += sync.letter_frames(kind, min(round_, 1), content, 400)
+        said += sync.message_frames(kind, min(round_, 1), content, 400)
     return server, said
 
 
@@ -420,15 +437,15 @@ def asking_frames(seed: int) -> tuple[Node, list[bytes]]:
 def test_whatever_comes_a_feed_only_raises_frame_errors(seed):
     rng = random.Random(seed)
     server, said = asking_frames(0)
-    feed = Feed(server.database, server.peer("asker"))
+    sender = SyncSender(server.database, server.peer("asker"))
     for _ in range(40):
         frame = rng.choice(said)
         frame = frame if rng.random() < 0.3 else mutated(rng, frame)
         try:
-            feed.receive(rng.randbytes(rng.randrange(60)) if rng.random() < 0.1 else frame)
+            sender.receive(rng.randbytes(rng.randrange(60)) if rng.random() < 0.1 else frame)
         except FrameError:
             continue
         for _ in range(rng.randrange(4)):
-            out = feed.next(300)
+            out = sender.next(300)
             assert out is None or len(out) <= 300
     assert len(server.content) == 30

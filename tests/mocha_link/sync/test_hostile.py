@@ -132,7 +132,7 @@ def test_bad_bytes_where_requests_are_expected(besieged, recorded):
 
 def await_handshake(caller: socket.socket) -> None:
     """libzmq takes no requests together with the handshake."""
-    parser = zmtp.Connection(1000)
+    parser = zmtp.ZmtpSession(1000)
     while not parser.ready:
         data = caller.recv(65_536)
         assert data, "not a ROUTER?"
@@ -221,11 +221,11 @@ def test_bad_bytes_where_answers_are_expected(besieged, recorded):
 def test_bad_datagrams_in_answer(besieged, recorded):
     """titan believes that datagrams are the way to io."""
     fuzzer = Fuzzer(recorded, 7)
-    memory = besieged.titan._gossip._memories["io"]
+    path_stats = besieged.titan._gossip._path_stats["io"]
     with Liar(besieged) as liar:
         while besieged.frames < 15_000:
             for _ in range(CHECK_EVERY // BATCH):
-                memory.rtt_s, memory.udp_misses = 0.05, 0
+                path_stats.rtt_s, path_stats.udp_misses = 0.05, 0
                 with liar.asked() as (connection, parser):
                     say(connection, HANDSHAKE_OF_ROUTER)
                     token = requests(connection, parser)[0][:ID_BYTES]

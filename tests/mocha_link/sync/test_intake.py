@@ -16,10 +16,10 @@ from mocha_link.store.header import WRAP_MS
 from mocha_link.store.payload import PayloadError
 from mocha_link.store.record import Knowledge
 from mocha_link.sync import frames as sync
-from mocha_link.sync import sync_messages as letters
+from mocha_link.sync import sync_messages
 from mocha_link.sync.peer_state import record_id
 from mocha_link.sync.sync_messages import Digest, Done, Have, Hello, Open, Reception, Since
-from mocha_link.sync.sync_receiver import Intake
+from mocha_link.sync.sync_receiver import SyncReceiver
 from tests.mocha_link.network import NOW, START_MS, TEAM, Node, Pull, mutated
 
 EPOCH = 99
@@ -29,7 +29,7 @@ def body(stamp_ms: int | None = START_MS, data: bytes = b"data", dtype: int = 0)
     return payload.pack(dtype, 0, data, stamp_ms=stamp_ms)
 
 
-LONG = sync.long_id(3, 4, START_MS)
+LONG = sync.message_id_of(3, 4, START_MS)
 
 
 class Asking:
@@ -37,43 +37,43 @@ class Asking:
 
     def __init__(self, node: Node | None = None, **options: object) -> None:
         self.node = node or Node("asker")
-        self.intake = Intake(
+        self.receiver = SyncReceiver(
             "io",
             team=TEAM,
             database=self.node.database,
-            shelf=self.node.shelf,
-            acquaintance=self.node.peer("io"),
+            reassembly=self.node.reassembly,
+            peer_state=self.node.peer("io"),
             **options,
         )
-        self.letters = sync.Letters(sync.OPEN, sync.ANSWER, sync.SKIP, sync.END)
+        self.sync_messages = sync.MessageAssembler(sync.OPEN, sync.ANSWER, sync.SKIP, sync.END)
         self.said: list[object] = []
         self.events: list[object] = []
         self.refusals: list[str] = []
         self.round = 0
         self.number = 0
-        self.take(self.intake.open(NOW))
+        self.take(self.receiver.open(NOW))
 
     def take(self, step) -> None:
         self.events += step.events
         self.refusals += step.refusals
         for frame in step.frames:
-            letter = self.letters.take(frame)
-            if letter:
-                if letter.round != self.round:
-                    self.round, self.number = letter.round, 0
+            message = self.sync_messages.take(frame)
+            if message:
+                if message.round != self.round:
+                    self.round, self.number = message.round, 0
                 read = {
                     sync.OPEN: Open.decode,
-                    sync.ANSWER: letters.decode_answers,
-                    sync.SKIP: letters.decode_skip,
+                    sync.ANSWER: sync_messages.decode_answers,
+                    sync.SKIP: sync_messages.decode_skip,
                     sync.END: lambda _: "END",
                 }
-                self.said.append(read[letter.kind](letter.content))
+                self.said.append(read[message.kind](message.content))
 
     def hear(self, frame: bytes) -> None:
-        self.take(self.intake.receive(frame, NOW))
+        self.take(self.receiver.receive(frame, NOW))
 
-    def letter(self, kind: int, content: bytes) -> None:
-        for frame in sync.letter_frames(kind, self.round, content, 500):
+    def message(self, kind: int, content: bytes) -> None:
+        for frame in sync.message_frames(kind, self.round, content, 500):
             self.hear(frame)
 
     def chunks(self, *wholes: tuple[int, bytes], pieces=()) -> bytes:
@@ -81,14 +81,17 @@ class Asking:
         self.number += 1
         return sync.chunks_frame(
             (self.round, self.number - 1),
-            [sync.WHOLE.pack(long, len(body)) for long, body in wholes],
-            [sync.PIECE.pack(long, len(b), start, end - start) for long, b, start, end in pieces],
+            [sync.WHOLE.pack(message_id, len(body)) for message_id, body in wholes],
+            [
+                sync.PIECE.pack(message_id, len(b), start, end - start)
+                for message_id, b, start, end in pieces
+            ],
             [body for _, body in wholes] + [b[start:end] for _, b, start, end in pieces],
         )
 
     def done(self, *, cut_short: bool = False, frames: int | None = None) -> None:
         frames = self.number if frames is None else frames
-        self.letter(sync.DONE, Done(EPOCH, 50, frames, cut_short).encode())
+        self.message(sync.DONE, Done(EPOCH, 50, frames, cut_short).encode())
 
     @property
     def knowledge(self):
@@ -97,7 +100,7 @@ class Asking:
 
 def test_a_fresh_robot_says_that_it_has_nothing():
     asking = Asking(budget=7)
-    assert asking.said == [Open(asking.node.peer("io").run, 7, Have(()), [])]
+    assert asking.said == [Open(asking.node.peer("io").boot_id, 7, Have(()), [])]
 
 
 def test_one_with_few_messages_lists_them():
@@ -127,9 +130,9 @@ def test_of_many_new_ones_the_largest_are_listed_if_the_others_are_small():
     node.database.learn("io", Knowledge(EPOCH, 40, 0))
     for number in range(600):
         node.store(number % 256, number >> 8, START_MS, size=0 if number < 200 else 300)
-    listed = Asking(node).knowledge.longs
+    listed = Asking(node).knowledge.message_ids
     assert len(listed) == 512
-    assert {sync.long_id(n % 256, n >> 8, START_MS) for n in range(200, 600)} <= set(listed)
+    assert {sync.message_id_of(n % 256, n >> 8, START_MS) for n in range(200, 600)} <= set(listed)
     for number in range(600, 800):
         node.store(number % 256, number >> 8, START_MS, size=300)
     assert isinstance(Asking(node).knowledge, Digest)
@@ -139,28 +142,28 @@ def test_an_opening_comes_in_frames_that_fit():
     node = Node("asker")
     for number in range(400):
         node.store(number % 256, number >> 8, START_MS)
-    step = Asking(node, room=300).intake.open(NOW)
+    step = Asking(node, room=300).receiver.open(NOW)
     assert len(step.frames) == -(-(400 * 8 + 21) // 286)
     assert all(len(frame) <= 300 for frame in step.frames)
 
 
 def test_a_message_is_stored_and_told():
     asking = Asking()
-    asking.letter(sync.HELLO, Hello().encode())
+    asking.message(sync.HELLO, Hello().encode())
     asking.hear(asking.chunks((LONG, body())))
     (record,) = asking.node.database.kept()
     assert record.body == body()
     assert record.stamp_ms == START_MS
     assert record.received_s == NOW.unix_s
-    assert not record.inferred
+    assert not record.extrapolated
     assert asking.events == [
         MessageStored("io", NOW.unix_s, "r003", "/t4", record.header, len(body()))
     ]
-    assert asking.intake.messages == 1
+    assert asking.receiver.messages == 1
     asking.done()
     assert asking.said[-1] == "END"
-    assert asking.intake.over
-    assert asking.intake.complete
+    assert asking.receiver.over
+    assert asking.receiver.complete
     assert asking.refusals == []
     assert asking.node.database.knowledge("io") == Knowledge(EPOCH, 50, 1)
 
@@ -168,7 +171,7 @@ def test_a_message_is_stored_and_told():
 def test_a_message_of_an_original_node_has_an_inferred_time():
     asking = Asking()
     asking.hear(asking.chunks((LONG, body(None))))
-    assert asking.node.database.kept()[0].inferred
+    assert asking.node.database.kept()[0].extrapolated
 
 
 def test_pieces_come_in_any_order_and_more_than_once():
@@ -182,29 +185,31 @@ def test_pieces_come_in_any_order_and_more_than_once():
     frames += [asking.chunks(pieces=[(LONG, whole_body, 400, 3_100)])]
     random.Random(2).shuffle(frames)
     asking.done()
-    assert not asking.intake.over
+    assert not asking.receiver.over
     for frame in frames + frames:
         asking.hear(frame)
     assert asking.node.content == {LONG: whole_body}
-    assert asking.intake.complete
+    assert asking.receiver.complete
     assert len(asking.events) == 1
 
 
 def test_done_before_the_rest_waits_for_the_rest():
     asking = Asking()
-    first, second = (asking.chunks((sync.long_id(3, topic, START_MS), body())) for topic in (1, 2))
+    first, second = (
+        asking.chunks((sync.message_id_of(3, topic, START_MS), body())) for topic in (1, 2)
+    )
     asking.done()
     asking.hear(second)
-    assert not asking.intake.over
+    assert not asking.receiver.over
     asking.hear(first)
-    assert asking.intake.complete
+    assert asking.receiver.complete
 
 
 def test_a_pull_that_the_budget_cut_short_is_over_but_teaches_nothing():
     asking = Asking(budget=100)
     asking.done(cut_short=True)
-    assert asking.intake.over
-    assert not asking.intake.complete
+    assert asking.receiver.over
+    assert not asking.receiver.complete
     assert asking.node.database.knowledge("io") is None
     assert asking.said[-1] == "END"
 
@@ -222,18 +227,18 @@ def test_a_server_that_does_not_remember_us_gets_the_whole_list():
     record = node.store(0, 0, START_MS)
     node.database.learn("io", Knowledge(EPOCH, 40, 1))
     asking = Asking(node)
-    asking.letter(sync.HELLO, Hello(Reception.UNKNOWN).encode())
+    asking.message(sync.HELLO, Hello(Reception.UNKNOWN).encode())
     assert asking.knowledge == Have((record_id(record),))
     assert asking.round == 1
-    asking.letter(sync.HELLO, Hello().encode())
+    asking.message(sync.HELLO, Hello().encode())
     asking.done()
-    assert asking.intake.complete
+    assert asking.receiver.complete
 
 
 def test_a_server_that_never_remembers_is_not_asked_for_ever():
     asking = Asking()
     for _ in range(20):
-        asking.letter(sync.HELLO, Hello(Reception.UNKNOWN).encode())
+        asking.message(sync.HELLO, Hello(Reception.UNKNOWN).encode())
     assert asking.round == sync.ROUNDS - 1
 
 
@@ -245,9 +250,9 @@ def test_only_what_differs_is_listed_in_an_answer():
     digests[3] ^= 1
     asking = Asking(node)
     groups = [(1, digests), (2, range(16))]
-    asking.letter(sync.GROUPS, letters.encode_groups(groups))
+    asking.message(sync.GROUPS, sync_messages.encode_groups(groups))
     one, two = asking.said[-1]
-    assert one == (1, 1 << 3, [sync.long_id(1, topic, START_MS) for topic in (3, 19, 35)])
+    assert one == (1, 1 << 3, [sync.message_id_of(1, topic, START_MS) for topic in (3, 19, 35)])
     assert two == (2, 0xFFFE, [])  # 0 is the digest of nothing
 
 
@@ -280,21 +285,21 @@ def test_what_may_be_damaged_is_asked_for_once_more(bad, reason, in_pieces):
     give(bad)
     assert len(asking.refusals) == 1
     assert reason in asking.refusals[0]
-    assert len(asking.node.shelf) == 0
+    assert len(asking.node.reassembly) == 0
     asking.done()
     assert asking.round == 1
     assert asking.knowledge == Have(())
     give(bad)
     asking.done()
-    assert asking.intake.over  # given up until the next pull
-    assert not asking.intake.complete
+    assert asking.receiver.over  # given up until the next pull
+    assert not asking.receiver.complete
     assert asking.node.database.knowledge("io") is None
     asking = Asking(asking.node)
     give(bad)
     asking.done()
     give(body())
     asking.done()
-    assert asking.intake.complete
+    assert asking.receiver.complete
     assert asking.node.content == {LONG: body()}
 
 
@@ -303,7 +308,7 @@ def test_an_intact_message_of_another_type_is_refused_for_good():
     asking.hear(asking.chunks((LONG, body(dtype=7))))
     asking.done()
     assert "type id 7, but /t4 is a/B (0) here; use the same team file" in asking.refusals[0]
-    assert asking.intake.complete
+    assert asking.receiver.complete
     assert asking.node.content == {}
     assert asking.node.database.knowledge("io")
 
@@ -318,47 +323,51 @@ def test_what_the_team_does_not_trust_is_refused_for_good():
     asking.hear(asking.chunks((LONG, body())))
     asking.done()
     assert "3 did not sign it" in asking.refusals[0]
-    assert asking.intake.complete
+    assert asking.receiver.complete
     assert asking.node.content == {}
 
 
 @pytest.mark.parametrize("pieces", [False, True])
 @pytest.mark.parametrize(
-    "long",
+    "message_id",
     [
         LONG - LONG % (1 << 48) + 2**47,
-        sync.long_id(3, 4, START_MS - START_MS % WRAP_MS + 1_000),
-        sync.long_id(3, 4, 0),
+        sync.message_id_of(3, 4, START_MS - START_MS % WRAP_MS + 1_000),
+        sync.message_id_of(3, 4, 0),
     ],
 )
-def test_impossible_and_unsafe_times_are_refused(long, pieces):
+def test_impossible_and_unsafe_times_are_refused(message_id, pieces):
     asking = Asking()
     if pieces:
-        asking.hear(asking.chunks(pieces=[(long, body(), 0, 10)]))
+        asking.hear(asking.chunks(pieces=[(message_id, body(), 0, 10)]))
     else:
-        asking.hear(asking.chunks((long, body())))
+        asking.hear(asking.chunks((message_id, body())))
     assert len(asking.refusals) == 1
     assert asking.node.content == {}
-    assert len(asking.node.shelf) == 0
+    assert len(asking.node.reassembly) == 0
 
 
 def test_robots_and_topics_that_the_team_does_not_know_are_refused(team):
     node = Node("asker")
-    intake = Intake(
-        "io", team=team, database=node.database, shelf=node.shelf, acquaintance=node.peer("io")
+    receiver = SyncReceiver(
+        "io",
+        team=team,
+        database=node.database,
+        reassembly=node.reassembly,
+        peer_state=node.peer("io"),
     )
-    intake.open(NOW)
+    receiver.open(NOW)
     asking = Asking()
     for robot_id, topic_id in ((3, 0), (0, 3), (255, 255)):
-        long = sync.long_id(robot_id, topic_id, START_MS)
-        frame = asking.chunks((long, body()), pieces=[(long, body(), 0, 10)])
-        step = intake.receive(frame, NOW)
+        message_id = sync.message_id_of(robot_id, topic_id, START_MS)
+        frame = asking.chunks((message_id, body()), pieces=[(message_id, body(), 0, 10)])
+        step = receiver.receive(frame, NOW)
         assert len(step.refusals) == 2
         assert "no such robot or topic in the team" in step.refusals[0]
     assert node.content == {}
     done = Done(EPOCH, 50, asking.number, cut_short=False).encode()
-    step = intake.receive(sync.letter_frames(sync.DONE, 0, done, 500)[0], NOW)
-    assert intake.complete  # there is nothing to be had by asking again
+    step = receiver.receive(sync.message_frames(sync.DONE, 0, done, 500)[0], NOW)
+    assert receiver.complete  # there is nothing to be had by asking again
 
 
 def test_a_damaged_frame_is_made_up_for():
@@ -370,7 +379,7 @@ def test_a_damaged_frame_is_made_up_for():
     assert asking.round == 1
     asking.hear(asking.chunks((LONG, body())))
     asking.done()
-    assert asking.intake.complete
+    assert asking.receiver.complete
     assert asking.node.content == {LONG: body()}
 
 
@@ -380,8 +389,8 @@ def test_a_peer_that_damages_everything_is_not_asked_for_ever():
         asking.chunks()
         asking.hear(b"junk")
         asking.done()
-    assert asking.intake.over
-    assert not asking.intake.complete
+    assert asking.receiver.over
+    assert not asking.receiver.complete
     assert asking.round == 2
 
 
@@ -389,11 +398,11 @@ def test_a_part_whose_rest_never_comes_is_asked_for():
     asking = Asking()
     asking.hear(asking.chunks(pieces=[(LONG, body(), 5, 10)]))
     asking.done()
-    (wish,) = asking.said[-1].wishes
-    assert wish == (LONG, len(body()), [(0, 5), (10, len(body()))])
+    (request,) = asking.said[-1].requests
+    assert request == (LONG, len(body()), [(0, 5), (10, len(body()))])
     asking.hear(asking.chunks(pieces=[(LONG, body(), 0, 5), (LONG, body(), 10, len(body()))]))
     asking.done()
-    assert asking.intake.complete
+    assert asking.receiver.complete
     assert asking.node.content == {LONG: body()}
 
 
@@ -401,12 +410,12 @@ def test_a_part_that_nobody_needs_any_more_is_dropped():
     node = Node("asker")
     asking = Asking(node)
     asking.hear(asking.chunks(pieces=[(LONG, body(), 0, 10)]))
-    assert [wish.long for wish in Asking(node).said[0].wishes] == [LONG]
+    assert [request.message_id for request in Asking(node).said[0].requests] == [LONG]
     node.store(3, 4, START_MS + 1)
-    assert Asking(node).said[0].wishes == []
-    assert len(node.shelf) == 0
+    assert Asking(node).said[0].requests == []
+    assert len(node.reassembly) == 0
     asking.done()
-    assert asking.intake.complete
+    assert asking.receiver.complete
 
 
 def test_the_rest_of_what_came_from_elsewhere_is_declined_once():
@@ -416,9 +425,9 @@ def test_the_rest_of_what_came_from_elsewhere_is_declined_once():
     asking.hear(asking.chunks(pieces=[(LONG, large, 0, 10), (LONG, large, 10, 20)]))
     asking.hear(asking.chunks(pieces=[(LONG, large, 20, 30)]))
     assert asking.said[1:] == [LONG]
-    assert len(node.shelf) == 0
+    assert len(node.reassembly) == 0
     asking.done()
-    assert asking.intake.complete
+    assert asking.receiver.complete
     assert asking.events == []
 
 
@@ -427,7 +436,7 @@ def test_parts_of_too_many_messages_are_refused():
     for number in range(1_030):
         asking.hear(asking.chunks(pieces=[(LONG + number, body(), 0, 1)]))
     assert asking.refusals == ["parts of too many messages"] * 6
-    assert len(asking.node.shelf) == 1_024
+    assert len(asking.node.reassembly) == 1_024
 
 
 def test_one_frame_is_not_complained_of_for_ever():
@@ -450,7 +459,7 @@ def test_junk_is_counted(frame):
     asking = Asking()
     asking.hear(frame)
     assert len(asking.refusals) == 1
-    assert not asking.intake.over
+    assert not asking.receiver.over
 
 
 def serving_frames() -> list[bytes]:
@@ -464,9 +473,9 @@ def serving_frames() -> list[bytes]:
         pass
     groups = [(robot_id, range(16)) for robot_id in range(9)]
     said = pull.down
-    said += sync.letter_frames(sync.HELLO, 0, Hello(Reception.UNKNOWN).encode(), 400)
-    said += sync.letter_frames(sync.GROUPS, 1, letters.encode_groups(groups), 400)
-    said += sync.letter_frames(sync.DONE, 1, Done(1, 2, 3, cut_short=True).encode(), 400)
+    said += sync.message_frames(sync.HELLO, 0, Hello(Reception.UNKNOWN).encode(), 400)
+    said += sync.message_frames(sync.GROUPS, 1, sync_messages.encode_groups(groups), 400)
+    said += sync.message_frames(sync.DONE, 1, Done(1, 2, 3, cut_short=True).encode(), 400)
     return said
 
 
@@ -480,8 +489,8 @@ def test_whatever_comes_an_intake_keeps_only_good_messages(seed):
         frame = rng.choice(said)
         if rng.random() < 0.7:
             frame = mutated(rng, frame)
-        asking.intake.receive(frame, NOW)
-        if asking.intake.over:
+        asking.receiver.receive(frame, NOW)
+        if asking.receiver.over:
             asking = Asking(node)
     for record in node.database.kept():
         payload.check(record.body)
@@ -496,20 +505,20 @@ def test_memory_grows_with_what_came_and_not_with_what_was_announced():
     tracemalloc.start()
     before, _ = tracemalloc.get_traced_memory()
     for number in range(2_000):
-        long = sync.long_id(number % 256, number >> 8, START_MS)
+        message_id = sync.message_id_of(number % 256, number >> 8, START_MS)
         offset = rng.randrange(60_000_000)
         frame = sync.chunks_frame(
-            (0, rng.randrange(2**32)), [], [sync.PIECE.pack(long, 2**26, offset, 1)], [b"?"]
+            (0, rng.randrange(2**32)), [], [sync.PIECE.pack(message_id, 2**26, offset, 1)], [b"?"]
         )
         frame = (
             frame
             if number % 2
-            else sync.letter_frame(
+            else sync.message_frame(
                 sync.GROUPS, number % 8, bytes(2**20), rng.randrange(2**10) * 300, 300
             )
         )
         came += len(frame)
-        asking.intake.receive(frame, NOW)
+        asking.receiver.receive(frame, NOW)
     after, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert after - before < 8 * came

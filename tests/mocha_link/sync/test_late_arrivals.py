@@ -7,7 +7,7 @@ import pytest
 from mocha_link.datagram.datagram import Flow
 from mocha_link.links.metrics import SyncEnded, SyncStarted
 from mocha_link.store.database import Database
-from mocha_link.sync.frames import END, letter_frames
+from mocha_link.sync.frames import END, message_frames
 from mocha_link.sync.server import Server
 from mocha_link.sync.sync_messages import Reception
 from tests.mocha_link.sync.test_server import (
@@ -15,8 +15,8 @@ from tests.mocha_link.sync.test_server import (
     PLENTY,
     ROUTE,
     TOPICS,
-    Acquaintance,
     Asker,
+    PeerState,
     all_of,
     at,
     reception,
@@ -34,7 +34,7 @@ def database() -> Database:
 
 @pytest.fixture
 def server(database) -> Server:
-    return Server("io", database, Acquaintance(5))
+    return Server("io", database, PeerState(5))
 
 
 def test_a_peer_that_is_gone_after_its_end_is_not_called_for_ever(server):
@@ -80,14 +80,14 @@ def test_what_was_lost_with_a_connection_is_said_again_on_the_next(server, datab
     io.open(route=OTHER)
     io.read()
     assert io.got == all_of(database)
-    assert io.intake.complete
+    assert io.receiver.complete
 
 
 @pytest.mark.parametrize("by_datagram", [False, True])
 def test_only_an_opening_begins_a_sync(server, by_datagram):
     """An END of a pull that nobody remembers."""
     io = Asker(server)
-    (io.opening,) = letter_frames(END, 0, b"", 1100)
+    (io.opening,) = message_frames(END, 0, b"", 1100)
     if by_datagram:
         io.outbox.append(io.opening)
         io.flow = Flow(io.id, lambda _: io.outbox.pop(0) if io.outbox else None)

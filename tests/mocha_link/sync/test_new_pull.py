@@ -12,8 +12,8 @@ import zmq
 
 from mocha_link.clock import Instant
 from mocha_link.links.metrics import SyncTimedOut
-from mocha_link.node.actions import Dial, HangUp
-from mocha_link.node.connection import CurveLine, TcpLine
+from mocha_link.node.actions import Connect, Disconnect
+from mocha_link.node.connection import CurveConnection, TcpConnection
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.transport import Transport
 from tests.mocha_link.node.test_line import (
@@ -38,7 +38,7 @@ def context():
     context.destroy(0)
 
 
-def sleeping_peer(peer: Peer, line: TcpLine) -> socket.socket:
+def sleeping_peer(peer: Peer, line: TcpConnection) -> socket.socket:
     """The peer reads nothing, and a lot is under way to it."""
     line.turn(100.0)
     connection = peer.accept()
@@ -60,7 +60,7 @@ def rest(connection: socket.socket) -> bytes:
 
 def test_what_was_sent_and_is_not_out_does_not_come_late():
     with contextlib.closing(Peer()) as peer:
-        line = TcpLine("127.0.0.1", peer.port)
+        line = TcpConnection("127.0.0.1", peer.port)
         connection = sleeping_peer(peer, line)
         line.abort()
         with pytest.raises(ConnectionResetError):
@@ -69,7 +69,7 @@ def test_what_was_sent_and_is_not_out_does_not_come_late():
 
 def test_an_end_still_gets_out():
     with contextlib.closing(Peer()) as peer:
-        line = TcpLine("127.0.0.1", peer.port)
+        line = TcpConnection("127.0.0.1", peer.port)
         line.turn(100.0)
         connection = peer.accept()
         connection.sendall(GREETING + READY)
@@ -82,7 +82,9 @@ def test_an_end_still_gets_out():
 def test_with_keys_it_is_reset_too(context):
     """Seen by a relay in the middle."""
     with contextlib.closing(Hall(context)) as hall, socket.create_server(("127.0.0.1", 0)) as relay:
-        line = CurveLine(context, "127.0.0.1", relay.getsockname()[1], own=IO, peer=TITAN.public)
+        line = CurveConnection(
+            context, "127.0.0.1", relay.getsockname()[1], own=IO, peer=TITAN.public
+        )
         near, _ = relay.accept()
         with near, socket.create_connection((hall.host, hall.port)) as far:
             resets: list[socket.socket] = []
@@ -162,11 +164,11 @@ def test_what_came_on_the_old_connection_is_not_for_the_new_pull(team, monkeypat
     transport = Transport(gossip, team, lock=lock, now=now, deliver=events.append)
     lines: list[StuckLine] = []
 
-    def new_line(*_: object) -> StuckLine:
+    def new_connection(*_: object) -> StuckLine:
         lines.append(StuckLine())
         return lines[-1]
 
-    monkeypatch.setattr(transport, "_new_line", new_line)
+    monkeypatch.setattr(transport, "_new_connection", new_connection)
     gossip.heard("io", -50.0, now())
     transport._act()
     time_s[0] = 3.0  # nothing came for long
@@ -186,5 +188,5 @@ def test_the_connection_of_a_pull_that_broke_off_is_void(team):
     gossip.sync("io", Instant(1_795_175_900.0, 0.0))
     gossip.tick(Instant(1_795_175_906.0, 6.0))
     actions, _ = gossip.take()
-    assert actions[0] == Dial("io")
-    assert actions[-1] == HangUp("io", void=True)
+    assert actions[0] == Connect("io")
+    assert actions[-1] == Disconnect("io", void=True)

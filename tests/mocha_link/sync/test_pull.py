@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
-from mocha_link.node.actions import Dial
+from mocha_link.node.actions import Connect
 from mocha_link.node.gossip import LEAST_BUDGET
 from mocha_link.sync.pull import MAX_MISSES, RETRY_EVERY
 from mocha_link.team.document import Document
@@ -232,7 +232,7 @@ def test_a_contact_that_dies_says_nothing_of_datagrams(team, until):
         assert ether.sent(*UP), "not tried"
         ether.wait(20)
     assert not ether.told("io", SyncEnded)
-    assert ether.nodes["io"]._memories["titan"].udp_misses == 0
+    assert ether.nodes["io"]._path_stats["titan"].udp_misses == 0
 
 
 def test_where_tcp_is_blocked_datagrams_serve(ether):
@@ -393,7 +393,7 @@ def test_a_short_gap_over_datagrams_ends_nothing(ether):
 def test_a_new_contact_ends_a_short_gap_at_once(ether):
     """The radio hears the peer again: do not wait for timers that have grown meanwhile."""
 
-    def back_after(poke: bool) -> float:
+    def back_after(on_contact: bool) -> float:
         ether = Ether(ether_team, datagrams=True, delay_s=FAR_S)
         ether.publish("titan", "/slow", noise(2_000_000))
         io = ether.nodes["io"]
@@ -405,7 +405,7 @@ def test_a_new_contact_ends_a_short_gap_at_once(ether):
         before = io.links(ether.now)["titan"].bytes_in
         ether.silent.clear()
         begin_s = ether.time_s
-        if poke:
+        if on_contact:
             io.heard("titan", -60, ether.now)
             ether.nodes["titan"].heard("io", -60, ether.now)
         while io.links(ether.now)["titan"].bytes_in == before:
@@ -414,8 +414,8 @@ def test_a_new_contact_ends_a_short_gap_at_once(ether):
         return ether.time_s - begin_s
 
     ether_team = ether.team
-    assert back_after(poke=True) < 2 * FAR_S + 0.03
-    assert back_after(poke=False) < 1.1
+    assert back_after(on_contact=True) < 2 * FAR_S + 0.03
+    assert back_after(on_contact=False) < 1.1
 
 
 def test_a_long_gap_keeps_every_chunk(ether):
@@ -460,7 +460,7 @@ def test_a_stalled_connection_is_dialled_anew_when_a_contact_begins(team):
     ether.silent.clear()
     io.heard("titan", -60, ether.now)
     actions, events = io.take()
-    assert sum(isinstance(action, Dial) for action in actions) == 1
+    assert sum(isinstance(action, Connect) for action in actions) == 1
     assert [e.reason for e in events if isinstance(e, SyncTimedOut)] == [
         "stalled, and a new contact began"
     ]

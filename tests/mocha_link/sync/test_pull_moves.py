@@ -11,8 +11,8 @@ def test_a_datagram_that_comes_late_does_not_hide_that_the_connection_is_lost(te
     ether = Ether(team, datagrams=True, delay_s=0.008)
     ether.publish("titan", "/map", noise(3_000_000))
     io = ether.nodes["io"]
-    io._memories["titan"].rtt_s = 0.03  # it was further away last time: datagrams go at once
-    io._known["titan"].ticket = ether.nodes["titan"]._known["io"].next_ticket
+    io._path_stats["titan"].rtt_s = 0.03  # it was further away last time: datagrams go at once
+    io._known["titan"].address_token = ether.nodes["titan"]._known["io"].next_token
     held: list[bytes] = []
 
     def hold(piece: Carried) -> bool:

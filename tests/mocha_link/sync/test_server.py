@@ -17,15 +17,15 @@ from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTime
 from mocha_link.store import payload
 from mocha_link.store.database import Database
 from mocha_link.store.header import Header
-from mocha_link.store.reassembly_buffer import Shelf
+from mocha_link.store.reassembly_buffer import ReassemblyBuffer
 from mocha_link.store.record import Record
 from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
-from mocha_link.sync.frames import HELLO, OPEN, Letters, letter_frames
-from mocha_link.sync.peer_state import Acquaintance
+from mocha_link.sync.frames import HELLO, OPEN, MessageAssembler, message_frames
+from mocha_link.sync.peer_state import PeerState
 from mocha_link.sync.protocol import ID_BYTES, PATIENCE_S
 from mocha_link.sync.server import Server
 from mocha_link.sync.sync_messages import Have, Hello, Open, Reception
-from mocha_link.sync.sync_receiver import Intake
+from mocha_link.sync.sync_receiver import SyncReceiver
 from mocha_link.sync.sync_sender import MIN_ROOM
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
@@ -67,17 +67,17 @@ class Asker:
         self.server = server
         self.id = request_id
         self.database = Database()
-        known = Acquaintance(7)
-        known.ticket = server._acquaintance.next_ticket  # they have met
-        self.intake = Intake(
+        known = PeerState(7)
+        known.address_token = server._peer_state.next_token  # they have met
+        self.receiver = SyncReceiver(
             "titan",
             team=TEAM,
             database=self.database,
-            shelf=Shelf(),
-            acquaintance=known,
+            reassembly=ReassemblyBuffer(),
+            peer_state=known,
             room=1100,
         )
-        (self.opening,) = self.intake.open(at(0)).frames
+        (self.opening,) = self.receiver.open(at(0)).frames
         self.outbox: list[bytes] = []  # for datagrams
         self.flow: Flow | None = None
         self.frames: list[bytes] = []  # that came on the connection
@@ -109,7 +109,7 @@ class Asker:
             frame, *more = supplied[1]
             assert frame[:ID_BYTES] == self.id
             self.frames.append(frame)
-            step = self.intake.receive(frame[ID_BYTES:], now, more)
+            step = self.receiver.receive(frame[ID_BYTES:], now, more)
             self.refusals += step.refusals
             for each in step.frames:
                 self.ask(b"SYNCF" + each, now=now)
@@ -122,7 +122,7 @@ class Asker:
         self.flow = Flow(
             self.id, lambda _: self.outbox.pop(0) if self.outbox else None, rate_bytes_s=rate
         )
-        self.flow.poke(now.steady_s)
+        self.flow.on_contact(now.steady_s)
         self.pass_on(now)
 
     def pass_on(self, now: Instant) -> None:
@@ -135,7 +135,7 @@ class Asker:
         """Let datagrams pass, each `delay_s` after it left; the time at the end."""
         time_s = begin_s
         way: list[tuple[float, bool, bytes]] = []
-        while not self.intake.over:
+        while not self.receiver.over:
             assert time_s < begin_s + limit_s, "does not end"
             now = at(time_s)
             way += [(time_s + delay_s, False, packet) for packet in self.server.transmit(now)]
@@ -152,7 +152,7 @@ class Asker:
                     assert self.server.packet(packet, at(time_s))
                 else:
                     for frame in self.flow.receive(packet, at(time_s).steady_s):
-                        step = self.intake.receive(frame, at(time_s))
+                        step = self.receiver.receive(frame, at(time_s))
                         self.refusals += step.refusals
                         self.outbox += step.frames
         self.pass_on(at(time_s))
@@ -173,7 +173,7 @@ def database() -> Database:
 
 @pytest.fixture
 def server(database) -> Server:
-    return Server("io", database, Acquaintance(9))
+    return Server("io", database, PeerState(9))
 
 
 @pytest.fixture
@@ -184,7 +184,7 @@ def io(server) -> Asker:
 def reception(reply: bytes) -> Reception:
     """How an opening was taken."""
     assert reply[:ID_BYTES] == b"ididid"
-    return Hello.decode(Letters(HELLO).take(reply[ID_BYTES:]).content).reception
+    return Hello.decode(MessageAssembler(HELLO).take(reply[ID_BYTES:]).content).reception
 
 
 def all_of(database: Database) -> dict[Header, bytes]:
@@ -208,12 +208,12 @@ def test_a_sync_over_the_connection(server, io, database):
     assert server.take() == [SyncStarted("io", NOW_S, OUT)]
     io.read(at(2))
     assert io.got == all_of(database)
-    assert io.intake.complete
+    assert io.receiver.complete
     (ended,) = server.take()
     assert ended == SyncEnded(
         "io", NOW_S + 2, OUT, TOPICS, ended.bytes, pytest.approx(2), complete=True
     )
-    assert ended.bytes == io.intake.bytes
+    assert ended.bytes == io.receiver.bytes
     assert server.supply() is None
     assert server.wake_s is None
 
@@ -302,15 +302,15 @@ def test_a_damaged_opening_is_not_answered_as_an_original_node_does_it(server, i
     """Who begins so is a new node, which is told; it must not go on with ids."""
     reply = io.ask(b"SYNC1" + PLENTY + garbage)
     assert reception(reply) is Reception.UNREADABLE
-    io.intake.receive(reply[ID_BYTES:], at(0))
-    assert "could not read how we began" in io.intake.rejection
+    io.receiver.receive(reply[ID_BYTES:], at(0))
+    assert "could not read how we began" in io.receiver.rejection
     assert server.take() == []
     assert io.ask(b"GHEAD") is None
 
 
 def test_another_version_of_the_sync(server, io):
     opening = b"\x07" + Open(1, 0, Have(())).encode()[1:]
-    (frame,) = letter_frames(OPEN, 0, opening, 1000)
+    (frame,) = message_frames(OPEN, 0, opening, 1000)
     assert reception(io.ask(b"SYNC1" + PLENTY + frame)) is Reception.UNREADABLE
     began, ended = server.take()
     assert isinstance(began, SyncStarted)
@@ -459,7 +459,7 @@ def test_what_is_no_packet(server, packet):
 def test_a_packet_with_frames_that_open_nothing(server):
     frames = [b"garbage" * 10]
     flow = Flow(b"ididid", lambda _: frames.pop() if frames else None)
-    flow.poke(1000.0)
+    flow.on_contact(1000.0)
     (packet,) = flow.transmit(1000.0)
     assert not server.packet(packet, at(0))
     assert server.take() == []
@@ -520,7 +520,7 @@ def test_a_new_contact_sends_at_once(server, io):
         server.transmit(at(tenth / 10))
     quiet_s = server.wake_s - 1000
     assert quiet_s > 4.95
-    server.poke(at(4.9))
+    server.on_contact(at(4.9))
     assert server.transmit(at(4.9))
 
 
@@ -531,7 +531,7 @@ def test_an_end_that_comes_again_is_no_new_sync(server, io):
     server.take()
     for _ in range(3):
         server.transmit(at(end_s))  # the acknowledgements are lost
-    io.flow.poke(at(end_s + 2).steady_s)
+    io.flow.on_contact(at(end_s + 2).steady_s)
     repeated = []
     for tenth in range(1, 20):
         repeated += io.flow.transmit(at(end_s + 2 + tenth / 10).steady_s)
@@ -550,7 +550,7 @@ def test_an_opening_that_comes_late_is_no_new_sync(server, io, database):
     late = Asker(server)
     late.outbox.append(late.opening)
     late.flow = Flow(b"ididid", lambda _: late.outbox.pop(0) if late.outbox else None)
-    late.flow.poke(1000.0)
+    late.flow.on_contact(1000.0)
     for packet in late.flow.transmit(at(1).steady_s):
         server.packet(packet, at(1))
     assert server.take() == []
@@ -588,7 +588,7 @@ def test_whatever_a_peer_says_the_next_pull_succeeds(steps, rng):
     held = Database()
     for topic_id in range(3):
         held.insert(record(topic_id), NOW_S)
-    server = Server("io", held, Acquaintance(9))
+    server = Server("io", held, PeerState(9))
     asker = Asker(server)
     time_s = 0.0
     for what, code, rest in steps:
@@ -625,7 +625,7 @@ def opened(opening: bytes, rng: random.Random) -> bytes:
     """A datagram that opens a sync."""
     outbox = [opening]
     flow = Flow(rng.choice((b"ididid", b"casted")), lambda _: outbox.pop() if outbox else None)
-    flow.poke(1000.0)
+    flow.on_contact(1000.0)
     return flow.transmit(1000.0)[0]
 
 
@@ -634,7 +634,7 @@ def test_acknowledgements_cannot_be_guessed():
     database = Database()
     for topic in range(TOPICS):
         database.insert(record(topic, 20_000), NOW_S)
-    server = Server("io", database, Acquaintance(9))
+    server = Server("io", database, PeerState(9))
     asker = Asker(server, b"forged")
     asker.outbox.append(asker.opening)
     opener = Flow(asker.id, lambda _: asker.outbox.pop(0) if asker.outbox else None)
@@ -650,7 +650,7 @@ def test_acknowledgements_cannot_be_guessed():
 
 
 def test_datagrams_that_nobody_answers_open_nothing_for_a_while():
-    server = Server("io", Database(), Acquaintance(9))
+    server = Server("io", Database(), PeerState(9))
     taken = []
     for number in range(5):
         asker = Asker(server, b"open %d" % number)
@@ -664,7 +664,7 @@ def test_datagrams_that_nobody_answers_open_nothing_for_a_while():
 def test_an_old_opening_does_not_end_a_sync_that_goes_well():
     database = Database()
     database.insert(record(0, 20_000), NOW_S)
-    server = Server("io", database, Acquaintance(9))
+    server = Server("io", database, PeerState(9))
     packets = []
     for token in (b"first.", b"second"):
         asker = Asker(server, token)

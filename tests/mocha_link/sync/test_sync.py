@@ -11,24 +11,26 @@ from hypothesis import strategies as st
 
 from mocha_link.store import payload
 from mocha_link.sync import frames as sync
-from mocha_link.sync import sync_messages as letters
+from mocha_link.sync import sync_messages
 from mocha_link.sync.frames import LARGE_BYTES, FrameError
 from mocha_link.sync.sync_messages import (
     VERSION,
     Answer,
     Digest,
     Done,
+    FragmentRequest,
     Have,
     Hello,
     Open,
     Reception,
     Since,
     VersionError,
-    Wish,
 )
 
 U64 = st.integers(0, 2**64 - 1)
-LONG = st.builds(sync.long_id, st.integers(0, 255), st.integers(0, 255), st.integers(0, 2**47 - 1))
+LONG = st.builds(
+    sync.message_id_of, st.integers(0, 255), st.integers(0, 255), st.integers(0, 2**47 - 1)
+)
 LONGS = st.lists(LONG, max_size=20).map(tuple)
 
 
@@ -36,7 +38,7 @@ LONGS = st.lists(LONG, max_size=20).map(tuple)
 def wishes(draw):
     bounds = draw(st.sets(st.integers(0, 2**20), min_size=2, max_size=32).map(sorted))
     missing = list(zip(bounds[::2], bounds[1::2], strict=False))
-    return Wish(draw(LONG), draw(st.integers(bounds[-1], 2**26)), missing)
+    return FragmentRequest(draw(LONG), draw(st.integers(bounds[-1], 2**26)), missing)
 
 
 OPENS = st.builds(
@@ -63,55 +65,55 @@ def test_an_open_says_what_it_is_told(opening):
 def test_small_letters(epoch, sequence, frames, flag, reception):
     done = Done(epoch, sequence, frames, flag)
     assert Done.decode(done.encode()) == done
-    hello = Hello(reception, epoch, ticket=sequence)
+    hello = Hello(reception, epoch, address_token=sequence)
     assert Hello.decode(hello.encode()) == hello
-    assert letters.decode_skip(letters.encode_skip(epoch)) == epoch
+    assert sync_messages.decode_skip(sync_messages.encode_skip(epoch)) == epoch
 
 
 @given(st.dictionaries(st.integers(0, 255), st.tuples(*[U64] * 16), max_size=5))
 def test_group_digests(groups):
-    assert letters.decode_groups(letters.encode_groups(groups.items())) == groups
+    assert sync_messages.decode_groups(sync_messages.encode_groups(groups.items())) == groups
 
 
 @given(st.integers(0, 255), st.integers(0, 2**16 - 1), st.lists(st.integers(0, 2**56 - 1)))
 def test_answers(robot_id, groups, rest):
     answers = [Answer(robot_id, groups, [robot_id << 56 | each for each in rest])] * 2
-    assert letters.decode_answers(letters.encode_answers(answers)) == answers
+    assert sync_messages.decode_answers(sync_messages.encode_answers(answers)) == answers
 
 
 def test_an_answer_that_is_too_long_for_a_letter_leaves_some_out():
     answers = [Answer(robot, 0xFFFF, [robot << 56] * 2_000) for robot in range(256)]
-    content = letters.encode_answers(answers)
-    assert len(content) <= sync.MAX_LETTER_BYTES
-    read = letters.decode_answers(content)
+    content = sync_messages.encode_answers(answers)
+    assert len(content) <= sync.MAX_SYNC_MESSAGE_BYTES
+    read = sync_messages.decode_answers(content)
     assert [answer.robot_id for answer in read] == list(range(256))
-    assert sum(len(answer.longs) for answer in read) > 140_000
+    assert sum(len(answer.message_ids) for answer in read) > 140_000
 
 
 @given(st.binary(max_size=3_000), st.integers(300, 2_000), st.randoms(use_true_random=False))
 def test_letters_come_together_in_any_order(content, room, rng):
-    frames = sync.letter_frames(sync.OPEN, 3, content, room)
+    frames = sync.message_frames(sync.OPEN, 3, content, room)
     assert all(len(frame) <= room for frame in frames)
-    collector = sync.Letters(sync.OPEN)
+    collector = sync.MessageAssembler(sync.OPEN)
     stream = frames * 3
     rng.shuffle(stream)
-    found = [letter for frame in stream if (letter := collector.take(frame))]
-    assert found == [sync.Letter(sync.OPEN, 3, content)]
+    found = [message for frame in stream if (message := collector.take(frame))]
+    assert found == [sync.SyncMessage(sync.OPEN, 3, content)]
 
 
 def test_a_letter_of_an_earlier_round_is_void():
-    collector = sync.Letters(sync.OPEN, sync.END)
-    assert collector.take(sync.letter_frames(sync.OPEN, 1, b"new", 300)[0])
-    assert collector.take(sync.letter_frames(sync.OPEN, 0, b"old", 300)[0]) is None
-    assert collector.take(sync.letter_frames(sync.END, 0, b"", 300)[0])
-    assert collector.take(sync.letter_frames(sync.OPEN, 2, b"newer", 300)[0])
+    collector = sync.MessageAssembler(sync.OPEN, sync.END)
+    assert collector.take(sync.message_frames(sync.OPEN, 1, b"new", 300)[0])
+    assert collector.take(sync.message_frames(sync.OPEN, 0, b"old", 300)[0]) is None
+    assert collector.take(sync.message_frames(sync.END, 0, b"", 300)[0])
+    assert collector.take(sync.message_frames(sync.OPEN, 2, b"newer", 300)[0])
 
 
 def test_a_new_round_does_not_wait_for_the_old_one():
-    collector = sync.Letters(sync.OPEN)
-    old = sync.letter_frames(sync.OPEN, 0, b"x" * 1_000, 300)
+    collector = sync.MessageAssembler(sync.OPEN)
+    old = sync.message_frames(sync.OPEN, 0, b"x" * 1_000, 300)
     assert [collector.take(frame) for frame in old[:2]] == [None, None]
-    assert collector.take(sync.letter_frames(sync.OPEN, 1, b"new", 300)[0])
+    assert collector.take(sync.message_frames(sync.OPEN, 1, b"new", 300)[0])
     assert [collector.take(frame) for frame in old] == [None] * len(old)
 
 
@@ -120,22 +122,22 @@ def test_a_new_round_does_not_wait_for_the_old_one():
     [
         b"",
         b"\1",
-        sync.letter_frames(sync.HELLO, 0, b"", 300)[0],
-        sync.letter_frames(sync.OPEN, sync.ROUNDS, b"", 300)[0],
-        sync.letter_frames(sync.OPEN, 0, bytes(sync.MAX_LETTER_BYTES + 1), 300)[0],
-        sync.letter_frame(sync.OPEN, 0, bytes(1_000), 0, sync.LETTER_BYTES + 100),
-        sync.letter_frames(sync.OPEN, 0, b"abc", 300)[0][:-1],
+        sync.message_frames(sync.HELLO, 0, b"", 300)[0],
+        sync.message_frames(sync.OPEN, sync.ROUNDS, b"", 300)[0],
+        sync.message_frames(sync.OPEN, 0, bytes(sync.MAX_SYNC_MESSAGE_BYTES + 1), 300)[0],
+        sync.message_frame(sync.OPEN, 0, bytes(1_000), 0, sync.MESSAGE_HEADER_BYTES + 100),
+        sync.message_frames(sync.OPEN, 0, b"abc", 300)[0][:-1],
     ],
 )
 def test_frames_that_are_no_letters(frame):
     with pytest.raises(FrameError):
-        sync.Letters(sync.OPEN).take(frame)
+        sync.MessageAssembler(sync.OPEN).take(frame)
 
 
 def chunks(rng: random.Random) -> tuple[bytes, int]:
     """A frame of chunks, and where its data begin."""
-    wholes = [(sync.long_id(1, 2, number), rng.randint(1, 90)) for number in range(3)]
-    pieces = [(sync.long_id(1, 3, number), 1_000, number * 10, 50) for number in range(2)]
+    wholes = [(sync.message_id_of(1, 2, number), rng.randint(1, 90)) for number in range(3)]
+    pieces = [(sync.message_id_of(1, 3, number), 1_000, number * 10, 50) for number in range(2)]
     data = [rng.randbytes(size) for _, size in wholes] + [rng.randbytes(50) for _ in pieces]
     frame = sync.chunks_frame(
         (2, 9),
@@ -153,17 +155,17 @@ def chunks(rng: random.Random) -> tuple[bytes, int]:
 
 def test_every_damaged_bit_but_in_the_data_is_seen():
     frame, begin = chunks(random.Random(1))
-    letter = sync.letter_frames(sync.DONE, 2, Done(1, 2, 3, cut_short=False).encode(), 300)[0]
+    message = sync.message_frames(sync.DONE, 2, Done(1, 2, 3, cut_short=False).encode(), 300)[0]
     for place in range(begin * 8):
         damaged = bytearray(frame)
         damaged[place // 8] ^= 1 << place % 8
         with pytest.raises(FrameError):
             sync.read_chunks(bytes(damaged))
-    for place in range(len(letter) * 8):
-        damaged = bytearray(letter)
+    for place in range(len(message) * 8):
+        damaged = bytearray(message)
         damaged[place // 8] ^= 1 << place % 8
         with pytest.raises(FrameError):
-            sync.Letters(*range(8)).take(bytes(damaged))
+            sync.MessageAssembler(*range(8)).take(bytes(damaged))
 
 
 @pytest.mark.parametrize("cut", range(0, 60, 3))
@@ -212,7 +214,7 @@ def test_impossible_chunks(wholes, pieces, size):
     ],
 )
 def test_impossible_wishes(missing):
-    opening = Open(1, 0, Have(()), [Wish(1, 100, missing)])
+    opening = Open(1, 0, Have(()), [FragmentRequest(1, 100, missing)])
     with pytest.raises(FrameError):
         Open.decode(opening.encode())
 
@@ -242,8 +244,10 @@ SIZES = st.lists(
 def test_large_data_are_parts_of_their_own(whole_sizes, piece_sizes, seed):
     """However it is cut then, the same comes out; a part that is one message is not copied."""
     rng = random.Random(seed)
-    wholes = [(sync.long_id(1, n % 256, n), size) for n, size in enumerate(whole_sizes)]
-    pieces = [(sync.long_id(2, n % 256, n), 1 << 20, 5, size) for n, size in enumerate(piece_sizes)]
+    wholes = [(sync.message_id_of(1, n % 256, n), size) for n, size in enumerate(whole_sizes)]
+    pieces = [
+        (sync.message_id_of(2, n % 256, n), 1 << 20, 5, size) for n, size in enumerate(piece_sizes)
+    ]
     data = [rng.randbytes(size) for size in whole_sizes + piece_sizes]
     packed = [sync.WHOLE.pack(*each) for each in wholes], [sync.PIECE.pack(*e) for e in pieces]
     parts = sync.chunks_parts((0, 1), *packed, data, b"prefix")
@@ -290,9 +294,9 @@ def test_any_content_is_read_or_refused(content):
         Open.decode,
         Hello.decode,
         Done.decode,
-        letters.decode_groups,
-        letters.decode_answers,
-        letters.decode_skip,
+        sync_messages.decode_groups,
+        sync_messages.decode_answers,
+        sync_messages.decode_skip,
     ):
         try:
             read(content)
@@ -301,7 +305,7 @@ def test_any_content_is_read_or_refused(content):
 
 
 def test_many_partial_messages_are_refused():
-    wish = Wish(1, 100, [(0, 100)])
-    assert len(Open.decode(Open(1, 0, Have(()), [wish] * 64).encode()).wishes) == 64
+    wish = FragmentRequest(1, 100, [(0, 100)])
+    assert len(Open.decode(Open(1, 0, Have(()), [wish] * 64).encode()).requests) == 64
     with pytest.raises(FrameError):
         Open.decode(Open(1, 0, Have(()), [wish] * 65).encode())

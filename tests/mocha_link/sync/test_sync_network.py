@@ -9,7 +9,7 @@ from unittest import mock
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.sync import sync_receiver as intake
+from mocha_link.sync import sync_receiver as receiver
 from mocha_link.sync.peer_state import record_id
 from tests.mocha_link.network import START_MS, Node, Pull, history
 
@@ -41,12 +41,12 @@ class World:
         """What all of them should hold in the end, from what any of them holds."""
         versions: dict[int, list[int]] = {}
         held = set().union(*(node.content for node in self.nodes))
-        for long in sorted(held, reverse=True):
-            versions.setdefault(long >> 48, []).append(long)
+        for message_id in sorted(held, reverse=True):
+            versions.setdefault(message_id >> 48, []).append(message_id)
         return {
-            long: self.bodies[long]
-            for key, longs in versions.items()
-            for long in longs[: history(key >> 8, key & 0xFF)]
+            message_id: self.bodies[message_id]
+            for key, message_ids in versions.items()
+            for message_id in message_ids[: history(key >> 8, key & 0xFF)]
         }
 
     def settle(self, *, clean: bool = True) -> None:
@@ -60,13 +60,13 @@ class World:
                 for server in self.nodes:
                     if asker is not server:
                         pull = Pull(asker, server).run()
-                        assert pull.intake.complete
-                        assert pull.feed.over
+                        assert pull.receiver.complete
+                        assert pull.sender.over
                         assert pull.refusals == [] or not clean
                         self.arrived[asker.name] += pull.arrived
         for node in self.nodes:
             assert node.content == expected
-            assert not {long for long, _ in node.shelf} & expected.keys()
+            assert not {message_id for message_id, _ in node.reassembly} & expected.keys()
         for asker in self.nodes:  # nothing is left to say
             for server in self.nodes:
                 if asker is not server:
@@ -89,8 +89,8 @@ def test_every_node_ends_with_the_newest_and_gets_no_byte_twice(seed, nodes, ord
             world.write()
     world.settle()
     for counts in world.arrived.values():
-        for long, count in counts.items():
-            assert count <= len(world.bodies[long])
+        for message_id, count in counts.items():
+            assert count <= len(world.bodies[message_id])
 
 
 @given(
@@ -100,7 +100,7 @@ def test_every_node_ends_with_the_newest_and_gets_no_byte_twice(seed, nodes, ord
     listed=st.sampled_from((0, 2, 512)),
 )
 def test_pulls_at_once_and_restarts_lose_nothing(seed, nodes, ordered, listed):
-    with mock.patch.multiple(intake, MAX_LISTED=listed, SPARE_BYTES=listed * 64):
+    with mock.patch.multiple(receiver, MAX_LISTED=listed, SPARE_BYTES=listed * 64):
         world = World(seed, nodes)
         rng = world.random
         pulls: dict[tuple[str, str], Pull] = {}
@@ -114,7 +114,7 @@ def test_pulls_at_once_and_restarts_lose_nothing(seed, nodes, ordered, listed):
                 pulls = {pair: pull for pair, pull in pulls.items() if node.name not in pair}
             elif choice < 0.6:
                 asker, pull = world.pull()
-                pulls[asker.name, pull.intake.peer] = pull
+                pulls[asker.name, pull.receiver.peer] = pull
             elif pulls:
                 pull = rng.choice(list(pulls.values()))
                 pull.run_badly(rng, ordered=ordered, cut=rng.randint(0, 50), meanwhile=world.write)
@@ -146,7 +146,7 @@ def test_a_large_message_resumes_over_many_short_contacts():
         pull.ask()
         for _ in range(250_000 // 8_000 + 1):
             pull.give(8_000)
-        lost = 0 if pull.feed.done else 2
+        lost = 0 if pull.sender.done else 2
         for _ in range(len(pull.down) - lost):
             pull.deliver()
         sent += pull.bytes_down + pull.bytes_up
@@ -190,7 +190,7 @@ def test_what_two_peers_give_at_once_makes_one_message():
                 pull.deliver()
     for pull in pulls:
         pull.run(10_000)
-        assert pull.intake.complete
+        assert pull.receiver.complete
         assert pull.refusals == []
     assert asker.content == one.content
     # The second peer is told that it need not go on.
@@ -214,7 +214,7 @@ def test_an_urgent_message_is_in_the_very_next_frame():
     assert pull.events[0].topic == "/t1"
     pull.run()
     assert asker.content == server.content
-    assert pull.feed.messages == 2
+    assert pull.sender.messages == 2
 
 
 FILLED = 16_384
@@ -268,7 +268,7 @@ def test_a_fresh_robot_needs_no_round_of_digests():
     pull.ask()
     while pull.give():
         pass
-    assert pull.feed.done
+    assert pull.sender.done
     pull.run()
     assert asker.content == server.content
 
@@ -295,7 +295,7 @@ def test_a_small_budget_moves_something_though_strangers_have_much_to_compare():
                 node.store(robot_id, topic_id, START_MS + 2_000)
         server.store(robot_id, 0, START_MS + 9_000)
     contacts = 0
-    while not Pull(asker, server, budget=3_000).run().intake.complete:
+    while not Pull(asker, server, budget=3_000).run().receiver.complete:
         contacts += 1
         assert contacts < 5
     assert asker.content == server.content

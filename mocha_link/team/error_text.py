@@ -63,7 +63,7 @@ def as_label(key: Any) -> str:
     return "null" if key is None else str(key)
 
 
-def complaint(detail: ErrorDetails, model: type[BaseModel]) -> str:
+def error_text(detail: ErrorDetails, model: type[BaseModel]) -> str:
     """One line about one pydantic error: what is wrong and what to do."""
     kind, keys, found = detail["type"], detail["loc"], detail.get("input")
     context = detail.get("ctx", {})

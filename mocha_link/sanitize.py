@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-def printable(text: str) -> str:
+def sanitize(text: str) -> str:
     """The text with a space for every kind of blank, and `?` for all else that shows no letter."""
     if text.isprintable():
         return text
