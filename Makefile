@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test rehearse rehearse-slice sabotage experiments lint bench bench-link bench-route dist constraints clean
+.PHONY: setup sim test rehearse rehearse-slice sabotage sabotage-slice experiments lint bench bench-link bench-route dist constraints clean
 
 setup: $(VENV)/.ready
 
@@ -46,6 +46,14 @@ rehearse-slice: setup
 # The flight code broken on purpose, one place at a time: the judge has to notice. make sabotage SABOTAGE="--share 0.2"
 sabotage: setup
 	$(BIN)/python -m benchmarks.sabotage $(SABOTAGE)
+
+# One of each class, each caught in its first scene
+SLICE = "every leg is clear" "no clearance" "straight lines" "the loader drops a zone" "it lands where it is" \
+	"a go-to flies at 3 m" "the pilot's mode is ignored" "a stranger's order goes unnoticed" \
+	"breaches are never seen" "satellites are ignored" "the battery is ignored" "braking takes no way" \
+	"a leg is not checked again when it leaves"
+sabotage-slice: setup
+	$(BIN)/python -m benchmarks.sabotage $(SLICE)
 
 # Half an hour on two cores: every experiment, and docs/experiments.md with their tables and figures
 EXPERIMENTS ?= table1 field passive policies protocols readings crowd links

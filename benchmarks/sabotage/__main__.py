@@ -1,8 +1,8 @@
 """`make sabotage`: breaks the flight code in one place at a time and flies what should show it.
 
-The scenes are flown with the honest code first: one that is bad then shows nothing. Each sabotage
-flies its own scenes until the judge finds one of them bad. One that the judge calls good in all of
-them has survived, and the exit code is 1. Prints a table.
+Each sabotage flies its own scenes until the judge finds one of them bad. Those are flown with the
+honest code, too: one that is bad then shows nothing. If one is, or if a sabotage has survived all
+of its scenes, the exit code is 1. Prints a table.
 """
 
 import argparse
@@ -74,22 +74,26 @@ def main() -> int:
             if flight["found"] and arguments.until_bad:
                 break
         return 0
+    unknown = set(arguments.names) - {sabotage.name for sabotage in SABOTAGES}
+    if unknown:
+        parser.error(f"no sabotage is called {' or '.join(map(repr, sorted(unknown)))}")
     chosen = [s for s in SABOTAGES if not arguments.names or s.name in arguments.names]
     chosen = chosen[:: round(1 / arguments.share)]
     check([change for sabotage in chosen for change in sabotage.changes])
-    scenes = sorted({scene for sabotage in chosen for scene in sabotage.scenes})
+    print("| sabotage | caught by | how |\n|---|---|---|", flush=True)
     with ThreadPoolExecutor(arguments.jobs) as pool:
-        shares = [scenes[number :: arguments.jobs] for number in range(arguments.jobs)]
+        survived, catching = 0, set[str]()
+        for sabotage, how in zip(chosen, pool.map(caught, chosen), strict=True):
+            scene, words = how or ("**nothing: it survived**", "")
+            print(f"| {sabotage.name} | {scene} | {words} |", flush=True)
+            survived += how is None
+            catching |= set() if how is None else {scene}
+        scenes = sorted(catching)
+        shares = [s for n in range(arguments.jobs) if (s := scenes[n :: arguments.jobs])]
         honest = [each for flown in pool.map(lambda s: list(run([], s)), shares) for each in flown]
         bad = {flight["scene"]: flight["found"] for flight in honest if flight["found"]}
         for scene, found in bad.items():
             print(f"with the honest code {scene} is bad: {found[0]}", file=sys.stderr, flush=True)
-        print("| sabotage | caught by | how |\n|---|---|---|")
-        survived = 0
-        for sabotage, how in zip(chosen, pool.map(caught, chosen), strict=True):
-            scene, words = how or ("**nothing: it survived**", "")
-            survived += how is None
-            print(f"| {sabotage.name} | {scene} | {words} |", flush=True)
     print(
         f"{len(chosen) - survived} of {len(chosen)} caught by {len(scenes)} scenes, "
         f"{len(bad)} of which the honest code fails",
