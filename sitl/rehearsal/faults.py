@@ -22,6 +22,7 @@ from sitl.rehearsal.misfortunes import (
     Misfortune,
     brief,
     busy,
+    diverted,
     drift,
     hand_back,
     height,
@@ -109,6 +110,7 @@ class Fault(Enum):
         12,
         often("pause", 60, (1.0, 3.0), lambda d: d.randrange(8) == 0),
     )
+    DIVERTED = Kind("a station diverts it while we have it hold", 8, diverted)
     TWO_STATIONS = Kind("two stations command at once", 16, two_stations)
     DISARMED = Kind(
         "disarmed by a station right after the arming",
@@ -217,6 +219,7 @@ DRAWN: Final = frozenset({Fault.RELOAD, Fault.WALL, Fault.ZONE_ACROSS, Fault.ZON
 _HASTE: Final = frozenset(
     {
         Fault.TAKEN_IN_HASTE,
+        Fault.DIVERTED,
         Fault.RESTART_TAKEN,
         Fault.ZONE_ACROSS,
         Fault.ZONE_IN_HASTE,

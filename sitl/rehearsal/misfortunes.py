@@ -148,6 +148,16 @@ def taken_in_haste(dice: random.Random) -> Happen:
     return [*happen, Misfortune(at_s + dice.choice((0.05, 0.5)), "deaf", False)]
 
 
+def diverted(dice: random.Random) -> Happen:
+    """The operator has it hold, and a station sends it elsewhere, which changes no mode."""
+    at_s = dice.uniform(40.0, 140.0)
+    later_s = [at_s + dice.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
+    return [
+        Misfortune(at_s, "hold", phase="armed"),
+        *(Misfortune(each_s, "pause", True, "armed") for each_s in later_s),
+    ]
+
+
 def zone_in_haste(dice: random.Random) -> Happen:
     """A zone is drawn over the vehicle while the way through it waits behind a lost command."""
     at_s = dice.uniform(4.0, 6.0)

@@ -57,7 +57,7 @@ _LEAVES_S: Final = 10.0
 """What a vehicle has to leave a zone that was drawn where it is."""
 
 _JUMP_M, _CLIMB_M_S = 4.0, 6.0
-_NOT_TAKEN: Final = re.compile("not (reloaded|changed): (?!.*as they were)")
+_NOT_TAKEN: Final = re.compile("(refused|not (reloaded|changed)): (?!.*as they were)")
 _STATE: Final = re.compile(r"\b[A-Z]+ -> ([A-Z]+)$")
 _CRUISE: Final = frozenset({"INIT", "SEARCH", "COMM", "EXPL", "HOME"})
 _ENDING: Final = frozenset({"HOME", "LAND", "PASSIVE", "DONE"})

@@ -190,6 +190,7 @@ def test_an_altitude_that_nothing_can_have_flown_to_is_said():
     ("said", "wrong"),
     [
         ("not reloaded: mission.yaml:9: the zone has two corners", set()),
+        ("the operator: refused: zones are being changed just now; ask again", set()),
         ("not reloaded: its fences and no-fly zones are as they were", {"told"}),
         ("SEARCH -> COMM", {"told"}),
     ],
