@@ -23,6 +23,7 @@ from typing import Any, Final, NamedTuple
 
 from air_router.live.server import LivePage
 from sitl.rehearsal.faults import Fault, Scene
+from sitl.rehearsal.script import Script
 from sitl.rehearsal.stage import SceneOverError, Stage
 from tests.golden.adapter import construction_of, controller_of
 from tests.golden.nodes import Node
@@ -69,7 +70,8 @@ class AskingStage(Stage):
     """A rehearsed flight with a live page, which asks in cruise for two things."""
 
     def __init__(self, asked: dict[Walk, Counts]) -> None:
-        super().__init__(Scene(Fault.NONE, 0), ROOT / "missions" / "pennovation" / "mission.yaml")
+        scene, mission = Scene(Fault.NONE, 0), ROOT / "missions" / "pennovation" / "mission.yaml"
+        super().__init__(scene, mission, lambda stage: Script(stage, scene.misfortunes()))
         self._asked = asked
         self._page: LivePage | None = None
 
