@@ -182,14 +182,6 @@ class Autopilot:
         target = replace(go_to(north, east, target_m, situation), yaw_rad=yaw_rad)
         self.modes.hold.reposition(target, speed_m_s)
 
-    def change_altitude(self, altitude_m: float | None) -> None:
-        """Stop in Hold mode, which is asked for separately, and climb or descend; None: stay."""
-        if not self.armed:
-            return
-        situation = self.situation
-        target_m = situation.altitude_m if altitude_m is None else altitude_m
-        self.modes.hold.reposition(go_to(*self._stop(), target_m, situation))
-
     def _stop(self) -> tuple[float, float]:
         """Where it comes to a stop, north and east; in a take-off that is here."""
         situation = self.situation

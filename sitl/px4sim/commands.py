@@ -59,11 +59,7 @@ class Commands:
             178: self._change_speed,
             179: self._set_home,
             185: self._terminate,
-            186: self._change_altitude,
             192: self._reposition,
-            195: self._accept,  # regions of interest: there is no camera to point
-            197: self._accept,
-            201: self._accept,
             246: self._reboot,
             300: self._start_mission,
             400: self._arm,
@@ -179,14 +175,6 @@ class Commands:
             )
         return result
 
-    def _change_altitude(self, request: CommandRequest) -> CommandResult:
-        altitude = request.params[0]
-        result = self._mode(FlightMode.AUTO_LOITER)
-        if result is CommandResult.ACCEPTED:
-            wanted = altitude if math.isfinite(altitude) else None
-            self._autopilot.change_altitude(wanted)
-        return result
-
     def _start_mission(self, request: CommandRequest) -> CommandResult:
         autopilot = self._autopilot
         result = autopilot.mission.result
@@ -233,9 +221,6 @@ class Commands:
             return CommandResult.ACCEPTED
         _log.warning("a reboot was asked for: not simulated, answered DENIED")
         return CommandResult.DENIED
-
-    def _accept(self, _: CommandRequest) -> CommandResult:
-        return CommandResult.ACCEPTED
 
 
 def _byte(value: float) -> int:
