@@ -82,7 +82,11 @@ class AskingStage(Stage):
         flight = self.companion.flight
         if self._page is None:
             self._page = flight.page = LivePage(
-                self.mission, flight.controller, flight.desk, dict, mapper=flight.ledger.mapper
+                self.mission,
+                flight.controller,
+                flight.commands,
+                dict,
+                mapper=flight.stats.mapper,
             )
         place = self.mission.frame.to_geodetic(self.mission.waypoints[3].position)
         if self.now_s > ASK_S and HOLD not in self._asked:

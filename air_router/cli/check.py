@@ -10,7 +10,7 @@ from typing import Any
 
 from air_router.cli.arguments import add_start, add_uav
 from air_router.errors import ExitCode, MissionFileError
-from air_router.files.mission_document import Draft
+from air_router.files.mission_document import MissionDocument
 from air_router.mission.loading import choose, judge, read_draft
 from air_router.mission.mission import Mission
 from air_router.preflight.check_facts import facts_of, summary
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.INVALID_FILE if findings.stranded else ExitCode.DONE
 
 
-def _draw_wrong(draft: Draft, mission: Mission, path: Path) -> None:
+def _draw_wrong(draft: MissionDocument, mission: Mission, path: Path) -> None:
     from air_router.mission.faults import faults_of  # noqa: PLC0415 - only for pictures
     from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
 

@@ -13,10 +13,10 @@ from typing import Any, Final
 from air_router.cli.arguments import place
 from air_router.counted import counted
 from air_router.errors import ExitCode, MissionFileError, UsageError
-from air_router.files.conversion_warnings import Losses
+from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.json_document import JsonDocument, json_text
 from air_router.files.maps.feature_set import (
-    Chart,
+    FeatureSet,
     Line,
     MapArea,
     chart_of,
@@ -26,7 +26,7 @@ from air_router.files.maps.feature_set import (
 )
 from air_router.files.maps.geojson_write import geojson_text
 from air_router.files.maps.kml_write import kml_text
-from air_router.files.mission_document import Draft
+from air_router.files.mission_document import MissionDocument
 from air_router.files.qgc.qgc_edit import PlanEdit
 from air_router.files.qgc.qgc_items import NOT_FLOWN
 from air_router.files.qgc.qgc_write import add_area, plan_of, tell_settings
@@ -51,7 +51,10 @@ _KINDS: Final = {
     ".json": _GEOJSON,
     ".kml": _KML,
 }
-_MAP_WRITERS: Final[dict[str, Callable[[Chart], str]]] = {_GEOJSON: geojson_text, _KML: kml_text}
+_MAP_WRITERS: Final[dict[str, Callable[[FeatureSet], str]]] = {
+    _GEOJSON: geojson_text,
+    _KML: kml_text,
+}
 
 _EPILOG = """\
 FROM is a mission (.yaml, .plan, .sim.yaml of the paper's authors) or a file of zones (.geojson,
@@ -145,7 +148,7 @@ class _Report:
         self.source, self.target = source, target
         self.written = False
         self.counts: dict[str, int] = {}
-        self.losses = Losses()
+        self.warnings = ConversionWarnings()
         self.notes: Sequence[Problem] = ()
         self.problems: Sequence[Problem] = ()
 
@@ -156,7 +159,7 @@ class _Report:
             return
         for note in self.notes:
             sys.stderr.write(f"note: {note}\n")
-        for loss in self.losses.entries:
+        for loss in self.warnings.entries:
             sys.stderr.write(f"not carried over: {loss}\n")
         if self.problems:
             sys.stderr.write(
@@ -172,7 +175,7 @@ class _Report:
             "to": str(self.target),
             "written": self.written,
             **{_json_name(what): count for what, count in self.counts.items()},
-            "not_carried_over": [asdict(loss) for loss in self.losses.entries],
+            "not_carried_over": [asdict(loss) for loss in self.warnings.entries],
             "notes": [note.as_json() for note in self.notes],
             "problems": [problem.as_json() for problem in self.problems],
         }
@@ -193,7 +196,7 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
     if kind != _PLAN:
         for note in draft.notes:
             if note.code == NOT_FLOWN:
-                report.losses.add(f"{note.path}:{note.line}", note.message, "item-lost")
+                report.warnings.add(f"{note.path}:{note.line}", note.message, "item-lost")
     report.counts = {
         "waypoints": len(draft.waypoints),
         "fences": len(draft.fences),
@@ -206,7 +209,7 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
     return text
 
 
-def _draft(arguments: argparse.Namespace) -> Draft:
+def _draft(arguments: argparse.Namespace) -> MissionDocument:
     in_metres = arguments.source.name.endswith(SUFFIX)
     if in_metres and arguments.origin is None:
         raise UsageError(f"{arguments.source} is in metres: say where it stands, --origin LAT,LON")
@@ -218,7 +221,11 @@ def _draft(arguments: argparse.Namespace) -> Draft:
 
 
 def _written(
-    draft: Draft, own_zones: int, arguments: argparse.Namespace, kind: str, report: _Report
+    draft: MissionDocument,
+    own_zones: int,
+    arguments: argparse.Namespace,
+    kind: str,
+    report: _Report,
 ) -> str:
     document = draft.document
     if kind in _MAP_WRITERS:
@@ -226,19 +233,19 @@ def _written(
         mission = judge(draft)
         if mission is not None:
             _draw(chart, mission, arguments, drawable=not draft.problems)
-        tell_settings(draft, report.losses, f"a {kind} file")
+        tell_settings(draft, report.warnings, f"a {kind} file")
         return _MAP_WRITERS[kind](chart)
     if kind == _YAML:
         text = mission_text(draft, arguments.target.parent)
         if not isinstance(document, JsonDocument):
-            report.losses.add("comments", "they stay in the file that is read", "comments-lost")
+            report.warnings.add("comments", "they stay in the file that is read", "comments-lost")
     elif isinstance(document, JsonDocument) and draft.frame is not None:
         edit = PlanEdit(document.data)  # a plan stays what it is, and gets more zones
         for area in draft.zones[own_zones:]:
-            add_area(edit, area, draft.frame, report.losses, inclusion=False)
+            add_area(edit, area, draft.frame, report.warnings, inclusion=False)
         text = edit.text()
     else:
-        text = json_text(plan_of(draft, report.losses))
+        text = json_text(plan_of(draft, report.warnings))
     judge(draft)
     return text
 
@@ -249,7 +256,9 @@ def _check_options(arguments: argparse.Namespace, kind: str) -> None:
         raise UsageError(f"--{wanted[0]} is drawn into .geojson and .kml only")
 
 
-def _draw(chart: Chart, mission: Mission, arguments: argparse.Namespace, *, drawable: bool) -> None:
+def _draw(
+    chart: FeatureSet, mission: Mission, arguments: argparse.Namespace, *, drawable: bool
+) -> None:
     if arguments.buffers:
         chart.buffers = list(_buffers(mission))
     if not arguments.graph and not arguments.route:

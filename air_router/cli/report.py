@@ -11,7 +11,7 @@ from air_router.files.whole_file import write_whole
 from air_router.record.log import Log
 from air_router.record.record_channels import json_of
 from air_router.record.recording import add_record, record_of
-from air_router.report.flight.flight_summary import story_of
+from air_router.report.flight.flight_summary import summary_of
 from air_router.report.flight.page import page_of
 from air_router.report.flight.ulog import read_ulog
 
@@ -39,16 +39,16 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
 def run(arguments: argparse.Namespace) -> int:
     """Draw it."""
     log = Log(record_of(arguments))
-    story = story_of(log)
-    story.end(log.ending)
-    ulog = None if arguments.ulog is None else read_ulog(arguments.ulog, story)
+    summary = summary_of(log)
+    summary.end(log.ending)
+    ulog = None if arguments.ulog is None else read_ulog(arguments.ulog, summary)
     output = arguments.output or (None if arguments.json else log.path.with_suffix(".html"))
     if output is not None:
         if output.resolve() == log.path.resolve():
             raise UsageError(f"{output}: is the record itself; write the page elsewhere, -o F")
-        write_whole(output, page_of(story, log.path.name, ulog), replace=True)
+        write_whole(output, page_of(summary, log.path.name, ulog), replace=True)
         print(f"the report: {output}", file=sys.stderr)
     if arguments.json:
-        facts = {**story.as_json(), "ulog": None if ulog is None else ulog.as_json()}
+        facts = {**summary.as_json(), "ulog": None if ulog is None else ulog.as_json()}
         sys.stdout.write(json_of(facts) + "\n")
     return ExitCode.DONE

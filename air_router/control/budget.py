@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from air_router.control.command_request import Wish
+from air_router.control.command_request import CommandRequest
 from air_router.vehicle.loop_clock import loop_s
 
 COSTLY: Final = frozenset({"seek", "goto", "reload"})
@@ -42,7 +42,7 @@ class Budget:
         self._left -= amount
         return True
 
-    def affords(self, wish: Wish) -> bool:
+    def affords(self, wish: CommandRequest) -> bool:
         """Whether a request may be looked at; those that cost nothing always."""
         return wish.request not in COSTLY or self.affords_ways(len(getattr(wish, "points", ())))
 

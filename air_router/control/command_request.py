@@ -35,13 +35,13 @@ Latitude = Annotated[float, Field(ge=-90, le=90, allow_inf_nan=False)]
 Longitude = Annotated[float, Field(ge=-180, le=180, allow_inf_nan=False)]
 
 
-class WishError(AirRouterError, ValueError):
+class CommandRequestError(AirRouterError, ValueError):
     """What was asked for is nothing that can be asked; the message says why."""
 
     exit_code = ExitCode.USAGE
 
 
-class Wish(BaseModel, extra="forbid", strict=True):
+class CommandRequest(BaseModel, extra="forbid", strict=True):
     """A request as it comes.
 
     Attributes:
@@ -64,7 +64,7 @@ class Wish(BaseModel, extra="forbid", strict=True):
             by: Who asks, if the wish does not say.
 
         Raises:
-            WishError: a place cannot be told in the mission's frame.
+            CommandRequestError: a place cannot be told in the mission's frame.
         """
         del frame, by
         return None
@@ -74,13 +74,13 @@ class Wish(BaseModel, extra="forbid", strict=True):
         return sanitize(self.by or "").strip() or by
 
 
-class _Hold(Wish):
+class _Hold(CommandRequest):
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> HoldNow:
         del frame
         return HoldNow(by=self.who(by))
 
 
-class _Resume(Wish):
+class _Resume(CommandRequest):
     upload: bool = False
 
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> GoOn:
@@ -88,7 +88,7 @@ class _Resume(Wish):
         return GoOn(self.upload, by=self.who(by))
 
 
-class _Seek(Wish):
+class _Seek(CommandRequest):
     robot: Annotated[str, Field(min_length=1, max_length=255)]
 
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> SeekNow:
@@ -96,25 +96,25 @@ class _Seek(Wish):
         return SeekNow(sanitize(self.robot), by=self.who(by))
 
 
-class _Explore(Wish):
+class _Explore(CommandRequest):
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> ExploreNow:
         del frame
         return ExploreNow(by=self.who(by))
 
 
-class _Home(Wish):
+class _Home(CommandRequest):
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> ComeHome:
         del frame
         return ComeHome(by=self.who(by))
 
 
-class _Reload(Wish):
+class _Reload(CommandRequest):
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> Reload:
         del frame
         return Reload(by=self.who(by))
 
 
-class _GoTo(Wish):
+class _GoTo(CommandRequest):
     points: Annotated[
         list[Annotated[tuple[Latitude, Longitude], Field(strict=False)]],
         Field(min_length=1, max_length=MOST_POINTS),
@@ -125,15 +125,15 @@ class _GoTo(Wish):
         try:
             points = tuple(frame.to_local(*point) for point in self.points)
         except FrameError as error:
-            raise WishError(f"goto: {error}") from None
+            raise CommandRequestError(f"goto: {error}") from None
         return GoTo(points, self.hold_s, by=self.who(by))
 
 
-class _Status(Wish):
+class _Status(CommandRequest):
     pass
 
 
-MODELS: Final[Mapping[str, type[Wish]]] = MappingProxyType(
+MODELS: Final[Mapping[str, type[CommandRequest]]] = MappingProxyType(
     {
         "hold": _Hold,
         "resume": _Resume,
@@ -150,57 +150,59 @@ MODELS: Final[Mapping[str, type[Wish]]] = MappingProxyType(
 VERBS: Final = ", ".join(MODELS)
 
 
-def wish_of(values: Any) -> Wish:
+def command_request_of(values: Any) -> CommandRequest:
     """A request from a JSON object.
 
     Raises:
-        WishError: what is wrong with it, first things first.
+        CommandRequestError: what is wrong with it, first things first.
     """
     if not isinstance(values, dict):
-        raise WishError("a request is a JSON object")
+        raise CommandRequestError("a request is a JSON object")
     name = values.get("request")
     if not isinstance(name, str) or name not in MODELS:
-        raise WishError(f"no request '{sanitize(str(name)[:40])}'; use one of {VERBS}")
+        raise CommandRequestError(f"no request '{sanitize(str(name)[:40])}'; use one of {VERBS}")
     model = MODELS[name]
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise WishError(f"{name}: {_complaint(error, model)}") from None
+        raise CommandRequestError(f"{name}: {_complaint(error, model)}") from None
 
 
 def parse(frames: Sequence[bytes]) -> Any:
     """JSON from somebody, in one frame.
 
     Raises:
-        WishError: it is none, or too much of it.
+        CommandRequestError: it is none, or too much of it.
     """
     if len(frames) != 1 or len(frames[0]) > MAX_BYTES:
-        raise WishError(f"a request is one frame with a JSON object of up to {MAX_BYTES} bytes")
+        raise CommandRequestError(
+            f"a request is one frame with a JSON object of up to {MAX_BYTES} bytes"
+        )
     try:
         return json.loads(frames[0])
     except (ValueError, RecursionError):
-        raise WishError("a request is a JSON object, in UTF-8") from None
+        raise CommandRequestError("a request is a JSON object, in UTF-8") from None
 
 
-def spoken(text: str) -> Wish:
+def spoken(text: str) -> CommandRequest:
     """A request in words: `hold`, `resume upload`, `seek NAME`, `goto LAT,LON LAT,LON`.
 
     Raises:
-        WishError: what is wrong with it.
+        CommandRequestError: what is wrong with it.
     """
     name, _, rest = text.strip().partition(" ")
     values: dict[str, Any] = {"request": name.lower()}
     if values["request"] == "seek":
         values["robot"] = rest.strip()
         if not values["robot"]:
-            raise WishError("seek whom? type 'seek NAME'")
+            raise CommandRequestError("seek whom? type 'seek NAME'")
     elif values["request"] == "goto":
         values["points"] = _places(rest)
     elif values["request"] == "resume" and rest.strip().lower() == "upload":
         values["upload"] = True
     elif rest.strip() and values["request"] in MODELS:
-        raise WishError(f"'{name}' stands alone")
-    return wish_of(values)
+        raise CommandRequestError(f"'{name}' stands alone")
+    return command_request_of(values)
 
 
 def _places(text: str) -> list[list[float]]:
@@ -209,11 +211,13 @@ def _places(text: str) -> list[list[float]]:
     except ValueError:
         numbers = []
     if not numbers or len(numbers) % 2:
-        raise WishError("goto where? type 'goto LAT,LON', more places behind it, in degrees")
+        raise CommandRequestError(
+            "goto where? type 'goto LAT,LON', more places behind it, in degrees"
+        )
     return [[*pair] for pair in zip(numbers[::2], numbers[1::2], strict=True)]
 
 
-def _complaint(error: ValidationError, model: type[Wish]) -> str:
+def _complaint(error: ValidationError, model: type[CommandRequest]) -> str:
     """The first thing that is wrong with a request."""
     detail = error.errors(include_url=False, include_input=False)[0]
     where = sanitize(".".join(map(str, detail["loc"]))[:60])
@@ -227,5 +231,5 @@ def _complaint(error: ValidationError, model: type[Wish]) -> str:
 class Grants(Protocol):
     """Where requests are handed in."""
 
-    def grant(self, wish: Wish, by: str) -> dict[str, Any]:
-        """Ask for something; what became of it. Raises WishError."""
+    def grant(self, wish: CommandRequest, by: str) -> dict[str, Any]:
+        """Ask for something; what became of it. Raises CommandRequestError."""

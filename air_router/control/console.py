@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from types import MappingProxyType
 from typing import Final, TextIO
 
-from air_router.control.command_request import Wish, WishError, spoken
+from air_router.control.command_request import CommandRequest, CommandRequestError, spoken
 
 SIGNALS: Final = MappingProxyType({signal.SIGUSR1: "home", signal.SIGUSR2: "resume"})
 """What another terminal or a service manager can send: `kill -USR1 PID`, `kill -USR2 PID`."""
@@ -20,7 +20,7 @@ _GONE: Final = "the terminal is gone; the flight goes on without it"
 
 @contextlib.contextmanager
 def listening(
-    deliver: Callable[[Wish], None],
+    deliver: Callable[[CommandRequest], None],
     complain: Callable[[str], None],
     keyboard: TextIO | None = None,
 ) -> Iterator[None]:
@@ -43,7 +43,7 @@ def listening(
             return
         try:
             wish = spoken(line)
-        except WishError as error:
+        except CommandRequestError as error:
             complain(f"{error}; or press Ctrl-C")
         else:
             deliver(wish)

@@ -1,4 +1,4 @@
-"""Serves the desk of a flight to this user's programs on this machine: JSON over ZeroMQ.
+"""Serves the requests of a flight to this user's programs on this machine: JSON over ZeroMQ.
 
 One ROUTER: REQ, DEALER and ROUTER sockets may ask, with or without the empty frame that REQ sends.
 What comes is believed in nothing: too large, broken or unknown, it costs an error reply. Requests
@@ -22,7 +22,13 @@ import zmq
 import zmq.asyncio
 
 from air_router.control.budget import COSTLY_AT_ONCE, COSTLY_PER_S, TOO_MANY, Budget
-from air_router.control.command_request import MAX_BYTES, Wish, WishError, parse, wish_of
+from air_router.control.command_request import (
+    MAX_BYTES,
+    CommandRequest,
+    CommandRequestError,
+    command_request_of,
+    parse,
+)
 from mocha_link.loopback import is_loopback
 from mocha_link.service.endpoint import bind
 from mocha_link.service.endpoint_key import EndpointKeyError, named
@@ -34,7 +40,7 @@ _MOST_UNREAD: Final = 16
 _WAYS: Final = ("tcp", "ipc")
 _NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
-Grant = Callable[[Wish, str], dict[str, Any]]
+Grant = Callable[[CommandRequest, str], dict[str, Any]]
 
 
 class ControlServer:
@@ -98,11 +104,11 @@ class ControlServer:
         values: Any = None
         try:
             values = parse(frames)
-            wish = wish_of(values)
+            wish = command_request_of(values)
             if not self._costly.affords(wish):
                 return {"ok": False, "id": wish.id, "error": TOO_MANY, "again": True}
             return self._grant(wish, "a program")
-        except WishError as error:
+        except CommandRequestError as error:
             return {"ok": False, "id": _id_of(values), "error": str(error), "again": False}
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 from air_router.controller.airspace_update import AirspaceUpdate, Phase
 from air_router.controller.control_authority import ControlAuthority, OnBoard
-from air_router.controller.model.actions import Answered, ReadAgain, Refusal
+from air_router.controller.model.actions import CommandAck, ReadAgain, Refusal
 from air_router.controller.model.behaviour import EXPLORING, Signal, State
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.requests import (
@@ -124,7 +124,7 @@ class CommandHandler:
     def _answer(self, request: AnyRequest, answer: Accepted | Refused) -> None:
         accepted = isinstance(answer, Accepted)
         self._context.do(
-            Answered(
+            CommandAck(
                 request.request_id,
                 request.by,
                 accepted,

@@ -12,7 +12,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from air_router.errors import MissionFileError, UsageError
-from air_router.files.mission_document import Area, Draft, Spot
+from air_router.files.mission_document import Area, MissionDocument, MissionPoint
 from air_router.files.settings import DEFAULT_SPEED_M_S, PlannerSettings
 from air_router.files.yaml.mission_form import AreaForm
 from air_router.files.zones.reading import FileZone, MapCircle, MapOutline
@@ -57,7 +57,7 @@ class Field:
     """
 
     area: BaseGeometry
-    draft: Draft
+    draft: MissionDocument
     frame: LocalFrame
     airspace: Airspace
     home: Point | None
@@ -111,7 +111,7 @@ def _of_mission(path: Path, area: Path | None, terms: Terms) -> Field:
         raise UsageError(f"--altitude is that of a UAV's layer: write it into {path}")
     altitude_m = terms.altitude_m or draft.altitude_m
     own_m = None if draft.uavs else altitude_m  # of several UAVs each flies its own layer
-    draft.waypoints = [Spot("waypoint 1", draft.home.position, draft.home.keys, own_m)]
+    draft.waypoints = [MissionPoint("waypoint 1", draft.home.position, draft.home.keys, own_m)]
     draft.speed_m_s = terms.speed_m_s or draft.speed_m_s
     mission = judge(draft)
     problems = [p for p in draft.problems if not p.code.startswith(_ABOUT_WAYPOINTS)]
@@ -144,7 +144,7 @@ def _of_area(path: Path, terms: Terms) -> Field:
     settings = PlannerSettings(kind="shortest")  # from row to row, not over other rows' ends
     if terms.clearance_m is not None:
         settings = replace(settings, clearance_m=terms.clearance_m)
-    draft = Draft(
+    draft = MissionDocument(
         document=zones[0].source,
         name=path.stem,
         frame=frame,
@@ -153,7 +153,7 @@ def _of_area(path: Path, terms: Terms) -> Field:
         planner=settings,
     )
     if terms.home is not None:
-        draft.home = Spot("home", frame.to_local(*terms.home), ())
+        draft.home = MissionPoint("home", frame.to_local(*terms.home), ())
     for file in terms.zones:
         add_zones(draft, file, ())
     if draft.problems:

@@ -12,7 +12,7 @@ import yaml
 
 from air_router.coverage.cover_area import Field
 from air_router.errors import AirRouterError, MissionFileError, UsageError
-from air_router.files.mission_document import Spot
+from air_router.files.mission_document import MissionPoint
 from air_router.files.yaml.mission_file import read_mission
 from air_router.files.yaml.mission_write import mission_text
 from air_router.mission.loading import judge
@@ -77,7 +77,7 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
         _check_mission(text, source)
         return text
     draft.waypoints = [
-        Spot(f"waypoint {number}", place, (), None if draft.uavs else field.altitude_m)
+        MissionPoint(f"waypoint {number}", place, (), None if draft.uavs else field.altitude_m)
         for number, place in enumerate(waypoints, start=1)
     ]
     judge(draft)  # home may be too near to a zone, the sea's level that limits count from not known

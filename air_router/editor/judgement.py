@@ -15,7 +15,7 @@ from shapely import Polygon, make_valid
 from air_router.editor.drawing import Drawing
 from air_router.editor.manuscript import Manuscript
 from air_router.editor.sketch import Region
-from air_router.files.mission_document import Area, Draft
+from air_router.files.mission_document import Area, MissionDocument
 from air_router.mission.loading import judge
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
@@ -54,7 +54,7 @@ class Judgement:
     `mission`, `graph` and `router` are None if the text says too little for them.
     """
 
-    draft: Draft
+    draft: MissionDocument
     mission: Mission | None
     graph: WaypointGraph | None
     router: Router | None
@@ -84,7 +84,7 @@ class Judgement:
         return sum(math.dist(a, b) for points in flown for a, b in pairwise(points))
 
 
-def _stand_ins(region: Region, drawing: Drawing, draft: Draft) -> Iterator[Area]:
+def _stand_ins(region: Region, drawing: Drawing, draft: MissionDocument) -> Iterator[Area]:
     """Areas that cover what is drawn of a zone that is none: one that crosses itself, say."""
     if draft.frame is None:
         return
@@ -100,7 +100,7 @@ def _stand_ins(region: Region, drawing: Drawing, draft: Draft) -> Iterator[Area]
 
 
 def _legs(
-    draft: Draft, mission: Mission, graph: WaypointGraph, router: Router
+    draft: MissionDocument, mission: Mission, graph: WaypointGraph, router: Router
 ) -> Iterator[OperatorLeg]:
     airspace = mission.planning_airspace
     nodes = sorted(graph.positions)  # home, then the waypoints in their order

@@ -12,7 +12,7 @@ from air_router.editor.plan_drawing import PlanDrawing
 from air_router.editor.text.splice import spliced
 from air_router.editor.yaml_drawing import YamlDrawing
 from air_router.files.json_document import JsonDocument, json_from_text
-from air_router.files.mission_document import Draft
+from air_router.files.mission_document import MissionDocument
 from air_router.files.qgc.qgc_read import plan_draft
 from air_router.files.yaml.mission_file import read_mission
 from mocha_link.team.document import Document, DocumentError
@@ -42,7 +42,7 @@ class Manuscript:
         document = Document.from_text(text, path)
         return cls(path, text, document, YamlDrawing(text, document))
 
-    def draft(self) -> Draft:
+    def draft(self) -> MissionDocument:
         """What the text says, not yet judged."""
         if isinstance(self.document, JsonDocument):
             return plan_draft(self.document)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Loss:
+class ConversionWarning:
     """Something that was not carried over.
 
     Attributes:
@@ -24,13 +24,13 @@ class Loss:
 
 
 @dataclass(slots=True)
-class Losses:
+class ConversionWarnings:
     """The losses of one conversion, each told once."""
 
-    entries: list[Loss] = field(default_factory=list)
+    entries: list[ConversionWarning] = field(default_factory=list)
 
     def add(self, what: str, message: str, code: str) -> None:
         """Note a loss."""
-        loss = Loss(what, message, code)
+        loss = ConversionWarning(what, message, code)
         if loss not in self.entries:
             self.entries.append(loss)

@@ -53,7 +53,7 @@ class Place(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class MissionPoint:
     """A named place of a mission: home, a waypoint, a rally point."""
 
     label: str
@@ -79,7 +79,7 @@ class Uav:
     keys: Keys
     altitude_m: float | None = None
     explore: bool = True
-    home: Spot | None = None
+    home: MissionPoint | None = None
     home_altitude_amsl_m: float | None = None
 
 
@@ -121,7 +121,7 @@ class Refused:
 
 
 @dataclass(slots=True)
-class Draft:
+class MissionDocument:
     """Everything that a mission file says.
 
     What could not be read is missing here and has its problem noted; `unread` holds the names of
@@ -137,10 +137,10 @@ class Draft:
     name: str = ""
     frame: LocalFrame | None = None
     in_metres: bool = False
-    home: Spot | None = None
+    home: MissionPoint | None = None
     home_altitude_amsl_m: float | None = None
-    waypoints: list[Spot] = field(default_factory=list)
-    rally_points: list[Spot] = field(default_factory=list)
+    waypoints: list[MissionPoint] = field(default_factory=list)
+    rally_points: list[MissionPoint] = field(default_factory=list)
     fences: list[Area] = field(default_factory=list)
     zones: list[Area] = field(default_factory=list)
     altitude_m: float = 0.0
@@ -190,10 +190,10 @@ class Draft:
 
     def spot(
         self, label: str, pair: Sequence[float], keys: Keys, altitude_m: float | None = None
-    ) -> Spot | None:
+    ) -> MissionPoint | None:
         """A place in the local frame; None, with a problem noted, if it is not on Earth."""
         try:
-            return Spot(label, self._to_local(pair), keys, altitude_m)
+            return MissionPoint(label, self._to_local(pair), keys, altitude_m)
         except FrameError as error:
             order = "" if self.in_metres else " (latitude comes first)"
             self.complain(keys, f"{label}: {error}; correct it{order}", "not-on-earth")

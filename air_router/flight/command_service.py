@@ -12,9 +12,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from air_router.control.command_request import Wish, WishError
+from air_router.control.command_request import CommandRequest, CommandRequestError
 from air_router.controller.controller import Controller
-from air_router.controller.model.actions import Answered, Refusal
+from air_router.controller.model.actions import CommandAck, Refusal
 from air_router.controller.model.requests import OPERATOR, AnyRequest
 from air_router.flight.mission_reloader import Reading
 from geo.frame import LocalFrame, Point
@@ -23,7 +23,7 @@ _DIGITS = 8
 """Of a degree: a millimetre."""
 
 
-class Desk:
+class CommandService:
     """Hands requests to the flight, and its answers back.
 
     Args:
@@ -45,36 +45,36 @@ class Desk:
         self._controller = controller
         self._deliver = deliver
         self._number = 0
-        self._answers: dict[str, Answered] = {}
+        self._answers: dict[str, CommandAck] = {}
 
-    def ask(self, request: AnyRequest) -> Answered:
+    def ask(self, request: AnyRequest) -> CommandAck:
         """Ask for something, in the mission's metres; the answer says whether it is done."""
         self._number += 1
         number = request.request_id or str(self._number)
         self._answers.clear()
         self._deliver(dataclasses.replace(request, request_id=number))
-        over = Answered(number, request.by, False, "the flight is over", Refusal.FLIGHT_OVER)
+        over = CommandAck(number, request.by, False, "the flight is over", Refusal.FLIGHT_OVER)
         return self._answers.pop(number, over)
 
-    def answered(self, answer: Answered) -> None:
+    def answered(self, answer: CommandAck) -> None:
         """The controller has answered a request, of ours or of somebody else."""
         self._answers[answer.request_id] = answer
 
-    def typed(self, say: Callable[[str], None], wish: Wish) -> None:
+    def typed(self, say: Callable[[str], None], wish: CommandRequest) -> None:
         """The operator has typed something; its answer is shown as every answer is."""
         try:
             reply = self.grant(wish, OPERATOR)
-        except WishError as error:
+        except CommandRequestError as error:
             say(str(error))
         else:
             if "accepted" not in reply:
                 say(json.dumps(reply))
 
-    def grant(self, wish: Wish, by: str) -> dict[str, Any]:
+    def grant(self, wish: CommandRequest, by: str) -> dict[str, Any]:
         """Ask for something, in degrees; returns what a program is answered, in JSON's values.
 
         Raises:
-            WishError: a place cannot be told in the mission's frame.
+            CommandRequestError: a place cannot be told in the mission's frame.
         """
         request = wish.asked(self._frame, by)
         if request is None:

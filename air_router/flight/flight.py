@@ -22,7 +22,7 @@ from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import (
     Action,
     Announce,
-    Answered,
+    CommandAck,
     Finish,
     Motion,
     PublishMap,
@@ -37,10 +37,10 @@ from air_router.controller.model.requests import GoOn
 from air_router.controller.monitor.triggers import why_not_started
 from air_router.controller.motion.navigator import REACTION_S
 from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, RefusedError
-from air_router.flight.command_service import Desk
+from air_router.flight.command_service import CommandService
 from air_router.flight.flight_result import FlightResult, ending_of
-from air_router.flight.flight_stats import Ledger, RobotAccount
-from air_router.flight.mission_reloader import Rereader
+from air_router.flight.flight_stats import FlightStats, RobotStats
+from air_router.flight.mission_reloader import MissionReloader
 from air_router.flight.motions import MotionSender
 from air_router.flight.resumption import flown_before
 from air_router.flight.status import StatusLine, flight_line
@@ -134,13 +134,13 @@ class Flight:
         )
         recorder.begin(setup, arm=arm, resume=resume, camera=camera)
         self.controller = setup.controller(self.router, self._plan)
-        self.desk = Desk(
-            mission.frame, self.controller, self._on_event, lambda: self._rereader.latest
+        self.commands = CommandService(
+            mission.frame, self.controller, self._on_event, lambda: self._reloader.latest
         )
         self.page: Page = NoPage()
-        self._control = None if control is None else ControlServer(control, self.desk.grant)
-        self._rereader = Rereader(self.controller, vehicle, self._on_event, status.say)
-        self.ledger = Ledger(mission, mapper, {name: RobotAccount() for name in seek})
+        self._control = None if control is None else ControlServer(control, self.commands.grant)
+        self._reloader = MissionReloader(self.controller, vehicle, self._on_event, status.say)
+        self.stats = FlightStats(mission, mapper, {name: RobotStats() for name in seek})
         self._finish: asyncio.Future[tuple[str, ExitCode]]
         self._first: asyncio.Future[Telemetry]
         self._newest: Telemetry  # before anything is decided
@@ -172,7 +172,7 @@ class Flight:
         say = self._status.say
         try:
             async with self.page.serving(say):
-                with listening(partial(self.desk.typed, say), say):
+                with listening(partial(self.commands.typed, say), say):
                     self._start(self._begin())
                     outcome, exit_code = await self._finish
         finally:
@@ -189,7 +189,7 @@ class Flight:
         if self._resume:
             self._go_on()
             return
-        await self._rereader.settled()
+        await self._reloader.settled()
         if self._arm:
             self._check_still()
             await self._vehicle.arm()
@@ -222,7 +222,7 @@ class Flight:
         self._admit()
         await self._vehicle.upload(self._plan)
         self._status.say(f"on board and read back: {self._plan.size}")
-        self._rereader.plan_on_board()
+        self._reloader.plan_on_board()
 
     def _admit(self) -> None:
         self._admitted = True
@@ -250,7 +250,7 @@ class Flight:
         find = partial(flown_before, own=self._recorder.path, rate=self._clock.rate)
         flown, words = await asyncio.to_thread(find, self._mission, info, self._newest)
         self._status.say(words)
-        self._rereader.plan_on_board()
+        self._reloader.plan_on_board()
         self._admit()
         self._on_event(flown)
         self._on_event(self._newest)
@@ -258,7 +258,7 @@ class Flight:
     def _go_on(self) -> None:
         if self.controller.state is not State.READY:
             return  # in Mission mode it was found to be on its way
-        answer = self.desk.ask(GoOn())
+        answer = self.commands.ask(GoOn())
         if not answer.accepted:
             raise RefusedError(f"the flight is not resumed, and left as it is: {answer.why}")
 
@@ -326,7 +326,7 @@ class Flight:
     def _on_event(self, event: Event) -> None:
         now_s = self._clock.boot_s()
         self._recorder.event(event, now_s)
-        self.ledger.event(event, now_s)
+        self.stats.event(event, now_s)
         self.page.event(event, now_s)
         if self._leaving:
             return  # the vehicle is let go: nothing is decided any more
@@ -334,7 +334,7 @@ class Flight:
         for action in actions:  # all of them before any leads to another event
             self._recorder.action(action, now_s)
         for action in actions:
-            self.ledger.action(action)
+            self.stats.action(action)
             self.page.action(action, now_s)
             self._act(action, now_s)
 
@@ -347,11 +347,11 @@ class Flight:
             case Seeking(robot=robot):
                 self._gossip.tell_sought(robot, now_s)
             case ReadAgain() | RenewPlan():
-                self._start(self._rereader.work(action))
+                self._start(self._reloader.work(action))
             case Announce(text=text):
                 self._tell(text, now_s)
-            case Answered(by=by, accepted=accepted, why=why):
-                self.desk.answered(action)
+            case CommandAck(by=by, accepted=accepted, why=why):
+                self.commands.answered(action)
                 self._gossip.tell_answer(action)
                 word = "accepted" if accepted else "refused"
                 self._status.say(f"{now_s:8.1f} s  {by}: {word}: {why}")
@@ -441,10 +441,10 @@ class Flight:
 
     def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
         for name, stamp_s in self._gossip.newest_stamps().items():
-            if name in self.ledger.robots:
-                self.ledger.robots[name].newest_stamp_s = stamp_s
-        report = self.ledger.report(outcome, self._clock.now_s())
+            if name in self.stats.robots:
+                self.stats.robots[name].newest_stamp_s = stamp_s
+        report = self.stats.report(outcome, self._clock.now_s())
         report["came_home_because"] = self.controller.came_home_why
         self._recorder.note("Report", self._clock.boot_s(), report)
-        ledger = self.ledger
-        return FlightResult(outcome, exit_code, report, tuple(ledger.track), tuple(ledger.meetings))
+        stats = self.stats
+        return FlightResult(outcome, exit_code, report, tuple(stats.track), tuple(stats.meetings))

@@ -21,7 +21,7 @@ TRACK_STEP_M: Final = 0.05
 
 
 @dataclass(slots=True)
-class RobotAccount:
+class RobotStats:
     """What passed between the UAV and one robot.
 
     Attributes:
@@ -43,12 +43,12 @@ class RobotAccount:
 
 
 @dataclass(slots=True)
-class Ledger:
+class FlightStats:
     """Adds a flight up; `report` makes the object that `--json` prints."""
 
     mission: Mission
     mapper: Mapper
-    robots: dict[str, RobotAccount]
+    robots: dict[str, RobotStats]
     states: list[State] = field(default_factory=list)
     track: list[Point] = field(default_factory=list)
     meetings: list[tuple[str, Point]] = field(default_factory=list)

@@ -109,7 +109,7 @@ class Reading:
     why: str = "the mission file is being read"
 
 
-class Rereader:
+class MissionReloader:
     """Carries out what the controller wants done when zones change.
 
     Before the plan itself is on board nothing else is put there: what changes meanwhile waits.

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Final
 
 from air_router.control.budget import COSTLY_AT_ONCE, COSTLY_PER_S, Budget
-from air_router.controller.model.actions import Answered
+from air_router.controller.model.actions import CommandAck
 from air_router.controller.model.events import Event
 from air_router.controller.model.requests import GoTo
 from air_router.gossip.mapper import Mapper
-from air_router.gossip.team_messages import Reader
+from air_router.gossip.team_messages import TeamMessageDecoder
 from air_router.messages import (
     ANSWERS_TOPIC,
     MAP_TOPIC,
@@ -74,7 +74,7 @@ class Gossip:
         node: Node | None = None,
     ) -> None:
         self._frame = frame
-        self._reader = Reader(frame, name=name, goals_from=goals_from)
+        self._reader = TeamMessageDecoder(frame, name=name, goals_from=goals_from)
         self._goals_from = goals_from
         self._mapper = mapper
         self._clock = clock
@@ -145,7 +145,7 @@ class Gossip:
         message = SeekMessage(stamp_s=self._clock.now_s(), robot=robot)
         self.node.publish(SEEK_TOPIC, message.encode(), now=True)
 
-    def tell_answer(self, answer: Answered) -> None:
+    def tell_answer(self, answer: CommandAck) -> None:
         """Tell a base station what became of its goals."""
         if ANSWERS_TOPIC not in self._topics or answer.by not in self._goals_from:
             return

@@ -39,7 +39,7 @@ PATH_READ: Final = 500
 matter takes a time that grows with the square of their number."""
 
 
-class Reader:
+class TeamMessageDecoder:
     """Reads messages of robots.
 
     Args:

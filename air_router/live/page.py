@@ -68,7 +68,7 @@ class Shown(Protocol):
         """Read for what the mission does now."""
 
     @property
-    def desk(self) -> Grants:
+    def commands(self) -> Grants:
         """Takes what the page asks for."""
 
 
@@ -161,7 +161,7 @@ def page_of(
     return LivePage(
         mission,
         flight.controller,
-        flight.desk,
+        flight.commands,
         gossip.links,
         mapper=mapper,
         host=web.host,

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
-from air_router.control.command_request import Wish, WishError
+from air_router.control.command_request import CommandRequest, CommandRequestError
 from air_router.controller.controller import Controller
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import PublishMap
@@ -33,12 +33,12 @@ _STEPS: Final = 400
 
 
 class _Closed:
-    """The desk of a flight that is over."""
+    """The command service of a flight that is over."""
 
-    def grant(self, wish: Wish, by: str) -> dict[str, Any]:
+    def grant(self, wish: CommandRequest, by: str) -> dict[str, Any]:
         """Nothing can be asked of it."""
         del wish, by
-        raise WishError("this flight is over: it is shown from its record")
+        raise CommandRequestError("this flight is over: it is shown from its record")
 
 
 class Film:
@@ -194,5 +194,7 @@ class Playback:
             case {"ask": "go", "to_s": int() | float() as to_s} if math.isfinite(to_s):
                 self._wanted_s = min(max(float(to_s), self._film.begin_s), self._film.end_s)
             case _:
-                raise WishError("the page asks for something that is not known; load it again")
+                raise CommandRequestError(
+                    "the page asks for something that is not known; load it again"
+                )
         return {}

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from air_router.compass import wind_words
 from air_router.controller.controller import Controller
-from air_router.controller.model.actions import Action, Announce, Answered, Finish, StateChanged
+from air_router.controller.model.actions import Action, Announce, CommandAck, Finish, StateChanged
 from air_router.controller.model.events import Event, RobotPath, RobotPose
 from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import Telemetry
@@ -100,7 +100,7 @@ class Scene:
                 self._tell("state", f"{source.name} → {target.name}")
             case Announce(text=text):
                 self._tell("said", text)
-            case Answered(by=by, accepted=accepted, why=why):
+            case CommandAck(by=by, accepted=accepted, why=why):
                 self._tell("answer", f"{by}: {'accepted' if accepted else 'refused'}: {why}")
             case Finish(why=why):
                 self._tell("state", why)

@@ -1,4 +1,4 @@
-"""Serves the live page of a flight: browsers see the scene, and hand requests in at the desk."""
+"""Serves the live page of a flight: browsers see the scene, and hand in requests."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager, contextmanager
 from typing import Any, Final
 
 from air_router.control.budget import COSTLY_AT_ONCE, COSTLY_PER_S, TOO_MANY, Budget
-from air_router.control.command_request import Grants, WishError, wish_of
+from air_router.control.command_request import CommandRequestError, Grants, command_request_of
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import Action
 from air_router.controller.model.events import Event
@@ -46,7 +46,7 @@ _MOST_FAULTS: Final = 3
 """So many of them are logged."""
 
 Steer = Callable[[dict[str, Any]], dict[str, Any]]
-"""Takes what a page asks of a recorded flight; raises WishError."""
+"""Takes what a page asks of a recorded flight; raises CommandRequestError."""
 
 Links = Callable[[], "Mapping[str, LinkMetrics]"]
 
@@ -60,7 +60,7 @@ class LivePage:
     Args:
         mission: What is flown.
         controller: Read for what the mission does now.
-        desk: Takes what the page asks for.
+        command_service: Takes what the page asks for.
         links: What the gossip node measures now.
         mapper: The map that the UAV paints; it is only read.
         host: The address to serve on; anybody but this machine needs a token.
@@ -72,7 +72,7 @@ class LivePage:
         self,
         mission: Mission,
         controller: Controller,
-        desk: Grants,
+        command_service: Grants,
         links: Links,
         *,
         mapper: Mapper,
@@ -81,7 +81,7 @@ class LivePage:
         backdrop: Backdrop | None = None,
     ) -> None:
         self._name = mission.uav or "UAV"
-        self._desk = desk
+        self._commands = command_service
         self._links = links
         self._host, self._port = host, port
         self._told: dict[str, str] = {}
@@ -247,11 +247,11 @@ class LivePage:
             number = number if isinstance(number, int) else None
             if self.steer is not None and isinstance(values, dict) and "ask" in values:
                 return {"type": "done", "id": number, **self.steer(values)}
-            wish = wish_of(values)
+            wish = command_request_of(values)
             if not (self._requests.spend() and self._costly.affords(wish)):
                 return {"type": "refused", "id": number, "kind": "busy", "why": TOO_MANY}
-            return {"type": "done", **self._desk.grant(wish, "the page"), "id": number}
-        except WishError as error:
+            return {"type": "done", **self._commands.grant(wish, "the page"), "id": number}
+        except CommandRequestError as error:
             return {"type": "refused", "id": number, "kind": "request", "why": str(error)}
         except (ValueError, RecursionError):
             return {"type": "refused", "id": number, "kind": "request", "why": "not a request"}

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from air_router.files.altitudes import HomeAltitudeError
-from air_router.files.mission_document import Area, Draft
+from air_router.files.mission_document import Area, MissionDocument
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Band, Shape, Zone, ZoneError
 from geo.validity import Validity
@@ -85,7 +85,7 @@ class Airspaces:
     altitudes: Band
 
 
-def airspaces_of(draft: Draft, window: FlightWindow) -> Airspaces:
+def airspaces_of(draft: MissionDocument, window: FlightWindow) -> Airspaces:
     """The airspaces of a draft. An altitude limit that cannot be read is taken for none."""
     altitudes = cruise_altitudes(draft)
     zones = tuple(_zone(area, draft) for area in draft.zones)
@@ -120,14 +120,14 @@ def airspaces_within(  # noqa: PLR0913, PLR0917 - all that counts
     return Airspaces(zones, columns, cruise, column, above, tuple(idle), altitudes)
 
 
-def cruise_altitudes(draft: Draft) -> Band:
+def cruise_altitudes(draft: MissionDocument) -> Band:
     """From the lowest to the highest altitude flown, and the margin on both sides."""
     flown_m = [draft.altitude_m, *(s.altitude_m for s in draft.waypoints if s.altitude_m)]
     margin_m = draft.planner.vertical_margin_m
     return Band(min(flown_m) - margin_m, max(flown_m) + margin_m)
 
 
-def band_of(area: Area, draft: Draft) -> Band | None:
+def band_of(area: Area, draft: MissionDocument) -> Band | None:
     """Where an area applies, in metres above home; None: everywhere.
 
     Raises:
@@ -138,7 +138,7 @@ def band_of(area: Area, draft: Draft) -> Band | None:
     return area.altitudes.band(draft.home_altitude_amsl_m, draft.planner.terrain_relief_m)
 
 
-def _zone(area: Area, draft: Draft) -> Zone:
+def _zone(area: Area, draft: MissionDocument) -> Zone:
     try:
         band = band_of(area, draft)
     except (HomeAltitudeError, ZoneError):

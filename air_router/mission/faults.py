@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from air_router.files.mission_document import Draft, Refused, Spot
+from air_router.files.mission_document import MissionDocument, MissionPoint, Refused
 from air_router.mission.mission import Mission
 from geo.airspace.zone import Shape
 from geo.frame import Point
@@ -34,14 +34,14 @@ class Faults:
     """
 
     count: int
-    spots: tuple[Spot, ...]
+    spots: tuple[MissionPoint, ...]
     legs: tuple[tuple[Point, Point], ...]
     shapes: tuple[Shape, ...]
     refused: tuple[Refused, ...]
     off_sheet: tuple[str, ...] = ()
 
 
-def faults_of(draft: Draft, mission: Mission) -> Faults:
+def faults_of(draft: MissionDocument, mission: Mission) -> Faults:
     """The faults of a judged draft."""
     spots = [*draft.waypoints, *draft.rally_points, *([draft.home] if draft.home else [])]
     wrong = [spot for spot in spots if _blamed(draft.problems, spot.keys)]
@@ -72,7 +72,9 @@ def blocked_legs(mission: Mission) -> list[tuple[Point, Point]]:
     return [leg for leg, ok in zip(legs, clear, strict=True) if not ok]
 
 
-def _legs(draft: Draft, mission: Mission, wrong: set[str]) -> tuple[tuple[Point, Point], ...]:
+def _legs(
+    draft: MissionDocument, mission: Mission, wrong: set[str]
+) -> tuple[tuple[Point, Point], ...]:
     places = {
         spot.position for spot in (*draft.waypoints, draft.home) if spot and spot.label in wrong
     }

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from air_router.files.mission_document import Area, Draft, Spot, Uav
+from air_router.files.mission_document import Area, MissionDocument, MissionPoint, Uav
 from geo.airspace.zone import Circle
 from geo.frame import Point
 from mocha_link.team.document import Problem
@@ -42,7 +42,7 @@ class Layer:
     explore: bool
 
 
-def layers_of(draft: Draft) -> tuple[Layer, ...]:
+def layers_of(draft: MissionDocument) -> tuple[Layer, ...]:
     """The layers of a draft, in its order; empty if it speaks of one UAV only."""
     homes = [uav.home or draft.home for uav in draft.uavs]
     heights = [_height_m(draft, uav) for uav in draft.uavs]
@@ -79,7 +79,7 @@ def _own_m(layers: Sequence[Layer], uav: str | None) -> float:
     return next((layer.altitude_m for layer in layers if layer.uav == uav), math.inf)
 
 
-def variants(draft: Draft) -> list[Draft]:
+def variants(draft: MissionDocument) -> list[MissionDocument]:
     """The draft as each of its UAVs flies it; the one that is asked for first."""
     layers = layers_of(draft)
     uavs = tuple(
@@ -111,7 +111,7 @@ def variants(draft: Draft) -> list[Draft]:
     return made
 
 
-def check_fleet(draft: Draft) -> None:
+def check_fleet(draft: MissionDocument) -> None:
     """Note UAVs whose layers or homes are too close, and what they cannot have of their own."""
     if len(draft.uavs) < 2:
         return
@@ -149,12 +149,12 @@ def check_fleet(draft: Draft) -> None:
         draft.note(("rally_points",), message, "rally-points-shared")
 
 
-def column_radius_m(draft: Draft) -> float:
+def column_radius_m(draft: MissionDocument) -> float:
     """How far from a home the column above it reaches."""
     return draft.planner.home_separation_m / 2
 
 
-def merge(draft: Draft, made: Iterable[Draft]) -> None:
+def merge(draft: MissionDocument, made: Iterable[MissionDocument]) -> None:
     """Note in a draft what is wrong with its variants; what holds for some is told of those."""
     made = list(made)
     draft.problems += _merged(made, [variant.problems for variant in made], draft.problems)
@@ -162,7 +162,7 @@ def merge(draft: Draft, made: Iterable[Draft]) -> None:
 
 
 def _merged(
-    made: Sequence[Draft], lists: Sequence[Sequence[Problem]], known: Sequence[Problem]
+    made: Sequence[MissionDocument], lists: Sequence[Sequence[Problem]], known: Sequence[Problem]
 ) -> list[Problem]:
     merged = []
     for problem in dict.fromkeys(itertools.chain.from_iterable(lists)):
@@ -174,7 +174,7 @@ def _merged(
     return merged
 
 
-def _columns(draft: Draft, layers: Sequence[Layer], own: Layer) -> list[Area]:
+def _columns(draft: MissionDocument, layers: Sequence[Layer], own: Layer) -> list[Area]:
     """What a UAV keeps away from: where those that fly higher come through its layer."""
     return [
         Area(f"home of {uav.name}", Circle(layer.home, column_radius_m(draft)), uav.keys)
@@ -183,13 +183,13 @@ def _columns(draft: Draft, layers: Sequence[Layer], own: Layer) -> list[Area]:
     ]
 
 
-def _altitude_m(draft: Draft, uav: Uav) -> float:
+def _altitude_m(draft: MissionDocument, uav: Uav) -> float:
     return draft.altitude_m if uav.altitude_m is None else uav.altitude_m
 
 
-def _height_m(draft: Draft, uav: Uav) -> float | None:
+def _height_m(draft: MissionDocument, uav: Uav) -> float | None:
     """Of the ground at a UAV's home, above the sea; that of the mission's home for want of it."""
-    own: Spot | None = uav.home
+    own: MissionPoint | None = uav.home
     if own is not None and uav.home_altitude_amsl_m is not None:
         return uav.home_altitude_amsl_m
     return draft.home_altitude_amsl_m

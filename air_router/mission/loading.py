@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from air_router.errors import MissionFileError, UsageError
-from air_router.files.mission_document import Draft
+from air_router.files.mission_document import MissionDocument
 from air_router.files.qgc.qgc_read import read_plan
 from air_router.files.yaml.mission_file import read_mission
 from air_router.mission.airspaces import Airspaces, FlightWindow, airspaces_of
@@ -63,7 +63,7 @@ def load_mission(
     return mission
 
 
-def read_draft(path: Path) -> Draft:
+def read_draft(path: Path) -> MissionDocument:
     """What a file says, not yet judged.
 
     Raises:
@@ -74,7 +74,7 @@ def read_draft(path: Path) -> Draft:
     return read_mission(Document.load(path))
 
 
-def choose(draft: Draft, uav: str) -> None:
+def choose(draft: MissionDocument, uav: str) -> None:
     """Make a draft that of one of its UAVs.
 
     Raises:
@@ -87,7 +87,7 @@ def choose(draft: Draft, uav: str) -> None:
     draft.uav = uav
 
 
-def judge(draft: Draft) -> Mission | None:
+def judge(draft: MissionDocument) -> Mission | None:
     """Note every problem of a draft in it; the mission that it describes, however wrong.
 
     A mission for several UAVs is judged as each of them flies it; `draft.uav` is whose is returned.
@@ -105,7 +105,7 @@ def judge(draft: Draft) -> Mission | None:
     return None if missions[0] is None else replace(missions[0], notes=tuple(draft.notes))
 
 
-def _judge(draft: Draft) -> Mission | None:
+def _judge(draft: MissionDocument) -> Mission | None:
     window = FlightWindow.of(datetime.now(UTC), draft.start, draft.duration_s)
     airspaces = airspaces_of(draft, window)
     check_geometry(draft, airspaces)
@@ -115,7 +115,9 @@ def _judge(draft: Draft) -> Mission | None:
     return mission_of(draft, airspaces, window)
 
 
-def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Mission | None:
+def mission_of(
+    draft: MissionDocument, airspaces: Airspaces, window: FlightWindow
+) -> Mission | None:
     """The mission of a draft, whether it has problems or not; None without frame or home."""
     if draft.frame is None or draft.home is None:
         return None
@@ -160,7 +162,7 @@ def mission_of(draft: Draft, airspaces: Airspaces, window: FlightWindow) -> Miss
     )
 
 
-def _note_fence(draft: Draft, mission: Mission) -> None:
+def _note_fence(draft: MissionDocument, mission: Mission) -> None:
     """Note what of the mission's areas its fence on board will not be."""
     plan = fence_plan(mission)
     areas = {area.name: area for area in (*draft.zones, *draft.columns, *draft.fences)}

@@ -10,7 +10,7 @@ import shapely
 from shapely import Polygon, STRtree
 
 from air_router.files.altitudes import HomeAltitudeError
-from air_router.files.mission_document import Area, Draft, Keys, Spot
+from air_router.files.mission_document import Area, Keys, MissionDocument, MissionPoint
 from air_router.messages import GOALS_TOPIC, SEEK_TOPIC
 from air_router.mission.airspaces import Airspaces, band_of
 from geo.airspace.airspace import FENCE, Airspace
@@ -35,7 +35,7 @@ _CODES = {
 """Of places outside of the fence, in a zone, and nearer to either than they may be."""
 
 
-def check_geometry(draft: Draft, airspaces: Airspaces) -> None:
+def check_geometry(draft: MissionDocument, airspaces: Airspaces) -> None:
     """Note everything that is wrong with the places and areas of a draft."""
     if draft.frame is None:
         return
@@ -51,7 +51,7 @@ def check_geometry(draft: Draft, airspaces: Airspaces) -> None:
         _check_ways(draft, airspaces)
 
 
-def check_team(draft: Draft) -> None:
+def check_team(draft: MissionDocument) -> None:
     """Note what is wrong with the team file, and robots that it does not have.
 
     Enters the only flying robot of the team as the draft's `uav`, if the mission names none.
@@ -93,7 +93,7 @@ def check_team(draft: Draft) -> None:
     _check_others(draft, team)
 
 
-def _check_others(draft: Draft, team: Team) -> None:
+def _check_others(draft: MissionDocument, team: Team) -> None:
     """Note robots that are to be sought, or sent goals by, and cannot."""
     for index, name in enumerate(draft.seek):
         _check_robot(draft, name, team.robots, ("seek", "robots", index))
@@ -104,7 +104,7 @@ def _check_others(draft: Draft, team: Team) -> None:
         _check_goals(draft, name, team, ("goals_from", index))
 
 
-def _check_goals(draft: Draft, name: str, team: Team, keys: Keys) -> None:
+def _check_goals(draft: MissionDocument, name: str, team: Team, keys: Keys) -> None:
     _check_robot(draft, name, team.robots, keys)
     if name == draft.uav:
         message = f"'{name}' flies this mission; goals come from others: take it off the list"
@@ -117,7 +117,7 @@ def _check_goals(draft: Draft, name: str, team: Team, keys: Keys) -> None:
         draft.note(keys, message, "no-goals-topic")
 
 
-def _note_strangers(draft: Draft, team: Team) -> None:
+def _note_strangers(draft: MissionDocument, team: Team) -> None:
     """Note UAVs of one mission that cannot tell each other whom they seek."""
     own = next((uav for uav in draft.uavs if uav.name == draft.uav), None)
     if own is None or own.name not in team.robots or len(draft.uavs) == 1:
@@ -139,7 +139,7 @@ def _note_strangers(draft: Draft, team: Team) -> None:
         draft.note(own.keys, message, "no-seek-topic")
 
 
-def _check_robot(draft: Draft, name: str, known: Collection[str], keys: Keys) -> None:
+def _check_robot(draft: MissionDocument, name: str, known: Collection[str], keys: Keys) -> None:
     if name in known:
         return
     close = difflib.get_close_matches(name, known, n=1)
@@ -147,7 +147,7 @@ def _check_robot(draft: Draft, name: str, known: Collection[str], keys: Keys) ->
     draft.complain(keys, f"the team has no robot '{name}'; {hint}", "unknown-robot")
 
 
-def _check_names(draft: Draft) -> None:
+def _check_names(draft: MissionDocument) -> None:
     first: dict[str, Area] = {}
     for area in draft.zones:
         if area.name in first or area.name == FENCE:
@@ -156,7 +156,7 @@ def _check_names(draft: Draft) -> None:
         first.setdefault(area.name, area)
 
 
-def _check_altitudes(draft: Draft) -> None:
+def _check_altitudes(draft: MissionDocument) -> None:
     for area in draft.zones:
         label = f"no-fly zone '{area.name}'"
         try:
@@ -173,7 +173,7 @@ def _check_altitudes(draft: Draft) -> None:
             _note_contradiction(draft, area)
 
 
-def _note_contradiction(draft: Draft, area: Area) -> None:
+def _note_contradiction(draft: MissionDocument, area: Area) -> None:
     given, home_amsl_m = area.altitudes, draft.home_altitude_amsl_m
     if given is None or not given.contradicts(home_amsl_m, draft.planner.terrain_relief_m):
         return
@@ -186,7 +186,7 @@ def _note_contradiction(draft: Draft, area: Area) -> None:
     )
 
 
-def _check_distances(draft: Draft) -> set[str]:
+def _check_distances(draft: MissionDocument) -> set[str]:
     """Far places are typing errors: digits, signs, or longitude before latitude.
 
     Returns the labels of such places: nothing else needs to be said about them.
@@ -211,7 +211,7 @@ def _check_distances(draft: Draft) -> set[str]:
     return far
 
 
-def _check_fence_crossings(draft: Draft) -> None:
+def _check_fence_crossings(draft: MissionDocument) -> None:
     if not draft.fences:
         return
     inside = shapely.intersection_all([area.shape.polygon for area in draft.fences])
@@ -234,7 +234,7 @@ def _within(shape: Shape) -> Polygon:
     return shape.polygon
 
 
-def _check_same_places(draft: Draft) -> None:
+def _check_same_places(draft: MissionDocument) -> None:
     if not draft.waypoints:
         return
     places = shapely.points([spot.position for spot in draft.waypoints])
@@ -249,7 +249,7 @@ def _check_same_places(draft: Draft) -> None:
         draft.complain(spot.keys, message, "same-place")
 
 
-def _check_spots(draft: Draft, airspaces: Airspaces, far: Collection[str]) -> bool:
+def _check_spots(draft: MissionDocument, airspaces: Airspaces, far: Collection[str]) -> bool:
     """Whether home, waypoints and rally points all keep their distance."""
     margin_m = draft.planner.tracking_margin_m
     cruise, column = airspaces.cruise.with_margin(margin_m), airspaces.column.with_margin(margin_m)
@@ -267,7 +267,7 @@ def _check_spots(draft: Draft, airspaces: Airspaces, far: Collection[str]) -> bo
     return not wrong
 
 
-def _complain_of_spot(draft: Draft, spot: Spot, airspace: Airspace) -> None:
+def _complain_of_spot(draft: MissionDocument, spot: MissionPoint, airspace: Airspace) -> None:
     holders = airspace.holders(spot.position)
     outside, inside, near = _CODES[spot.label.rstrip(" 0123456789")]
     if FENCE in holders:
@@ -293,7 +293,7 @@ def _complain_of_spot(draft: Draft, spot: Spot, airspace: Airspace) -> None:
         draft.complain(spot.keys, message, near)
 
 
-def _needs(draft: Draft, kept_m: float) -> str:
+def _needs(draft: MissionDocument, kept_m: float) -> str:
     margin_m = draft.planner.tracking_margin_m
     return f"{kept_m:g} m (clearance {kept_m - margin_m:g} m + tracking margin {margin_m:g} m)"
 
@@ -302,7 +302,7 @@ def _metres(distance_m: float) -> str:
     return f"{distance_m:.2f} m" if distance_m < 1 else f"{distance_m:.1f} m"
 
 
-def _check_ways(draft: Draft, airspaces: Airspaces) -> None:
+def _check_ways(draft: MissionDocument, airspaces: Airspaces) -> None:
     """A clear way must lead from home to every waypoint (and so from each to every other)."""
     if draft.home is None:
         return

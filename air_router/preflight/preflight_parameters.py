@@ -22,7 +22,7 @@ _Wanted = Callable[["Mission", float], bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class WantedParameter:
     """What a parameter should be.
 
     Attributes:
@@ -67,7 +67,7 @@ def _less_than(limit: float) -> _Wanted:
 
 
 WISHES: Final = (
-    Wish(
+    WantedParameter(
         "GF_ACTION",
         "2 (Hold)",
         "the fence on board is the second wall: 0 and 1 do nothing, Return and Land fly on, "
@@ -76,67 +76,67 @@ WISHES: Final = (
         _is(0, 1, 4),
         accept="fence_action",
     ),
-    Wish(
+    WantedParameter(
         "GF_MAX_HOR_DIST",
         "0 (no limit), or more than the farthest waypoint's distance from home",
         "PX4 flies no plan with an item that is farther, and stops the vehicle there",
         lambda mission, value: value <= 0.0 or value > _farthest_m(mission, _corners(mission)),
         lambda mission, value: 0.0 < value <= _farthest_m(mission) + _slack_m(mission),
     ),
-    Wish(
+    WantedParameter(
         "GF_MAX_VER_DIST",
         "0 (no limit), or more than the mission's highest altitude",
         "PX4 flies no plan with an item that is higher, and stops the vehicle there",
         lambda mission, value: value <= 0.0 or value > mission.cruise.upper_m,
         lambda mission, value: 0.0 < value <= mission.cruise.upper_m,
     ),
-    Wish(
+    WantedParameter(
         "GF_SOURCE",
         "0 (the estimate)",
         "the fence is judged by raw GPS, not by the position that is flown",
         _is(0),
     ),
-    Wish(
+    WantedParameter(
         "NAV_ACC_RAD",
         "at most 10 m",
         "items without a radius of their own count as reached from afar",
         lambda _mission, value: value <= 10.0,
     ),
-    Wish(
+    WantedParameter(
         "MPC_ACC_HOR",
         f"at least {BRAKING_M_S2 + 0.5:g} m/s2",
         "legs are checked for a vehicle that brakes so well",
         _at_least(BRAKING_M_S2 + 0.5),
         _less_than(BRAKING_M_S2),
     ),
-    Wish(
+    WantedParameter(
         "MPC_JERK_AUTO",
         f"at least {HARMLESS_JERK_M_S3:g} m/s3",
         "softer brakes bite later than legs are checked for",
         _at_least(HARMLESS_JERK_M_S3),
         _less_than(HARMLESS_JERK_M_S3 / 2),
     ),
-    Wish(
+    WantedParameter(
         "MPC_XY_VEL_MAX",
         "at least the mission's speed",
         "the mission takes longer than reckoned",
         lambda mission, value: value >= mission.speed_m_s,
     ),
-    Wish(
+    WantedParameter(
         "COM_RC_OVERRIDE",
         "with bit 0",
         "moving the sticks does not take the vehicle over from the mission",
         lambda _mission, value: bool(round(value) & 1),
         accept="sticks_do_not_override",
     ),
-    Wish(
+    WantedParameter(
         "COM_RC_IN_MODE",
         "any but 4 (no manual control)",
         "the pilot has no sticks to take the vehicle over with",
         lambda _mission, value: round(value) != 4,
         accept="sticks_do_not_override",
     ),
-    Wish(
+    WantedParameter(
         "NAV_DLL_ACT",
         "0 (nothing) or 1 (Hold)",
         "losing the ground station makes PX4 return straight home, not around zones; "
@@ -144,54 +144,54 @@ WISHES: Final = (
         _is(0, 1),
         _is(5, 6),
     ),
-    Wish(
+    WantedParameter(
         "NAV_RCL_ACT",
         "1 (Hold) to 3 (Land)",
         "losing the remote control drops the vehicle",
         _is(0, 1, 2, 3),
         _is(5, 6),
     ),
-    Wish(
+    WantedParameter(
         "COM_OBC_LOSS_T",
         "at most 10 s",
         "the ground station hears late that this computer is gone",
         lambda _mission, value: value <= 10.0,
         scaled=True,
     ),
-    Wish(
+    WantedParameter(
         "COM_LOW_BAT_ACT",
         "3 (Return, then Land)",
         "an empty battery is only warned of",
         _is(2, 3),
     ),
-    Wish(
+    WantedParameter(
         "BAT_CRIT_THR",
         "below the mission's battery reserve",
         "PX4 returns by itself, straight, before the mission comes home along its routes",
         lambda mission, value: value < mission.battery_reserve,
         lambda mission, value: value >= mission.battery_reserve,
     ),
-    Wish(
+    WantedParameter(
         "COM_DISARM_PRFLT",
         "5 to 60 s",
         "armed by hand it disarms before Mission mode is chosen, or never",
         lambda _mission, value: 5.0 <= value <= 60.0,
     ),
-    Wish(
+    WantedParameter(
         "RTL_RETURN_ALT",
         "at least the mission's altitude",
         "a return by the autopilot is lower than what was planned",
         lambda mission, value: value >= mission.altitude_above_home_m,
         accept="rtl_altitude",
     ),
-    Wish(
+    WantedParameter(
         "RTL_DESCEND_ALT",
         "at most the mission's altitude",
         "at the end of its return the autopilot hovers higher than what was planned",
         lambda mission, value: value <= mission.altitude_above_home_m,
         accept="rtl_altitude",
     ),
-    Wish(
+    WantedParameter(
         "RTL_TYPE",
         "0 or 3 (straight to the nearest of home and the rally points)",
         "the autopilot returns another way: past home to a rally point, or along the plan's items",
@@ -201,7 +201,7 @@ WISHES: Final = (
 )
 NAMES: Final = tuple(wish.name for wish in WISHES)
 
-_LAYER: Final = Wish(
+_LAYER: Final = WantedParameter(
     "RTL_RETURN_ALT",
     "the altitude of this UAV's layer",
     "a return by the autopilot climbs into the layer of another UAV",

@@ -28,9 +28,18 @@ from air_router.record.plain_values import (
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Shape, Zone
 
-__all__ = ["TYPE_KEY", "Codec", "CodecError", "codec_of"]
+__all__ = ["TYPE_KEY", "Codec", "CodecError", "codec_of", "recorded_name"]
 
 TYPE_KEY: Final = "type"
+
+RECORDED_AS: Final = {"CommandAck": "Answered"}
+"""Classes by name that records call otherwise: records of before are to be read."""
+
+
+def recorded_name(kind: Any) -> str:
+    """What records call a class."""
+    name: str = kind.__name__
+    return RECORDED_AS.get(name, name)
 
 
 @cache
@@ -57,7 +66,7 @@ def codec_of(hint: Any) -> Codec:
 def _union(members: tuple[Any, ...]) -> Codec:
     """The first member that the value is one of; objects are told apart by their `type`."""
     codecs = [codec_of(member) for member in members]
-    tagged = {m.__name__: c for m, c in zip(members, codecs, strict=True) if _is_tagged(m)}
+    tagged = {recorded_name(m): c for m, c in zip(members, codecs, strict=True) if _is_tagged(m)}
     others = [c for m, c in zip(members, codecs, strict=True) if not _is_tagged(m)]
     by_class = {m: c for m, c in zip(members, codecs, strict=True) if isinstance(m, type)}
 
@@ -178,7 +187,7 @@ class _Object:
     def __init__(self, kind: Any, hints: dict[str, Any] | None = None) -> None:
         self._kind = kind
         self._hints = hints
-        self._name: str = kind.__name__
+        self._name = recorded_name(kind)
         self._tag: str | None = None
         optional: set[str] = set()
         if hints is not None:

@@ -12,7 +12,7 @@ from typing import Any, Final, get_args
 from air_router.controller.model.actions import Motion
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.record import serialization as journal
-from air_router.record.codec import TYPE_KEY, codec_of
+from air_router.record.codec import TYPE_KEY, codec_of, recorded_name
 from air_router.record.foxglove import schema_text
 from air_router.record.log_file import ORDER_KEY, Channel
 from mocha_link.links.metrics import LinkMetrics
@@ -38,7 +38,7 @@ PATCHES: Final = Channel(
 @cache
 def channel_of(kind: str, of: Any) -> Channel:
     """The channel of a class of events or actions."""
-    name = of.__name__
+    name = recorded_name(of)
     return Channel(f"/{kind}/{name}", f"air_router.{name}", _timed(journal.schema(of)))
 
 

@@ -12,7 +12,7 @@ from typing import Any, get_args
 from air_router.controller.model.actions import Action
 from air_router.controller.model.events import Event
 from air_router.errors import AirRouterError, ExitCode
-from air_router.record.codec import TYPE_KEY, CodecError, codec_of
+from air_router.record.codec import TYPE_KEY, CodecError, codec_of, recorded_name
 
 
 class JournalError(AirRouterError, ValueError):
@@ -28,7 +28,7 @@ def encode(value: object) -> dict[str, Any]:
         TypeError: it is neither.
     """
     kind: Any = type(value)
-    if kind.__name__ not in members() or members()[kind.__name__] is not kind:
+    if members().get(recorded_name(kind)) is not kind:
         raise TypeError(f"{value!r} cannot be recorded: neither an event nor an action")
     plain: dict[str, Any] = codec_of(kind).encode(value)
     return plain
@@ -69,6 +69,6 @@ def members() -> dict[str, type]:
     """
     found: dict[str, type] = {}
     for kind in (*get_args(Event), *get_args(Action)):
-        if found.setdefault(kind.__name__, kind) is not kind:
-            raise TypeError(f"two events or actions are called {kind.__name__}")
+        if found.setdefault(recorded_name(kind), kind) is not kind:
+            raise TypeError(f"two events or actions are called {recorded_name(kind)}")
     return found

@@ -23,7 +23,7 @@ from sitl.team.team import (
     Places,
     TeamError,
     TeamSimulation,
-    crew_of,
+    roles_of,
     write_report,
 )
 from sitl.world.default_team import default_team
@@ -103,12 +103,12 @@ def run(arguments: argparse.Namespace) -> int:
 def _simulate(arguments: argparse.Namespace) -> None:
     mission = load_mission(arguments.mission)
     team = _team(arguments, mission)
-    crew = crew_of(mission, team)
-    plan = load_world(arguments.world or mission.world, mission, crew.ground, arguments.seed)
+    roles = roles_of(mission, team)
+    plan = load_world(arguments.world or mission.world, mission, roles.ground, arguments.seed)
     if arguments.free_ports is not None:
         team = derive_team(team, arguments.free_ports)
     with stop_signal() as stopped:
-        places = _places(arguments, (crew.vehicle, *crew.others))
+        places = _places(arguments, (roles.vehicle, *roles.others))
         with (
             PaceClient(arguments.pace_from, "team") as pace,
             TeamSimulation(mission, team, plan, places, epoch_s=arguments.epoch) as simulation,

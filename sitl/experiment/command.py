@@ -25,7 +25,7 @@ from sitl.experiment.campaign.process_pool import ProcessPool
 from sitl.experiment.campaign.program import program
 from sitl.experiment.campaign.run_log import RunLog, read_runs
 from sitl.experiment.campaign.shipped import experiment_names
-from sitl.experiment.campaign.worker_pool import Crew, Failed, Record, Work
+from sitl.experiment.campaign.worker_pool import Failed, Record, Work, WorkerPool
 from sitl.experiment.choice import chosen_rows
 
 _EPILOG = """\
@@ -129,8 +129,8 @@ def _carry_out(campaign: Campaign, arguments: argparse.Namespace, work: Work, lo
     if missing < wanted:
         campaign.status.say(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
     try:
-        with _crew(arguments) as crew, _terminated():
-            campaign.carry_out(crew, work, log.add)
+        with _pool(arguments) as pool, _terminated():
+            campaign.run(pool, work, log.add)
     except KeyboardInterrupt:
         kept = wanted - len(campaign.missing)
         campaign.status.say(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
@@ -142,17 +142,17 @@ def _carry_out(campaign: Campaign, arguments: argparse.Namespace, work: Work, lo
 
 
 @contextlib.contextmanager
-def _crew(arguments: argparse.Namespace) -> Iterator[Crew]:
+def _pool(arguments: argparse.Namespace) -> Iterator[WorkerPool]:
     if arguments.cluster is None:
         yield ProcessPool(arguments.jobs or os.cpu_count() or 1)
         return
-    from sitl.experiment.campaign.dask_pool import DaskCrew  # noqa: PLC0415 - only with Dask
+    from sitl.experiment.campaign.dask_pool import DaskPool  # noqa: PLC0415 - only with Dask
 
-    crew = DaskCrew(arguments.cluster)
+    pool = DaskPool(arguments.cluster)
     try:
-        yield crew
+        yield pool
     finally:
-        crew.close()
+        pool.close()
 
 
 @contextlib.contextmanager

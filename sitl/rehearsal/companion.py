@@ -121,7 +121,7 @@ class Companion:
 
     def ask(self, request: AnyRequest) -> None:
         """The operator asks for something."""
-        self.flight.desk.ask(request)
+        self.flight.commands.ask(request)
 
     def _told(self, text: str) -> None:
         if self._say is not None:

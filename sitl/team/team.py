@@ -71,7 +71,7 @@ _ANYWHERE: Final = Places("udp://127.0.0.1:0", "tcp://127.0.0.1:0")
 
 
 @dataclass(frozen=True, slots=True)
-class Crew:
+class TeamRoles:
     """Who is who in a team: the vehicle that flies the mission, and the robots on the ground.
 
     `others` are the other vehicles of a mission for several.
@@ -82,7 +82,7 @@ class Crew:
     others: tuple[str, ...] = ()
 
 
-def crew_of(mission: Mission, team: Team) -> Crew:
+def roles_of(mission: Mission, team: Team) -> TeamRoles:
     """Who flies and who drives. Aerial robots that the mission is not for are not simulated.
 
     Raises:
@@ -100,17 +100,17 @@ def crew_of(mission: Mission, team: Team) -> Crew:
     ground = tuple(name for name in team.robots if name != vehicle and name not in flying)
     if not ground:
         raise TeamError(f"{team.path}: nobody drives on the ground; add a robot of another kind")
-    return Crew(vehicle, ground, tuple(u.uav for u in mission.layers if u.uav != vehicle))
+    return TeamRoles(vehicle, ground, tuple(u.uav for u in mission.layers if u.uav != vehicle))
 
 
-def make_world(mission: Mission, team: Team, crew: Crew, plan: WorldPlan) -> World:
+def make_world(mission: Mission, team: Team, roles: TeamRoles, plan: WorldPlan) -> World:
     """The pure world of a mission: robots at the start of their patrols."""
     corners = [corner for fence in mission.fences for corner in fence.corners]
     corners += [*(waypoint.position for waypoint in mission.waypoints), mission.home]
     settings = Settings(
         frame=mission.frame,
-        vehicle=crew.vehicle,
-        others=crew.others,
+        vehicle=roles.vehicle,
+        others=roles.others,
         radio=plan.radio,
         camera=plan.camera,
         raster=Raster.draw(plan.scene, corners, RESOLUTION_M, plan.margin_m),
@@ -176,8 +176,8 @@ class TeamSimulation:
         *,
         epoch_s: float | None = None,
     ) -> None:
-        crew = crew_of(mission, team)
-        self.world = make_world(mission, team, crew, plan)
+        roles = roles_of(mission, team)
+        self.world = make_world(mission, team, roles, plan)
         self.clock = SimClock(epoch_s)
         self._mission = mission
         self._team = team
@@ -192,7 +192,7 @@ class TeamSimulation:
             self._camera = stack.enter_context(_publisher(context, places.camera))
             self._other_truths: dict[str, TruthReceiver] = {}
             self._other_cameras: dict[str, zmq.Socket[bytes]] = {}
-            for name in crew.others:
+            for name in roles.others:
                 place = places.others.get(name) or _ANYWHERE
                 self._other_truths[name] = receiver = TruthReceiver(place.truth)
                 stack.callback(receiver.close)

@@ -179,7 +179,7 @@ class Settings:
 
 
 @dataclass(slots=True)
-class _Crew:
+class _Ugv:
     """A ground robot, and when it speaks."""
 
     robot: GroundRobot
@@ -209,7 +209,7 @@ class World:
         topics: Mapping[str, Collection[str]],
     ) -> None:
         self.settings = settings
-        self._crews = {name: _Crew(robot, topics[name]) for name, robot in robots.items()}
+        self._ugvs = {name: _Ugv(robot, topics[name]) for name, robot in robots.items()}
         self._pairs = {
             pair: Contact()
             for pair in itertools.combinations((settings.vehicle, *settings.others, *robots), 2)
@@ -226,7 +226,7 @@ class World:
     @property
     def robots(self) -> Mapping[str, GroundRobot]:
         """The ground robots, by name."""
-        return {name: crew.robot for name, crew in self._crews.items()}
+        return {name: ugv.robot for name, ugv in self._ugvs.items()}
 
     def contact(self, a: str, b: str) -> Contact:
         """What two robots have heard of each other so far."""
@@ -247,15 +247,15 @@ class World:
         dt_s = 0.0 if self._now_s is None else max(0.0, truth.time_s - self._now_s)
         self._now_s = truth.time_s
         if self._took_off_s is not None:
-            for crew in self._crews.values():
-                crew.robot.step(dt_s)
+            for ugv in self._ugvs.values():
+                ugv.robot.step(dt_s)
         elif any(there.height_m >= LANDED_BELOW_M for there in vehicles.values()):
             self._took_off_s = truth.time_s
         links, readings = self._hear(vehicles, truth, dt_s)
         self._measure(vehicles, truth.time_s)
         patches = self._look(vehicles) if self._picture.due(truth.time_s) else {}
         publications = tuple(
-            message for crew in self._crews.values() for message in self._speak(crew, truth)
+            message for ugv in self._ugvs.values() for message in self._speak(ugv, truth)
         )
         patch = patches.pop(self.settings.vehicle, None)
         return Step(links, readings, publications, patch, tuple(patches.items()))
@@ -287,8 +287,8 @@ class World:
     ) -> tuple[tuple[LinkChange, ...], tuple[Reading, ...]]:
         radio = self.settings.radio
         antennas = {
-            name: Antenna(*crew.robot.position, GROUND_ANTENNA_M, on_ground=True)
-            for name, crew in self._crews.items()
+            name: Antenna(*ugv.robot.position, GROUND_ANTENNA_M, on_ground=True)
+            for name, ugv in self._ugvs.items()
         }
         for name, there in vehicles.items():
             antennas[name] = Antenna(
@@ -319,11 +319,11 @@ class World:
                 readings += (Reading(a, b, value), Reading(b, a, value))
         return tuple(changes), tuple(readings)
 
-    def _speak(self, crew: _Crew, truth: Truth) -> list[Publication]:
-        robot = crew.robot
+    def _speak(self, ugv: _Ugv, truth: Truth) -> list[Publication]:
+        robot = ugv.robot
         time_s, stamp_s = truth.time_s, truth.unix_s
         said: list[Publication] = []
-        if crew.pose.due(time_s) and POSE_TOPIC in crew.topics:
+        if ugv.pose.due(time_s) and POSE_TOPIC in ugv.topics:
             here = self.settings.frame.to_geodetic(robot.position)
             pose = PoseMessage(
                 stamp_s=stamp_s,
@@ -332,13 +332,13 @@ class World:
                 heading_deg=robot.heading_deg,
             )
             said.append(Publication(robot.name, POSE_TOPIC, pose.encode()))
-        path_due = crew.path.due(time_s)
-        if (path_due or robot.path != crew.told_path) and PATH_TOPIC in crew.topics:
-            crew.told_path = robot.path
+        path_due = ugv.path.due(time_s)
+        if (path_due or robot.path != ugv.told_path) and PATH_TOPIC in ugv.topics:
+            ugv.told_path = robot.path
             points = tuple(self.settings.frame.to_geodetic(point) for point in robot.path)
             path = PathMessage(stamp_s=stamp_s, points=points)
             said.append(Publication(robot.name, PATH_TOPIC, path.encode()))
-        if crew.sightings.due(time_s) and SIGHTINGS_TOPIC in crew.topics:
+        if ugv.sightings.due(time_s) and SIGHTINGS_TOPIC in ugv.topics:
             objects = tuple(self._seen(place) for place in robot.sightings)
             sightings = SightingsMessage(stamp_s=stamp_s, objects=objects)
             said.append(Publication(robot.name, SIGHTINGS_TOPIC, sightings.encode()))

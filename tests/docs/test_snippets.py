@@ -20,7 +20,7 @@ import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
 from air_router.cli.command_line import _with_places
-from air_router.control.command_request import parse, wish_of
+from air_router.control.command_request import command_request_of, parse
 from air_router.messages import PathMessage, PoseMessage, SightingsMessage
 from air_router.mission.loading import load_mission
 from air_router.report.report import COLUMNS
@@ -318,7 +318,7 @@ def test_what_a_robot_says():
 
 def test_the_request_in_other_languages():
     (text,) = re.findall(r'R"\((.*?)\)"', ALL["control.md cpp 1"].text)
-    assert wish_of(parse([text.encode()])).request == "seek"
+    assert command_request_of(parse([text.encode()])).request == "seek"
 
 
 def test_an_experiment(tmp_path):

@@ -37,7 +37,7 @@ from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.running import run_settings
 from sitl.experiment.engine.engine import run
 from sitl.experiment.model.settings import RunSettings
-from sitl.experiment.robots.fleet import crowd_of
+from sitl.experiment.robots.fleet import fleet_of
 from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.robots.uav import controllers_of
 from sitl.rehearsal.faults import Fault, Scene
@@ -101,7 +101,7 @@ DECISIONS = {  # of an announcement only that there is one: sentences may be wri
     "upload_plan": (actions.RenewPlan, ""),
     "announce": (actions.Announce, ""),
     "state": (actions.StateChanged, "from=source to=target robot"),
-    "answer": (actions.Answered, "request_id accepted code points_m=points"),
+    "answer": (actions.CommandAck, "request_id accepted code points_m=points"),
     "finish": (actions.Finish, "landed_by_us taken_by"),
 }
 PARTS = {
@@ -252,8 +252,8 @@ def _settings_of(run_: Mapping[str, Any], folder: Path) -> RunSettings:
 def _controller_of_run(run_: Mapping[str, Any], name: str, folder: Path) -> Controller:
     settings = _settings_of(run_, folder)
     original = settings.protocol == "original"
-    crowd = crowd_of(settings.uavs, settings.ugvs, base=settings.base_station, original=original)
-    return controllers_of(crowd, scenery_of(settings), settings)[name]
+    fleet = fleet_of(settings.uavs, settings.ugvs, base=settings.base_station, original=original)
+    return controllers_of(fleet, scenery_of(settings), settings)[name]
 
 
 # Recording.

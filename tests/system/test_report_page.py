@@ -14,7 +14,7 @@ from air_router.controller.model.actions import StateChanged
 from air_router.controller.model.behaviour import Signal, State
 from air_router.mission.loading import load_mission
 from air_router.record.log import Entry, Note
-from air_router.report.flight.flight_summary import story_of
+from air_router.report.flight.flight_summary import summary_of
 from air_router.report.flight.page import page_of
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
@@ -45,10 +45,10 @@ def entries():
 def report(tmp_path):
     if "REPORT" in os.environ:
         return Path(os.environ["REPORT"])
-    story = story_of(entries())
-    story.end("it was cut off")
+    summary = summary_of(entries())
+    summary.end("it was cut off")
     page = tmp_path / "report.html"
-    page.write_text(page_of(story, "flight.mcap"), encoding="utf-8")
+    page.write_text(page_of(summary, "flight.mcap"), encoding="utf-8")
     return page
 
 

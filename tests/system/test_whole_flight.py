@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from air_router.control.control import ControlClient
-from air_router.controller.model.actions import Answered, Seeking, StateChanged
+from air_router.controller.model.actions import CommandAck, Seeking, StateChanged
 from air_router.controller.model.behaviour import State
 from air_router.controller.model.requests import SeekNow
 from air_router.mission.loading import load_mission
@@ -258,4 +258,4 @@ def test_what_was_asked_on_the_page_is_decided_and_recorded(flight):
     assert State.HOLD in {value.target for value in before if isinstance(value, StateChanged)}
     assert after[0].target is State.SEARCH
     assert after[1] == Seeking(flight.sought)
-    assert next(value for value in values[asked:] if isinstance(value, Answered)).accepted
+    assert next(value for value in values[asked:] if isinstance(value, CommandAck)).accepted

@@ -101,7 +101,7 @@ class Refusal(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Answered:
+class CommandAck:
     """Somebody asked for something: whether it is done, and what, or why not.
 
     Attributes:
@@ -144,6 +144,6 @@ Action = (
     | RenewPlan
     | Announce
     | StateChanged
-    | Answered
+    | CommandAck
     | Finish
 )

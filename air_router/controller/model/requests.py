@@ -1,6 +1,6 @@
 """What the operator, other programs and a base station can ask of a mission in flight.
 
-Each is answered with `actions.Answered`: accepted, or refused and why.
+Each is answered with `actions.CommandAck`: accepted, or refused and why.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from air_router.files.altitudes import Altitudes
-from air_router.files.mission_document import Area, Draft
+from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.zones.reading import FileZone, MapCircle, MapOutline, MapRing, ZoneReading
 from air_router.files.zones.zone_files import place_zone, unique_names
 from geo.airspace.zone import Circle, Ring, Shape, ZoneError
@@ -34,7 +34,7 @@ class MapArea:
 
 
 @dataclass(frozen=True, slots=True)
-class MapSpot:
+class MapPoint:
     """A named place, and how high above home the vehicle is there."""
 
     name: str
@@ -43,7 +43,7 @@ class MapSpot:
 
 
 @dataclass(slots=True)
-class Chart:
+class FeatureSet:
     """Everything that can be drawn. Altitudes are metres above home.
 
     Attributes:
@@ -60,37 +60,39 @@ class Chart:
     """
 
     name: str
-    home: MapSpot | None = None
+    home: MapPoint | None = None
     home_altitude_amsl_m: float | None = None
     fences: list[MapArea] = field(default_factory=list)
     zones: list[MapArea] = field(default_factory=list)
     buffers: list[MapArea] = field(default_factory=list)
-    waypoints: list[MapSpot] = field(default_factory=list)
-    rally_points: list[MapSpot] = field(default_factory=list)
+    waypoints: list[MapPoint] = field(default_factory=list)
+    rally_points: list[MapPoint] = field(default_factory=list)
     edges: list[tuple[str, Line]] = field(default_factory=list)
     route: Line | None = None
 
 
-def chart_of(draft: Draft) -> Chart:
+def chart_of(draft: MissionDocument) -> FeatureSet:
     """The chart of a mission. The draft has a frame."""
     frame = draft.frame
     if frame is None:
         raise ValueError("a mission without a frame has no chart")
-    chart = Chart(sanitize(draft.name), home_altitude_amsl_m=draft.home_altitude_amsl_m)
+    feature_set = FeatureSet(sanitize(draft.name), home_altitude_amsl_m=draft.home_altitude_amsl_m)
     if draft.home is not None:
-        chart.home = MapSpot("home", frame.to_geodetic(draft.home.position), 0.0)
-    chart.fences = [_area(area, frame) for area in draft.fences]
-    chart.zones = [_area(area, frame) for area in draft.zones]
+        feature_set.home = MapPoint("home", frame.to_geodetic(draft.home.position), 0.0)
+    feature_set.fences = [_area(area, frame) for area in draft.fences]
+    feature_set.zones = [_area(area, frame) for area in draft.zones]
     for number, spot in enumerate(draft.waypoints, start=1):
         place = frame.to_geodetic(spot.position)
-        chart.waypoints.append(MapSpot(str(number), place, spot.altitude_m or draft.altitude_m))
+        feature_set.waypoints.append(
+            MapPoint(str(number), place, spot.altitude_m or draft.altitude_m)
+        )
     for number, spot in enumerate(draft.rally_points, start=1):
         place = frame.to_geodetic(spot.position)
-        chart.rally_points.append(MapSpot(f"rally point {number}", place))
-    return chart
+        feature_set.rally_points.append(MapPoint(f"rally point {number}", place))
+    return feature_set
 
 
-def chart_of_zones(readings: Iterable[ZoneReading], name: str) -> tuple[Chart, list[Problem]]:
+def chart_of_zones(readings: Iterable[ZoneReading], name: str) -> tuple[FeatureSet, list[Problem]]:
     """The chart of files of zones, and the problems of zones that are no areas."""
     zones = [zone for reading in readings for zone in reading.zones]
     problems: list[Problem] = []
@@ -100,7 +102,7 @@ def chart_of_zones(readings: Iterable[ZoneReading], name: str) -> tuple[Chart, l
         problem = _problem(zone)
         problems += [problem] if problem else []
         areas.append(MapArea(unique, zone.shape, zone.clearance_m, zone.altitudes, zone.validity))
-    return Chart(name, zones=areas), problems
+    return FeatureSet(name, zones=areas), problems
 
 
 def outline_of(polygon_rings: list[Ring], frame: LocalFrame) -> MapOutline:

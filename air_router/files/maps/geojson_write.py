@@ -17,7 +17,7 @@ from shapely.geometry.polygon import orient
 
 from air_router.files.altitudes import Altitudes
 from air_router.files.json_document import json_text
-from air_router.files.maps.feature_set import Chart, Line, MapArea, MapSpot
+from air_router.files.maps.feature_set import FeatureSet, Line, MapArea, MapPoint
 from air_router.files.zones.properties import active_of
 from air_router.files.zones.reading import MapCircle, MapOutline, MapRing
 from geo.airspace.zone import polygons_of
@@ -33,22 +33,22 @@ _COLOURS: Final = {
 }
 
 
-def geojson_text(chart: Chart) -> str:
+def geojson_text(feature_set: FeatureSet) -> str:
     """The chart as text."""
-    return json_text(geojson_of(chart))
+    return json_text(geojson_of(feature_set))
 
 
-def geojson_of(chart: Chart) -> dict[str, Any]:
+def geojson_of(feature_set: FeatureSet) -> dict[str, Any]:
     """The chart as a feature collection."""
-    features = [_area("fence", area) for area in chart.fences]
-    features += [_area("buffer", area) for area in chart.buffers]
-    features += [_area("zone", area) for area in chart.zones]
-    features += [_line("edge", name, line) for name, line in chart.edges]
-    features += [_line("route", "route", chart.route)] if chart.route else []
-    features += [_spot("home", chart.home)] if chart.home else []
-    features += [_spot("waypoint", spot) for spot in chart.waypoints]
-    features += [_spot("rally_point", spot) for spot in chart.rally_points]
-    return {"type": "FeatureCollection", "name": chart.name, "features": features}
+    features = [_area("fence", area) for area in feature_set.fences]
+    features += [_area("buffer", area) for area in feature_set.buffers]
+    features += [_area("zone", area) for area in feature_set.zones]
+    features += [_line("edge", name, line) for name, line in feature_set.edges]
+    features += [_line("route", "route", feature_set.route)] if feature_set.route else []
+    features += [_spot("home", feature_set.home)] if feature_set.home else []
+    features += [_spot("waypoint", spot) for spot in feature_set.waypoints]
+    features += [_spot("rally_point", spot) for spot in feature_set.rally_points]
+    return {"type": "FeatureCollection", "name": feature_set.name, "features": features}
 
 
 def terms_properties(area: MapArea) -> dict[str, Any]:
@@ -94,7 +94,7 @@ def _line(kind: str, name: str, line: Line) -> dict[str, Any]:
     return _feature({"kind": kind, "name": name, "stroke": _COLOURS[kind]}, geometry)
 
 
-def _spot(kind: str, spot: MapSpot) -> dict[str, Any]:
+def _spot(kind: str, spot: MapPoint) -> dict[str, Any]:
     properties: dict[str, Any] = {"kind": kind, "name": spot.name}
     if spot.altitude_above_home_m is not None:
         properties["altitude_above_home_m"] = spot.altitude_above_home_m

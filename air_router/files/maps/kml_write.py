@@ -12,7 +12,7 @@ import xml.etree.ElementTree as ET
 from typing import Any, Final
 
 from air_router.files.altitudes import Limit, Reference
-from air_router.files.maps.feature_set import Chart, Line, MapArea, MapSpot, counterclockwise
+from air_router.files.maps.feature_set import FeatureSet, Line, MapArea, MapPoint, counterclockwise
 from air_router.files.maps.geojson_write import terms_properties
 from air_router.files.zones.reading import MapCircle, MapRing
 from geo.geodesic import circle_around
@@ -28,41 +28,41 @@ _STYLES: Final = {  # line and fill as KML has them: alpha, blue, green, red
 }
 
 
-def kml_text(chart: Chart) -> str:
+def kml_text(feature_set: FeatureSet) -> str:
     """The chart as text."""
     root = ET.Element("kml", xmlns=_NAMESPACE)
     document = _add(root, "Document")
-    _add(document, "name", chart.name)
+    _add(document, "name", feature_set.name)
     for kind, (line, fill) in _STYLES.items():
         style = _add(document, "Style", id=kind)
         _add(_add(style, "LineStyle"), "color", line)
         _add(_add(style, "PolyStyle"), "color", fill)
     for title, kind, areas in (
-        ("Fence", "fence", chart.fences),
-        ("No-fly zones", "zone", chart.zones),
-        ("Distances to keep", "buffer", chart.buffers),
+        ("Fence", "fence", feature_set.fences),
+        ("No-fly zones", "zone", feature_set.zones),
+        ("Distances to keep", "buffer", feature_set.buffers),
     ):
         folder = _folder(document, title, bool(areas))
         for area in areas:
-            _area(folder, kind, area, chart)
-    folder = _folder(document, "Connections", bool(chart.edges))
-    for name, line_ in chart.edges:
+            _area(folder, kind, area, feature_set)
+    folder = _folder(document, "Connections", bool(feature_set.edges))
+    for name, line_ in feature_set.edges:
         _line(folder, "edge", name, line_)
-    if chart.route:
-        _line(document, "route", "route", chart.route)
-    spots = [("home", chart.home)] if chart.home else []
-    spots += [("waypoint", spot) for spot in chart.waypoints]
+    if feature_set.route:
+        _line(document, "route", "route", feature_set.route)
+    spots = [("home", feature_set.home)] if feature_set.home else []
+    spots += [("waypoint", spot) for spot in feature_set.waypoints]
     folder = _folder(document, "Waypoints", bool(spots))
     for kind, spot in spots:
-        _spot(folder, kind, spot, chart.home_altitude_amsl_m)
-    folder = _folder(document, "Rally points", bool(chart.rally_points))
-    for spot in chart.rally_points:
-        _spot(folder, "rally_point", spot, chart.home_altitude_amsl_m)
+        _spot(folder, kind, spot, feature_set.home_altitude_amsl_m)
+    folder = _folder(document, "Rally points", bool(feature_set.rally_points))
+    for spot in feature_set.rally_points:
+        _spot(folder, "rally_point", spot, feature_set.home_altitude_amsl_m)
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _area(folder: ET.Element, kind: str, area: MapArea, chart: Chart) -> None:
+def _area(folder: ET.Element, kind: str, area: MapArea, feature_set: FeatureSet) -> None:
     data: dict[str, Any] = {"kind": kind, **terms_properties(area)}
     ring: MapRing
     holes: tuple[MapRing, ...] = ()
@@ -75,7 +75,7 @@ def _area(folder: ET.Element, kind: str, area: MapArea, chart: Chart) -> None:
         ring, holes = area.shape.ring, area.shape.holes
     placemark = _placemark(folder, kind, area.name, data)
     upper = area.altitudes.upper if area.altitudes else None
-    height = None if upper is None or kind != "zone" else _height(upper, chart)
+    height = None if upper is None or kind != "zone" else _height(upper, feature_set)
     polygon = _add(placemark, "Polygon")
     if height is not None:
         _add(polygon, "extrude", "1")
@@ -86,13 +86,13 @@ def _area(folder: ET.Element, kind: str, area: MapArea, chart: Chart) -> None:
         _ring(_add(polygon, "innerBoundaryIs"), counterclockwise(hole), altitude_m)
 
 
-def _height(upper: Limit, chart: Chart) -> tuple[str, float] | None:
+def _height(upper: Limit, feature_set: FeatureSet) -> tuple[str, float] | None:
     """How high a zone is drawn; None: it would not stand above the ground."""
     mode, metres = "relativeToGround", upper.metres
     if upper.reference is Reference.AMSL:
         mode = "absolute"
-    elif upper.reference is Reference.HOME and chart.home_altitude_amsl_m is not None:
-        mode, metres = "absolute", metres + chart.home_altitude_amsl_m
+    elif upper.reference is Reference.HOME and feature_set.home_altitude_amsl_m is not None:
+        mode, metres = "absolute", metres + feature_set.home_altitude_amsl_m
     return (mode, metres) if metres > 0 else None
 
 
@@ -102,7 +102,7 @@ def _line(folder: ET.Element, kind: str, name: str, line: Line) -> None:
     _add(string, "coordinates", _coordinates(line, None))
 
 
-def _spot(folder: ET.Element, kind: str, spot: MapSpot, home_amsl_m: float | None) -> None:
+def _spot(folder: ET.Element, kind: str, spot: MapPoint, home_amsl_m: float | None) -> None:
     data: dict[str, Any] = {"kind": kind}
     altitude_m = spot.altitude_above_home_m
     if altitude_m is not None:

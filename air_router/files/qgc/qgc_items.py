@@ -10,7 +10,7 @@ import math
 from enum import IntEnum
 from typing import Any, Final
 
-from air_router.files.mission_document import Draft, Keys, Spot
+from air_router.files.mission_document import Keys, MissionDocument, MissionPoint
 from air_router.files.qgc.qgc_values import PlanValues, shown
 
 SAME_PLACE_M: Final = 0.1
@@ -57,13 +57,13 @@ _USER_WAYPOINTS: Final = range(31000, 31005)
 class ItemsReader(PlanValues):
     """Fills a draft's waypoints, altitude and speed from the plan's items."""
 
-    def __init__(self, draft: Draft, data: Any) -> None:
+    def __init__(self, draft: MissionDocument, data: Any) -> None:
         super().__init__(draft, data)
         self._takeoff_m: float | None = None
         self._speeds: list[tuple[float, Keys]] = []
         self._others: dict[int, list[Keys]] = {}
         self._end: Keys | None = None
-        self._places: dict[tuple[int, int], list[Spot]] = {}
+        self._places: dict[tuple[int, int], list[MissionPoint]] = {}
 
     def read(self) -> None:
         """Read all items."""
@@ -151,7 +151,7 @@ class ItemsReader(PlanValues):
             message = f"{label} is command {command}: flown as a waypoint, {how}"
             draft.note((*keys, "command"), message, "flown-as-waypoint")
 
-    def _same_place(self, spot: Spot) -> Spot | None:
+    def _same_place(self, spot: MissionPoint) -> MissionPoint | None:
         """An earlier waypoint at this place; the grid's cells are as wide as that."""
         east, north = (math.floor(metres / SAME_PLACE_M) for metres in spot.position)
         around = [(east + i, north + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]

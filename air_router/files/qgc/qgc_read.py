@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from air_router.files.json_document import JsonDocument, load_json
-from air_router.files.mission_document import Area, Draft, Keys
+from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.files.qgc.qgc_items import ItemsReader
 from air_router.files.qgc.qgc_values import EXPORT_AGAIN, PlanValues
 from geo.airspace.airspace import FENCE
@@ -19,7 +19,7 @@ from geo.frame import FrameError, Geodetic, LocalFrame
 PLAN_TYPE = "Plan"
 
 
-def read_plan(path: Path) -> Draft:
+def read_plan(path: Path) -> MissionDocument:
     """A draft of the mission in a `.plan` file; `team.yaml` and `world.yaml` beside it are used.
 
     Raises:
@@ -28,9 +28,9 @@ def read_plan(path: Path) -> Draft:
     return plan_draft(load_json(path))
 
 
-def plan_draft(document: JsonDocument) -> Draft:
+def plan_draft(document: JsonDocument) -> MissionDocument:
     """A draft of the mission in a plan that has been loaded; its data stay as they are."""
-    draft = Draft(document)
+    draft = MissionDocument(document)
     data = document.data
     if not isinstance(data, dict) or data.get("fileType") != PLAN_TYPE:
         message = 'not a QGroundControl plan: "fileType" is not "Plan"; choose another file'
@@ -48,7 +48,7 @@ def plan_draft(document: JsonDocument) -> Draft:
 class _PlanReader(PlanValues):
     """Fills a draft from the document's data, noting problems as it goes."""
 
-    def __init__(self, draft: Draft, data: dict[str, Any]) -> None:
+    def __init__(self, draft: MissionDocument, data: dict[str, Any]) -> None:
         super().__init__(draft, data)
         self._data = data
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from air_router.files.json_document import value_at
-from air_router.files.mission_document import Draft, Keys
+from air_router.files.mission_document import Keys, MissionDocument
 
 EXPORT_AGAIN: Final = "save the plan with a current QGroundControl"
 
@@ -15,7 +15,7 @@ EXPORT_AGAIN: Final = "save the plan with a current QGroundControl"
 class PlanValues:
     """Reads values of a plan into a draft's problems and notes."""
 
-    def __init__(self, draft: Draft, data: Any) -> None:
+    def __init__(self, draft: MissionDocument, data: Any) -> None:
         self.draft = draft
         self._data = data
 

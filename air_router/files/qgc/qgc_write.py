@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from air_router.files.conversion_warnings import Losses
+from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.maps.feature_set import corners_of
-from air_router.files.mission_document import Area, Draft
+from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.qgc.qgc_edit import MISSION_FRAME, PlanEdit, simple_item
 from air_router.files.qgc.qgc_items import MavCommand
 from air_router.files.settings import DEFAULT_SEEK_POLICY, PlannerSettings, Timers
@@ -21,26 +21,26 @@ _PX4, _MULTIROTOR = 12, 2
 _GROUND_SPEED: Final = 1.0
 
 
-def plan_of(draft: Draft, losses: Losses) -> dict[str, Any]:
+def plan_of(draft: MissionDocument, warnings: ConversionWarnings) -> dict[str, Any]:
     """A new plan's data. The draft has a frame and a home."""
     if draft.frame is None or draft.home is None:
         raise ValueError("a mission without a home is no plan")
     frame = draft.frame
     home = frame.to_geodetic(draft.home.position)
-    edit = PlanEdit(_empty(draft, home, losses))
+    edit = PlanEdit(_empty(draft, home, warnings))
     _add_items(edit, draft, frame, home)
     for area in draft.fences:
-        add_area(edit, area, frame, losses, inclusion=True)
+        add_area(edit, area, frame, warnings, inclusion=True)
     for area in draft.zones:
-        add_area(edit, area, frame, losses, inclusion=False)
+        add_area(edit, area, frame, warnings, inclusion=False)
     for spot in draft.rally_points:
         edit.add_rally_point(frame.to_geodetic(spot.position))
-    tell_settings(draft, losses, "a plan")
+    tell_settings(draft, warnings, "a plan")
     return edit.data
 
 
 def add_area(
-    edit: PlanEdit, area: Area, frame: LocalFrame, losses: Losses, *, inclusion: bool
+    edit: PlanEdit, area: Area, frame: LocalFrame, warnings: ConversionWarnings, *, inclusion: bool
 ) -> None:
     """Add a fence or a zone to a plan."""
     what = "a fence" if inclusion else f"no-fly zone '{area.name}'"
@@ -52,22 +52,22 @@ def add_area(
         for hole in shape.holes if inclusion else ():
             edit.add_polygon(corners_of(hole, frame), inclusion=False)
         if shape.holes and not inclusion:
-            losses.add(what, "its holes are closed: a plan's zones have none", "holes-closed")
+            warnings.add(what, "its holes are closed: a plan's zones have none", "holes-closed")
     if area.altitudes is not None:
-        losses.add(what, "it reaches over all altitudes: a plan's zones do", "altitudes-lost")
+        warnings.add(what, "it reaches over all altitudes: a plan's zones do", "altitudes-lost")
     if area.validity is not None:
-        losses.add(what, "it applies always: a plan's zones do", "schedule-lost")
+        warnings.add(what, "it applies always: a plan's zones do", "schedule-lost")
     if area.clearance_m is not None:
-        losses.add(what, "its own clearance is not in the plan", "clearance-lost")
+        warnings.add(what, "its own clearance is not in the plan", "clearance-lost")
     if not inclusion and not _is_number_name(area.name):
-        losses.add("names of zones", "a plan's zones have none", "names-lost")
+        warnings.add("names of zones", "a plan's zones have none", "names-lost")
 
 
-def _empty(draft: Draft, home: Geodetic, losses: Losses) -> dict[str, Any]:
+def _empty(draft: MissionDocument, home: Geodetic, warnings: ConversionWarnings) -> dict[str, Any]:
     altitude_m = draft.home_altitude_amsl_m
     if altitude_m is None:
         message = "home's height above the sea is not known: written as 0"
-        losses.add("home", message, "home-altitude-unknown")
+        warnings.add("home", message, "home-altitude-unknown")
     return {
         "fileType": "Plan",
         "geoFence": {"circles": [], "polygons": [], "version": 2},
@@ -91,7 +91,7 @@ def _empty(draft: Draft, home: Geodetic, losses: Losses) -> dict[str, Any]:
     }
 
 
-def _add_items(edit: PlanEdit, draft: Draft, frame: LocalFrame, home: Geodetic) -> None:
+def _add_items(edit: PlanEdit, draft: MissionDocument, frame: LocalFrame, home: Geodetic) -> None:
     items: list[dict[str, Any]] = edit.data["mission"]["items"]
     speed = [_GROUND_SPEED, draft.speed_m_s, -1.0, 0.0, 0.0, 0.0, 0.0]
     items.append(simple_item(MavCommand.CHANGE_SPEED, [*speed], number=1, frame=MISSION_FRAME))
@@ -109,7 +109,7 @@ def _add_items(edit: PlanEdit, draft: Draft, frame: LocalFrame, home: Geodetic) 
     items.append(end)
 
 
-def tell_settings(draft: Draft, losses: Losses, where: str) -> None:
+def tell_settings(draft: MissionDocument, warnings: ConversionWarnings, where: str) -> None:
     """Note the settings of a mission that only a mission file has."""
     for what, given in (
         ("timers", draft.timers != Timers()),
@@ -123,7 +123,7 @@ def tell_settings(draft: Draft, losses: Losses, where: str) -> None:
         ("accepts", bool(draft.accepts)),
     ):
         if given:
-            losses.add(what, f"{where} has none; keep the mission file", "settings-lost")
+            warnings.add(what, f"{where} has none; keep the mission file", "settings-lost")
 
 
 def _is_number_name(name: str) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from air_router.files.altitudes import Altitudes, Limit
-from air_router.files.mission_document import Area, Draft, Keys, Uav
+from air_router.files.mission_document import Area, Keys, MissionDocument, Uav
 from air_router.files.settings import PlannerSettings, Timers
 from air_router.files.yaml.mission_form import (
     AltitudeForm,
@@ -51,13 +51,13 @@ _STAND_INS: dict[str, Any] = {
 """For mandatory sections that are missing or unreadable, so that the others are still checked."""
 
 
-def read_mission(document: Document) -> Draft:
+def read_mission(document: Document) -> MissionDocument:
     """A draft of the mission that a YAML document describes.
 
     Problems of the form are collected in the draft beside whatever could be read all the same,
     so that one look at a file tells everything that is wrong with it.
     """
-    draft = Draft(document)
+    draft = MissionDocument(document)
     if not isinstance(document.data, dict):
         message = "a mission is a mapping of keys and values; see docs/mission-file.md"
         draft.complain((), message, "no-mission")
@@ -102,7 +102,7 @@ def _length(data: dict[Any, Any], name: str) -> int:
 
 
 def _salvaged(
-    original: dict[Any, Any], draft: Draft, places: dict[str, list[int]]
+    original: dict[Any, Any], draft: MissionDocument, places: dict[str, list[int]]
 ) -> MissionForm | None:
     """What is left of a mission when the parts that are wrong are taken out of it."""
     data = copy.deepcopy(original)
@@ -136,7 +136,7 @@ def _drop(data: Any, keys: tuple[str | int, ...]) -> None:
     data.pop(next((key for key in data if str(key) == keys[-1]), None), None)
 
 
-def _fill(draft: Draft, model: MissionForm, places: dict[str, list[int]]) -> None:
+def _fill(draft: MissionDocument, model: MissionForm, places: dict[str, list[int]]) -> None:
     draft.name = model.name or draft.document.path.resolve().parent.name
     draft.altitude_m, draft.speed_m_s = model.altitude_m, model.speed_m_s
     draft.timers = Timers(**model.timers.model_dump())
@@ -179,7 +179,7 @@ def _fill(draft: Draft, model: MissionForm, places: dict[str, list[int]]) -> Non
         add_zones(draft, folder / listed.file, ("no_fly_files", index, "file"), listed.allow)
 
 
-def _fill_uavs(draft: Draft, model: MissionForm) -> None:
+def _fill_uavs(draft: MissionDocument, model: MissionForm) -> None:
     if model.uav is not None and model.uavs:
         message = "'uav' and 'uavs' are given; keep one of them"
         draft.complain(("uavs",), message, "one-uav-key")
@@ -195,7 +195,7 @@ def _fill_uavs(draft: Draft, model: MissionForm) -> None:
     draft.uavs = tuple(uavs)
 
 
-def _fill_fences(draft: Draft, model: MissionForm, places: list[int]) -> None:
+def _fill_fences(draft: MissionDocument, model: MissionForm, places: list[int]) -> None:
     given = {"fence", "fences"} & (model.model_fields_set | draft.unread)
     if not given:
         message = (
@@ -216,7 +216,7 @@ def _fill_fences(draft: Draft, model: MissionForm, places: list[int]) -> None:
             draft.fences.append(Area(FENCE, shape, keys))
 
 
-def _fill_frame(draft: Draft, model: MissionForm) -> None:
+def _fill_frame(draft: MissionDocument, model: MissionForm) -> None:
     keys: Keys
     if draft.unread & {"frame", "coordinates"}:
         return
@@ -242,7 +242,7 @@ def _fill_frame(draft: Draft, model: MissionForm) -> None:
         draft.complain(keys, message, "not-on-earth")
 
 
-def _check_origin(draft: Draft) -> None:
+def _check_origin(draft: MissionDocument) -> None:
     """Far from its origin a frame's distances are wrong, and its north is not north."""
     far_m = 0.0 if draft.home is None else math.hypot(*draft.home.position)
     polar = draft.frame is not None and abs(draft.frame.origin.latitude_deg) > _POLAR_DEG
@@ -251,7 +251,7 @@ def _check_origin(draft: Draft) -> None:
         draft.complain(("frame", "origin"), message, "far-from-home")
 
 
-def _shape(draft: Draft, area: AreaForm, name: str, keys: Keys) -> Shape | None:
+def _shape(draft: MissionDocument, area: AreaForm, name: str, keys: Keys) -> Shape | None:
     if area.circle is not None:
         return draft.circle(name, area.circle.centre, area.circle.radius_m, (*keys, "circle"))
     corners, holes = area.polygon or [], area.holes

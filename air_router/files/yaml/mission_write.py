@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from air_router.files.altitudes import Altitudes, Reference
 from air_router.files.maps.feature_set import corners_of
-from air_router.files.mission_document import Area, Draft, Spot, Uav
+from air_router.files.mission_document import Area, MissionDocument, MissionPoint, Uav
 from air_router.files.settings import (
     DEFAULT_BATTERY_RESERVE,
     DEFAULT_SEEK_POLICY,
@@ -25,7 +25,7 @@ _DIGITS: Final = 9
 """Of degrees: a tenth of a millimetre."""
 
 
-def mission_text(draft: Draft, folder: Path) -> str:
+def mission_text(draft: MissionDocument, folder: Path) -> str:
     """The mission as YAML, for a file in `folder`. The draft has a frame and a home."""
     frame = draft.frame
     if frame is None or draft.home is None:
@@ -55,7 +55,7 @@ def mission_text(draft: Draft, folder: Path) -> str:
     return as_yaml(data, short_in_line=True)
 
 
-def _seek(draft: Draft) -> dict[str, Any]:
+def _seek(draft: MissionDocument) -> dict[str, Any]:
     """Names alone, the policy alone, or both."""
     robots = {"robots": list(draft.seek)} if draft.seek else {}
     if draft.seek_policy == DEFAULT_SEEK_POLICY:
@@ -76,7 +76,7 @@ def _uav(uav: Uav, frame: LocalFrame) -> dict[str, Any]:
     return data
 
 
-def _settings(draft: Draft) -> dict[str, Any]:
+def _settings(draft: MissionDocument) -> dict[str, Any]:
     """What is not as it would be without saying so."""
     data: dict[str, Any] = {}
     for key, given, defaults in (
@@ -95,14 +95,14 @@ def _settings(draft: Draft) -> dict[str, Any]:
     return data
 
 
-def _waypoint(spot: Spot, draft: Draft, frame: LocalFrame) -> Any:
+def _waypoint(spot: MissionPoint, draft: MissionDocument, frame: LocalFrame) -> Any:
     pair = _pair(spot.position, frame)
     if spot.altitude_m is None or spot.altitude_m == draft.altitude_m:
         return pair
     return {"position": pair, "altitude_m": spot.altitude_m}
 
 
-def _fences(draft: Draft, frame: LocalFrame) -> dict[str, Any]:
+def _fences(draft: MissionDocument, frame: LocalFrame) -> dict[str, Any]:
     fences = [_shape(area, frame) for area in draft.fences]
     if len(fences) > 1:
         return {"fences": fences}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from air_router.files.mission_document import Area, Draft, Keys
+from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.files.qgc.qgc_values import PlanValues, shown
 from air_router.files.settings import DEFAULT_SPEED_M_S
 from geo.airspace.airspace import FENCE
@@ -18,14 +18,14 @@ from mocha_link.team.document import Document
 SUFFIX: Final = ".sim.yaml"
 
 
-def sim_plan_draft(document: Document, origin: Geodetic) -> Draft:
+def sim_plan_draft(document: Document, origin: Geodetic) -> MissionDocument:
     """A draft of the mission; its home is the first waypoint, since the file has none.
 
     Args:
         document: the file as YAML.
         origin: where its origin is.
     """
-    draft = Draft(document, in_metres=True, speed_m_s=DEFAULT_SPEED_M_S)
+    draft = MissionDocument(document, in_metres=True, speed_m_s=DEFAULT_SPEED_M_S)
     draft.name = document.path.name.removesuffix(SUFFIX)
     try:
         draft.frame = LocalFrame(origin)

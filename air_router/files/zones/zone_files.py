@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from air_router.files.json_document import bytes_of, json_from_text, text_in
-from air_router.files.mission_document import Area, Draft, Keys, Place
+from air_router.files.mission_document import Area, Keys, MissionDocument, Place
 from air_router.files.zones.ed269 import read_ed269, zones_key
 from air_router.files.zones.ed318 import is_ed318, read_ed318
 from air_router.files.zones.geojson import read_geojson
@@ -77,7 +77,7 @@ def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
     raise DocumentError([document.problem((), message, "unknown-format")])
 
 
-def add_zones(draft: Draft, path: Path, keys: Keys, allow: Collection[str] = ()) -> None:
+def add_zones(draft: MissionDocument, path: Path, keys: Keys, allow: Collection[str] = ()) -> None:
     """Add the zones of a file that are near enough to matter, once all else has been read.
 
     Problems and notices of the file go into the draft. `keys` say where the draft names the file.
@@ -149,7 +149,9 @@ def _is_ed269(data: dict[str, Any]) -> bool:
     return isinstance(first.get("geometry"), list)
 
 
-def _place(draft: Draft, reading: ZoneReading, near: Sequence[FileZone], keys: Keys) -> None:
+def _place(
+    draft: MissionDocument, reading: ZoneReading, near: Sequence[FileZone], keys: Keys
+) -> None:
     frame, box = draft.frame, _Box(draft)
     if frame is None:
         return
@@ -187,7 +189,9 @@ def _place(draft: Draft, reading: ZoneReading, near: Sequence[FileZone], keys: K
         draft.note(keys, message, "zones-far")
 
 
-def _exchanged(draft: Draft, reading: ZoneReading, near: Sequence[FileZone], box: _Box) -> bool:
+def _exchanged(
+    draft: MissionDocument, reading: ZoneReading, near: Sequence[FileZone], box: _Box
+) -> bool:
     """Whether latitudes and longitudes are exchanged, of all circles or all outlines of a file.
 
     Nothing of that shape is near the mission, but something would be the other way around.
@@ -212,7 +216,7 @@ def _exchanged(draft: Draft, reading: ZoneReading, near: Sequence[FileZone], box
 class _Box:
     """The mission's surroundings, in degrees for a first look and in metres for the second."""
 
-    def __init__(self, draft: Draft) -> None:
+    def __init__(self, draft: MissionDocument) -> None:
         places = [corner for area in draft.fences for corner in area.shape.corners]
         self.reach_m = FENCED_REACH_M if places else OPEN_REACH_M
         if not places:

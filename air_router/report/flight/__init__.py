@@ -1,1 +1,1 @@
-"""A recorded flight as figures: what happened (`story`), drawn (`charts`), on a page (`page`)."""
+"""A recorded flight as figures: what happened (`summary`), drawn (`charts`), on a page (`page`)."""

@@ -7,7 +7,7 @@ from html import escape
 from typing import Final, NamedTuple
 
 from air_router.controller.model.behaviour import State
-from air_router.report.flight.flight_summary import Story
+from air_router.report.flight.flight_summary import FlightSummary
 from air_router.report.flight.svg import (
     BOTTOM,
     LEFT,
@@ -40,35 +40,35 @@ class Figure(NamedTuple):
     legend: list[tuple[str, str]]
 
 
-def figures(story: Story, ulog: UlogTrack | None = None) -> list[Figure]:
+def figures(summary: FlightSummary, ulog: UlogTrack | None = None) -> list[Figure]:
     """Everything that can be drawn of a flight over time."""
     drawn = [
-        _timeline(story),
-        _bandwidth(story),
-        _ages(story),
-        _map(story),
-        _distance(story),
-        _battery(story, ulog),
+        _timeline(summary),
+        _bandwidth(summary),
+        _ages(summary),
+        _map(summary),
+        _distance(summary),
+        _battery(summary, ulog),
     ]
     return [figure for figure in drawn if figure is not None]
 
 
-def robot_css(story: Story, robot: str) -> str:
+def robot_css(summary: FlightSummary, robot: str) -> str:
     """The colour of a robot."""
-    return f"r{story.exchanges.names().index(robot) % COLOURS}"
+    return f"r{summary.exchanges.names().index(robot) % COLOURS}"
 
 
 def _both(draw: Callable[[int], str]) -> str:
     return draw(WIDE) + draw(NARROW)
 
 
-def _timeline(story: Story) -> Figure:
-    names = story.exchanges.names()
+def _timeline(summary: FlightSummary) -> Figure:
+    names = summary.exchanges.names()
 
     def draw(width: int) -> str:
         height = TOP + (_LANE + 6) * (len(names) + 1) + BOTTOM
-        plot = Plot(width, height, story.from_s, story.to_s)
-        for stay in story.states:
+        plot = Plot(width, height, summary.from_s, summary.to_s)
+        for stay in summary.states:
             whom = f" {stay.robot}" if stay.robot else ""
             length = clock(stay.to_s - stay.from_s)
             title = f"{stay.state}{whom}, {length}, because {stay.because or 'the record begins'}"
@@ -80,12 +80,12 @@ def _timeline(story: Story) -> Figure:
                 plot.text(middle, TOP + 14, words, "middle", "on")
         for row, name in enumerate(names, start=1):
             top = TOP + row * (_LANE + 6)
-            _lane(story, plot, name, top)
+            _lane(summary, plot, name, top)
         plot.times()
         return plot.svg("states, contacts and syncs over time")
 
     states = [
-        (f"state {s.name}", s.name) for s in State if any(x.state == s.name for x in story.states)
+        (f"state {s.name}", s.name) for s in State if any(x.state == s.name for x in summary.states)
     ]
     legend = [
         *states,
@@ -103,16 +103,16 @@ def _timeline(story: Story) -> Figure:
     )
 
 
-def _lane(story: Story, plot: Plot, name: str, top: float) -> None:
+def _lane(summary: FlightSummary, plot: Plot, name: str, top: float) -> None:
     plot.text(LEFT - 6, top + 14, name[:8], "end")
     bottom = top + _LANE
     plot.add(f'<path class="grid" d="M{LEFT} {bottom:.1f}H{plot.width - RIGHT}"/>')
-    for contact in story.exchanges.contacts:
+    for contact in summary.exchanges.contacts:
         if contact.robot == name:
             title = f"{name} in reach for {clock(contact.to_s - contact.from_s)}"
             plot.bar(contact.from_s, contact.to_s, (top, _LANE), "contact", title)
     drawn: dict[tuple[str, str], float] = {}
-    for sync in story.exchanges.syncs:
+    for sync in summary.exchanges.syncs:
         if sync.robot != name:
             continue
         kind, end = (sync.direction, sync.outcome), plot.x(sync.to_s)
@@ -125,23 +125,23 @@ def _lane(story: Story, plot: Plot, name: str, top: float) -> None:
             plot.bar(sync.from_s, sync.to_s, (half, _LANE / 2 - 2), css, title)
 
 
-def _bandwidth(story: Story) -> Figure | None:
-    if not story.exchanges.syncs:
+def _bandwidth(summary: FlightSummary) -> Figure | None:
+    if not summary.exchanges.syncs:
         return None
-    span_s, coming, going = story.exchanges.bandwidth(story.from_s, story.to_s)
+    span_s, coming, going = summary.exchanges.bandwidth(summary.from_s, summary.to_s)
     highest, lowest = 1.08 * max(coming) / 1e3, 1.08 * max(going) / 1e3
     least = max(0.2 * (highest + lowest), 1e-3)
 
     def draw(width: int) -> str:
         top, bottom = max(highest, least), -max(lowest, least)
-        plot = Plot(width, 220, story.from_s, story.to_s, top, bottom)
+        plot = Plot(width, 220, summary.from_s, summary.to_s, top, bottom)
         zero = plot.y(0.0)
         for i, (got, given) in enumerate(zip(coming, going, strict=True)):
-            begin_s = story.from_s + i * span_s
+            begin_s = summary.from_s + i * span_s
             for rate, css in ((got / 1e3, "in"), (-given / 1e3, "out")):
                 if rate:
                     y = plot.y(rate)
-                    title = f"{clock(begin_s - story.from_s)}: {abs(rate):.1f} kB/s {css}"
+                    title = f"{clock(begin_s - summary.from_s)}: {abs(rate):.1f} kB/s {css}"
                     place = (min(y, zero), max(abs(y - zero), 1.0))
                     plot.bar(begin_s, begin_s + span_s, place, f"rate {css}", title)
         plot.axes()
@@ -158,20 +158,20 @@ def _bandwidth(story: Story) -> Figure | None:
     )
 
 
-def _ages(story: Story) -> Figure | None:
-    ages = {name: story.exchanges.ages(name) for name in story.exchanges.names()}
+def _ages(summary: FlightSummary) -> Figure | None:
+    ages = {name: summary.exchanges.ages(name) for name in summary.exchanges.names()}
     highest = max((age for series in ages.values() for _, age in series), default=0.0)
     if highest <= 0:
         return None
 
     def draw(width: int) -> str:
-        plot = Plot(width, 220, story.from_s, story.to_s, highest * 1.05)
+        plot = Plot(width, 220, summary.from_s, summary.to_s, highest * 1.05)
         plot.axes()
         for name, series in ages.items():
-            plot.line(series, robot_css(story, name), name)
+            plot.line(series, robot_css(summary, name), name)
         return plot.svg("age of information over time")
 
-    known = [(robot_css(story, name), name) for name, series in ages.items() if series]
+    known = [(robot_css(summary, name), name) for name, series in ages.items() if series]
 
     return Figure(
         "ages",
@@ -183,20 +183,20 @@ def _ages(story: Story) -> Figure | None:
     )
 
 
-def _map(story: Story) -> Figure | None:
-    shares = {n: story.exchanges.shares(n, story.painted) for n in story.exchanges.names()}
+def _map(summary: FlightSummary) -> Figure | None:
+    shares = {n: summary.exchanges.shares(n, summary.painted) for n in summary.exchanges.names()}
     shares = {n: series for n, series in shares.items() if any(share for _, share in series)}
-    if not story.painted:
+    if not summary.painted:
         return None
-    most = max(cells for _, cells in story.painted)
+    most = max(cells for _, cells in summary.painted)
 
     def draw(width: int) -> str:
-        plot = Plot(width, 220, story.from_s, story.to_s, 100.0)
+        plot = Plot(width, 220, summary.from_s, summary.to_s, 100.0)
         plot.axes([0, 25, 50, 75, 100])
-        plot.line([(t, 100 * cells / most) for t, cells in story.painted], "own", "the UAV's map")
+        plot.line([(t, 100 * cells / most) for t, cells in summary.painted], "own", "the UAV's map")
         for name, series in shares.items():
-            css = robot_css(story, name)
-            held = zip(series, story.painted, strict=True)
+            css = robot_css(summary, name)
+            held = zip(series, summary.painted, strict=True)
             plot.line(
                 [(t, 100 * share * cells / most) for (t, share), (_, cells) in held],
                 css,
@@ -212,20 +212,20 @@ def _map(story: Story) -> Figure | None:
         "how many are in the map that each robot is known to hold: by its own word, or because it "
         "fetched it. What robots hand to each other is seen when the UAV meets them again.",
         _both(draw),
-        [("own", "the UAV"), *((robot_css(story, n), n) for n in shares)],
+        [("own", "the UAV"), *((robot_css(summary, n), n) for n in shares)],
     )
 
 
-def _distance(story: Story) -> Figure | None:
-    if not story.distances or story.setup is None:
+def _distance(summary: FlightSummary) -> Figure | None:
+    if not summary.distances or summary.setup is None:
         return None
-    clearance_m = story.setup.mission.planner.clearance_m
-    top = max(3 * clearance_m, min(60.0, max(d for _, d in story.distances)))
+    clearance_m = summary.setup.mission.planner.clearance_m
+    top = max(3 * clearance_m, min(60.0, max(d for _, d in summary.distances)))
 
     def draw(width: int) -> str:
-        plot = Plot(width, 180, story.from_s, story.to_s, top)
+        plot = Plot(width, 180, summary.from_s, summary.to_s, top)
         plot.axes()
-        plot.line(story.distances, "own", "distance to the nearest zone or fence")
+        plot.line(summary.distances, "own", "distance to the nearest zone or fence")
         plot.level(clearance_m, "limit", f"clearance {clearance_m:g} m")
         return plot.svg("distance to the nearest zone or fence over time")
 
@@ -238,19 +238,19 @@ def _distance(story: Story) -> Figure | None:
     )
 
 
-def _battery(story: Story, ulog: UlogTrack | None) -> Figure | None:
+def _battery(summary: FlightSummary, ulog: UlogTrack | None) -> Figure | None:
     theirs = [] if ulog is None else [(t, 100 * charge) for t, charge in ulog.battery]
-    if not story.battery and not theirs:
+    if not summary.battery and not theirs:
         return None
-    end = [] if not story.battery else [(story.to_s, story.battery[-1][1])]
+    end = [] if not summary.battery else [(summary.to_s, summary.battery[-1][1])]
 
     def draw(width: int) -> str:
-        plot = Plot(width, 160, story.from_s, story.to_s, 100.0)
+        plot = Plot(width, 160, summary.from_s, summary.to_s, 100.0)
         plot.axes([0, 25, 50, 75, 100])
         plot.line(theirs, "theirs", "PX4's log")
-        plot.line([(t, 100 * c) for t, c in [*story.battery, *end]], "own", "told us", steps=True)
-        if story.setup is not None:
-            reserve = 100 * story.setup.mission.battery_reserve
+        plot.line([(t, 100 * c) for t, c in [*summary.battery, *end]], "own", "told us", steps=True)
+        if summary.setup is not None:
+            reserve = 100 * summary.setup.mission.battery_reserve
             plot.level(reserve, "limit", f"reserve {reserve:g} %")
         return plot.svg("battery over time")
 

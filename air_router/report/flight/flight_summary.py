@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from air_router.controller.flight_setup import FlightSetup
-from air_router.controller.model.actions import Announce, Answered, Finish, Seeking, StateChanged
+from air_router.controller.model.actions import Announce, CommandAck, Finish, Seeking, StateChanged
 from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import (
     AirspaceChanged,
@@ -57,7 +57,7 @@ class Stay:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class RequestRecord:
     """Something that was asked for, and the answer (None: none)."""
 
     t: float
@@ -68,7 +68,7 @@ class Wish:
 
 
 @dataclass(slots=True)
-class Story:
+class FlightSummary:
     """One flight.
 
     Attributes:
@@ -99,7 +99,7 @@ class Story:
     battery: list[tuple[float, float]] = field(default_factory=list)
     states: list[Stay] = field(default_factory=list)
     announcements: list[tuple[float, str]] = field(default_factory=list)
-    requests: list[Wish] = field(default_factory=list)
+    requests: list[RequestRecord] = field(default_factory=list)
     failures: list[tuple[float, str]] = field(default_factory=list)
     robots: dict[str, list[tuple[float, float, float, float]]] = field(default_factory=dict)
     painted: list[tuple[float, int]] = field(default_factory=list)
@@ -188,7 +188,7 @@ class Story:
             self.robots.setdefault(event.robot, []).append((t, *event.position, event.stamp_s))
         elif isinstance(event, Asked):
             self._open[event.by, event.request_id] = len(self.requests)
-            self.requests.append(Wish(t, _wish(event), event.by))
+            self.requests.append(RequestRecord(t, _wish(event), event.by))
         elif isinstance(event, AirspaceChanged) and self.mission is not None:
             self._changed = self.mission.with_areas(event.fences, event.zones)
         elif isinstance(event, PlanRenewed) and self._changed is not None:
@@ -242,18 +242,20 @@ class Story:
             case Seeking(robot=str() as robot) if self._entered is not None:
                 state, from_s, _, because = self._entered  # a search finds its robot once entered
                 self._entered = (state, from_s, robot, because)
-            case Answered():
+            case CommandAck():
                 self._answered(t, action)
             case Finish(why=why):
                 self.finish = why
 
-    def _answered(self, t: float, answer: Answered) -> None:
+    def _answered(self, t: float, answer: CommandAck) -> None:
         place = self._open.pop((answer.by, answer.request_id), None)
         if place is None:
-            self.requests.append(Wish(t, "", answer.by, answer.accepted, answer.why))
+            self.requests.append(RequestRecord(t, "", answer.by, answer.accepted, answer.why))
         else:
             wish = self.requests[place]
-            self.requests[place] = Wish(wish.t, wish.what, wish.by, answer.accepted, answer.why)
+            self.requests[place] = RequestRecord(
+                wish.t, wish.what, wish.by, answer.accepted, answer.why
+            )
 
     def _leave(self, t: float) -> None:
         if self._entered is not None:
@@ -310,12 +312,12 @@ class Story:
         }
 
 
-def story_of(entries: Iterable[Entry]) -> Story:
-    """The story of a record; say `end` on it afterwards."""
-    story = Story()
+def summary_of(entries: Iterable[Entry]) -> FlightSummary:
+    """The summary of a record; say `end` on it afterwards."""
+    summary = FlightSummary()
     for entry in entries:
-        story.take(entry)
-    return story
+        summary.take(entry)
+    return summary
 
 
 def _wish(event: Asked) -> str:

@@ -10,29 +10,29 @@ from importlib import resources
 from typing import Any
 
 from air_router.report.flight.charts import Figure, figures, legend_html, robot_css
-from air_router.report.flight.flight_summary import Story
+from air_router.report.flight.flight_summary import FlightSummary
 from air_router.report.flight.svg import clock
 from air_router.report.flight.track import track_figure
 from air_router.report.flight.ulog import UlogTrack
 
 
-def page_of(story: Story, source: str, ulog: UlogTrack | None = None) -> str:
+def page_of(summary: FlightSummary, source: str, ulog: UlogTrack | None = None) -> str:
     """The page; `source` is the name of the record."""
-    facts = story.as_json()
+    facts = summary.as_json()
     title = f"{facts['mission']}: flight of {facts['uav'] or 'the UAV'}"
-    track = track_figure(story, ulog)
+    track = track_figure(summary, ulog)
     shown = [track] if track is not None else []
-    shown += figures(story, ulog)
+    shown += figures(summary, ulog)
     style = resources.files("air_router.report.flight").joinpath("page.css").read_text("utf-8")
     body = [
         _head(facts, title),
         _tiles(facts),
         *map(_section, shown),
-        _robots(story, facts),
-        _table("Requests", ("at", "what", "who", "answer"), _requests(story)),
-        _table("Said in flight", ("at", "text"), _said(story)),
-        _table("Not followed by the vehicle", ("at", "what"), _failures(story)),
-        _table("Flight modes in PX4's log", ("at", "mode"), _modes(story, ulog)),
+        _robots(summary, facts),
+        _table("Requests", ("at", "what", "who", "answer"), _requests(summary)),
+        _table("Said in flight", ("at", "text"), _said(summary)),
+        _table("Not followed by the vehicle", ("at", "what"), _failures(summary)),
+        _table("Flight modes in PX4's log", ("at", "mode"), _modes(summary, ulog)),
         _foot(facts, source, ulog),
     ]
     return (
@@ -106,7 +106,7 @@ def _section(figure: Figure) -> str:
     )
 
 
-def _robots(story: Story, facts: dict[str, Any]) -> str:
+def _robots(summary: FlightSummary, facts: dict[str, Any]) -> str:
     rows = []
     for name, robot in facts["robots"].items():
         syncs = robot["syncs"]
@@ -115,7 +115,7 @@ def _robots(story: Story, facts: dict[str, Any]) -> str:
         ages = [age for _, age in robot["age_s"]]
         share = robot["map_share"][-1][1] if robot["map_share"] else None
         reach_s = sum(c["to_s"] - c["from_s"] for c in robot["contacts"])
-        key = f'<i class="key {robot_css(story, name)}"></i>'
+        key = f'<i class="key {robot_css(summary, name)}"></i>'
         rows.append(
             (
                 f"{key}{escape(name)}",
@@ -135,31 +135,31 @@ def _robots(story: Story, facts: dict[str, Any]) -> str:
     return _table("Robots", head, rows, ready=True)
 
 
-def _requests(story: Story) -> list[tuple[str, ...]]:
+def _requests(summary: FlightSummary) -> list[tuple[str, ...]]:
     answers = {None: "no answer recorded", True: "accepted", False: "refused"}
     return [
         (
-            clock(wish.t - story.from_s),
+            clock(wish.t - summary.from_s),
             wish.what,
             wish.by,
             f"{answers[wish.accepted]}{': ' if wish.why else ''}{wish.why}",
         )
-        for wish in story.requests
+        for wish in summary.requests
     ]
 
 
-def _said(story: Story) -> list[tuple[str, ...]]:
-    return [(clock(t - story.from_s), text) for t, text in story.announcements]
+def _said(summary: FlightSummary) -> list[tuple[str, ...]]:
+    return [(clock(t - summary.from_s), text) for t, text in summary.announcements]
 
 
-def _failures(story: Story) -> list[tuple[str, ...]]:
-    return [(clock(t - story.from_s), text) for t, text in story.failures]
+def _failures(summary: FlightSummary) -> list[tuple[str, ...]]:
+    return [(clock(t - summary.from_s), text) for t, text in summary.failures]
 
 
-def _modes(story: Story, ulog: UlogTrack | None) -> list[tuple[str, ...]]:
+def _modes(summary: FlightSummary, ulog: UlogTrack | None) -> list[tuple[str, ...]]:
     if ulog is None:
         return []
-    return [(clock(max(0.0, t - story.from_s)), mode) for t, mode in ulog.modes]
+    return [(clock(max(0.0, t - summary.from_s)), mode) for t, mode in ulog.modes]
 
 
 def _table(

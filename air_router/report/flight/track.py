@@ -8,7 +8,7 @@ from html import escape
 from typing import Final
 
 from air_router.report.flight.charts import Figure, robot_css
-from air_router.report.flight.flight_summary import Story
+from air_router.report.flight.flight_summary import FlightSummary
 from air_router.report.flight.svg import NARROW, WIDE, clock, picture
 from air_router.report.flight.ulog import UlogTrack
 from geo.airspace.airspace import FENCE
@@ -45,21 +45,23 @@ class _Sheet:
         return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in map(self.at, places)) + close
 
 
-def track_figure(story: Story, ulog: UlogTrack | None = None) -> Figure | None:
+def track_figure(summary: FlightSummary, ulog: UlogTrack | None = None) -> Figure | None:
     """Zones, fence, waypoints, the track and where it came closest; None without a mission."""
-    if story.mission is None:
+    if summary.mission is None:
         return None
-    corners = _corners(story, ulog)
-    pictures = "".join(_draw(story, ulog, _Sheet(corners, width)) for width in (WIDE, NARROW))
+    corners = _corners(summary, ulog)
+    pictures = "".join(_draw(summary, ulog, _Sheet(corners, width)) for width in (WIDE, NARROW))
     legend = [("own", "flown track"), ("zonekey", "no-fly zone"), ("fencekey", "fence")]
     if ulog is not None:
         legend.append(("theirs", "PX4's own log"))
-    legend += [(robot_css(story, n), n) for n in story.exchanges.names() if story.robots.get(n)]
+    legend += [
+        (robot_css(summary, n), n) for n in summary.exchanges.names() if summary.robots.get(n)
+    ]
     words = ""
-    if story.closest is not None:
+    if summary.closest is not None:
         words = (
-            f"Closest approach: {story.closest[0]:.2f} m to {_named(story.closest[1])} (demanded: "
-            f"{story.mission.planner.clearance_m:g} m). "
+            f"Closest approach: {summary.closest[0]:.2f} m to {_named(summary.closest[1])} "
+            f"(demanded: {summary.mission.planner.clearance_m:g} m). "
         )
     words += "Robots are drawn where they said they were."
     return Figure("track", "Track", words, pictures, legend)
@@ -69,19 +71,19 @@ def _named(what: str) -> str:
     return "the fence" if what == FENCE else what
 
 
-def _corners(story: Story, ulog: UlogTrack | None) -> list[tuple[float, float]]:
-    mission = story.mission
+def _corners(summary: FlightSummary, ulog: UlogTrack | None) -> list[tuple[float, float]]:
+    mission = summary.mission
     assert mission is not None  # noqa: S101 - the caller has looked
     places: list[tuple[float, float]] = [mission.home, *(w.position for w in mission.waypoints)]
     places += [corner for fence in mission.fences for corner in fence.corners]
-    places += [(east_m, north_m) for _, east_m, north_m, _ in story.track]
-    places += [(e, n) for heard in story.robots.values() for _, e, n, _ in heard]
+    places += [(east_m, north_m) for _, east_m, north_m, _ in summary.track]
+    places += [(e, n) for heard in summary.robots.values() for _, e, n, _ in heard]
     places += [] if ulog is None else [(e, n) for _, e, n in ulog.track]
     return places
 
 
-def _draw(story: Story, ulog: UlogTrack | None, sheet: _Sheet) -> str:
-    mission = story.mission
+def _draw(summary: FlightSummary, ulog: UlogTrack | None, sheet: _Sheet) -> str:
+    mission = summary.mission
     assert mission is not None  # noqa: S101 - the caller has looked
     parts = [_area(sheet, fence, "fence", "fence") for fence in mission.fences]
     heeded = {id(zone) for zone in mission.airspace.zones}
@@ -94,17 +96,17 @@ def _draw(story: Story, ulog: UlogTrack | None, sheet: _Sheet) -> str:
             f'<circle class="waypoint" cx="{x:.1f}" cy="{y:.1f}" r="2.5">'
             f"<title>waypoint {waypoint.number}</title></circle>"
         )
-    dots, names = _robots(story, sheet)
+    dots, names = _robots(summary, sheet)
     parts += dots
-    parts.append(_line(sheet, [(e, n) for _, e, n, _ in story.track], "own"))
+    parts.append(_line(sheet, [(e, n) for _, e, n, _ in summary.track], "own"))
     if ulog is not None:
         parts.append(_line(sheet, [(e, n) for _, e, n in ulog.track], "theirs"))
     parts += names
     x, y = sheet.at(mission.home)
     parts.append(f'<path class="home" d="M{x - 6:.1f} {y:.1f}h12M{x:.1f} {y - 6:.1f}v12"/>')
     parts.append(f'<text x="{x + 8:.1f}" y="{y - 6:.1f}">home</text>')
-    if story.closest_at is not None:
-        away_m, *place = story.closest_at
+    if summary.closest_at is not None:
+        away_m, *place = summary.closest_at
         x, y = sheet.at(place)
         parts.append(
             f'<circle class="closest" cx="{x:.1f}" cy="{y:.1f}" r="8">'
@@ -114,20 +116,20 @@ def _draw(story: Story, ulog: UlogTrack | None, sheet: _Sheet) -> str:
     return picture(sheet.width, round(sheet.height), "the flown track", parts)
 
 
-def _robots(story: Story, sheet: _Sheet) -> tuple[list[str], list[str]]:
+def _robots(summary: FlightSummary, sheet: _Sheet) -> tuple[list[str], list[str]]:
     """Where robots were, for below the track, and their names, for above it."""
     dots, names = [], []
-    for name, heard in sorted(story.robots.items()):
-        if name not in story.exchanges.names():
+    for name, heard in sorted(summary.robots.items()):
+        if name not in summary.exchanges.names():
             continue
-        css = robot_css(story, name)
+        css = robot_css(summary, name)
         spots: dict[tuple[int, int], tuple[float, float, float]] = {}
         for t, east_m, north_m, _ in heard:
             x, y = sheet.at((east_m, north_m))
             spots.setdefault((int(x / _DOT_PX), int(y / _DOT_PX)), (t, x, y))
         step = -(-len(spots) // _MOST_DOTS)
         for t, dot_x, dot_y in list(spots.values())[::step]:
-            title = f"{name}, heard of at {clock(t - story.from_s)}"
+            title = f"{name}, heard of at {clock(t - summary.from_s)}"
             dots.append(
                 f'<circle class="robot {css}" cx="{dot_x:.1f}" cy="{dot_y:.1f}" r="3">'
                 f"<title>{escape(title)}</title></circle>"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from air_router.errors import AirRouterError, ExitCode
-from air_router.report.flight.flight_summary import Story
+from air_router.report.flight.flight_summary import FlightSummary
 from geo.frame import FrameError, LocalFrame
 
 TRACK_S: Final = 0.5
@@ -88,22 +88,22 @@ class UlogTrack:
         )
 
 
-def read_ulog(path: Path, story: Story) -> UlogTrack:
-    """What a ULog says of the flight of a story.
+def read_ulog(path: Path, summary: FlightSummary) -> UlogTrack:
+    """What a ULog says of a recorded flight.
 
     Raises:
         UlogError: see there.
     """
-    assert story.setup is not None  # noqa: S101 - a story has one when it is told
-    found = _read(path, story.setup.mission.frame)
+    assert summary.setup is not None  # noqa: S101 - a complete summary has one
+    found = _read(path, summary.setup.mission.frame)
     if not found.track and not found.battery and not found.modes:
         raise UlogError(f"{path}: has none of {', '.join(TOPICS)}")
-    found.off_m = _apart_m(found, story)
+    found.off_m = _apart_m(found, summary)
     # PX4's log counts from boot as its MAVLink messages do; after a restart in between it does not.
     far = found.off_m is None or found.off_m > _NEAR_M
-    if far and found.armed_s is not None and story.track:
-        moved = found.shifted(story.track[0][0] - found.armed_s)
-        moved.off_m = _apart_m(moved, story)
+    if far and found.armed_s is not None and summary.track:
+        moved = found.shifted(summary.track[0][0] - found.armed_s)
+        moved.off_m = _apart_m(moved, summary)
         if moved.off_m is not None and (found.off_m is None or moved.off_m < found.off_m):
             found = moved
     if found.off_m is None:
@@ -155,11 +155,11 @@ def _taken(data: dict[str, Any], frame: LocalFrame, version: str) -> UlogTrack:
     return found
 
 
-def _apart_m(ulog: UlogTrack, story: Story) -> float | None:
+def _apart_m(ulog: UlogTrack, summary: FlightSummary) -> float | None:
     """The median distance of the two tracks at the same times."""
     times = [t for t, *_ in ulog.track]
     apart_m = []
-    for t, east_m, north_m, _ in story.track:
+    for t, east_m, north_m, _ in summary.track:
         index = bisect_left(times, t)
         if index < len(times) and times[index] - t <= TRACK_S:
             apart_m.append(math.dist(ulog.track[index][1:], (east_m, north_m)))

@@ -15,7 +15,6 @@ from sitl.experiment.campaign.program import program
 from sitl.experiment.campaign.progress import Progress, longest_first
 from sitl.experiment.campaign.run_log import usable
 from sitl.experiment.campaign.worker_pool import (
-    Crew,
     Failed,
     Finished,
     Lost,
@@ -23,6 +22,7 @@ from sitl.experiment.campaign.worker_pool import (
     Outcome,
     Record,
     Work,
+    WorkerPool,
 )
 
 _MOST_FAILURES: Final = 5
@@ -81,14 +81,14 @@ class Campaign:
         )
         return [self._finished[label, number] for _, number, label in keys]
 
-    def carry_out(self, crew: Crew, work: Work, keep: Callable[[Record], None]) -> None:
+    def run(self, pool: WorkerPool, work: Work, keep: Callable[[Record], None]) -> None:
         """Make the missing runs, and `keep` each at once."""
         tasks = self.missing
-        progress = Progress(tuple(tasks), min(crew.workers, max(len(tasks), 1)))
-        with closing(crew.run(work, tasks)) as outcomes:
+        progress = Progress(tuple(tasks), min(pool.workers, max(len(tasks), 1)))
+        with closing(pool.run(work, tasks)) as outcomes:
             try:
                 for outcome in outcomes:
-                    progress.workers = crew.workers
+                    progress.workers = pool.workers
                     self._take(outcome, progress, keep)
                     self.status.show(progress.line)
                     if len(self.failed) >= _MOST_FAILURES and not progress.simulated_s:

@@ -45,8 +45,8 @@ class ClusterError(AirRouterError):
 
 
 @dataclass(slots=True)
-class DaskCrew:
-    """A crew of Dask workers.
+class DaskPool:
+    """A pool of Dask workers.
 
     Attributes:
         address: of the scheduler, as `tcp://10.0.0.1:8786`.

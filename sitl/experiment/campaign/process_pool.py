@@ -44,7 +44,7 @@ class _Worker:
 
 @dataclass(slots=True)
 class ProcessPool:
-    """A crew of processes.
+    """A pool of processes.
 
     Attributes:
         workers: how many.
@@ -59,25 +59,25 @@ class ProcessPool:
         """Make all runs; closing the iterator ends the processes at once."""
         waiting = deque(tasks)
         context = multiprocessing.get_context("spawn")
-        crew = [_hire(context, work) for _ in range(min(self.workers, len(tasks)))]
+        pool = [_hire(context, work) for _ in range(min(self.workers, len(tasks)))]
         try:
-            while waiting or any(worker.task for worker in crew):
-                for worker in crew:
+            while waiting or any(worker.task for worker in pool):
+                for worker in pool:
                     if worker.task is None and waiting:
                         worker.task = waiting.popleft()
                         _send(worker, worker.task)
-                ready = _ready(crew)
+                ready = _ready(pool)
                 if not ready:
                     yield Tick()
                 for worker in ready:
                     outcome = self._heard(worker)
                     if isinstance(outcome, Lost):
-                        crew[crew.index(worker)] = _hire(context, work)
+                        pool[pool.index(worker)] = _hire(context, work)
                         if outcome.again:
                             waiting.append(outcome.task)
                     yield outcome
         finally:
-            _dismiss(crew)
+            _dismiss(pool)
 
     def _heard(self, worker: _Worker) -> Outcome:
         task, worker.task = worker.task, None
@@ -108,8 +108,8 @@ def _hire(context: SpawnContext, work: Work) -> _Worker:
     return _Worker(process, ours)
 
 
-def _ready(crew: Sequence[_Worker]) -> list[_Worker]:
-    busy = {worker.line: worker for worker in crew if worker.task is not None}
+def _ready(pool: Sequence[_Worker]) -> list[_Worker]:
+    busy = {worker.line: worker for worker in pool if worker.task is not None}
     return [busy[line] for line in wait(list(busy), TICK_S) if isinstance(line, Connection)]
 
 
@@ -138,12 +138,12 @@ def _serve(line: Connection, work: Work) -> None:
             return
 
 
-def _dismiss(crew: Sequence[_Worker]) -> None:
-    for worker in crew:
+def _dismiss(pool: Sequence[_Worker]) -> None:
+    for worker in pool:
         worker.line.close()
         if worker.task is not None:
             worker.process.terminate()
-    for worker in crew:
+    for worker in pool:
         _end(worker)
 
 

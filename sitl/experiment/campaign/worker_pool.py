@@ -46,7 +46,7 @@ class Failed:
 
 @dataclass(frozen=True, slots=True)
 class News:
-    """Something about the crew that people want to know."""
+    """Something about the pool that people want to know."""
 
     text: str
 
@@ -62,7 +62,7 @@ TICK_S = 1.0
 Outcome = Finished | Lost | Failed | News | Tick
 
 
-class Crew(Protocol):
+class WorkerPool(Protocol):
     """Makes runs, in any order, as many at a time as it has workers."""
 
     def run(self, work: Work, tasks: Sequence[Task]) -> Generator[Outcome, None, None]:

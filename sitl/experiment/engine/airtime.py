@@ -1,4 +1,4 @@
-"""The account of what was on the air in a run."""
+"""Statistics of what was on the air in a run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ContactRow = tuple[float, float, int, int]
 _Table = np.ndarray[tuple[int], np.dtype[np.void]]
 
 
-class Account:
+class AirtimeStats:
     """Notes transmissions, contacts and pulls.
 
     Args:

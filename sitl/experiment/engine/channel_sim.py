@@ -16,7 +16,7 @@ from mocha_link.node.actions import Action, Connect, Disconnect, Reply, Send
 from mocha_link.store.header import Header
 from mocha_link.sync.protocol import ACK, CODE_BYTES, ID_BYTES, SYNC1
 from sitl.experiment.channels.channel import Change, Channel, Link, Load, Places, Stage
-from sitl.experiment.engine.airtime import Account, ContactRow
+from sitl.experiment.engine.airtime import AirtimeStats, ContactRow
 from sitl.experiment.engine.exchange import (
     Exchange,
     code_of,
@@ -26,7 +26,7 @@ from sitl.experiment.engine.exchange import (
     size_of,
     stage_of,
 )
-from sitl.experiment.model.event_queue import Agenda
+from sitl.experiment.model.event_queue import EventQueue
 from sitl.experiment.robots.node import Node
 
 _REQUEST_TRIPS: Final = 4
@@ -36,26 +36,26 @@ _OPENING_TRIPS: Final = 2
 """Round trips until our node has its first answer on a new connection (docs/protocol.md)."""
 
 
-class Air:
+class ChannelSim:
     """Connects the nodes of a run.
 
     Args:
         nodes: In the order of their numbers.
-        account: Keeps the account of it.
+        airtime: Keeps count of it.
     """
 
     def __init__(
         self,
-        agenda: Agenda,
+        queue: EventQueue,
         channel: Channel,
         nodes: Sequence[Node],
-        account: Account,
+        airtime: AirtimeStats,
     ) -> None:
-        self._agenda = agenda
+        self._queue = queue
         self._channel = channel
         self._nodes = nodes
         self._numbers = {node.name: node.number for node in nodes}
-        self._account = account
+        self._airtime = airtime
         self._contacts: dict[tuple[int, int], float] = {}  # since when
         self._exchanges: dict[Link, Exchange] = {}
         self._pulled_s: dict[Link, float] = {}
@@ -71,19 +71,19 @@ class Air:
 
     def lasting(self) -> list[ContactRow]:
         """Contacts that have not ended."""
-        now_s = self._agenda.now_s
+        now_s = self._queue.now_s
         return [(began_s, now_s, *pair) for pair, began_s in self._contacts.items()]
 
     def look(self, places: Places) -> None:
         """Robots have moved: contacts begin and end."""
-        for change in self._channel.look(self._agenda.now_s, places):
+        for change in self._channel.look(self._queue.now_s, places):
             if change.up:
                 self._meet(change)
             else:
                 self._part(change)
         every_s = self._channel.pull_every_s
         if every_s is not None:
-            due_s = self._agenda.now_s - every_s
+            due_s = self._queue.now_s - every_s
             for a, b in self._contacts:
                 for link in (Link(a, b), Link(b, a)):
                     if self._pulled_s[link] <= due_s and link not in self._exchanges:
@@ -92,8 +92,8 @@ class Air:
 
     def _meet(self, change: Change) -> None:
         a, b, _ = change
-        self._contacts[a, b] = self._agenda.now_s
-        self._tell_contact(a, b, self._agenda.now_s, up=True)
+        self._contacts[a, b] = self._queue.now_s
+        self._tell_contact(a, b, self._queue.now_s, up=True)
         for link in (Link(a, b), Link(b, a)):
             exchange = self._exchanges.get(link)
             if exchange is None:
@@ -105,7 +105,7 @@ class Air:
     def _part(self, change: Change) -> None:
         a, b, _ = change
         began_s = self._contacts.pop((a, b))
-        self._account.parted((began_s, self._agenda.now_s, a, b))
+        self._airtime.parted((began_s, self._queue.now_s, a, b))
         self._tell_contact(a, b, began_s, up=False)
         for link in (Link(a, b), Link(b, a)):
             exchange = self._exchanges.get(link)
@@ -119,7 +119,7 @@ class Air:
             if patience_s == 0:
                 self._give_up(exchange)
             elif patience_s < math.inf:
-                self._agenda.after(patience_s, partial(self._lose, exchange, self._count))
+                self._queue.after(patience_s, partial(self._lose, exchange, self._count))
 
     def _tell_contact(self, a: int, b: int, began_s: float, *, up: bool) -> None:
         self._nodes[a].contact(self._nodes[b].name, began_s, up=up)
@@ -139,7 +139,7 @@ class Air:
         return (min(link), max(link)) in self._contacts
 
     def _pull(self, link: Link) -> None:
-        self._pulled_s[link] = self._agenda.now_s
+        self._pulled_s[link] = self._queue.now_s
         node = self._nodes[link.asking]
         node.refresh()  # what it has to say itself belongs to what it has
         node.gossip.sync(self._nodes[link.answering].name, node.now)
@@ -159,7 +159,7 @@ class Air:
         if not (exchange.asked or exchange.load or self._supplies(exchange)):
             return
         if exchange.ready_s is None:
-            exchange.ready_s = self._agenda.now_s
+            exchange.ready_s = self._queue.now_s
         if exchange.turn is None:
             self._count += 1
             turn = self._channel.turn(link, exchange.ready_s)
@@ -178,9 +178,9 @@ class Air:
             self._waiting.remove((*exchange.turn, exchange))
             exchange.turn = None
         if exchange.start_s is not None:
-            now_s = self._agenda.now_s
+            now_s = self._queue.now_s
             part = (now_s - exchange.start_s) / max(exchange.end_s - exchange.start_s, 1e-9)
-            self._account.sent(exchange, now_s, part)
+            self._airtime.sent(exchange, now_s, part)
             self._busy.remove(exchange.link)
             exchange.start_s = None
 
@@ -202,7 +202,7 @@ class Air:
             self._hand_over(exchange)
             self._arm(exchange)
             return
-        now_s = self._agenda.now_s
+        now_s = self._queue.now_s
         took_s = self._channel.duration_s(exchange.link, exchange.load, now_s)
         exchange.start_s = now_s
         exchange.end_s = now_s + took_s
@@ -212,7 +212,7 @@ class Air:
             if exchange.start_s == now_s:  # it was not cut meanwhile
                 self._end(exchange)
 
-        self._agenda.at(exchange.end_s, end)
+        self._queue.at(exchange.end_s, end)
 
     def _load(self, exchange: Exchange) -> Load | None:
         """What an exchange whose turn it is sends; None: nothing that takes time."""
@@ -263,7 +263,7 @@ class Air:
     # Transmissions.
 
     def _end(self, exchange: Exchange) -> None:
-        self._account.sent(exchange, self._agenda.now_s)
+        self._airtime.sent(exchange, self._queue.now_s)
         self._busy.remove(exchange.link)
         exchange.start_s = exchange.ready_s = exchange.load = None
         if exchange.supplied:
@@ -345,9 +345,9 @@ class Air:
         self._withdraw(exchange)
         exchange.over = True
         del self._exchanges[exchange.link]
-        self._account.pulled(broken=void)
+        self._airtime.pulled(broken=void)
         if exchange.again and self._in_contact(exchange.link):
-            self._agenda.at(self._agenda.now_s, lambda: self._pull_again(exchange.link))
+            self._queue.at(self._queue.now_s, lambda: self._pull_again(exchange.link))
 
     def _pull_again(self, link: Link) -> None:
         if link not in self._exchanges and self._in_contact(link):

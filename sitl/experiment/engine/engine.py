@@ -23,16 +23,16 @@ from air_router.controller.motion.navigator import REACTION_S
 from geo.frame import Point
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from sitl.experiment.channels.by_name import channel_of
-from sitl.experiment.engine.airtime import Account
-from sitl.experiment.engine.channel_sim import Air
+from sitl.experiment.engine.airtime import AirtimeStats
+from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.result import GoalVisit, RunResult
 from sitl.experiment.engine.samples import Samples
 from sitl.experiment.model.event_log import EventLog
-from sitl.experiment.model.event_queue import Agenda
+from sitl.experiment.model.event_queue import EventQueue
 from sitl.experiment.model.settings import RunSettings
 from sitl.experiment.robots.base_station import BaseStation
 from sitl.experiment.robots.explorer import GroundRobot
-from sitl.experiment.robots.fleet import crowd_of
+from sitl.experiment.robots.fleet import fleet_of
 from sitl.experiment.robots.node import Node
 from sitl.experiment.robots.scenery import Scenery, scenery_of
 from sitl.experiment.robots.uav import COMMAND_S, Uav, controllers_of
@@ -70,16 +70,16 @@ class Run:
         _check(settings)
         self._settings = settings
         self._seed = seed
-        self.agenda = Agenda()
+        self.queue = EventQueue()
         self._scenery = self._as_seeded(scenery_of(settings))
-        self.log = EventLog(self.agenda, keep=settings.keep_log)
-        self.crowd = crowd_of(
+        self.log = EventLog(self.queue, keep=settings.keep_log)
+        self.fleet = fleet_of(
             settings.uavs,
             settings.ugvs,
             base=settings.base_station,
             original=settings.protocol == "original",
         )
-        self.names = self.crowd.names
+        self.names = self.fleet.names
         self._numbers = {name: number for number, name in enumerate(self.names)}
         self.robots = self._ground_robots()
         self.uavs = self._uavs()
@@ -95,33 +95,33 @@ class Run:
             self._places[self._numbers[name], :2] = robot.position
         self._travelled_m = np.zeros(len(self.names))
         channel = channel_of(settings, self.town, self.names, seed)
-        self.account = Account(self.log.sent)
-        self.air = Air(self.agenda, channel, self.nodes, self.account)
+        self.airtime = AirtimeStats(self.log.sent)
+        self.channel_sim = ChannelSim(self.queue, channel, self.nodes, self.airtime)
         self.samples = Samples(self.nodes, [self._numbers[uav.name] for uav in self.uavs])
         self._goals: dict[str, GoalVisit] = {}
-        self._counted = dict.fromkeys(self.crowd.ugvs, 0)
+        self._counted = dict.fromkeys(self.fleet.ugvs, 0)
         self._ground_at_s = 0.0
 
     def finish(self) -> RunResult:
         """Let it run to its end."""
-        settings, agenda = self._settings, self.agenda
-        agenda.every(settings.telemetry_s, self._tick)
-        agenda.every(settings.sample_s, self._sample)
-        agenda.run(settings.duration_s)
+        settings, queue = self._settings, self.queue
+        queue.every(settings.telemetry_s, self._tick)
+        queue.every(settings.sample_s, self._sample)
+        queue.run(settings.duration_s)
         wall_s, cpu_s = self._began
         return RunResult(
             seed=self._seed,
             robots=self.names,
-            kinds=self.crowd.kinds,
+            kinds=self.fleet.kinds,
             travelled_m=tuple(self._travelled_m.tolist()),
             goals_total=len(self.town.goals),
             goal_places=tuple((goal.id, goal.position) for goal in self.town.goals),
             goals=tuple(sorted(self._goals.values(), key=lambda v: (v.time_s, v.goal))),
-            transmissions=self.account.transmissions(),
-            contacts=self.account.contacts(self.air.lasting()),
-            exchanges_complete=self.account.complete,
-            exchanges_broken=self.account.broken,
-            exchanges_open=self.air.open,
+            transmissions=self.airtime.transmissions(),
+            contacts=self.airtime.contacts(self.channel_sim.lasting()),
+            exchanges_complete=self.airtime.complete,
+            exchanges_broken=self.airtime.broken,
+            exchanges_open=self.channel_sim.open,
             sample_times_s=self.samples.times_s,
             positions_m=self.samples.positions_m,
             pose_age_s=self.samples.pose_age_s,
@@ -151,20 +151,20 @@ class Run:
 
     def _ground_robots(self) -> dict[str, GroundRobot]:
         town = self.town
-        count = len(self.crowd.ugvs)
+        count = len(self.fleet.ugvs)
         seeded = self._settings.starts == "seed"
         starts = drawn_starts(town, self._seed, count) if seeded else _starts(town, count)
         return {
             name: GroundRobot(
                 name, town, _seed_of(self._seed, name), start, self._settings.explorer
             )
-            for name, start in zip(self.crowd.ugvs, starts, strict=True)
+            for name, start in zip(self.fleet.ugvs, starts, strict=True)
         }
 
     def _uavs(self) -> list[Uav]:
-        controllers = controllers_of(self.crowd, self._scenery, self._settings)
+        controllers = controllers_of(self.fleet, self._scenery, self._settings)
         return [
-            Uav(name, self._scenery, self._settings, self.agenda, self.log, controller)
+            Uav(name, self._scenery, self._settings, self.queue, self.log, controller)
             for name, controller in controllers.items()
         ]
 
@@ -177,9 +177,9 @@ class Run:
         elif name in self.robots:
             publish, hear = self.robots[name].outbox, self._ear(name)
         else:
-            station = BaseStation(self.town, self._settings.base_goals, self.agenda)
+            station = BaseStation(self.town, self._settings.base_goals, self.queue)
             publish, hear = station.say, _deaf
-        return Node(number, name, self.crowd.team, self.agenda, publish=publish, hear=hear)
+        return Node(number, name, self.fleet.team, self.queue, publish=publish, hear=hear)
 
     def _ear(self, name: str) -> Callable[[LinkEvent], None]:
         """What a ground robot does with what happens on its links."""
@@ -188,14 +188,14 @@ class Run:
         def hear(event: LinkEvent) -> None:
             if isinstance(event, MessageStored) and event.robot != name:
                 data = self.nodes[number].data_of(event)
-                robot.take(event.robot, event.topic, data, self.agenda.now_s)
+                robot.take(event.robot, event.topic, data, self.queue.now_s)
 
         return hear
 
     # What happens.
 
     def _tick(self) -> None:
-        now_s = self.agenda.now_s
+        now_s = self.queue.now_s
         before = self._places[:, :2].copy()
         for uav in self.uavs:
             uav.tick()
@@ -207,8 +207,8 @@ class Run:
                 self._places[self._numbers[name], :2] = robot.position
                 self._count_goals(name, robot)
         self._travelled_m += np.sqrt(((self._places[:, :2] - before) ** 2).sum(axis=1))
-        self.air.settle()
-        self.air.look(self._places)
+        self.channel_sim.settle()
+        self.channel_sim.look(self._places)
 
     def _locate(self, uav: Uav) -> None:
         self._places[self._numbers[uav.name]] = (
@@ -225,7 +225,7 @@ class Run:
 
     def _sample(self) -> None:
         known_share = self.uavs[0].painter.known_share if self.uavs else 0.0
-        self.samples.take(self.agenda.now_s, self._places, known_share)
+        self.samples.take(self.queue.now_s, self._places, known_share)
 
 
 def _check(settings: RunSettings) -> None:

@@ -14,7 +14,7 @@ from air_router.record.log_file import ORDER_KEY, RECENT
 from air_router.record.replay import Replay
 from air_router.record.replay import replay as replay_flight
 from sitl.experiment.model.settings import RunSettings
-from sitl.experiment.robots.fleet import crowd_of
+from sitl.experiment.robots.fleet import fleet_of
 from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.robots.uav import controllers_of
 
@@ -31,8 +31,8 @@ def replay(settings: RunSettings, lines: Iterable[str]) -> dict[str, Replay]:
         ReplayError: a UAV has no event in it.
     """
     original = settings.protocol == "original"
-    crowd = crowd_of(settings.uavs, settings.ugvs, base=settings.base_station, original=original)
-    controllers = controllers_of(crowd, scenery_of(settings), settings)
+    fleet = fleet_of(settings.uavs, settings.ugvs, base=settings.base_station, original=original)
+    controllers = controllers_of(fleet, scenery_of(settings), settings)
     entries = entries_of(lines)
     return {
         uav: replay_flight(entries.get(uav, []), controller)

@@ -20,23 +20,23 @@ from typing import Any
 from air_router.controller.model.actions import Action, Motion
 from air_router.controller.model.events import CommandConfirmed, CommandFailed, Event
 from air_router.record import serialization as journal
-from sitl.experiment.model.event_queue import Agenda
+from sitl.experiment.model.event_queue import EventQueue
 
 
 class EventLog:
     """Writes the log of a run.
 
     Args:
-        agenda: Tells the time.
+        queue: Tells the time.
         keep: Keep the lines; otherwise only their digest.
 
     Attributes:
         actions: How many there were.
     """
 
-    def __init__(self, agenda: Agenda, *, keep: bool) -> None:
+    def __init__(self, queue: EventQueue, *, keep: bool) -> None:
         self.actions = 0
-        self._agenda = agenda
+        self._queue = queue
         self._keep = keep
         self._lines: list[str] = []
         self._motions: list[Motion] = []
@@ -84,7 +84,7 @@ class EventLog:
         raise AssertionError(f"{motion} was not asked for")
 
     def _write(self, **fields: Any) -> None:
-        line = json.dumps({"t": self._agenda.now_s, **fields}, separators=(",", ":"))
+        line = json.dumps({"t": self._queue.now_s, **fields}, separators=(",", ":"))
         self._digest.update(line.encode())
         self._digest.update(b"\n")
         if self._keep:

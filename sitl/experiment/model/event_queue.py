@@ -14,7 +14,7 @@ _DIGITS = 6
 less, so that both round to the same time."""
 
 
-class Agenda:
+class EventQueue:
     """Events in the order of time.
 
     Attributes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from air_router.messages import POSE_TOPIC, PoseMessage
-from sitl.experiment.model.event_queue import Agenda
+from sitl.experiment.model.event_queue import EventQueue
 from sitl.experiment.robots.explorer_messages import TARGETS_TOPIC, degrees
 from sitl.experiment.robots.explorer_post import target_goals
 from sitl.experiment.robots.node import EPOCH_S
@@ -20,7 +20,7 @@ class BaseStation:
         ValueError: the town has no such goal.
     """
 
-    def __init__(self, town: Town, goals: tuple[str, ...], agenda: Agenda) -> None:
+    def __init__(self, town: Town, goals: tuple[str, ...], queue: EventQueue) -> None:
         places = {goal.id: goal.position for goal in town.goals}
         for goal in goals:
             if goal not in places:
@@ -28,14 +28,14 @@ class BaseStation:
                     f"base_goals: {town.name} has no goal '{goal}'; use {', '.join(places)}"
                 )
         self.position = town.home
-        self._agenda = agenda
+        self._queue = queue
         self._frame = town.frame
         self._goals = [places[goal] for goal in goals]
         self._told = False
 
     def say(self) -> list[tuple[str, bytes]]:
         """What it has to say to whoever asks now."""
-        stamp_s = EPOCH_S + self._agenda.now_s
+        stamp_s = EPOCH_S + self._queue.now_s
         latitude_deg, longitude_deg = degrees(self._frame, self.position)
         pose = PoseMessage(stamp_s=stamp_s, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
         said = [(POSE_TOPIC, pose.encode())]

@@ -18,7 +18,7 @@ _BASE_POSE: Final = {"name": POSE_TOPIC, "type": "json/Pose", "priority": "none"
 
 
 @dataclass(frozen=True, slots=True)
-class Crowd:
+class Fleet:
     """Who takes part.
 
     Attributes:
@@ -46,7 +46,7 @@ class Crowd:
 
 
 @lru_cache(maxsize=16)
-def crowd_of(uavs: int, ugvs: int, *, base: bool, original: bool) -> Crowd:
+def fleet_of(uavs: int, ugvs: int, *, base: bool, original: bool) -> Fleet:
     """A team in which everybody may talk to everybody.
 
     Topics and priorities are those of the authors' simulations; whom a UAV seeks, and where the
@@ -76,8 +76,8 @@ def crowd_of(uavs: int, ugvs: int, *, base: bool, original: bool) -> Crowd:
             "ground_robot": {"topics": _unlimited(*GROUND_TOPICS)},
         },
     }
-    document = Document.from_text(as_yaml(data), Path("crowd.yaml"))
-    return Crowd(Team.from_document(document), aerial, ground, BASE if base else None)
+    document = Document.from_text(as_yaml(data), Path("fleet.yaml"))
+    return Fleet(Team.from_document(document), aerial, ground, BASE if base else None)
 
 
 def _unlimited(*topics: dict[str, Any]) -> list[dict[str, Any]]:

@@ -15,7 +15,7 @@ from mocha_link.node.gossip import Gossip
 from mocha_link.store import payload
 from mocha_link.sync.protocol import ID_BYTES
 from mocha_link.team.team import Team
-from sitl.experiment.model.event_queue import Agenda
+from sitl.experiment.model.event_queue import EventQueue
 
 EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
 """Unix seconds at the beginning of a run: no header's time wraps within 17 hours of it."""
@@ -31,7 +31,7 @@ class Node:
     Args:
         number: Of the robot in the run.
         name: Its name in the team.
-        agenda: Tells the time.
+        queue: Tells the time.
         publish: Asks the robot for what it has to say: (topic, data), at most one per topic.
         hear: Tells the robot what has happened on its links.
     """
@@ -41,7 +41,7 @@ class Node:
         number: int,
         name: str,
         team: Team,
-        agenda: Agenda,
+        queue: EventQueue,
         *,
         publish: Callable[[], list[tuple[str, bytes]]],
         hear: Callable[[LinkEvent], None],
@@ -57,7 +57,7 @@ class Node:
             datagrams=False,
         )
         self._team = team
-        self._agenda = agenda
+        self._queue = queue
         self._publish = publish
         self._hear = hear
         self._topics = {topic.name: topic for topic in team.topics_of(name)}
@@ -67,12 +67,12 @@ class Node:
     @property
     def now(self) -> Instant:
         """The present, as the node sees it."""
-        return Instant(EPOCH_S + self._agenda.now_s, self._agenda.now_s)
+        return Instant(EPOCH_S + self._queue.now_s, self._queue.now_s)
 
     def refresh(self) -> None:
         """Somebody is about to be told what is new: let the robot speak first."""
-        if self._agenda.now_s - self._fresh_s >= REFRESH_S:
-            self._fresh_s = self._agenda.now_s
+        if self._queue.now_s - self._fresh_s >= REFRESH_S:
+            self._fresh_s = self._queue.now_s
             for topic, data in self._publish():
                 self.publish(topic, data)
 
@@ -88,7 +88,7 @@ class Node:
         if up:
             self._hear(ContactBegan(peer, at_s, None))
         else:
-            self._hear(ContactEnded(peer, at_s, self._agenda.now_s - began_s, NOT_HEARD))
+            self._hear(ContactEnded(peer, at_s, self._queue.now_s - began_s, NOT_HEARD))
 
     def take(self) -> tuple[list[Action], bool]:
         """What the node wants done, and whether it told its robot of anything."""

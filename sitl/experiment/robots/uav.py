@@ -31,7 +31,7 @@ from air_router.controller.model.events import (
     RobotPath,
     RobotPose,
 )
-from air_router.gossip.team_messages import Reader
+from air_router.gossip.team_messages import TeamMessageDecoder
 from air_router.messages import (
     MAP_TOPIC,
     POSE_TOPIC,
@@ -44,10 +44,10 @@ from air_router.mission.mission import Mission
 from geo.frame import FrameError, Point
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from sitl.experiment.model.event_log import EventLog
-from sitl.experiment.model.event_queue import Agenda
+from sitl.experiment.model.event_queue import EventQueue
 from sitl.experiment.model.settings import RunSettings
 from sitl.experiment.robots.explorer_messages import degrees
-from sitl.experiment.robots.fleet import Crowd
+from sitl.experiment.robots.fleet import Fleet
 from sitl.experiment.robots.flyer import Flyer
 from sitl.experiment.robots.node import EPOCH_S, Node
 from sitl.experiment.robots.painter import Painter
@@ -80,7 +80,7 @@ class Uav:
         name: str,
         scenery: Scenery,
         settings: RunSettings,
-        agenda: Agenda,
+        queue: EventQueue,
         log: EventLog,
         controller: Controller,
     ) -> None:
@@ -98,9 +98,9 @@ class Uav:
         self.controller = controller
         self.states: list[tuple[float, str]] = []
         self._mission = mission
-        self._agenda = agenda
+        self._queue = queue
         self._log = log
-        self._reader = Reader(mission.frame)
+        self._reader = TeamMessageDecoder(mission.frame)
         self._waiting: Motion | None = None
         self._map_every_s = settings.map_interval_s
         self._map_at_s = self._picture_at_s = self._seek_at_s = -math.inf
@@ -114,7 +114,7 @@ class Uav:
 
     def tick(self) -> None:
         """Fly on, and tell the controller."""
-        now_s = self._agenda.now_s
+        now_s = self._queue.now_s
         self.flyer.fly(now_s)
         if now_s - self._picture_at_s >= PICTURE_S:
             self._picture_at_s = now_s
@@ -143,7 +143,7 @@ class Uav:
 
     def say(self) -> list[tuple[str, bytes]]:
         """What it has to say to whoever asks now."""
-        now_s = self._agenda.now_s
+        now_s = self._queue.now_s
         latitude_deg, longitude_deg = degrees(self._mission.frame, self.flyer.position)
         pose = PoseMessage(
             stamp_s=EPOCH_S + now_s,
@@ -160,7 +160,7 @@ class Uav:
 
     def _tell(self, event: Event) -> None:
         self._log.event(self.name, event)
-        for action in self.controller.handle(event, self._agenda.now_s):
+        for action in self.controller.handle(event, self._queue.now_s):
             self._log.action(self.name, action)
             self._act(action)
 
@@ -168,7 +168,7 @@ class Uav:
         match action:
             case FlyToNode() | FlyToPoint() | HoldHere() | LandHere():
                 if self._waiting is None:
-                    self._agenda.after(COMMAND_S, self._send)
+                    self._queue.after(COMMAND_S, self._send)
                 self._waiting = action
             case PublishMap():
                 for topic, data in self._map():
@@ -177,7 +177,7 @@ class Uav:
                 self._sought = robot
                 self.node.publish(*self._word())
             case StateChanged(target=target):
-                self.states.append((self._agenda.now_s, target.name))
+                self.states.append((self._queue.now_s, target.name))
             case _:
                 pass  # words for a pilot whom nobody simulates
 
@@ -186,7 +186,7 @@ class Uav:
         motion, self._waiting = self._waiting, None
         if motion is None:
             raise AssertionError("a motion was waiting")
-        now_s = self._agenda.now_s
+        now_s = self._queue.now_s
         objection = self.controller.objection(motion, now_s)
         if objection is not None:
             self._tell(CommandFailed(motion, objection))
@@ -196,23 +196,23 @@ class Uav:
         self._tell(CommandConfirmed(motion))
 
     def _map(self) -> list[tuple[str, bytes]]:
-        self._map_at_s = self._agenda.now_s
+        self._map_at_s = self._queue.now_s
         grown = self.painter.publish()
         return [] if grown is None else [(MAP_TOPIC, grown)]
 
     def _word(self) -> tuple[str, bytes]:
-        self._seek_at_s = self._agenda.now_s
-        message = SeekMessage(stamp_s=EPOCH_S + self._agenda.now_s, robot=self._sought)
+        self._seek_at_s = self._queue.now_s
+        message = SeekMessage(stamp_s=EPOCH_S + self._queue.now_s, robot=self._sought)
         return SEEK_TOPIC, message.encode()
 
 
-def controllers_of(crowd: Crowd, scenery: Scenery, settings: RunSettings) -> dict[str, Controller]:
+def controllers_of(fleet: Fleet, scenery: Scenery, settings: RunSettings) -> dict[str, Controller]:
     """The controllers of a run's UAVs: the first explores and searches, the others only search."""
-    base = () if crowd.base is None else (crowd.base,)
-    seek = () if settings.passive else (*crowd.ugvs, *base)
+    base = () if fleet.base is None else (fleet.base,)
+    seek = () if settings.passive else (*fleet.ugvs, *base)
     setups = [
         FlightSetup(scenery.mission, seek, explore=number == 0 or settings.passive, name=name)
-        for number, name in enumerate(crowd.uavs)
+        for number, name in enumerate(fleet.uavs)
     ]
     controllers = {setup.name: setup.controller(scenery.router, scenery.plan) for setup in setups}
     if settings.passive:

@@ -12,7 +12,7 @@ import shapely
 
 from air_router.cli.cli import main
 from air_router.errors import ExitCode
-from air_router.files.mission_document import Draft
+from air_router.files.mission_document import MissionDocument
 from air_router.files.whole_file import FileThereError, write_whole
 from air_router.files.zones.zone_files import read_zones
 from air_router.mission.loading import load_mission, read_draft
@@ -355,7 +355,7 @@ def test_nothing_of_a_mission_file_is_lost_in_another(tmp_path):
     for field in dataclasses.fields(mine):
         if field.name not in {*judged, "document", "name"}:
             assert getattr(mine, field.name) == getattr(theirs, field.name), field.name
-    plain = {field.name: getattr(Draft(mine.document), field.name) for field in dataclasses.fields(mine)}  # fmt: skip  # noqa: E501
+    plain = {field.name: getattr(MissionDocument(mine.document), field.name) for field in dataclasses.fields(mine)}  # fmt: skip  # noqa: E501
     same_as_without = {name for name, value in plain.items() if value == getattr(theirs, name)}
     several = {
         "uavs",

@@ -20,7 +20,13 @@ from hypothesis import strategies as st
 
 from air_router.cli.cli import main
 from air_router.control.budget import COSTLY_PER_S, Budget
-from air_router.control.command_request import MAX_BYTES, MODELS, WishError, spoken, wish_of
+from air_router.control.command_request import (
+    MAX_BYTES,
+    MODELS,
+    CommandRequestError,
+    command_request_of,
+    spoken,
+)
 from air_router.control.control import (
     CONTROL_NAME,
     ControlClient,
@@ -30,7 +36,7 @@ from air_router.control.control import (
 from air_router.control.control_server import ControlServer, endpoint_of
 from air_router.controller.model.requests import GoTo, HoldNow
 from air_router.errors import ExitCode
-from air_router.flight.command_service import Desk
+from air_router.flight.command_service import CommandService
 from air_router.flight.mission_reloader import Reading
 from air_router.sim import sim
 from air_router.sim.sim_world import Seat
@@ -54,14 +60,14 @@ class Served:
         self._thread = threading.Thread(target=lambda: asyncio.run(self._run()))
 
     async def _run(self):
-        desk = Desk(
+        command_service = CommandService(
             self.flight.mission.frame,
             self.flight.controller,
             self._deliver,
             lambda: self.readings.pop(0) if self.readings else None,
         )
-        self._desk = desk
-        self.server = server = ControlServer(self.endpoint, desk.grant)
+        self._commands = command_service
+        self.server = server = ControlServer(self.endpoint, command_service.grant)
         server.open()
         self.endpoint = server.endpoint
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
@@ -80,7 +86,7 @@ class Served:
         self.flight.give(request)
         for action in self.flight.actions[before:]:
             if hasattr(action, "request_id"):
-                self._desk.answered(action)
+                self._commands.answered(action)
 
     def __enter__(self):
         self._thread.start()
@@ -212,8 +218,8 @@ FIELDS = st.fixed_dictionaries(
 @given(values=FIELDS | JSON)
 def test_whatever_json_comes_is_a_request_or_a_complaint(values):
     try:
-        wish = wish_of(values)
-    except WishError as error:
+        wish = command_request_of(values)
+    except CommandRequestError as error:
         complaint = str(error)
     else:
         complaint = wish.request
@@ -411,7 +417,7 @@ def test_words_and_who_asks(pennovation):
     request = spoken("goto 39.9415,-75.1990 39.9420,-75.1995").asked(frame)
     assert isinstance(request, GoTo)
     assert len(request.points) == 2
-    wish = wish_of({"request": "hold", "by": "eve\x1b[2J\n"})
+    wish = command_request_of({"request": "hold", "by": "eve\x1b[2J\n"})
     assert wish.asked(frame) == HoldNow(by="eve?[2J")
-    assert wish_of({"request": "hold", "by": " "}).asked(frame, "a page").by == "a page"
+    assert command_request_of({"request": "hold", "by": " "}).asked(frame, "a page").by == "a page"
     assert spoken("status").asked(frame) is None

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from air_router.controller.model.actions import (
-    Answered,
+    CommandAck,
     FlyToNode,
     FlyToPoint,
     HoldHere,
@@ -38,7 +38,7 @@ def ask(flight, request):
     before = len(flight.actions)
     flight.give(dataclasses.replace(request, request_id="7"))
     fresh = flight.actions[before:]
-    (answer,) = [a for a in fresh if isinstance(a, Answered)]
+    (answer,) = [a for a in fresh if isinstance(a, CommandAck)]
     assert answer.request_id == "7"
     assert answer.accepted == (answer.code is None)
     assert answer.why
@@ -460,11 +460,11 @@ def test_points_that_can_wait_are_flown_to_once_the_mission_is_in_the_air(preten
     flight.step()
     for number, points in (("1", FAR[:1]), ("2", FAR[1:])):
         flight.give(GoTo(points, waits=True, by="basestation", request_id=number))
-    (replaced,) = [a for a in flight.actions if isinstance(a, Answered)]
+    (replaced,) = [a for a in flight.actions if isinstance(a, CommandAck)]
     assert (replaced.request_id, replaced.code) == ("1", Refusal.REPLACED)
     flight.take_off()
     flight.step()
-    accepted = [a for a in flight.actions if isinstance(a, Answered)][-1]
+    accepted = [a for a in flight.actions if isinstance(a, CommandAck)][-1]
     assert (accepted.request_id, accepted.accepted) == ("2", True)
     assert flight.controller.state is State.GOTO
     ask(flight, HoldNow())
@@ -476,7 +476,7 @@ def test_points_that_can_wait_are_flown_to_once_the_mission_is_in_the_air(preten
     ask(flight, HoldNow())
     flight.give(GoTo(FAR, waits=True, request_id="4"))
     flight.pilot_chooses(FlightMode.OTHER)
-    answered = [a for a in flight.actions if isinstance(a, Answered)][-1]
+    answered = [a for a in flight.actions if isinstance(a, CommandAck)][-1]
     assert (answered.request_id, answered.code) == ("4", Refusal.NOT_OURS)
 
 
@@ -520,7 +520,7 @@ def test_points_that_waited_do_not_call_off_a_way_home_that_was_asked_for_later(
     flight.give(GoTo(FAR, waits=True, request_id="old", by="basestation"))
     ask(flight, ComeHome())
     flight.step()
-    (answer,) = [a for a in flight.actions if isinstance(a, Answered) and a.request_id == "old"]
+    (answer,) = [a for a in flight.actions if isinstance(a, CommandAck) and a.request_id == "old"]
     assert (answer.code, flight.controller.state) == (Refusal.COMING_HOME, State.HOME)
 
 

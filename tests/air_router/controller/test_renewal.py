@@ -8,7 +8,7 @@ import pytest
 
 from air_router.controller.airspace_update import Phase
 from air_router.controller.model.actions import (
-    Answered,
+    CommandAck,
     FlyToNode,
     FlyToPoint,
     HoldHere,
@@ -242,7 +242,7 @@ def test_who_may_ask_for_it_when(pretend):
 
     def answer():
         flight.give(Reload())
-        return next(a for a in reversed(flight.actions) if isinstance(a, Answered))
+        return next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
 
     assert answer().accepted
     assert sum(isinstance(a, ReadAgain) for a in flight.actions) == 1

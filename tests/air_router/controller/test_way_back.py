@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from air_router.controller.model.actions import Answered, FlyToNode, RenewPlan
+from air_router.controller.model.actions import CommandAck, FlyToNode, RenewPlan
 from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.requests import ComeHome, GoOn, GoTo, HoldNow
@@ -120,7 +120,7 @@ def obey(flight, request, most=4):
     heard = []
     for _ in range(most):
         flight.operator_asks(request)
-        answer = next(a for a in reversed(flight.actions) if isinstance(a, Answered))
+        answer = next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
         if answer.accepted:
             return heard
         assert answer.why not in heard, heard
@@ -187,11 +187,11 @@ def test_what_a_refused_request_says_is_what_resume_would_say(flight_in, cause):
     whys = []
     for request in (HoldNow(), GoTo((Point(-20.0, -60.0),))):
         flight.operator_asks(request)
-        whys.append(next(a.why for a in reversed(flight.actions) if isinstance(a, Answered)))
+        whys.append(next(a.why for a in reversed(flight.actions) if isinstance(a, CommandAck)))
     assert len(set(whys)) == 1
     way_back = whys[0].split("; ", 1)[1]
     flight.operator_asks(GoOn())
-    answer = next(a for a in reversed(flight.actions) if isinstance(a, Answered))
+    answer = next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
     assert answer.accepted == way_back.startswith("'resume' takes it back")
     assert answer.accepted or answer.why == way_back
 

@@ -616,7 +616,7 @@ def sends_a_hold(flight, then):
 
 def test_a_hold_that_is_asked_for_does_not_wait_for_an_unconfirmed_jump(rig):
     flight = rig(duration_s=None)
-    assert sends_a_hold(flight, lambda: flight.flight.desk.ask(HoldNow())) <= 1
+    assert sends_a_hold(flight, lambda: flight.flight.commands.ask(HoldNow())) <= 1
 
 
 def test_the_hold_before_hands_are_off_does_not_wait_for_an_unconfirmed_jump(rig):

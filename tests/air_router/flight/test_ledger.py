@@ -4,7 +4,7 @@ import pytest
 from air_router.controller.model.actions import RenewPlan, StateChanged
 from air_router.controller.model.behaviour import Signal, State
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
-from air_router.flight.flight_stats import Ledger, RobotAccount
+from air_router.flight.flight_stats import FlightStats, RobotStats
 from air_router.gossip.mapper import Mapper
 from air_router.report.report import table
 from air_router.vehicle.vehicle import Telemetry
@@ -20,15 +20,15 @@ def mapper(pennovation):
 
 
 @pytest.fixture
-def ledger(pennovation, mapper):
-    return Ledger(pennovation, mapper, {"io": RobotAccount(), "europa": RobotAccount()})
+def stats(pennovation, mapper):
+    return FlightStats(pennovation, mapper, {"io": RobotStats(), "europa": RobotStats()})
 
 
-def fly(ledger, *places, start_s=10.0):
+def fly(stats, *places, start_s=10.0):
     for second, (east_m, north_m) in enumerate(places):
         now_s = start_s + second
         position = Point(east_m, north_m)
-        ledger.event(Telemetry(now_s, position, 40.0, armed=True, in_air=True), now_s)
+        stats.event(Telemetry(now_s, position, 40.0, armed=True, in_air=True), now_s)
 
 
 def seen(mapper, rows, row=0):
@@ -37,14 +37,14 @@ def seen(mapper, rows, row=0):
     assert mapper.paint(GridPatch(west_m, south_m, 1.0, cells).encode())
 
 
-def sync(ledger, peer, direction, at_s, size=100):
-    ledger.event(SyncStarted(peer, at_s, direction), at_s)
-    ledger.event(SyncEnded(peer, at_s, direction, 1, size, 0.1), at_s + 0.1)
+def sync(stats, peer, direction, at_s, size=100):
+    stats.event(SyncStarted(peer, at_s, direction), at_s)
+    stats.event(SyncEnded(peer, at_s, direction, 1, size, 0.1), at_s + 0.1)
 
 
-def test_distance_duration_and_closest_approach(ledger, pennovation):
-    fly(ledger, (0.0, 0.0), (30.0, 0.0), (30.0, 40.0))
-    report = ledger.report("done", unix_s=0.0)
+def test_distance_duration_and_closest_approach(stats, pennovation):
+    fly(stats, (0.0, 0.0), (30.0, 0.0), (30.0, 40.0))
+    report = stats.report("done", unix_s=0.0)
     assert report["distance_m"] == 70.0
     assert report["duration_s"] == 2.0
     track = [Point(0.0, 0.0), Point(30.0, 0.0), Point(30.0, 40.0)]
@@ -53,63 +53,63 @@ def test_distance_duration_and_closest_approach(ledger, pennovation):
     assert report["closest_approach_to"] == what
 
 
-def test_what_the_pilot_flies_afterwards_is_the_pilot_s(ledger):
-    fly(ledger, (0.0, 0.0), (5.0, 0.0))
-    before = ledger.report("pilot", 0.0)["closest_approach_m"]
-    ledger.action(StateChanged(State.INIT, Signal.TAKEN_OVER, State.PASSIVE, None))
-    fly(ledger, (10.0, -40.0), start_s=20.0)  # into a zone
-    report = ledger.report("pilot", 0.0)
+def test_what_the_pilot_flies_afterwards_is_the_pilot_s(stats):
+    fly(stats, (0.0, 0.0), (5.0, 0.0))
+    before = stats.report("pilot", 0.0)["closest_approach_m"]
+    stats.action(StateChanged(State.INIT, Signal.TAKEN_OVER, State.PASSIVE, None))
+    fly(stats, (10.0, -40.0), start_s=20.0)  # into a zone
+    report = stats.report("pilot", 0.0)
     assert report["closest_approach_m"] == before
-    assert len(ledger.track) == 3
+    assert len(stats.track) == 3
 
 
-def test_zones_that_the_controller_refused_are_not_judged_by(ledger, pennovation):
-    fly(ledger, (0.0, 0.0), (5.0, 0.0))
-    ledger.event(AirspaceChanged(pennovation.fences, pennovation.zones), 12.0)
-    ledger.action(RenewPlan())
+def test_zones_that_the_controller_refused_are_not_judged_by(stats, pennovation):
+    fly(stats, (0.0, 0.0), (5.0, 0.0))
+    stats.event(AirspaceChanged(pennovation.fences, pennovation.zones), 12.0)
+    stats.action(RenewPlan())
     drawn = Zone("refused", Circle(Point(5.0, 3.0), 4.0))
-    ledger.event(AirspaceChanged(pennovation.fences, (*pennovation.zones, drawn)), 12.5)
-    ledger.event(PlanRenewed(), 13.0)
-    fly(ledger, (5.0, 0.2), (5.0, 0.4), start_s=14.0)
-    assert ledger.report("done", 0.0)["closest_approach_to"] != "refused"
+    stats.event(AirspaceChanged(pennovation.fences, (*pennovation.zones, drawn)), 12.5)
+    stats.event(PlanRenewed(), 13.0)
+    fly(stats, (5.0, 0.2), (5.0, 0.4), start_s=14.0)
+    assert stats.report("done", 0.0)["closest_approach_to"] != "refused"
     accepted = AirspaceChanged(pennovation.fences, (*pennovation.zones, drawn))
-    ledger.event(accepted, 16.0)
-    ledger.action(RenewPlan())
-    ledger.event(PlanRenewed(), 17.0)
-    fly(ledger, (5.0, 0.2), (5.0, 0.4), start_s=18.0)
-    assert ledger.report("done", 0.0)["closest_approach_to"] == "refused"
+    stats.event(accepted, 16.0)
+    stats.action(RenewPlan())
+    stats.event(PlanRenewed(), 17.0)
+    fly(stats, (5.0, 0.2), (5.0, 0.4), start_s=18.0)
+    assert stats.report("done", 0.0)["closest_approach_to"] == "refused"
 
 
-def test_the_share_of_the_map_is_what_was_there_to_be_fetched(ledger, mapper):
+def test_the_share_of_the_map_is_what_was_there_to_be_fetched(stats, mapper):
     seen(mapper, rows=4)
     mapper.publish(10.0)
     seen(mapper, rows=4, row=4)  # painted, but not yet published when the robot comes
-    sync(ledger, "io", Direction.OUT, 12.0)
-    robots = ledger.report("done", 0.0)["robots"]
+    sync(stats, "io", Direction.OUT, 12.0)
+    robots = stats.report("done", 0.0)["robots"]
     assert robots["io"]["map_share"] == 0.5
     assert robots["europa"]["map_share"] is None
     mapper.publish(13.0)
-    sync(ledger, "io", Direction.OUT, 14.0)
-    assert ledger.report("done", 0.0)["robots"]["io"]["map_share"] == 1.0
+    sync(stats, "io", Direction.OUT, 14.0)
+    assert stats.report("done", 0.0)["robots"]["io"]["map_share"] == 1.0
 
 
-def test_syncs_are_counted_by_direction_and_strangers_only_as_interactions(ledger):
-    sync(ledger, "io", Direction.IN, 1.0, size=70)
-    sync(ledger, "io", Direction.OUT, 2.0, size=500)
-    sync(ledger, "basestation", Direction.IN, 3.0)
+def test_syncs_are_counted_by_direction_and_strangers_only_as_interactions(stats):
+    sync(stats, "io", Direction.IN, 1.0, size=70)
+    sync(stats, "io", Direction.OUT, 2.0, size=500)
+    sync(stats, "basestation", Direction.IN, 3.0)
     cut = SyncEnded("io", 3.5, Direction.IN, messages=1, bytes=9, duration_s=0.1, complete=False)
-    ledger.event(SyncStarted("io", 3.4, Direction.IN), 3.4)
-    ledger.event(cut, 3.5)
-    ledger.event(SyncStarted("io", 4.0, Direction.IN), 4.0)
-    ledger.event(SyncTimedOut("io", 9.0, Direction.IN, "silent"), 9.0)
-    report = ledger.report("done", 0.0)
+    stats.event(SyncStarted("io", 3.4, Direction.IN), 3.4)
+    stats.event(cut, 3.5)
+    stats.event(SyncStarted("io", 4.0, Direction.IN), 4.0)
+    stats.event(SyncTimedOut("io", 9.0, Direction.IN, "silent"), 9.0)
+    report = stats.report("done", 0.0)
     io = report["robots"]["io"]
     assert (io["syncs_in"], io["syncs_out"], io["bytes_in"], io["bytes_out"]) == (2, 1, 79, 500)
     assert report["interactions"] == {"started": 5, "completed": 3, "partial": 1, "timed_out": 1}
 
 
-def test_states_in_the_order_of_the_first_visit_and_robots_found(ledger):
-    fly(ledger, (0.0, 0.0), (30.0, 0.0))
+def test_states_in_the_order_of_the_first_visit_and_robots_found(stats):
+    fly(stats, (0.0, 0.0), (30.0, 0.0))
     for source, signal, target, robot in (
         (State.READY, Signal.AIRBORNE, State.INIT, None),
         (State.INIT, Signal.TIMER, State.SEARCH, None),
@@ -118,17 +118,17 @@ def test_states_in_the_order_of_the_first_visit_and_robots_found(ledger):
         (State.EXPL, Signal.TIMER, State.SEARCH, None),
         (State.SEARCH, Signal.FOUND, State.COMM, "io"),
     ):
-        ledger.action(StateChanged(source, signal, target, robot))
-    report = ledger.report("done", 0.0)
+        stats.action(StateChanged(source, signal, target, robot))
+    report = stats.report("done", 0.0)
     assert report["states_visited"] == ["INIT", "SEARCH", "COMM", "EXPL"]
     assert report["robots"]["io"]["found"] == 2
-    assert ledger.meetings == [("io", (30.0, 0.0))] * 2
+    assert stats.meetings == [("io", (30.0, 0.0))] * 2
 
 
-def test_ages_and_the_table(ledger):
-    fly(ledger, (0.0, 0.0), (30.0, 0.0))
-    ledger.robots["io"].newest_stamp_s = 1000.0
-    report = ledger.report("done", unix_s=1042.0)
+def test_ages_and_the_table(stats):
+    fly(stats, (0.0, 0.0), (30.0, 0.0))
+    stats.robots["io"].newest_stamp_s = 1000.0
+    report = stats.report("done", unix_s=1042.0)
     assert report["robots"]["io"]["newest_age_s"] == 42.0
     text = table(report)
     assert "42 s old" in text

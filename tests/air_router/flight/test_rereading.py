@@ -161,7 +161,7 @@ class Field:
             if not asked and home_m > 30.0:
                 asked.append(True)
                 asks()
-                self.flight.desk.ask(Reload())
+                self.flight.commands.ask(Reload())
 
         self.vehicle.on_step = on_step
         with self.recorder:
@@ -219,7 +219,7 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(rereading, "_read", read)
             controller = type("Controller", (), {"mission": mission})()
-            reader = rereading.Rereader(controller, None, events.append, said.append)
+            reader = rereading.MissionReloader(controller, None, events.append, said.append)
             first = asyncio.ensure_future(reader.work(ReadAgain()))
             assert reader.latest == Reading()
             await began.wait()
@@ -257,7 +257,7 @@ def test_what_is_reloaded_before_the_vehicle_is_ready_goes_on_board_after_the_pl
 
     async def do_meanwhile(*arguments):
         add_zone(file)
-        answers.append(field.flight.desk.ask(Reload()))
+        answers.append(field.flight.commands.ask(Reload()))
         while "zones changed" not in field.out.getvalue():  # noqa: ASYNC110
             await asyncio.sleep(0)
         for _ in range(9):

@@ -12,7 +12,7 @@ from air_router.controller.model.requests import ComeHome, GoOn
 from air_router.controller.targets.target_list import SOUGHT_BY_OTHER_S, TargetList
 from air_router.gossip.gossip import SEEK_INTERVAL_S, Gossip
 from air_router.gossip.mapper import Mapper
-from air_router.gossip.team_messages import Reader
+from air_router.gossip.team_messages import TeamMessageDecoder
 from air_router.messages import MessageError, SeekMessage
 from air_router.mission.loading import load_mission
 from air_router.vehicle.clock import VehicleClock
@@ -164,7 +164,7 @@ def test_two_that_hear_each_other_never_seek_the_same_robot_for_longer_than_a_wo
 
 @pytest.mark.parametrize("robot", ["io", None])
 def test_whom_another_uav_seeks_is_news_while_it_is_fresh(pennovation, robot):
-    reader = Reader(pennovation.frame)
+    reader = TeamMessageDecoder(pennovation.frame)
     data = SeekMessage(stamp_s=1000.0, robot=robot).encode()
     read = {"peer": "io", "data": data}
     fresh = reader.event_of("atlas", "/seek", unix_s=1100.0, **read)

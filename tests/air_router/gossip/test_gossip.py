@@ -11,14 +11,14 @@ from shapely import LineString
 from shapely import Point as ShapelyPoint
 
 from air_router.control.budget import COSTLY_PER_S, Budget
-from air_router.controller.model.actions import Answered, Refusal
+from air_router.controller.model.actions import CommandAck, Refusal
 from air_router.controller.model.events import RobotPath, RobotPose
 from air_router.controller.model.requests import ComeHome, GoTo
 from air_router.flight.flight import Flight
 from air_router.flight.status import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
-from air_router.gossip.team_messages import PATH_POINTS, PATH_READ, Reader
+from air_router.gossip.team_messages import PATH_POINTS, PATH_READ, TeamMessageDecoder
 from air_router.messages import (
     FARTHEST_M,
     AnswerMessage,
@@ -107,7 +107,7 @@ def test_goals_are_looked_at_no_faster_than_other_requests(gossip, pennovation, 
     """Of those that have to wait the newest counts."""
     place = pennovation.frame.to_geodetic(Point(30.0, -20.0))
     given, now_s = [], [0.0]
-    gossip._reader = Reader(pennovation.frame, name="titan", goals_from=("io",))
+    gossip._reader = TeamMessageDecoder(pennovation.frame, name="titan", goals_from=("io",))
     gossip._deliver = lambda event: given.append(getattr(event, "request_id", None))
     gossip._budget = Budget(COSTLY_PER_S, 2.0, lambda: now_s[0])
     for number in range(50):
@@ -134,7 +134,7 @@ def test_only_what_the_mission_may_heed_is_decompressed(gossip, pennovation, mon
 
 
 def test_nothing_is_said_later_than_it_is_heard(pennovation):
-    reader, later = Reader(pennovation.frame), 9.9e10
+    reader, later = TeamMessageDecoder(pennovation.frame), 9.9e10
     latitude_deg, longitude_deg = pennovation.frame.to_geodetic(Point(30.0, -20.0))
     there = {"latitude_deg": latitude_deg, "longitude_deg": longitude_deg}
     for topic, message in (
@@ -230,7 +230,7 @@ def test_goals_of_a_base_station_come_once_and_their_answer_goes_back(pennovatio
         def deliver(event):
             if isinstance(event, GoTo):
                 requests.append(event)
-                made.tell_answer(Answered("a7", "basestation", False, "no", Refusal.NO_WAY))
+                made.tell_answer(CommandAck("a7", "basestation", False, "no", Refusal.NO_WAY))
                 came.set()
 
         def at_base(event):
@@ -267,8 +267,8 @@ def test_goals_of_others_for_others_too_late_or_broken_are_no_requests(pennovati
         data = GoalsMessage.model_construct(**values).encode()
         return reader.event_of(robot, topic, data, peer=robot, unix_s=100.0)
 
-    reader = Reader(frame, name="titan", goals_from=("basestation",))
-    assert read(Reader(frame, name="titan")) is None
+    reader = TeamMessageDecoder(frame, name="titan", goals_from=("basestation",))
+    assert read(TeamMessageDecoder(frame, name="titan")) is None
     assert read(reader, robot="io") is None
     assert read(reader, to="atlas") is None
     assert read(reader, until_s=99.0) is None
@@ -310,7 +310,7 @@ def test_a_whole_flight_goes_where_a_base_station_wants_it(pennovation, pretend_
             back = base.latest("titan", "/answers")
             if back is not None and "at the last point" in said.getvalue():
                 vehicle.on_step = lambda: None
-                flight.desk.ask(ComeHome())
+                flight.commands.ask(ComeHome())
 
         vehicle.on_step = on_step
         result = asyncio.run(flight.run())

@@ -9,12 +9,12 @@ import aiohttp
 import numpy as np
 import pytest
 
-from air_router.controller.model.actions import Answered
+from air_router.controller.model.actions import CommandAck
 from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import AirspaceChanged
 from air_router.controller.model.requests import HoldNow
 from air_router.errors import UsageError
-from air_router.flight.command_service import Desk
+from air_router.flight.command_service import CommandService
 from air_router.gossip.mapper import Mapper
 from air_router.live.ground import Ground
 from air_router.live.page import add_web, web_of
@@ -32,12 +32,12 @@ class Shown:
 
     def __init__(self, flight, port=0):
         self.flight = flight
-        self.desk = Desk(flight.mission.frame, flight.controller, self.deliver)
+        self.commands = CommandService(flight.mission.frame, flight.controller, self.deliver)
         self.mapper = Mapper(flight.mission)
         self.page = LivePage(
             flight.mission,
             flight.controller,
-            self.desk,
+            self.commands,
             self.links,
             mapper=self.mapper,
             port=port,
@@ -60,8 +60,8 @@ class Shown:
             self.page.event(event, now_s)
         for action in flight.actions[self._told[1] :]:
             self.page.action(action, flight.now_s)
-            if isinstance(action, Answered):
-                self.desk.answered(action)
+            if isinstance(action, CommandAck):
+                self.commands.answered(action)
         self._told = [len(flight.events), len(flight.actions)]
 
     def fly(self, steps=1):
@@ -156,7 +156,7 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
     scene.event(flight.telemetry(), 53.1)
     assert scene.charts() == {"io": [[None, 0], [None, 1]]}
     for number in range(MOST_NEWS + 10):
-        scene.action(Answered(str(number), "eve", False, "no"), 53.0)
+        scene.action(CommandAck(str(number), "eve", False, "no"), 53.0)
     assert scene.news_count == MOST_NEWS + 10
     assert len(scene.news()) == MOST_NEWS
     assert [line["n"] for line in scene.news(MOST_NEWS + 8)] == [MOST_NEWS + 9, MOST_NEWS + 10]
@@ -180,7 +180,7 @@ def test_a_picture_lies_under_the_map(flight, tmp_path):
     page = LivePage(
         flight.mission,
         flight.controller,
-        shown.desk,
+        shown.commands,
         shown.links,
         mapper=shown.mapper,
         host=web.host,

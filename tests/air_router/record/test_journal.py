@@ -14,13 +14,13 @@ import pytest
 from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
-from air_router.controller.model.actions import FlyToNode, StateChanged
+from air_router.controller.model.actions import CommandAck, FlyToNode, StateChanged
 from air_router.controller.model.behaviour import Signal, State
 from air_router.controller.model.events import AirspaceChanged, CommandFailed, RobotPose
 from air_router.controller.model.requests import ComeHome
 from air_router.mission.loading import load_mission
 from air_router.record import serialization as journal
-from air_router.record.codec import CodecError, codec_of
+from air_router.record.codec import CodecError, codec_of, recorded_name
 from air_router.record.serialization import JournalError, decode, encode, members
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.airspace import Airspace
@@ -105,6 +105,12 @@ def assert_viewers_understand(schema):
         assert_viewers_understand(part)
 
 
+def test_records_call_a_class_as_before():
+    plain = encode(CommandAck("1", "kim", accepted=True, why="it stops"))
+    assert plain["type"] == "Answered"
+    assert isinstance(decode(plain), CommandAck)
+
+
 @pytest.mark.parametrize("kind", members().values(), ids=lambda kind: kind.__name__)
 @settings(max_examples=8, suppress_health_check=list(HealthCheck))
 @given(st.data())
@@ -114,7 +120,7 @@ def test_every_event_and_action_comes_back(kind, data):
     assert same(decode(json.loads(text)), value)
     schema = journal.schema(kind)
     assert_viewers_understand(schema)
-    assert schema["title"] == kind.__name__
+    assert schema["title"] == recorded_name(kind)
     assert encode(value).keys() == schema["properties"].keys()
 
 

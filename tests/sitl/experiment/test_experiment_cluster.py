@@ -20,7 +20,7 @@ pytest.importorskip("distributed", reason="Dask is not installed (extra cluster)
 
 from distributed.scheduler import KilledWorker
 
-from sitl.experiment.campaign.dask_pool import ClusterError, DaskCrew
+from sitl.experiment.campaign.dask_pool import ClusterError, DaskPool
 
 pytestmark = pytest.mark.foreign_process
 
@@ -64,11 +64,11 @@ def tasks(folder, count):
 
 
 def test_no_run_is_lost_when_a_worker_is_killed(address, tmp_path):
-    crew = DaskCrew(address)
+    pool = DaskPool(address)
     finished, killed = [], None
     try:
-        crew._client.wait_for_workers(2, timeout=60)
-        for outcome in crew.run(light_work.leisurely, tasks(tmp_path, 40)):
+        pool._client.wait_for_workers(2, timeout=60)
+        for outcome in pool.run(light_work.leisurely, tasks(tmp_path, 40)):
             assert isinstance(outcome, Finished | News | Tick), outcome
             if isinstance(outcome, Finished):
                 finished.append(outcome)
@@ -76,7 +76,7 @@ def test_no_run_is_lost_when_a_worker_is_killed(address, tmp_path):
                 killed = finished[-1].record["pid"]
                 os.kill(killed, signal.SIGKILL)
     finally:
-        crew.close()
+        pool.close()
     assert sorted(outcome.task.number for outcome in finished) == list(range(40))
     assert all(outcome.record["seed"] == outcome.task.seed for outcome in finished)
     pids = [outcome.record["pid"] for outcome in finished]
@@ -85,24 +85,24 @@ def test_no_run_is_lost_when_a_worker_is_killed(address, tmp_path):
 
 
 def test_a_run_that_fails_is_told(address, tmp_path):
-    crew = DaskCrew(address)
+    pool = DaskPool(address)
     try:
-        outcomes = list(crew.run(light_work.sometimes_deadly, tasks(tmp_path, 4)[3:]))
+        outcomes = list(pool.run(light_work.sometimes_deadly, tasks(tmp_path, 4)[3:]))
     finally:
-        crew.close()
+        pool.close()
     (failed,) = [o for o in outcomes if isinstance(o, Failed)]
     assert "ZeroDivisionError: the model's own fault" in failed.why
 
 
 def test_a_run_that_dask_gives_up_is_told_and_not_begun_again(address, tmp_path):
-    crew = DaskCrew(address)
+    pool = DaskPool(address)
     (task,) = tasks(tmp_path, 1)
-    crew._client.submit = lambda *_, **__: Ended("error")
-    deadly = list(crew.run(light_work.answer, [task]))
-    crew._client.submit = lambda *_, **__: Ended("lost")
+    pool._client.submit = lambda *_, **__: Ended("error")
+    deadly = list(pool.run(light_work.answer, [task]))
+    pool._client.submit = lambda *_, **__: Ended("lost")
     with pytest.raises(ClusterError, match="is gone; begin again when it is back"):
-        list(crew.run(light_work.answer, [task]))
-    crew.close()
+        list(pool.run(light_work.answer, [task]))
+    pool.close()
     (lost,) = deadly
     assert (lost.task, lost.tries, lost.again) == (task, 4, False)
     assert "tcp://10.0.0.7:1" in lost.why
@@ -123,5 +123,5 @@ class Ended:
 
 def test_a_scheduler_that_is_not_there_is_told():
     with pytest.raises(ClusterError, match="no Dask scheduler answers at tcp://127") as error:
-        DaskCrew("tcp://127.0.0.1:9", connect_s=0.3)
+        DaskPool("tcp://127.0.0.1:9", connect_s=0.3)
     assert exit_code(error.value) is ExitCode.NO_VEHICLE

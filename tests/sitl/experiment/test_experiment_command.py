@@ -69,21 +69,21 @@ def sitl(tmp_path, monkeypatch):
     path = tmp_path / "small.yaml"
     path.write_text(SMALL, encoding="utf-8")
 
-    def call(*words, crew=None, work=made_up.work, figures=False, try_out=None):
+    def call(*words, pool=None, work=made_up.work, figures=False, try_out=None):
         parser = argparse.ArgumentParser()
         command.register(parser.add_subparsers())
         fixed = ["experiment", str(path), "--out", str(tmp_path / "out")]
         arguments = parser.parse_args([*fixed, *([] if figures else ["--no-figures"]), *words])
-        crew = crew or Here()
-        monkeypatch.setattr(command, "ProcessPool", lambda _jobs: crew)
-        return command.run_with(arguments, work, try_out), crew
+        pool = pool or Here()
+        monkeypatch.setattr(command, "ProcessPool", lambda _jobs: pool)
+        return command.run_with(arguments, work, try_out), pool
 
     call.path = path
     return call
 
 
 def test_a_stopped_experiment_goes_on_where_it_was(sitl, tmp_path, capsys):
-    code, crew = sitl(crew=Here(most=5))
+    code, pool = sitl(pool=Here(most=5))
     assert code == 130
     assert "stopped; 5 of 12 runs are kept" in capsys.readouterr().err
     with (tmp_path / "out" / "runs.jsonl").open("a") as file:
@@ -91,7 +91,7 @@ def test_a_stopped_experiment_goes_on_where_it_was(sitl, tmp_path, capsys):
     code, again = sitl()
     assert code == 0
     assert len(again.made) == 7
-    assert not set(crew.made) & set(again.made)
+    assert not set(pool.made) & set(again.made)
     out = capsys.readouterr()
     assert "5 of 12 runs are there" in out.err
     assert "A small experiment" in out.out
@@ -153,7 +153,7 @@ def test_what_would_be_in_vain_is_told_before_the_first_run(sitl, tmp_path):
         sitl("--only-evaluate")
     page = tmp_path / "page.md"
     page.write_text("# Nothing\n", encoding="utf-8")
-    crew = Here()
+    pool = Here()
     tried = []
 
     def unfit(task):
@@ -163,12 +163,12 @@ def test_what_would_be_in_vain_is_told_before_the_first_run(sitl, tmp_path):
 
     sitl("--seeds", "2", "--rows", "ugvs=3")
     with pytest.raises(UnfitSettingsError):
-        sitl("--seeds", "2", "--fresh", crew=crew, try_out=unfit)
+        sitl("--seeds", "2", "--fresh", pool=pool, try_out=unfit)
     assert len(set(tried)) == len(tried)  # each row once
     assert len(read_runs(tmp_path / "out")) == 4  # --fresh has forgotten nothing yet
     with pytest.raises(NoMarksError, match="no place for 'small'"):
-        sitl("--docs", str(page), crew=crew)
-    assert crew.made == []
+        sitl("--docs", str(page), pool=pool)
+    assert pool.made == []
 
 
 class Unlucky(Here):
@@ -183,9 +183,9 @@ class Unlucky(Here):
 
 
 def test_a_lost_run_is_told(sitl, capsys):
-    code, crew = sitl(crew=Unlucky())
+    code, pool = sitl(pool=Unlucky())
     assert code == 1
-    assert len(crew.made) == 11
+    assert len(pool.made) == 11
     err = capsys.readouterr().err
     assert "lost its worker (its process was ended by SIGKILL), 1 time; it is begun again" in err
     assert "lost its worker (its process ended with code 1), 3 times; given up" in err

@@ -19,8 +19,8 @@ def tasks(folder, count=6):
 
 
 def test_a_run_whose_worker_dies_is_told_and_made_again(tmp_path):
-    crew = ProcessPool(2, most_tries=2)
-    outcomes = list(crew.run(light_work.sometimes_deadly, tasks(tmp_path)))
+    pool = ProcessPool(2, most_tries=2)
+    outcomes = list(pool.run(light_work.sometimes_deadly, tasks(tmp_path)))
     by_kind = {kind: [o for o in outcomes if isinstance(o, kind)] for kind in (Finished, Lost)}
     assert sorted(o.task.number for o in by_kind[Finished]) == [0, 1, 5]
     assert all(o.record["seed"] == o.task.seed for o in by_kind[Finished])

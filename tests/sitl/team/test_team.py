@@ -26,7 +26,7 @@ from mocha_link.team.team import Team
 from sitl.cli.cli import main
 from sitl.px4sim.motion.truth import VehicleState
 from sitl.team.free_ports import derive_team
-from sitl.team.team import Places, TeamSimulation, crew_of
+from sitl.team.team import Places, TeamSimulation, roles_of
 from sitl.world.world_file import load_world
 
 ROOT = Path(__file__).parents[3]
@@ -279,7 +279,7 @@ def test_a_place_that_is_no_url_is_told(tmp_path, capsys):
 @pytest.fixture
 def simulation(tmp_path, mission):
     team = derive_team(Team.load(mission.team), tmp_path)
-    plan = load_world(mission.world, mission, crew_of(mission, team).ground, seed=1)
+    plan = load_world(mission.world, mission, roles_of(mission, team).ground, seed=1)
     places = Places("udp://127.0.0.1:0", "tcp://127.0.0.1:0")
     with TeamSimulation(mission, team, plan, places, epoch_s=EPOCH_S) as simulation:
         yield simulation

@@ -13,7 +13,7 @@ from geo.grid import GridPatch, Terrain
 from geo.validity import Validity
 from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
-from sitl.team.team import crew_of, make_world
+from sitl.team.team import make_world, roles_of
 from sitl.world.ugv import GroundRobot
 from sitl.world.world_file import load_world
 
@@ -75,7 +75,7 @@ def test_the_shipped_worlds_fit_the_vehicles_map(name, request):
     mission = request.getfixturevalue(name)
     team = Team.load(mission.team)
     plan = load_world(MISSIONS / name / "world.yaml", mission, ROBOTS, seed=1)
-    world = make_world(mission, team, crew_of(mission, team), plan)
+    world = make_world(mission, team, roles_of(mission, team), plan)
     assert set(Terrain) - {Terrain.UNKNOWN, Terrain.HUMAN, Terrain.GRAVEL} == {
         Terrain(value) for value in set(world.settings.raster.cells.flat)
     }

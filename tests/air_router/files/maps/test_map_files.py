@@ -14,7 +14,7 @@ from pyproj import Geod
 
 from air_router.files.altitudes import Altitudes, Limit, Reference
 from air_router.files.json_document import json_from_text
-from air_router.files.maps.feature_set import Chart, MapArea, MapSpot, chart_of, corners_of
+from air_router.files.maps.feature_set import FeatureSet, MapArea, MapPoint, chart_of, corners_of
 from air_router.files.maps.geojson_write import geojson_of, geojson_text
 from air_router.files.maps.kml_write import kml_text
 from air_router.files.zones.geojson import read_geojson
@@ -128,19 +128,19 @@ def as_polygon(outline):
 
 @given(zones=st.lists(areas(), max_size=3))
 def test_zones_come_back_from_geojson(zones):
-    chart = Chart("any", zones=zones)
+    chart = FeatureSet("any", zones=zones)
     assert_same(zones, from_geojson(chart))
 
 
 @given(zones=st.lists(areas(), max_size=3))
 def test_zones_come_back_from_kml(zones):
-    chart = Chart("any", home_altitude_amsl_m=100.0, zones=zones)
+    chart = FeatureSet("any", home_altitude_amsl_m=100.0, zones=zones)
     assert_same(zones, from_kml(chart))
 
 
 @given(zones=st.lists(areas(), max_size=3))
 def test_geojson_keeps_the_rules_of_its_standard(zones):
-    check_rfc(geojson_of(Chart("any", zones=zones, fences=zones)))
+    check_rfc(geojson_of(FeatureSet("any", zones=zones, fences=zones)))
 
 
 def check_rfc(collection):
@@ -175,7 +175,7 @@ ACROSS = ring_at((-17, 179.9), (-17, -179.8), (-16.9, -179.8), (-16.9, 179.9))
     ],
 )
 def test_shapes_are_cut_at_the_antimeridian(outline, pieces, area):
-    collection = geojson_of(Chart("any", zones=[MapArea("x", outline)]))
+    collection = geojson_of(FeatureSet("any", zones=[MapArea("x", outline)]))
     check_rfc(collection)
     found = shapely.from_geojson(json.dumps(collection["features"][0]["geometry"]))
     assert found.area == pytest.approx(area)
@@ -187,7 +187,7 @@ def test_shapes_are_cut_at_the_antimeridian(outline, pieces, area):
 def test_a_hole_across_the_antimeridian():
     hole = tuple(Geodetic(lat, lon) for lat, lon in [(-16.97, -179.9), (-16.93, -179.9), (-16.95, 179.97)])  # fmt: skip  # noqa: E501
     outline = MapOutline(ACROSS.ring, (hole,))
-    chart = Chart("any", zones=[MapArea("x", outline)])
+    chart = FeatureSet("any", zones=[MapArea("x", outline)])
     collection = geojson_of(chart)
     check_rfc(collection)
     found = shapely.from_geojson(json.dumps(collection["features"][0]["geometry"]))
@@ -197,7 +197,7 @@ def test_a_hole_across_the_antimeridian():
 
 def test_lines_are_cut_at_the_antimeridian():
     line = (Geodetic(-17, 179.9), Geodetic(-17, -179.9))
-    geometry = geojson_of(Chart("any", route=line))["features"][0]["geometry"]
+    geometry = geojson_of(FeatureSet("any", route=line))["features"][0]["geometry"]
     assert geometry["type"] == "MultiLineString"
     assert sorted(geometry["coordinates"]) == [
         [[-180.0, -17.0], [-179.9, -17.0]],
@@ -261,14 +261,14 @@ def test_elements_of_kml_stand_in_the_order_of_its_schema():
 @pytest.mark.parametrize("outline", [ACROSS, MapOutline(ring_of(8, 47, 0.1, 5))])
 def test_rings_in_kml_run_counterclockwise(outline, turned):
     ring = outline.ring[::-1] if turned else outline.ring
-    (zone,) = from_kml(Chart("any", zones=[MapArea("x", MapOutline(ring, (ring,)))]))
+    (zone,) = from_kml(FeatureSet("any", zones=[MapArea("x", MapOutline(ring, (ring,)))]))
     for found in (zone.shape.ring, *zone.shape.holes):
         unwrapped = [(c.longitude_deg % 360, c.latitude_deg) for c in found]
         assert shapely.LinearRing(unwrapped).is_ccw
 
 
 def test_what_xml_cannot_say_is_replaced():
-    chart = Chart("a\x00b", home=MapSpot("\ufffe", Geodetic(1, 2)))
+    chart = FeatureSet("a\x00b", home=MapPoint("\ufffe", Geodetic(1, 2)))
     assert "<name>a?b</name>" in kml_text(chart)
     assert from_kml(chart) == []
 

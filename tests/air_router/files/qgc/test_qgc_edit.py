@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from air_router.files.conversion_warnings import Losses
+from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.json_document import json_from_text, json_text, load_json
 from air_router.files.qgc.qgc_edit import PlanEdit, PlanEditError
 from air_router.files.qgc.qgc_read import plan_draft
@@ -189,8 +189,8 @@ def test_sections_that_are_not_there_are_made():
 @pytest.mark.parametrize("path", PLANS, ids=lambda path: path.stem)
 def test_a_plan_that_is_written_anew_flies_the_same(path):
     draft = plan_draft(load_json(path))
-    losses = Losses()
-    text = json_text(plan_of(draft, losses))
+    warnings = ConversionWarnings()
+    text = json_text(plan_of(draft, warnings))
     again = plan_draft(json_from_text(text, path))
     assert again.problems == []
     assert again.notes == []
@@ -204,7 +204,7 @@ def test_a_plan_that_is_written_anew_flies_the_same(path):
         shapes = [[area.shape for area in getattr(each, name)] for each in (again, draft)]
         for mine, theirs in zip(*(sorted(s, key=kind) for s in shapes), strict=True):
             assert mine.polygon.symmetric_difference(theirs.polygon).area < 0.1
-    assert losses.entries == []
+    assert warnings.entries == []
 
 
 def kind(shape):

@@ -13,7 +13,7 @@ from mavsdk.mavsdk import Configuration, Mavsdk
 from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
 from pymavlink.dialects.v20 import common
 
-from air_router.files.conversion_warnings import Losses
+from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.json_document import json_from_text, json_text
 from air_router.files.qgc.qgc_edit import PlanEdit
 from air_router.files.qgc.qgc_read import plan_draft
@@ -64,7 +64,9 @@ def importer():
 @pytest.mark.parametrize("source", SOURCES, ids=lambda path: f"{path.parent.stem}_{path.stem}")
 def test_mavsdk_reads_what_is_written(importer, source):
     draft = read_draft(source)
-    found = importer.import_qgroundcontrol_mission_from_string(json_text(plan_of(draft, Losses())))
+    found = importer.import_qgroundcontrol_mission_from_string(
+        json_text(plan_of(draft, ConversionWarnings()))
+    )
     waypoints = [item for item in found.mission_items if item.command == 16]
     assert len(waypoints) == len(draft.waypoints)
     for item, spot in zip(waypoints, draft.waypoints, strict=True):

@@ -15,7 +15,7 @@ from uas_standards.eurocae_ed269 import ED269Schema
 
 from air_router.errors import MissionFileError
 from air_router.files.altitudes import Altitudes, Limit, Reference
-from air_router.files.mission_document import Draft, Spot
+from air_router.files.mission_document import MissionDocument, MissionPoint
 from air_router.files.zones.reading import MapCircle, MapOutline
 from air_router.files.zones.schedule import days_of, hours_of
 from air_router.files.zones.zone_files import add_zones, read_zones, unique_names
@@ -290,10 +290,10 @@ def test_a_zone_file_that_is_not_there(tmp_path):
 
 
 def draft_at(home):
-    draft = Draft(Document.from_text("no_fly_files: []", Path("mission.yaml")))
+    draft = MissionDocument(Document.from_text("no_fly_files: []", Path("mission.yaml")))
     draft.frame = LocalFrame(home)
-    draft.home = Spot("home", Point(0, 0), ())
-    draft.waypoints = [Spot("waypoint 1", Point(300, 200), ())]
+    draft.home = MissionPoint("home", Point(0, 0), ())
+    draft.waypoints = [MissionPoint("waypoint 1", Point(300, 200), ())]
     return draft
 
 

@@ -14,7 +14,7 @@ from air_router.cli.cli import main
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import (
     Announce,
-    Answered,
+    CommandAck,
     Finish,
     FlyToNode,
     Refusal,
@@ -29,12 +29,12 @@ from air_router.controller.model.events import (
     RobotPose,
 )
 from air_router.controller.model.requests import ComeHome, GoTo, HoldNow, SeekNow
-from air_router.flight.flight_stats import Ledger
+from air_router.flight.flight_stats import FlightStats
 from air_router.gossip.mapper import Mapper
 from air_router.record.log import Entry, Note
 from air_router.record.recorder import Recorder
 from air_router.report.flight.exchanges import Exchanges
-from air_router.report.flight.flight_summary import NothingFlownError, story_of
+from air_router.report.flight.flight_summary import NothingFlownError, summary_of
 from air_router.report.flight.page import page_of
 from air_router.report.flight.svg import WIDE, Plot, clock, nice, number, thinned
 from air_router.report.flight.ulog import UlogError, read_ulog
@@ -92,13 +92,13 @@ def things(robot="io"):
         (30.0, Announce(f"SEARCH {robot}: where its path ends")),
         (30.0, Seeking(robot)),
         (32.0, SeekNow(robot=robot, request_id="a", by="kim")),
-        (32.0, Answered("a", "kim", accepted=True, why="seeking")),
+        (32.0, CommandAck("a", "kim", accepted=True, why="seeking")),
         (33.0, GoTo(points=(Point(1.0, 2.0),), request_id="b", by="a base")),
-        (33.0, Answered("b", "a base", accepted=False, why="in a zone", code=Refusal.NO_WAY)),
+        (33.0, CommandAck("b", "a base", accepted=False, why="in a zone", code=Refusal.NO_WAY)),
         (34.0, GoTo(points=(Point(3.0, 4.0),), request_id="1", by="a base", waits=True)),
         (35.0, HoldNow(request_id="1", by="kim")),
-        (35.0, Answered("1", "kim", accepted=True, why="it stops")),
-        (36.0, Answered("1", "a base", accepted=True, why="it flies")),
+        (35.0, CommandAck("1", "kim", accepted=True, why="it stops")),
+        (36.0, CommandAck("1", "a base", accepted=True, why="it flies")),
         (40.0, CommandFailed(FlyToNode(3, Point(0.0, 0.0)), "it was called off")),
         stored(42.0, robot, 15.0, peer="europa"),
         stored(21.0, "titan", 0.0, topic="/map"),
@@ -135,21 +135,21 @@ def entries(mission, robot="io"):
 
 
 @pytest.fixture
-def story(pennovation):
-    told = story_of(entries(pennovation))
+def summary(pennovation):
+    told = summary_of(entries(pennovation))
     told.end(None)
     return told
 
 
-def test_the_facts(story):
-    facts = json.loads(json.dumps(story.as_json(), allow_nan=False))
+def test_the_facts(summary):
+    facts = json.loads(json.dumps(summary.as_json(), allow_nan=False))
     assert (facts["mission"], facts["uav"], facts["outcome"]) == ("Pennovation", "titan", "done")
     assert facts["began_unix_s"] == UNIX_S
     assert facts["distance_m"] == pytest.approx(120.0, abs=3.0)
     assert facts["duration_s"] == 75.0  # from arming
     # Up to 14 s among the mission's zones, which it passes well; from then on among one other.
     assert (facts["closest_approach_m"], facts["closest_approach_to"]) == (4.0, "new")
-    assert story.mission.zones[0].name == "new"
+    assert summary.mission.zones[0].name == "new"
     states = [(s["state"], s["from_s"], s["to_s"], s["robot"]) for s in facts["states"]]
     assert states == [
         ("READY", 0, 10, None),
@@ -190,8 +190,8 @@ def test_the_facts(story):
     assert facts["battery"][0][1] == pytest.approx(0.95)
 
 
-def test_bandwidth_has_all_bytes_in_their_time(story):
-    span_s, coming, going = story.exchanges.bandwidth(0.0, 80.0)
+def test_bandwidth_has_all_bytes_in_their_time(summary):
+    span_s, coming, going = summary.exchanges.bandwidth(0.0, 80.0)
     assert span_s == 1.0
     assert sum(coming) * span_s == pytest.approx(4000)
     assert sum(going) * span_s == pytest.approx(90_000)
@@ -209,16 +209,16 @@ def test_a_sync_s_bytes_are_in_each_span_for_as_long_as_it_took():
 
 def test_the_way_flown_is_as_long_as_the_flight_itself_says(pennovation):
     """Ten times a second, around corners: a chord every half second would cut them."""
-    told = story_of(itertools.islice(entries(pennovation), 2))
-    ledger = Ledger(pennovation, Mapper(pennovation), {})
+    told = summary_of(itertools.islice(entries(pennovation), 2))
+    stats = FlightStats(pennovation, Mapper(pennovation), {})
     for step in range(400):
         t, angle = step / 10, step / 6
         place = Point(4 * math.cos(angle), 4 * math.sin(angle))
         event = Telemetry(t, place, 40.0, armed=True, in_air=True, mode=FlightMode.MISSION)
         told.take(Entry(t, "event", event))
-        ledger.event(event, t)
-    assert told.distance_m == pytest.approx(ledger.distance_m)
-    assert told.duration_s == pytest.approx(ledger.duration_s)
+        stats.event(event, t)
+    assert told.distance_m == pytest.approx(stats.distance_m)
+    assert told.duration_s == pytest.approx(stats.duration_s)
     assert told.distance_m == pytest.approx(399 / 6 * 4, rel=0.01)
 
 
@@ -235,7 +235,7 @@ class Page(html.parser.HTMLParser):
 
 @pytest.mark.parametrize("robot", ["io", HOSTILE])
 def test_the_page_needs_nothing_and_believes_nothing(pennovation, robot):
-    told = story_of(entries(pennovation, robot))
+    told = summary_of(entries(pennovation, robot))
     told.end("it was cut off")
     text = page_of(told, "a.mcap")
     page = Page(text)
@@ -256,13 +256,13 @@ def test_the_page_needs_nothing_and_believes_nothing(pennovation, robot):
 
 def test_a_record_without_a_flight_is_told(pennovation):
     with pytest.raises(NothingFlownError):
-        story_of([]).end(None)
+        summary_of([]).end(None)
     with pytest.raises(NothingFlownError):
-        story_of(itertools.islice(entries(pennovation), 3)).end(None)
+        summary_of(itertools.islice(entries(pennovation), 3)).end(None)
 
 
 def test_a_flight_of_one_moment_has_a_page(pennovation):
-    told = story_of([*itertools.islice(entries(pennovation), 5)])
+    told = summary_of([*itertools.islice(entries(pennovation), 5)])
     told.end("it was cut off")
     assert "<svg" in page_of(told, "a.mcap")
 
@@ -337,15 +337,15 @@ def test_px4_s_own_log_is_laid_over_ours(record, pennovation, capsys, boot_s, by
     assert "Flight modes in PX4" in log.with_name("a.ulg.html").read_text("utf-8")
 
 
-def test_a_log_that_is_none_or_of_another_flight_is_told(story, pennovation, tmp_path):
+def test_a_log_that_is_none_or_of_another_flight_is_told(summary, pennovation, tmp_path):
     (tmp_path / "b.ulg").write_bytes(b"ULog" + b"\x00" * 100)
     with pytest.raises(UlogError, match="not a ULog"):
-        read_ulog(tmp_path / "b.ulg", story)
+        read_ulog(tmp_path / "b.ulg", summary)
     only = {"battery_status": TOPICS["battery_status"]}
     with pytest.raises(UlogError, match="no time in common"):
-        read_ulog(ulog(tmp_path / "c.ulg", pennovation, -1e6, only), story)
+        read_ulog(ulog(tmp_path / "c.ulg", pennovation, -1e6, only), summary)
     with pytest.raises(UlogError, match="has none of"):
-        read_ulog(ulog(tmp_path / "d.ulg", pennovation, topics={}), story)
+        read_ulog(ulog(tmp_path / "d.ulg", pennovation, topics={}), summary)
 
 
 def test_numbers_on_axes():

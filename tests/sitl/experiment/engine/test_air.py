@@ -7,10 +7,10 @@ import pytest
 
 from mocha_link.links.link_events import MessageStored, SyncEnded, SyncTimedOut
 from sitl.experiment.channels.channel import Change, Stage
-from sitl.experiment.engine.airtime import Account
-from sitl.experiment.engine.channel_sim import Air
-from sitl.experiment.model.event_queue import Agenda
-from sitl.experiment.robots.fleet import crowd_of
+from sitl.experiment.engine.airtime import AirtimeStats
+from sitl.experiment.engine.channel_sim import ChannelSim
+from sitl.experiment.model.event_queue import EventQueue
+from sitl.experiment.robots.fleet import fleet_of
 from sitl.experiment.robots.node import Node
 
 HEADER, DATA, END = Stage
@@ -56,30 +56,30 @@ class Field:
     """Two ground robots and a UAV that have something to say."""
 
     def __init__(self, protocol, patience_s=math.inf):
-        self.agenda = Agenda()
+        self.queue = EventQueue()
         self.channel = Script(patience_s)
-        crowd = crowd_of(1, 2, base=False, original=protocol == "original")
-        self.events = {name: [] for name in crowd.names}
+        fleet = fleet_of(1, 2, base=False, original=protocol == "original")
+        self.events = {name: [] for name in fleet.names}
         self.nodes = [
             Node(
                 number,
                 name,
-                crowd.team,
-                self.agenda,
+                fleet.team,
+                self.queue,
                 publish=Once([("/pose", name.encode()), ("/path", b"way")]),
                 hear=self.events[name].append,
             )
-            for number, name in enumerate(crowd.names)
+            for number, name in enumerate(fleet.names)
         ]
-        self.account = Account([].append)
-        self.air = Air(self.agenda, self.channel, self.nodes, self.account)
+        self.airtime = AirtimeStats([].append)
+        self.channel_sim = ChannelSim(self.queue, self.channel, self.nodes, self.airtime)
 
     def contact(self, a, b, *, up):
         self.channel.changes = [Change(a, b, up)]
-        self.air.look(NOWHERE)
+        self.channel_sim.look(NOWHERE)
 
     def rows(self, *, complete=True):
-        rows = self.account.transmissions()
+        rows = self.airtime.transmissions()
         return rows[rows["complete"] == complete]
 
     def stored(self, name):
@@ -97,11 +97,11 @@ class Field:
 def test_two_robots_meet(protocol):
     field = Field(protocol)
     field.contact(1, 2, up=True)
-    field.agenda.run(60.0)
+    field.queue.run(60.0)
     assert field.stored("ugv01") == {("ugv02", "/pose"), ("ugv02", "/path")}
     assert field.stored("ugv02") == {("ugv01", "/pose"), ("ugv01", "/path")}
     assert sorted(field.ended("ugv01")) == ["in", "out"]
-    assert (field.account.complete, field.account.broken, field.air.open) == (2, 0, 0)
+    assert (field.airtime.complete, field.airtime.broken, field.channel_sim.open) == (2, 0, 0)
     rows = field.rows()
     stages = [Stage(row["stage"]) for row in rows if row["asking"] == 1]
     # Ours takes both messages in one frame, and needs no word at the end.
@@ -112,7 +112,7 @@ def test_two_robots_meet(protocol):
 def test_who_comes_later_in_the_order_waits():
     field = Field("original")
     field.contact(1, 2, up=True)
-    field.agenda.run(60.0)
+    field.queue.run(60.0)
     rows = field.rows()
     assert np.all(rows["start_s"][1:] == rows["end_s"][:-1])
     second = rows[rows["asking"] == 2]
@@ -126,42 +126,42 @@ def test_who_comes_later_in_the_order_waits():
 def test_what_is_held_goes_on_at_the_next_contact_and_then_everything_new_follows(protocol):
     field = Field(protocol)
     field.contact(1, 2, up=True)
-    field.agenda.run(1.5)  # in the middle of the first piece of data
+    field.queue.run(1.5)  # in the middle of the first piece of data
     field.contact(1, 2, up=False)
     assert field.stored("ugv01") == set()
-    field.agenda.run(100.0)
+    field.queue.run(100.0)
     field.contact(1, 2, up=True)
-    field.agenda.run(150.0)
+    field.queue.run(150.0)
     again = field.rows()[1]
     (cut,) = field.rows(complete=False)
     assert (cut["stage"], cut["ready_s"], cut["messages"]) == (DATA, 1.0, 0)
     assert 0 < cut["bytes"] < again["bytes"]
     assert (again["stage"], again["ready_s"], again["start_s"]) == (DATA, 1.0, 100.0)
     assert field.stored("ugv01") == {("ugv02", "/pose"), ("ugv02", "/path")}
-    assert (field.account.broken, field.air.open) == (0, 0)
-    assert field.account.complete == 4  # the two that were held, and one each for the new contact
+    assert (field.airtime.broken, field.channel_sim.open) == (0, 0)
+    assert field.airtime.complete == 4  # the two that were held, and one each for the new contact
 
 
 @pytest.mark.parametrize("protocol", ["original", "ours"])
 def test_after_the_time_out_an_exchange_begins_anew(protocol):
     field = Field(protocol, patience_s=5.0)
     field.contact(1, 2, up=True)
-    field.agenda.run(1.5)
+    field.queue.run(1.5)
     field.contact(1, 2, up=False)
-    field.agenda.run(4.0)
+    field.queue.run(4.0)
     field.contact(1, 2, up=True)  # in time
-    field.agenda.run(4.5)
+    field.queue.run(4.5)
     field.contact(1, 2, up=False)
-    field.agenda.run(9.4)
-    assert field.account.broken == 0
-    field.agenda.run(20.0)
-    assert field.account.broken == 2
+    field.queue.run(9.4)
+    assert field.airtime.broken == 0
+    field.queue.run(20.0)
+    assert field.airtime.broken == 2
     assert "in" in field.ended("ugv01", SyncTimedOut)
     field.contact(1, 2, up=True)
-    field.agenda.run(60.0)
+    field.queue.run(60.0)
     assert field.stored("ugv01") == {("ugv02", "/pose"), ("ugv02", "/path")}
-    assert field.account.complete == 2
-    assert field.account.contacts(field.air.lasting()).tolist() == [
+    assert field.airtime.complete == 2
+    assert field.airtime.contacts(field.channel_sim.lasting()).tolist() == [
         (0.0, 1.5, 1, 2),
         (4.0, 4.5, 1, 2),
         (20.0, 60.0, 1, 2),
@@ -172,10 +172,10 @@ def test_after_the_time_out_an_exchange_begins_anew(protocol):
 def test_news_travel_over_a_third_robot(protocol):
     field = Field(protocol)
     field.contact(1, 2, up=True)
-    field.agenda.run(30.0)
+    field.queue.run(30.0)
     field.contact(1, 2, up=False)
     field.contact(0, 2, up=True)
-    field.agenda.run(60.0)
+    field.queue.run(60.0)
     assert ("ugv01", "/pose") in field.stored("uav01")
     assert field.nodes[0].age_s("ugv01", "/pose") == 60.0
     assert field.nodes[0].age_s("ugv01", "/claimed_goals") == math.inf
@@ -186,6 +186,6 @@ def test_in_a_contact_that_lasts_robots_pull_again_as_often_as_the_channel_says(
     field.channel.pull_every_s = 10.0
     field.contact(1, 2, up=True)
     for second in range(1, 40):
-        field.agenda.run(float(second))
-        field.air.look(NOWHERE)
-    assert field.account.complete == 8
+        field.queue.run(float(second))
+        field.channel_sim.look(NOWHERE)
+    assert field.airtime.complete == 8
