@@ -10,17 +10,7 @@ SINGLE_WORDS = {"unreadable"}
 
 SOURCES = [
     *sorted((ROOT / "air_router").rglob("*.py")),
-    *(
-        ROOT / "mocha_link" / "team" / f"{name}.py"
-        for name in (
-            "complaint",
-            "document",
-            "port_range",
-            "team_file",
-            "upstream",
-            "yaml_readings",
-        )
-    ),
+    *sorted((ROOT / "mocha_link" / "team").glob("*.py")),
     ROOT / "geo" / "airspace" / "zone.py",
     ROOT / "sitl" / "world" / "world_file.py",
     ROOT / "sitl" / "experiment" / "campaign" / "plan_file.py",
