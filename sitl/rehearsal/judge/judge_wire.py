@@ -24,9 +24,9 @@ _ON_BOARD_M: Final = 3.0
 _LEG_M: Final = 1.0
 """How far a vehicle may be from where it told us that it is, without any fault."""
 
-_TWICE_S, _PLACE_TWICE_S = 0.9, 0.05
+_TWICE_S, _PLACE_TWICE_S = 0.9, 0.03
 """So soon after it left nothing can be known of a command: it does not leave again as it was. What
-leads to a place may be decided anew with the next position."""
+leads to a place may be decided anew with the next position, which a link may bring soon after."""
 
 _SHOWS_LATER_S: Final = 1.0
 _UNSHOWN: Final = frozenset({"item", "reposition", "plan"})
