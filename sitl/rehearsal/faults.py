@@ -110,7 +110,7 @@ class Fault(Enum):
         12,
         often("pause", 60, (1.0, 3.0), lambda d: d.randrange(8) == 0),
     )
-    DIVERTED = Kind("a station diverts it while we have it hold", 8, diverted)
+    DIVERTED = Kind("diverted, or flown by the sticks, while we have it hold", 8, diverted)
     TWO_STATIONS = Kind("two stations command at once", 16, two_stations)
     DISARMED = Kind(
         "disarmed by a station right after the arming",

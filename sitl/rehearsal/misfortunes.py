@@ -149,13 +149,14 @@ def taken_in_haste(dice: random.Random) -> Happen:
 
 
 def diverted(dice: random.Random) -> Happen:
-    """The operator has it hold, and a station sends it elsewhere, which changes no mode."""
+    """It holds by the operator's word, and a station sends it elsewhere, or a pilot flies it."""
     at_s = dice.uniform(40.0, 140.0)
     later_s = [at_s + dice.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
-    return [
-        Misfortune(at_s, "hold", phase="armed"),
-        *(Misfortune(each_s, "pause", True, "armed") for each_s in later_s),
-    ]
+    happen = [Misfortune(at_s, "hold", phase="armed")]
+    if dice.randrange(2):
+        mode = dice.choice(("POSCTL", "ALTCTL"))
+        return [*happen, Misfortune(later_s[0], "pilot", mode, "armed")]
+    return happen + [Misfortune(each_s, "pause", True, "armed") for each_s in later_s]
 
 
 def zone_in_haste(dice: random.Random) -> Happen:

@@ -14,7 +14,7 @@ from sitl.px4sim.plan.mission_items import MissionType
 from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.rehearsal.asking import request_of
 from sitl.rehearsal.companion import EPOCH_S
-from sitl.rehearsal.faults import Scene
+from sitl.rehearsal.faults import PHASES, Scene
 from sitl.rehearsal.haste import Haste
 from sitl.rehearsal.judge.evidence import What
 from sitl.rehearsal.misfortunes import Misfortune
@@ -112,10 +112,13 @@ class Script:
         return not self._due and self._resumes_s == math.inf
 
     def enter(self, phase: str, now_s: float) -> None:
-        """A phase of the flight begins, perhaps again."""
+        """A phase of the flight begins, perhaps again; on the way home what never came comes."""
         if phase in self._phases:
             return
         self._phases.add(phase)
+        if phase == "HOME":
+            for missed in PHASES[: PHASES.index(phase)]:
+                self.enter(missed, now_s)
         for misfortune in self._waiting:
             if misfortune.phase == phase and math.isfinite(misfortune.at_s):
                 self._due.append((now_s + misfortune.at_s, misfortune))

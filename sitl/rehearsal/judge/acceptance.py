@@ -106,7 +106,7 @@ ACCEPTED: Final = MappingProxyType(
         "TAKEN_IN_HASTE": _row(End.PILOT, says="pilot|ground station|taken|took"),
         "RESTART_TAKEN": _row(End.LANDED, End.PILOT),
         "PAUSE": _row(End.PILOT, End.FAILSAFE, notice_s=2.0),
-        "DIVERTED": _row(End.PILOT, notice_s=2.0, says="another place"),
+        "DIVERTED": _row(End.PILOT, notice_s=2.0, says="another place|pilot"),
         "STICKS": _row(End.LANDED, End.PILOT, notice_s=2.0),
         "STICKS_ONLY": _HOME,  # without COM_RC_OVERRIDE they are nothing to the autopilot
         "PLAN_DELETED": _row(End.LANDED, End.PILOT, notice_s=3.0, says="plan|mission"),
