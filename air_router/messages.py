@@ -79,7 +79,7 @@ class PathMessage(GossipMessage):
 
 
 class SeekMessage(GossipMessage):
-    """Whom a UAV seeks, so that another one seeks somebody else; None: nobody."""
+    """Whom a UAV seeks, so that another one seeks another robot; None: no robot."""
 
     stamp_s: Stamp
     robot: Annotated[str, Field(min_length=1, max_length=255)] | None
@@ -93,7 +93,7 @@ class GoalsMessage(GossipMessage):
         id: Another one for other goals: the same is done once.
         points: (latitude, longitude), in order.
         hold_s: How long to hover at the last; None: as the mission says.
-        to: For which UAV; None: for whoever listens to the sender.
+        to: For which UAV; None: for every UAV that hears the sender.
         until_s: Too late after that; None: never.
     """
 
@@ -108,7 +108,7 @@ class GoalsMessage(GossipMessage):
 
 
 class AnswerMessage(GossipMessage):
-    """What became of the goals of somebody: `code` is one of docs/errors.md, None if accepted."""
+    """What became of the goals of a robot: `code` is one of docs/errors.md, None if accepted."""
 
     stamp_s: Stamp
     to: Annotated[str, Field(max_length=255)]

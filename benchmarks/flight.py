@@ -99,24 +99,24 @@ class News:
         self.deliver = deliver
 
     def links(self) -> dict[str, Any]:
-        """Nobody is near."""
+        """No peer is near."""
         return {}
 
     def tell(self, _telemetry: object) -> None:
-        """Nobody listens."""
+        """No peer listens."""
 
     def publish_map(self, _time_s: float) -> None:
-        """Nobody listens."""
+        """No peer listens."""
 
     def held(self) -> dict[str, Any]:
-        """Nobody holds anything."""
+        """No peer holds anything."""
         return {}
 
     def tell_sought(self, _robot: str | None, _time_s: float) -> None:
-        """Nobody listens."""
+        """No peer listens."""
 
     def tell_answer(self, _answer: object) -> None:
-        """Nobody listens."""
+        """No peer listens."""
 
     def newest_stamps(self) -> dict[str, float]:
         """Nothing was heard."""

@@ -5,7 +5,7 @@
 A process of its own serves the page as a flight does, and is told ten times a second where the
 vehicle and every robot are; for several UAVs it serves the pages of all, and the joint one.
 Chromium (headless, no graphics card) looks on. The share of a core is all that this process takes:
-nothing but the pages, and whoever tells them.
+nothing but the pages, and the programs that feed them.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Geometry of a mission: local frame, airspace, clear paths and semantic grids. Knows nobody."""
+"""Geometry of a mission: frame, airspace, clear paths and grids. Imports no package of ours."""

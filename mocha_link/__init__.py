@@ -85,9 +85,9 @@ _NAMES = {
         "UnknownTopicError",
     ),
 }
-"""Which module has what: it is imported when one of its names is asked for, so that whoever needs
-only a part, as most commands do, does not wait for numpy, pydantic and sockets. The types stand in
-`__init__.pyi`; a test holds both together.
+"""Which module has what: it is imported when one of its names is asked for, so that a program that
+needs only a part, as most commands do, does not wait for numpy, pydantic and sockets. The types
+stand in `__init__.pyi`; a test holds both together.
 """
 
 _MODULES = {name: module for module, names in _NAMES.items() for name in names}

@@ -6,7 +6,7 @@ class MochaLinkError(Exception):
 
 
 class UsageError(MochaLinkError):
-    """Somebody asks for what the team does not have: of a command, wrong usage."""
+    """A caller asks for what the team does not have: of a command, wrong usage."""
 
 
 class RadioError(MochaLinkError):

@@ -20,7 +20,7 @@ COMMANDS = [line.split("#")[0].strip() for line in README.splitlines() if "    a
 
 @contextlib.contextmanager
 def program(snippet, name, folder):
-    """Somebody runs the snippet in a terminal."""
+    """A user runs the snippet in a terminal."""
     with subprocess.Popen(
         [sys.executable, "-u", "-c", snippet, name],
         stdin=subprocess.PIPE,

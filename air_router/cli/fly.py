@@ -158,7 +158,7 @@ def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
     path = path or mission.team
     if path is None:
         raise RefusedError(
-            f"{mission.path}: names no team file, so there is nobody to talk to; "
+            f"{mission.path}: names no team file, so there is no peer to talk to; "
             "add `team: team.yaml` to it or say --team FILE"
         )
     team = Team.load(path)

@@ -1,4 +1,4 @@
-"""How many requests are looked at: nobody may take the flight's time with them."""
+"""How many requests are looked at: no program may take the flight's time with them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What somebody asks for, as JSON or in words, places in degrees; nothing of it is believed.
+"""What a program or an operator asks for, as JSON or in words, places in degrees; never trusted.
 
 docs/control.md describes both. Whether it is done is for the controller to say.
 """
@@ -169,7 +169,7 @@ def command_request_of(values: Any) -> CommandRequest:
 
 
 def parse(frames: Sequence[bytes]) -> Any:
-    """JSON from somebody, in one frame.
+    """JSON from a program, in one frame.
 
     Raises:
         CommandRequestError: it is none, or too much of it.

@@ -1,4 +1,4 @@
-"""What somebody asks for in flight: done or refused, and always answered.
+"""What is requested in flight: done or refused, and always answered.
 
 A request is looked at against the state of the mission first, then, where the vehicle would be sent
 somewhere, against the airspace and the battery. Only then the state changes.
@@ -44,7 +44,7 @@ class Accepted(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What the vehicle did before somebody had it hold.
+    """What the vehicle did before it was told to hold.
 
     Attributes:
         state: The state of the mission.
@@ -70,12 +70,12 @@ class CommandHandler:
         exploration: What is left to explore; None: this vehicle only searches.
         search_state: Seeks a robot.
         goto_state: Flies to points.
-        return_state: Comes home, and says what nobody may call off.
+        return_state: Comes home, and says which way home may not be called off.
         authority: Takes a vehicle back that was given away.
         airspace_update: Whether zones are being changed.
     """
 
-    def __init__(  # noqa: PLR0913 - whoever does what can be asked for
+    def __init__(  # noqa: PLR0913 - the parts that do what can be asked for
         self,
         context: MissionContext,
         preconditions: Preconditions,
@@ -103,7 +103,7 @@ class CommandHandler:
         self._later: GoTo | None = None
 
     def asked(self, request: AnyRequest) -> None:
-        """Somebody asks for something."""
+        """A request of the pilot, the operator or a program."""
         if isinstance(request, GoTo) and request.waits and self._put_off(request):
             return
         answer = self._to_requests[type(request)](self, request)
@@ -200,7 +200,7 @@ class CommandHandler:
     def _asked_to_seek(self, request: SeekNow) -> Accepted | Refused:
         robot, names = request.robot, self._search.targets.names
         if robot not in names:
-            known = ", ".join(names) or "nobody"
+            known = ", ".join(names) or "none"
             return Refused(
                 Refusal.UNKNOWN_ROBOT, f"no robot '{robot}' is sought in this mission: {known}"
             )
@@ -268,7 +268,7 @@ class CommandHandler:
         objection = self._preconditions.to_move()
         if objection is not None:
             return objection
-        if request.waits and self._context.state is State.HOME:  # somebody here asked for that
+        if request.waits and self._context.state is State.HOME:  # the operator asked for that
             return comes_home(self._return_state.why)
         hold_s = request.hold_s
         if hold_s is None:
@@ -326,7 +326,7 @@ class CommandHandler:
         if self._later is None or state in {State.READY, State.HOLD}:
             return
         request, self._later = self._later, None
-        if state is State.HOME:  # whoever asked for that did so later
+        if state is State.HOME:  # that was asked for later
             self._answer(request, comes_home(self._return_state.why))
         else:
             self._answer(request, self._asked_to_go_to(request))

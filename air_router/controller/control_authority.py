@@ -38,14 +38,14 @@ class ControlAuthority:
     """Knows whose the vehicle is.
 
     Args:
-        context: Where it signals that somebody else flies, and that we do again.
+        context: Where it signals that the pilot flies, and that we do again.
         gate: Has it hold.
         flight_phase: Whether it was handed over to us on the ground.
         levelling: Whether, and how, a vehicle that is taken back gets to the mission's altitude.
 
     Attributes:
         giving_up: Why hands will be off as soon as it holds; None if they will not.
-        taken_by: Who has, or had, the vehicle; None if nobody else.
+        taken_by: The pilot or failsafe that has, or had, the vehicle; None: we do.
         on_board: Whose the plan on board is.
     """
 
@@ -122,7 +122,7 @@ class ControlAuthority:
         self.take_over(Taker.PILOT, why)
 
     def take_over(self, who: Taker, why: str) -> None:
-        """Somebody else flies from now on."""
+        """The pilot, or a failsafe, flies from now on."""
         if knows(self._context.state, Signal.TAKEN_OVER):
             self.taken_by = who
             self._context.say(f"hands off: {why}")

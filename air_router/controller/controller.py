@@ -43,7 +43,7 @@ from air_router.vehicle.vehicle import (
 )
 from mocha_link.links.metrics import ContactBegan, ContactEnded, SyncEnded, SyncStarted
 
-_NOBODY_SOUGHT: Final = frozenset({State.INIT, State.EXPL, State.GOTO, State.HOLD, State.HOME})
+_NO_TARGET: Final = frozenset({State.INIT, State.EXPL, State.GOTO, State.HOLD, State.HOME})
 """States that forget who was sought; while others fly it is remembered."""
 
 
@@ -55,7 +55,7 @@ class Controller:
         plan: The plan on board, for the autopilot's item numbers.
         router: Routes over the mission's graph.
         seek: Names of the robots to seek, in order.
-        patient: Somebody else arms: if it is disarmed again on the ground, wait on.
+        patient: The pilot arms: if it is disarmed again on the ground, wait on.
         explore: Explore between two searches; otherwise only search.
         name: The UAV's name in the team: of two that seek the same robot, the lower name keeps it.
 
@@ -178,7 +178,7 @@ class Controller:
         target = next_state(left, signal, explores=self._explores)
         self._context.enter(target, self._handlers[target])
         self._context.do(StateChanged(left, signal, target, self.robot))
-        if target in _NOBODY_SOUGHT:
+        if target in _NO_TARGET:
             self._parts.search_state.forget()
         self._entries[target]()
 
@@ -271,7 +271,7 @@ class Controller:
 
     @property
     def goto_task(self) -> GotoTask | None:
-        """The points that somebody has sent it to."""
+        """The points that it was sent to on request."""
         return self._parts.goto_state.goto_task
 
     @property

@@ -18,7 +18,7 @@ class FlightSetup:
     Attributes:
         mission: What to fly, as it was judged: with the zones that applied at that time.
         seek: The robots to seek, in order.
-        patient: Somebody else arms.
+        patient: The pilot arms.
         explore: False: it only searches.
         name: The UAV's name in the team.
     """

@@ -13,7 +13,7 @@ from air_router.controller.states.return_state import ReturnState
 from air_router.vehicle.input_limits import InputWatch
 
 NOT_HEARD_S: Final = 3.0
-"""A vehicle that was not heard for so long is not sent anywhere: nobody knows where it is."""
+"""A vehicle that was not heard for so long is not sent anywhere: its position is unknown."""
 
 _SENDABLE: Final = frozenset(
     {State.INIT, State.SEARCH, State.COMM, State.EXPL, State.GOTO, State.HOLD}
@@ -44,7 +44,7 @@ class Preconditions:
         self._authority = authority
 
     def to_stop(self) -> Refused | None:
-        """It is ours, in the air, and not on a way home that nobody may call off."""
+        """It is ours, in the air, and not on a way home that may not be called off."""
         return self.to_decide() or self.in_the_air() or self._not_bound_home()
 
     def to_move(self) -> Refused | None:
@@ -85,7 +85,7 @@ class Preconditions:
                 return Refused(Refusal.FLIGHT_OVER, "the flight is over")
             case State.PASSIVE:
                 taker = self._authority.taken_by
-                who = taker.value if taker else "somebody else"
+                who = taker.value if taker else "the pilot"
                 return Refused(
                     Refusal.NOT_OURS, f"{who} has the vehicle; {self._authority.way_back}"
                 )
@@ -93,7 +93,7 @@ class Preconditions:
                 return None
 
     def _not_bound_home(self) -> Refused | None:
-        """A way home is only called off by whoever asked for it, and if nothing else does."""
+        """A way home is only called off if it was requested, and nothing else demands it."""
         if self._context.state in _SENDABLE:
             return None
         why = self._return_state.objection()
@@ -101,5 +101,5 @@ class Preconditions:
 
 
 def comes_home(why: str | None) -> Refused:
-    """Somebody or something had it come home, and that counts."""
+    """A request or a trigger had it come home, and that counts."""
     return Refused(Refusal.COMING_HOME, f"it comes home: {why}")

@@ -48,10 +48,10 @@ class TelemetryHandler:
         airspace_update: Whether zones are being changed.
         levelling: Whether it climbs before its first leg.
         command_handler: Whether a request waits for its time.
-        patient: Somebody else arms: if it is disarmed again on the ground, wait on.
+        patient: The pilot arms: if it is disarmed again on the ground, wait on.
     """
 
-    def __init__(  # noqa: PLR0913 - whoever is asked when the vehicle was heard
+    def __init__(  # noqa: PLR0913 - the parts asked when the vehicle was heard
         self,
         context: MissionContext,
         gate: CommandGate,

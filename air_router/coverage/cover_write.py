@@ -31,7 +31,7 @@ def waypoints_of(plan: Coverage, field: Field, every_m: float | None) -> list[Po
     """The ends of the rows in order of flight, as they will be written.
 
     Where rows are longer than `every_m` there are waypoints between the ends too. The ways from
-    row to row are left to whoever flies: a mission's router finds clear ones.
+    row to row are left to the autopilot or pilot: a mission's router finds clear ones.
     """
     places: list[Point] = []
     for row in plan.rows:

@@ -25,7 +25,7 @@ from geo.frame import Point
 
 _LEAST_CORNERS = 3
 _MOST_WORK = 4_000
-"""So many nodes are looked at for ways around, in all, while somebody drags; where a mission of
+"""So many nodes are looked at for ways around, in all, while the user drags; where a mission of
 very many waypoints needs more, the other legs are only said to lead around."""
 
 

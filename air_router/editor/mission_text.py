@@ -19,7 +19,7 @@ class SaveError(AirRouterError):
 
 
 class ChangedOnDiskError(SaveError):
-    """Somebody else has changed, or removed, the file since it was read."""
+    """Another program has changed, or removed, the file since it was read."""
 
 
 class MissionText:
@@ -61,10 +61,10 @@ class MissionText:
 
         Args:
             text: what shall be in it.
-            overwrite: replace what somebody else has written meanwhile.
+            overwrite: replace what another program has written meanwhile.
 
         Raises:
-            ChangedOnDiskError: the file was changed by somebody else.
+            ChangedOnDiskError: the file was changed by another program.
             SaveError: it cannot be written.
         """
         target = self.path.resolve()

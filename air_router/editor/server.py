@@ -106,7 +106,7 @@ class EditorServer:
             outbox.post(f"answer {answer['id']}", as_json(answer))
 
     async def _watch(self, worker: ThreadPoolExecutor) -> None:
-        """Tell the pages when somebody else has changed the file."""
+        """Tell the pages when another program has changed the file."""
         loop = asyncio.get_running_loop()
         while True:
             await asyncio.sleep(_WATCH_S)

@@ -119,7 +119,7 @@ class Session:
 
         Args:
             confirmed: although the mission has problems.
-            overwrite: although somebody else has changed the file.
+            overwrite: although another program has changed the file.
 
         Raises:
             UnconfirmedError, ChangedOnDiskError, SaveError: the file is as it was.
@@ -138,7 +138,7 @@ class Session:
         self._begin()
 
     def changed_on_disk(self) -> bool:
-        """Whether somebody else has changed the file."""
+        """Whether another program has changed the file."""
         return self._file.changed()
 
     def route(self, start: int, end: int) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 JSON is nearly YAML, but not quite (tabs, surrogate pairs, long keys), and a YAML parser takes a
 minute for what the standard library reads in a blink. So that one reads; what is wrong, and where
-a value stands, is looked for in the text when somebody asks.
+a value stands, is looked for in the text when it is asked for.
 """
 
 from __future__ import annotations

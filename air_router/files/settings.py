@@ -29,7 +29,7 @@ class Timers:
         explore_s: exploration between two searches (t_e).
         search_s: waiting for a robot, from the arrival where it should be (t_s).
         communicate_s: the longest that the vehicle hovers over a robot (t_c).
-        hold_s: hovering at the last of the points that somebody has sent it to.
+        hold_s: hovering at the last of the points that it was sent to on request.
     """
 
     init_s: float = 180.0

@@ -11,7 +11,7 @@ from air_router.errors import UsageError
 
 
 class FileThereError(UsageError):
-    """There is such a file already, and nobody said that it may go."""
+    """There is such a file already, and the user did not say that it may go."""
 
 
 def write_whole(path: Path, text: str, *, replace: bool) -> None:
@@ -26,7 +26,7 @@ def write_whole(path: Path, text: str, *, replace: bool) -> None:
     path = path.resolve()  # a link stays a link
     try:
         descriptor, name = tempfile.mkstemp(prefix=f".{path.name[:40]}.", dir=path.parent)
-    except OSError as error:  # it names the temporary file, which nobody asked for
+    except OSError as error:  # it names the temporary file, which no caller asked for
         raise OSError(error.errno, error.strerror, str(path)) from None
     beside = Path(name)
     try:
@@ -44,7 +44,7 @@ def write_whole(path: Path, text: str, *, replace: bool) -> None:
 
 
 def _claim(beside: Path, path: Path) -> None:
-    """Give the file its name, unless somebody else has taken it by now."""
+    """Give the file its name, unless another program has taken it by now."""
     try:
         path.hardlink_to(beside)
     except FileExistsError:

@@ -57,7 +57,7 @@ class CommandService:
         return self._answers.pop(number, over)
 
     def answered(self, answer: CommandAck) -> None:
-        """The controller has answered a request, of ours or of somebody else."""
+        """The controller has answered a request, of ours or of another program."""
         self._answers[answer.request_id] = answer
 
     def typed(self, say: Callable[[str], None], wish: CommandRequest) -> None:

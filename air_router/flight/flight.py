@@ -304,14 +304,14 @@ class Flight:
             self._status.show(lambda: flight_line(self.controller, self._gossip.links()))
 
     def _too_late(self, telemetry: Telemetry) -> bool:
-        """Whether nobody took off while the zones were known to be the right ones; ends then."""
+        """Whether it did not take off while its zones were the right ones; ends then."""
         latest = self._mission.latest_start
         if latest is None or telemetry.armed or self.controller.state is not State.READY:
             return False
         if self._clock.now_s() <= latest.timestamp():
             return False
         self._end(
-            f"refused: nobody took off before {latest:%H:%M} UTC, and the mission has zones that "
+            f"refused: no take-off before {latest:%H:%M} UTC, and the mission has zones that "
             "apply at certain times; start it anew",
             ExitCode.REFUSED,
         )
@@ -435,7 +435,7 @@ class Flight:
         controller, telemetry = self.controller, self.controller.telemetry
         if telemetry is None or telemetry.in_air:
             return telemetry is not None and controller.in_charge
-        # Armed in Mission mode on the ground it is about to take off, and nobody to lead it on.
+        # Armed in Mission mode on the ground it is about to take off, with no companion.
         about_to = telemetry.armed and telemetry.mode is FlightMode.MISSION
         return about_to and controller.state in {State.READY, State.DONE}
 

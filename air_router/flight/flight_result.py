@@ -1,4 +1,4 @@
-"""How a flight ended, for whoever started it."""
+"""How a flight ended, for the program that started it."""
 
 from __future__ import annotations
 

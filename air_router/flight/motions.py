@@ -49,7 +49,7 @@ class MotionSender:
             self._sending.cancel()
 
     def call_off(self) -> None:
-        """Somebody else flies: what waits is void, and what is under way is not repeated."""
+        """The pilot flies: what waits is void, and what is under way is not repeated."""
         self._waiting = None
         if self._sending is not None:
             self._sending.cancel()

@@ -88,7 +88,7 @@ class Gossip:
         self._goals: dict[str, GoTo] = {}
         self._deliver: Callable[[Event], None]
         self._sought: str | None = None
-        self._seek_at_s = float("inf")  # nobody is told before anybody is sought
+        self._seek_at_s = float("inf")  # no peer is told before a robot is sought
 
     def start(self, deliver: Callable[[Event], None]) -> None:
         """Open the sockets; hand link events and robots' news to `deliver` on this event loop."""
@@ -138,7 +138,7 @@ class Gossip:
         self._hand_on_goals()
 
     def tell_sought(self, robot: str | None, time_s: float) -> None:
-        """Tell the team whom we seek; None: nobody."""
+        """Tell the team whom we seek; None: no robot."""
         if SEEK_TOPIC not in self._topics:
             return
         self._sought, self._seek_at_s = robot, time_s

@@ -49,7 +49,7 @@ class JointPage:
             self._site.lay_under(backdrop)
 
     def found(self, name: str, address: PageAddress) -> None:
-        """Somebody knows where the flight's page is; may be called from any thread."""
+        """It is known where the flight's page is; may be called from any thread."""
         self._places[name] = address
 
     @asynccontextmanager

@@ -76,10 +76,10 @@ class NoPage:
     """The page of a flight that is not shown."""
 
     def event(self, event: Event, now_s: float) -> None:
-        """Nobody looks."""
+        """No page is open."""
 
     def action(self, action: Action, now_s: float) -> None:
-        """Nobody looks."""
+        """No page is open."""
 
     def serving(self, say: Say) -> AbstractAsyncContextManager[object]:
         """Nothing is served."""

@@ -132,7 +132,7 @@ class Film:
 
 
 class Playback:
-    """Plays a film on a page; whoever looks may pause, go elsewhere, go faster."""
+    """Plays a film on a page; a viewer may pause, go elsewhere, go faster."""
 
     def __init__(self, film: Film, web: Web, *, speed: float = 1.0) -> None:
         self._film = film

@@ -120,7 +120,7 @@ async def _forward(source: _Socket, target: _Socket) -> None:
 async def _stay(
     request: aiohttp.ClientRequest, handler: aiohttp.ClientHandlerType
 ) -> aiohttp.ClientResponse:
-    """A flight's page sends nobody elsewhere; whatever does is none."""
+    """A flight's page redirects no client; whatever does is none."""
     response = await handler(request)
     if HTTPStatus.MULTIPLE_CHOICES <= response.status < HTTPStatus.BAD_REQUEST:
         response.close()

@@ -29,7 +29,7 @@ COMING_HOME = timedelta(minutes=10)
 class FlightWindow:
     """From when to when the vehicle may be in the air; without `end`, for ever.
 
-    Whoever takes off after `latest_start` may still fly when the window is over.
+    A vehicle that takes off after `latest_start` may still fly when the window is over.
     """
 
     start: datetime

@@ -91,7 +91,7 @@ def fence_plan(mission: Mission) -> FencePlan:
 def _hole_around(shape: Shape, home: Point) -> Ring | None:
     """The hole of a zone that home lies in: the whole flight is in there.
 
-    The other holes are out of reach: filled, they keep nobody from anywhere.
+    The other holes are out of reach: filled, they keep no vehicle from anywhere.
     """
     for hole in () if isinstance(shape, Circle) else shape.holes:
         if Outline(hole).polygon.contains(ShapelyPoint(home)):

@@ -327,7 +327,7 @@ def notes(mission: Mission) -> list[Check]:
 def peers(reachable: Mapping[str, bool]) -> Check:
     """Who of the team answers now; out of range they need not."""
     if not reachable:
-        return Check("team", Verdict.LOOK, "nobody to talk to", "give the UAV clients in the team")
+        return Check("team", Verdict.LOOK, "no peer to talk to", "give the UAV clients in the team")
     away = [name for name, reached in reachable.items() if not reached]
     if not away:
         return Check("team", Verdict.GOOD, f"{', '.join(reachable)}: reachable")

@@ -58,7 +58,7 @@ class Survey:
     async def card(self, vehicle: Vehicle, info: VehicleInfo, telemetry: Telemetry) -> Card:
         """Look at everything; nothing on board is changed.
 
-        A vehicle that flies or is armed is somebody's: it is asked nothing more.
+        A vehicle that flies or is armed has a pilot: it is asked nothing more.
         """
         first = [preflight.vehicle(info), preflight.standing(telemetry)]
         if telemetry.in_air or telemetry.armed:

@@ -231,7 +231,7 @@ class Recorder(Closeable):
         """On the thread that writes."""
         try:
             self.trouble(text)
-        except RuntimeError:  # whoever listened has gone
+        except RuntimeError:  # the listener has gone
             _log.error(text)
 
     def _write(self, kind: str, value: object, now_s: float) -> None:

@@ -17,7 +17,7 @@ class Recording:
     Attributes:
         folder: Where its file goes; None: nowhere.
         stem: How the file's name begins.
-        must: Somebody has named the folder: the flight does not start if it cannot be used.
+        must: The operator has named the folder: the flight does not start if it cannot be used.
     """
 
     folder: Path | None = None
@@ -26,7 +26,7 @@ class Recording:
 
 
 def default_folder() -> Path:
-    """Where records go when nobody says: below the user's state, as other programs' logs."""
+    """Where records go by default: below the user's state, as other programs' logs."""
     state = os.environ.get("XDG_STATE_HOME", "")
     home = Path(state) if state.startswith("/") else Path.home() / ".local" / "state"
     return home / "air-router" / "flights"

@@ -1,6 +1,6 @@
 """Cores to go round: so many contacts take place at once as the machine can serve.
 
-Between contacts nobody needs a core, so dozens of links are emulated at once; but a node that
+Between contacts no node needs a core, so dozens of links are emulated at once; but a node that
 waits for a core while its link is up loses what the link would have carried.
 """
 
@@ -18,7 +18,7 @@ _OTHER_NEEDS = {("new", 10e6): 0.6, ("tcp", 10e6): 0.15}
 
 
 class Budget:
-    """Shared by processes that are forked after it was made; whoever asks first is served first."""
+    """Shared by processes that are forked after it was made; served in the order of asking."""
 
     def __init__(self, context: BaseContext, cores: float | None = None) -> None:
         self.cores = cores or SHARE * (os.cpu_count() or 1)

@@ -46,7 +46,7 @@ def enter() -> None:
             "(sysctl kernel.unprivileged_userns_clone=1, or kernel.apparmor_restrict_"
             "unprivileged_userns=0), or run as root"
         )
-    # Router solicitations and the like are traffic that nobody asked for.
+    # Router solicitations and the like are traffic that no program asked for.
     for which in ("default", "all"):
         path = Path(f"/proc/sys/net/ipv6/conf/{which}/disable_ipv6")
         if path.exists():

@@ -52,7 +52,7 @@ class Middleware(Protocol):
         """The UTF-8 text in a serialized std_msgs/String. Raises ValueError."""
 
     def watch(self, wait: Callable[[float], bool]) -> str | None:
-        """Why a bridge must end though nobody wants it to; None when `wait` says that it ends."""
+        """Why a bridge must end though it was not asked to; None when `wait` says that it ends."""
 
     def close(self) -> None:
         """Give up everything."""

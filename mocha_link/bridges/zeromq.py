@@ -162,7 +162,7 @@ class ZeroMqBridge(Closeable):
             return
         pending = self._pending.pop(values.get("id"), None)  # type: ignore[arg-type]
         if pending is None:
-            return  # nobody waits for it any more
+            return  # no caller waits for it any more
         data: Sequence[bytes] = frames[1:]
         if pending.as_json:
             values, data = self._values.answer(values, data), ()

@@ -65,7 +65,7 @@ def add_commands(
 ) -> None:
     """Add the commands of a table to the subcommands of a parser.
 
-    If `whole`, all their modules are imported now: for whoever looks into the parsers, to write
+    If `whole`, all their modules are imported now: for code that looks into the parsers, to write
     documentation or to complete words. Otherwise each is imported when it is asked for.
     """
     for command in table:

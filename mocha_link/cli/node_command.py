@@ -88,7 +88,7 @@ def _run(options: argparse.Namespace) -> int:
     node = Node(Team.load(options.team), options.robot, storage=options.storage, keys=options.keys)
     events: queue.Queue[LinkEvent] = queue.Queue(QUEUE_EVENTS)
 
-    def keep(event: LinkEvent) -> None:  # the node must not wait for whoever reads our output
+    def keep(event: LinkEvent) -> None:  # the node must not wait for the reader of our output
         with contextlib.suppress(queue.Full):
             events.put_nowait(event)
 
@@ -141,7 +141,7 @@ def _show(events: queue.Queue[LinkEvent], *, as_json: bool) -> NoReturn:
             print(json.dumps(fields) if as_json else event_line(fields), flush=True)
         except BrokenPipeError:
             drop_output()
-            LOG.warning("nobody reads the events any more; the node goes on without")
+            LOG.warning("no program reads the events any more; the node goes on without")
 
 
 def _say(line: str) -> None:

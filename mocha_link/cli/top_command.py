@@ -88,7 +88,7 @@ def _follow(
 
 
 def _is_over() -> bool:
-    """Whether somebody has pressed q."""
+    """Whether the user has pressed q."""
     while sys.stdin.isatty() and select.select([sys.stdin], [], [], 0)[0]:
         pressed = os.read(sys.stdin.fileno(), 64)
         if b"q" in pressed or not pressed:

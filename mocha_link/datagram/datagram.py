@@ -17,7 +17,7 @@ from mocha_link.datagram.packet import ACK_BYTES, ACK_DELAY_S, DATA_BYTES, LENGT
 MAX_QUOTA = 1 << 30
 PACKET_BYTES = 1_400  # 1,500 of most links - 20 - 8 - 40 for a seal around it, and some to spare
 PIGGYBACK_BYTES = 16  # a longer list of what arrived goes in a packet of its own
-SECOND_FRAME_BYTES = 300  # with less room left in a packet nobody is asked for another frame
+SECOND_FRAME_BYTES = 300  # with less room left in a packet no peer is asked for another frame
 GRANULARITY_S = 0.01
 QUIET_S = 0.15  # nothing heard for two round trips and this: the link is down
 PROBE_S = 0.1  # then probes leave at this distance, growing
@@ -38,7 +38,7 @@ class Flow:
 
     rate_bytes_s, rtt_s: what another flow showed of this link, if it is known.
     first_number: of our packets. Who cannot guess it cannot acknowledge what it did not get.
-    proven: what we send gets to whom we talk to, not to somebody in whose name he came. Otherwise
+    proven: what we send gets to the peer itself, not to a victim in whose name it came. Otherwise
         that is shown by the first acknowledgement, and little leaves before it.
     """
 

@@ -136,7 +136,7 @@ class Arrivals:
 
     def __init__(self) -> None:
         self.due_s: float | None = None  # when an acknowledgement has to leave
-        self.waiting = 0  # packets that nobody has been told of
+        self.waiting = 0  # packets that the peer has not been told of
         self.any = False
         self._floor = 0
         self._seen = 0  # bit n: floor + n has arrived

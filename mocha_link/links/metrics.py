@@ -149,7 +149,7 @@ class _Totals:
 
 @dataclass(slots=True)
 class _Account:
-    """All that is known of one link; `LinkMetrics` is made from it when somebody asks."""
+    """All that is known of one link; `LinkMetrics` is made from it on request."""
 
     states: dict[Direction, LinkState] = field(
         default_factory=lambda: dict.fromkeys(Direction, LinkState.IDLE)

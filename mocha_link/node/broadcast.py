@@ -66,7 +66,7 @@ class EventStream:
 
     def _wake(self) -> None:
         if self._loop:
-            with contextlib.suppress(RuntimeError):  # its loop is closed: nobody reads any more
+            with contextlib.suppress(RuntimeError):  # its loop is closed: no reader is left
                 self._loop.call_soon_threadsafe(self._ready.set)
 
 

@@ -113,7 +113,7 @@ class TcpConnection:
         """Have the poller wait for what this waits for."""
         writing = self._connected_s is None or self._out
         number = self._socket.fileno()
-        if number != self._watched:  # that of the first connection may be somebody else's by now
+        if number != self._watched:  # that of the first connection may be another one's by now
             self.forget(poller)
             self._watched = number
         poller.register(number, zmq.POLLIN | (zmq.POLLOUT if writing else 0))

@@ -1,8 +1,8 @@
-"""Who is connected to an open port, and how much they have sent: nobody may fill our memory.
+"""Who is connected to an open port, and how much they have sent: no peer may fill our memory.
 
 libzmq keeps the parts of a message until its last part has come, however many there are, and takes
-in any number of connections. Nodes make a connection for one pull, or for one request, so whoever
-brings more than a pull can is sent away. Ports that need a key do not need this.
+in any number of connections. Nodes make a connection for one pull, or for one request, so a peer
+that brings more than a pull can is sent away. Ports that need a key do not need this.
 """
 
 from __future__ import annotations

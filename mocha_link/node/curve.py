@@ -40,7 +40,7 @@ class CurveUnavailableError(MochaLinkError):
 
 
 class Refusal(NamedTuple):
-    """Somebody was not let in at the port that is for `peer`."""
+    """A connection was not let in at the port that is for `peer`."""
 
     peer: str
     why: str

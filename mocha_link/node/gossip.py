@@ -1,7 +1,7 @@
 """A whole gossip node without sockets, threads and clocks: events and time in, actions out.
 
 The ZeroMQ shell drives it on a robot; a simulation may drive many of them in one process. Not
-thread-safe: whoever shares one between threads brings a lock.
+thread-safe: a program that shares one between threads brings a lock.
 """
 
 from __future__ import annotations
@@ -246,7 +246,7 @@ class Gossip:
             pull.progress(now)
 
     def leaves(self, peer: str) -> bool:
-        """Whether the connection to a peer is to be closed, as soon as somebody does it.
+        """Whether the connection to a peer is to be closed, as soon as the transport does it.
 
         Nothing more of it must be handed in: the peer's pull may be another one already.
         """
@@ -265,7 +265,7 @@ class Gossip:
             self._take(pull, pull.disconnected(reason, now), now)
 
     def refused(self, peer: str, reason: str) -> None:
-        """Somebody was not let in at the port for a peer, or sent it what is no message."""
+        """A connection was not let in at the port for a peer, or sent what is no message."""
         self._refuse(peer, reason)
 
     def storage(self, reason: str | None, now: Instant) -> None:

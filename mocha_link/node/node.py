@@ -105,7 +105,7 @@ class Node(Startable):
         self._broadcast = Broadcast()
         self._transport: Transport | None = None
         self._closed = False
-        self._settling = True  # nobody to tell yet
+        self._settling = True  # no subscriber to tell yet
         self._peer_keys = _peer_keys(team, robot) if self._secret else {}
         self._storage = (
             Storage(Path(storage), terms=TeamConfig.of(team), on_fault=self._fault)
@@ -286,7 +286,7 @@ class Node(Startable):
 
     def links(self) -> dict[str, LinkMetrics]:
         """The state of the link to every peer, by its name."""
-        ages_s = self._gossip.ages_s(self._now())  # thousands of them: nobody waits for that
+        ages_s = self._gossip.ages_s(self._now())  # thousands of them: no caller waits for that
         with self._lock:
             return self._gossip.links(self._now(), ages_s)
 

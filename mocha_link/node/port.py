@@ -202,7 +202,7 @@ def _bind(router: zmq.Socket[bytes], me: Robot, number: int) -> None:
         router.setsockopt(zmq.USE_FD, listener.detach())  # closed by libzmq
         router.bind(endpoint)
         LOG.warning(
-            "%s is no address of this machine now: nobody reaches port %d of %s before it is "
+            "%s is no address of this machine now: no peer reaches port %d of %s before it is "
             "('listen' in the team file)",
             me.listen,
             number,

@@ -68,7 +68,7 @@ class Publisher:
 
         A message that comes before the topic's interval since the last stored one is over is held
         until then; the next one replaces it, or joins it if the topic says `aggregate`. `frame` is
-        what `payload.compress` made of the data, if somebody has called it.
+        what `payload.compress` made of the data, if the caller has called it.
 
         Raises:
             PayloadError: larger than any node would accept.

@@ -1,4 +1,4 @@
-"""Addresses of names, looked up where waiting for a name server holds up nobody else."""
+"""Addresses of names, looked up where waiting for a name server holds up no other peer."""
 
 from __future__ import annotations
 

@@ -223,7 +223,7 @@ class Transport:
         for port in self._ports.values():
             for _ in range(port.look()):
                 with self._lock:
-                    self._gossip.refused(port.peer, "somebody connected too often or sent too much")
+                    self._gossip.refused(port.peer, "a client connected too often or sent too much")
 
     def _supply(self, port: Port) -> int:
         """Send frames of a sync while the connection takes them; when to go on, in ms."""
@@ -243,7 +243,7 @@ class Transport:
         refusals = gate.serve()
         with self._lock:
             for refusal in refusals:
-                self._gossip.refused(refusal.peer, f"somebody came {refusal.why}")
+                self._gossip.refused(refusal.peer, f"a client came {refusal.why}")
 
     def _catch(self, datagram_socket: socket.socket) -> None:
         for _ in range(BURST):

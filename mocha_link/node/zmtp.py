@@ -24,7 +24,7 @@ _SHORT = 256
 _MAX_PARTS = 128
 OWN_BYTES = 16_384  # bodies from this size on get a buffer of their own
 _SHARE = 16  # when this part of them has arrived: memory follows that, not what is announced
-_MAX_WAITING = 16_384  # replies that nobody has fetched: far more than are ever under way
+_MAX_WAITING = 16_384  # replies that no caller has fetched: far more than are ever under way
 
 
 def _property(name: bytes, value: bytes) -> bytes:
@@ -79,7 +79,7 @@ class ZmtpSession:
 
     `hello` is to be sent first, without waiting for anything. Requests may follow when the other
     side is `ready`. Parts of replies are bytes; large ones are read-only views of all of a buffer
-    that nobody else has.
+    that no other session has.
     """
 
     hello = _HELLO

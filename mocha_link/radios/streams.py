@@ -41,7 +41,7 @@ class _Listening:
         return int(self._socket.getsockname()[1]) if self._socket else self._url.port or 0
 
     def close(self) -> None:
-        """Stop listening, and hang up on whoever is connected."""
+        """Stop listening, and hang up on connected programs."""
         self._worker.close()
         self._socket = None
 
@@ -172,7 +172,7 @@ class StdinRadio:
 
         if not pump(fd, stopped, take):
             take(b"\n")  # the last line may lack its end
-            LOG.warning("standard input has ended: no more radio reports, nobody is heard")
+            LOG.warning("standard input has ended: no more radio reports, no peer is heard")
 
 
 def accept(desk: ReportSink, report: Report, raw: bytes, source: str) -> None:

@@ -55,7 +55,7 @@ class Asker(Closeable):
 
     @abstractmethod
     def unreachable(self, message: str) -> Exception:
-        """What is raised when nobody answers, or somebody else."""
+        """What is raised when no node answers, or another program does."""
 
     def close(self) -> None:
         """Give up the connection; may be called twice."""
@@ -104,7 +104,7 @@ class Asker(Closeable):
         )
 
     def another(self) -> Exception:
-        """Somebody else answers: hang up, and raise this."""
+        """Another program answers: hang up, and raise this."""
         self._hang_up()
         return self.unreachable(f"what answers at {self.endpoint} is no {self.whom}")
 

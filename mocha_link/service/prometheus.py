@@ -205,7 +205,7 @@ class _Server(ThreadingTCPServer):
             self._open.pop(request, None)
 
     def service_actions(self) -> None:
-        """Called ten times a second: hang up on whoever takes too long."""
+        """Called ten times a second: hang up on a client that takes too long."""
         self.hang_up(older_s=REQUEST_S)
 
     def hang_up(self, *, older_s: float) -> None:

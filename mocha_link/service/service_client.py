@@ -23,7 +23,7 @@ class ServiceError(MochaLinkError):
 
 
 class ServiceUnreachableError(MochaLinkError):
-    """Nobody answers at the endpoint, or somebody who is no node."""
+    """No program answers at the endpoint, or one that is no node."""
 
 
 class ServiceClient(Asker):
@@ -89,7 +89,7 @@ class ServiceClient(Asker):
     ) -> tuple[Place, list[tuple[dict[str, Any], bytes]]]:
         """What was stored after a place in the sequence; waits up to `wait_s` for something.
 
-        Returns the place to ask from next time, and the messages. Whoever remembers the place
+        Returns the place to ask from next time, and the messages. A caller that remembers the place
         misses nothing. After the node was restarted it begins anew, with everything that it has.
         """
         epoch, sequence = place or (None, 0)

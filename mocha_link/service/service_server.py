@@ -1,7 +1,7 @@
 """Serves a node's messages to programs on the same machine: the socket around `service`.
 
 One ROUTER. REQ, DEALER and ROUTER sockets may ask, with or without the empty frame that REQ sends.
-Whoever reaches the endpoint may publish in the robot's name: keep it on this machine.
+A program that reaches the endpoint may publish in the robot's name: keep it on this machine.
 """
 
 from __future__ import annotations

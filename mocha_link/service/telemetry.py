@@ -1,6 +1,6 @@
 """A node's link metrics and events for other processes, as JSON over ZeroMQ.
 
-One XPUB socket. Whoever subscribes gets a snapshot at once, then every event, and a snapshot
+One XPUB socket. A subscriber gets a snapshot at once, then every event, and a snapshot
 every second. Messages have two frames: ``links`` or ``event``, and a JSON object.
 """
 

@@ -133,7 +133,7 @@ class Database:
         """Those of a list of headers that are not here and would be stored, in their order.
 
         Of several versions of a topic only the newest. Headers with an impossible time are among
-        them, and those of robots that nobody knows: whoever asks checks what comes out of here.
+        them, and those of unknown robots: the caller checks what comes out of here.
         `header_list` has a multiple of 6 bytes.
         """
         latest = latest_ms(now_s)

@@ -40,7 +40,7 @@ def rank(record: Record, key: int) -> int:
 
 
 def today(stamp_ms: int, latest_ms: int) -> int:
-    """A stamp as its header is seen now, if whoever made it up had another idea of the time.
+    """A stamp as its header is seen now, if the node that made it up had another idea of the time.
 
     It is from beyond `latest_ms`, because our clock was set back since, or from a clock that was
     not set at all.
@@ -122,7 +122,7 @@ class Floors:
 
 
 class WireOrder:
-    """The newest version of every topic, sorted. Brought up to date only when somebody asks."""
+    """The newest version of every topic, sorted. Brought up to date only on request."""
 
     def __init__(self) -> None:
         self._ranks: list[int] = []

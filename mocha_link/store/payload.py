@@ -91,7 +91,7 @@ def pack(  # noqa: PLR0913 - what a message is made from
     """The body for data: with a trailer if `stamp_ms` is given, signed if `sign` is.
 
     Without `ids` the trailer is of version 1. `frame` is what `compress` made of the data, if
-    somebody has called it already.
+    the caller has called it already.
 
     Without `stamp_ms` and `checksum` it is byte for byte what original nodes make. A body with a
     trailer is covered by its CRC; one without has the LZ4 frame's own checksum.

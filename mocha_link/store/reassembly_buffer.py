@@ -51,7 +51,7 @@ class Fragment:
 
     Attributes:
         held: how many bytes there are.
-        unsaved: the ranges that have come since somebody cleared it.
+        unsaved: the ranges that have come since it was cleared.
     """
 
     __slots__ = ("_segments", "_starts", "held", "total", "unsaved")

@@ -50,7 +50,7 @@ LOG = logging.getLogger("mocha_link")
 
 RETRY_S = 5.0
 CLOSE_S = 1.0
-# These need somebody to replace the file, so it is not read again before that.
+# These need the operator to replace the file, so it is not read again before that.
 _LASTING = (StorageDamagedError, StorageForeignError, StorageVersionError)
 
 

@@ -150,7 +150,7 @@ def chunks_parts(
 ) -> list[Frame]:
     """A frame of chunks: its round and number, packed WHOLEs and PIECEs, and their data.
 
-    `prefix` goes before it. Large data are parts of their own, so that nobody has to copy them.
+    `prefix` goes before it. Large data are parts of their own, so that they are not copied.
     """
     head = struct.pack(">BIHH", *place, len(wholes), len(pieces))
     covered = b"".join((head, *wholes, *pieces))

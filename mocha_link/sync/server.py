@@ -279,7 +279,7 @@ class Server:
         self._close_flow()
         self._flow = flow
         if self._unheard >= MOST_UNHEARD:
-            # Somebody may be opening in the peer's name, who drowns in what we send it.
+            # An attacker may be opening in the name of the peer, which drowns in what we send it.
             self._deaf_until_s = now.steady_s + DEAF_S
         return True
 

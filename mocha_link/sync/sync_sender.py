@@ -235,7 +235,7 @@ class SyncSender:
         self._peer.end(begun)
 
     def _skip(self, message_id: int) -> None:
-        """The peer has got a message from somebody else, or a newer one."""
+        """The peer has got a message from another node, or a newer one."""
         self._peer.holds(message_id)
         if self._missing.pop(message_id, None):
             rank = next(rank for rank in self._queue if rank & _BEGUN and _long(rank) == message_id)

@@ -40,7 +40,7 @@ COMMANDS = (
 PROGRAM = Program(
     "sitl",
     "The simulated world: a PX4 vehicle, ground robots, radios, a camera.",
-    "exit codes: 0 done, 1 ended otherwise, 2 wrong usage, 3 invalid file, 4 nobody answers, "
+    "exit codes: 0 done, 1 ended otherwise, 2 wrong usage, 3 invalid file, 4 no answer, "
     "5 refused, 130 interrupted",
     COMMANDS,
 )

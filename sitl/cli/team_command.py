@@ -139,7 +139,7 @@ def _of_each(
     """The value of a repeated option for each vehicle: NAME=URL, or a bare one for the first.
 
     Raises:
-        UsageError: it names nobody who flies.
+        UsageError: it names no robot that flies.
     """
     start, _, port = default.rpartition(":")
     values = {name: f"{start}:{int(port) + number}" for number, name in enumerate(vehicles)}

@@ -27,7 +27,7 @@ from sitl.px4sim.state.px4_version import VERSIONS
 from sitl.px4sim.state.situation import Place
 
 PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
-"""Where PX4's own simulator starts if nobody says otherwise."""
+"""Where PX4's own simulator starts by default."""
 
 _MOST_INSTANCES: Final = 250
 _MOST_WIND_M_S: Final = 25.0

@@ -51,7 +51,7 @@ class Frame:
 
 
 def frames(datagram: bytes) -> Iterator[Frame]:
-    """The MAVLink 2 frames in a datagram; messages that nobody knows are left out."""
+    """The MAVLink 2 frames in a datagram; unknown messages are left out."""
     at = 0
     while at + _HEADER <= len(datagram) and datagram[at] == _MAGIC:
         signature = _SIGNATURE if datagram[at + 2] & 1 else 0

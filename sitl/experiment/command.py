@@ -121,7 +121,7 @@ def run_with(
 
 
 def _carry_out(campaign: Campaign, arguments: argparse.Namespace, work: Work, log: RunLog) -> bool:
-    """Make the missing runs; whether somebody stopped it."""
+    """Make the missing runs; whether the user stopped it."""
     missing, wanted = len(campaign.missing), len(campaign.wanted)
     if not missing:
         campaign.status.say(f"all {counted(wanted, 'runs')} are there")

@@ -159,7 +159,7 @@ _NOT_MESSAGES: Final = frozenset({"BAD_DATA"})
 
 
 def message_name(identifier: int) -> str | None:
-    """The name of a message id, None if nobody knows it."""
+    """The name of a message id, None if it is unknown."""
     return _NAMES.get(identifier)
 
 

@@ -1,7 +1,7 @@
 """The messages that the autopilot streams: which ones, how often, and what is in them.
 
 Rates are PX4 1.17's on its SITL links, in simulated hertz, but ATTITUDE (50 instead of 100) and
-those that are left out because nobody flies by them: SCALED_PRESSURE, VIBRATION, DISTANCE_SENSOR,
+those that are left out because no pilot flies by them: SCALED_PRESSURE, VIBRATION, DISTANCE_SENSOR,
 GNSS_INTEGRITY, Remote ID and the like.
 """
 

@@ -26,12 +26,12 @@ class PortInUseError(AirRouterError):
 class UdpLink:
     """Sends to a partner, receives from anybody.
 
-    PX4 sends to a fixed port of its own machine until somebody sends to it; from then on, and for
+    PX4 sends to a fixed port of its own machine until a partner sends to it; from then on, and for
     as long as it runs, it sends to that first one. Others are heard, but never answered.
 
     Args:
         bind: Host and port to receive on; port 0 takes a free one.
-        partner: Where to send until somebody talks.
+        partner: Where to send until a partner talks.
         what: For the error message.
 
     Raises:

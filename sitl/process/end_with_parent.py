@@ -1,4 +1,4 @@
-"""Runs a program that ends when whoever started it ends, also if that was killed.
+"""Runs a program that ends when its parent ends, also if that was killed.
 
     python -m sitl.process.end_with_parent PARENT_PID PROGRAM [ARGUMENT ...]
 

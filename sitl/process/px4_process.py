@@ -133,7 +133,7 @@ class Px4Process(Closeable):
         """Wait until PX4's health and arming checks pass.
 
         It listens on the gimbal's port and says nothing, so that the API link's first partner is
-        whoever flies.
+        the autopilot flies.
 
         Args:
             stopped: Ends the waiting.
@@ -210,7 +210,7 @@ def _inherited() -> dict[str, str]:
 
 
 def _free_instance(wanted: int | None) -> int:
-    """An instance whose ports nobody has; PX4's own lock files are looked at, too."""
+    """An instance whose ports are free; PX4's own lock files are looked at, too."""
     instances = range(_MOST_INSTANCES) if wanted is None else (wanted,)
     for instance in instances:
         if not _is_locked(instance) and all(_is_free(port) for port in _ports(instance)):

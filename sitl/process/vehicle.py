@@ -29,9 +29,9 @@ class Ports:
 
     Attributes:
         onboard_bind: Of the API link.
-        onboard_to: Its partner until somebody talks.
+        onboard_to: Its partner until another one talks.
         ground_bind: Of the ground station link.
-        ground_to: Its partner until somebody talks; None: no such link.
+        ground_to: Its partner until another one talks; None: no such link.
         truth_bind: Of the truth link.
         truth_to: Its receiver.
     """

@@ -1,6 +1,6 @@
 """The commands that PX4 itself sends to gimbals and cameras, whether there are any or not.
 
-Nobody answers, so each is repeated three times. A companion has to pass over them.
+No answer comes, so each is repeated three times. A companion has to pass over them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What somebody asks of a rehearsed flight, sensible or not."""
+"""What operators and programs ask of a rehearsed flight, sensible or not."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from air_router.controller.model.requests import (
 from air_router.mission.mission import Mission
 from geo.frame import Point
 
-_ROBOTS: Final = ("callisto", "europa", "io", "nobody")
+_ROBOTS: Final = ("callisto", "europa", "io", "phantom")
 _HOLD, _GO_ON, _SEEK, _EXPLORE, _HOME = 0.2, 0.4, 0.55, 0.65, 0.69
 _BESIDE_M: Final = 40.0
 

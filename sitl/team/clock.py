@@ -41,7 +41,7 @@ class SimClock:
 
     @property
     def epoch_s(self) -> float | None:
-        """Unix time at simulated time zero; None while nobody knows it."""
+        """Unix time at simulated time zero; None while it is unknown."""
         return self._epoch_s
 
     def advance(self, vehicle_time_s: float) -> None:

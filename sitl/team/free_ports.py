@@ -1,4 +1,4 @@
-"""A team that disturbs nobody: the same robots on loopback addresses and ports that are free."""
+"""A team that disturbs no program: the same robots on loopback addresses and free ports."""
 
 from __future__ import annotations
 

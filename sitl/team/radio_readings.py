@@ -26,7 +26,7 @@ class RadioReadings:
         self._socket.setblocking(False)
 
     def tell(self, readings: Iterable[Reading]) -> None:
-        """Send readings; one that nobody listens for is lost, as on any radio."""
+        """Send readings; one that has no listener is lost, as on any radio."""
         for reading in readings:
             endpoint = self._endpoints.get(reading.robot)
             if endpoint is None:

@@ -154,7 +154,7 @@ class Relay:
         self.close()
 
     def _wake(self) -> None:
-        with contextlib.suppress(OSError):  # full: it is awake; closed: nobody to wake
+        with contextlib.suppress(OSError):  # full: it is awake; closed: no thread to wake
             self._wake_in.send(b"\0")
 
     def _run(self) -> None:

@@ -86,7 +86,7 @@ def roles_of(mission: Mission, team: Team) -> TeamRoles:
     """Who flies and who drives. Aerial robots that the mission is not for are not simulated.
 
     Raises:
-        TeamError: it is not clear who flies, or nobody drives.
+        TeamError: it is not clear who flies, or no robot drives.
     """
     flying = [name for name, robot in team.robots.items() if robot.kind == UAV_KIND]
     vehicle = mission.uav
@@ -99,7 +99,7 @@ def roles_of(mission: Mission, team: Team) -> TeamRoles:
         )
     ground = tuple(name for name in team.robots if name != vehicle and name not in flying)
     if not ground:
-        raise TeamError(f"{team.path}: nobody drives on the ground; add a robot of another kind")
+        raise TeamError(f"{team.path}: no robot drives on the ground; add a robot of another kind")
     return TeamRoles(vehicle, ground, tuple(u.uav for u in mission.layers if u.uav != vehicle))
 
 

@@ -241,7 +241,7 @@ class World:
 
         Args:
             truth: The vehicle's; its time is the world's.
-            others: What is known of the other vehicles; one that is missing is heard by nobody.
+            others: What is known of the other vehicles; one that is missing is not heard.
         """
         vehicles = {self.settings.vehicle: truth, **(others or {})}
         dt_s = 0.0 if self._now_s is None else max(0.0, truth.time_s - self._now_s)

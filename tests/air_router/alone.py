@@ -2,7 +2,7 @@
 
 
 class Alone:
-    """The gossip of a UAV that meets nobody."""
+    """The gossip of a UAV that meets no peer."""
 
     def __init__(self):
         self.closed = False

@@ -31,7 +31,7 @@ def free_port():
 
 @pytest.fixture
 def home(tmp_path):
-    """The project's folder as somebody finds it; the environment is the one that is there."""
+    """The project's folder as a newcomer finds it; the environment is the one that is there."""
     for name in ("missions", "Makefile", "pyproject.toml", "constraints.txt", "README.md"):
         copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
         copy(ROOT / name, tmp_path / name)
@@ -41,7 +41,7 @@ def home(tmp_path):
 
 
 class Walk:
-    """Somebody at two terminals in a folder."""
+    """A user at two terminals in a folder."""
 
     def __init__(self, folder):
         self.folder = folder

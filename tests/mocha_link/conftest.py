@@ -46,7 +46,7 @@ trigger: {interval_s: 2}
 
 
 def own_host() -> str:
-    """A loopback address that nobody else uses, so that ports found free stay free."""
+    """A loopback address that no other test uses, so that ports found free stay free."""
     number = next(_hosts)
     pid = os.getpid()
     return f"127.{pid // 254 % 254 + 1}.{pid % 254 + 1}.{number % 254 + 1}"

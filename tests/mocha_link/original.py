@@ -208,7 +208,7 @@ class Original:
                 self.dead.add(peer)
             answer = SILENT if peer in self.dead else self._answer(parts[0][ID:])
             if answer == SILENT or self.stopped:
-                poller.unregister(server)  # the port stays open, and nobody answers any more
+                poller.unregister(server)  # the port stays open, and no node answers any more
             else:
                 server.send(parts[0][:ID] + answer)
         server.close()

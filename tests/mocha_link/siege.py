@@ -70,7 +70,7 @@ class Besieged:
                 if peer == "io" and engine.me.name == "titan" and counts:
                     with self._enough:
                         self._handled += 1
-                        if self._handled == self.frames:  # wakes nobody before
+                        if self._handled == self.frames:  # wakes no thread before
                             self._enough.notify_all()
 
         monkeypatch.setattr(Gossip, name, counting)

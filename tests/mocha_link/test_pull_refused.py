@@ -1,4 +1,4 @@
-"""An original peer that nobody had named as one: what is new falls silent once it has refused."""
+"""An original peer that is not named as one: what is new falls silent once it has refused."""
 
 from __future__ import annotations
 

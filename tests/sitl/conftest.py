@@ -41,7 +41,7 @@ class MissionCurrent(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """A frame, decoded by whoever asks for it: a vehicle says hundreds in a simulated second."""
+    """A frame, decoded on request: a vehicle says hundreds in a simulated second."""
 
     at_s: float
     number: int

@@ -135,7 +135,7 @@ def free_udp_port():
 
 
 class Heartbeats:
-    """Somebody who sends heartbeats to a port, and nothing else."""
+    """A peer that sends heartbeats to a port, and nothing else."""
 
     def __init__(self, port, *, kind, autopilot, system_id, component_id=1):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

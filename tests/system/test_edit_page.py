@@ -373,7 +373,7 @@ def test_a_change_on_the_disk_is_told_and_a_lost_program_too(mission, open_page)
     assert code == 0
     sync_api.expect(gone).to_be_visible()
     page.page.context.close()
-    page.faults.clear()  # that nobody answers is said on the console as well
+    page.faults.clear()  # that no server answers is said on the console as well
 
 
 def test_the_page_is_readable_on_a_phone(mission, open_page):

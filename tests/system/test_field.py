@@ -246,7 +246,7 @@ class FieldTest:
     def heal(self) -> None:
         """All links are whole; who stands in a line meets his neighbours, there and back.
 
-        So nobody can get from a third what a neighbour has kept from him.
+        So no node can get from a third what a neighbour has kept from him.
         """
         for robot in self.robots.values():
             robot.node.flush("/found")

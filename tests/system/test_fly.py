@@ -1,4 +1,4 @@
-"""`air-router fly` against a vehicle that somebody else started, and what goes wrong there."""
+"""`air-router fly` against a vehicle that another program started, and what goes wrong there."""
 
 import fcntl
 import json
@@ -60,7 +60,7 @@ def fly(command, udp_port, short_mission):
     return start
 
 
-def test_a_flight_that_meets_nobody_goes_where_it_is_told_and_comes_home(
+def test_a_flight_that_meets_no_robot_goes_where_it_is_told_and_comes_home(
     vehicle, fly, short_mission, tmp_path
 ):
     mission = load_mission(short_mission)

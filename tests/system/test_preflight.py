@@ -33,7 +33,7 @@ def test_the_card_of_a_vehicle_that_is_ready(vehicle, preflight, tmp_path):
     for name in ("vehicle", "state", "place", "GPS", "disk", "plan"):
         assert lines[name]["verdict"] == "ok", lines[name]
     assert lines["health"]["found"] == "ready to arm, with warnings"
-    assert lines["health"]["advice"] == "no remote control is heard"  # nobody simulates one
+    assert lines["health"]["advice"] == "no remote control is heard"  # none is simulated
     assert lines["vehicle"]["found"] == "PX4 1.17.0, system 1"
     assert "read back, equal, can be flown" in lines["plan"]["found"]
     assert "not reachable now" in lines["team"]["found"]
@@ -61,7 +61,7 @@ STRANGERS = (  # the others: tests/system/test_px4.py
 )
 
 
-def test_whoever_is_no_px4_of_ours_is_named(command, heartbeats, free_udp_port, short_mission):
+def test_what_is_no_px4_of_ours_is_named(command, heartbeats, free_udp_port, short_mission):
     looked = []
     for what, said in STRANGERS:
         port = free_udp_port()

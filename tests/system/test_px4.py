@@ -208,7 +208,7 @@ def test_circles_holes_and_several_fences_read_back_as_they_were_sent(standing):
     run(drawn, udp_port, script)
 
 
-def test_a_plan_that_somebody_else_uploads_is_noticed(standing):
+def test_a_plan_that_a_ground_station_uploads_is_noticed(standing):
     mission, udp_port = standing
     plan = FlightPlan.of(mission)
     other = dataclasses.replace(plan, items=plan.items[:-1])
@@ -309,7 +309,7 @@ def test_a_changed_fence_is_ours_in_flight_and_another_s_is_not(mission, udp_por
     run(mission, udp_port, script)
 
 
-def test_nobody_there(mission, udp_port, monkeypatch):
+def test_no_answer(mission, udp_port, monkeypatch):
     monkeypatch.setattr(px4_connection, "FIND_S", 0.3)
     with pytest.raises(NoVehicleError, match="nothing heard within"):
         run(mission, udp_port, lambda vehicle: vehicle.connect())
@@ -327,7 +327,7 @@ def test_nobody_there(mission, udp_port, monkeypatch):
     ],
 )
 @pytest.mark.usefixtures("impatient")
-def test_somebody_else_is_there(mission, heartbeats, udp_port, who, said):
+def test_another_program_is_there(mission, heartbeats, udp_port, who, said):
     heartbeats(udp_port, **who)
     with pytest.raises(NoVehicleError, match=said):
         run(mission, udp_port, lambda vehicle: vehicle.connect())

@@ -1,4 +1,4 @@
-"""Nobody is commanded over: what moves the vehicle leaves once, and again only on evidence.
+"""No pilot is commanded over: what moves the vehicle leaves once, and again only on evidence.
 
 Real MAVSDK over UDP against a vehicle that swallows acknowledgements, and does what a test says.
 """
@@ -204,13 +204,13 @@ def takes_over(px4, _order):
 @pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize("verb", ORDERS)
 def test_a_pilot_s_mode_ends_it_at_once(run, verb):
-    px4 = run(takes_over, fails(verb, "somebody chose Position mode"), **state_for(verb))
+    px4 = run(takes_over, fails(verb, "the pilot chose Position mode"), **state_for(verb))
     assert px4.commands() == ORDERS[verb]
 
 
 @pytest.mark.usefixtures("patient")
 def test_a_pilot_s_mode_ends_a_stop_at_once(run, hovering):
-    assert run(takes_over, fails(hold, "somebody chose"), **hovering).commands() == STOP
+    assert run(takes_over, fails(hold, "the pilot chose"), **hovering).commands() == STOP
 
 
 def other_item(px4, _order):
@@ -350,7 +350,7 @@ def test_a_vehicle_that_is_about_it_is_waited_for(run, hovering, monkeypatch):
 
 
 @pytest.mark.parametrize("to", [(255, 190), (1, 190), (0, 0)])
-def test_an_acknowledgement_for_somebody_else_is_not_ours(run, hovering, to):
+def test_an_acknowledgement_for_another_is_not_ours(run, hovering, to):
     def for_another(px4, order):
         px4.acknowledge(order, ACCEPTED, to)
 

@@ -149,7 +149,7 @@ def test_one_page_shows_both_and_asks_the_one_that_is_chosen(browser, flight):
     assert looker.state("titan") != "HOLD"
     assert page.locator("#news li.answer:has(b.uav1)").count() == 0
 
-    page.evaluate("() => { elsewhere = (where) => where.replace('atlas', 'nobody'); }")
+    page.evaluate("() => { elsewhere = (where) => where.replace('atlas', 'phantom'); }")
     page.evaluate("sockets.findLast(({ url }) => url.includes('atlas')).close()")
     looker.shows("#gone", "atlas does not answer")
     looker.shows("#tabs button.uav2 .chip", "gone")

@@ -247,7 +247,7 @@ def test_the_uav_explores_finds_all_robots_carries_their_data_and_comes_home(fli
 
 def test_what_was_asked_on_the_page_is_decided_and_recorded(flight):
     if flight.sought is None:
-        pytest.skip("nobody asked: no browser looked on")
+        pytest.skip("not asked for: no browser looked on")
     _, entries = flight.landed
     values = [entry.value for entry in entries]
     asked = max(index for index, value in enumerate(values) if isinstance(value, SeekNow))

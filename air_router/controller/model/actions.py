@@ -42,12 +42,12 @@ Motion = FlyToNode | FlyToPoint | HoldHere | LandHere
 
 @dataclass(frozen=True, slots=True)
 class PublishMap:
-    """Put the newest map into the gossip database now: somebody is about to fetch it."""
+    """Put the newest map into the gossip database now: a peer is about to fetch it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Seeking:
-    """Tell the team whom this UAV seeks, or hovers over, from now on; None: nobody."""
+    """Tell the team whom this UAV seeks, or hovers over, from now on; None: no robot."""
 
     robot: str | None
 
@@ -80,7 +80,7 @@ class StateChanged:
 
 
 class Refusal(StrEnum):
-    """Why what somebody asked for is not done, as a word for programs."""
+    """Why a request is not done, as a word for programs."""
 
     NOT_FLYING = "not-flying"
     FLIGHT_OVER = "flight-over"
@@ -102,7 +102,7 @@ class Refusal(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class CommandAck:
-    """Somebody asked for something: whether it is done, and what, or why not.
+    """A request was made: whether it is done, and what, or why not.
 
     Attributes:
         request_id: The request's; `by`: who asked.
@@ -129,7 +129,7 @@ class Taker(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """The flight is over: landed by us, or by whoever took the vehicle over (None: nobody did)."""
+    """The flight is over: landed by us, or by the one that took over (None: neither)."""
 
     landed_by_us: bool
     why: str

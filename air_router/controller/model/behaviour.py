@@ -22,12 +22,12 @@ class State(Enum):
     SEARCH = "going where a robot should be"
     COMM = "hovering over a robot while data are exchanged"
     EXPL = "exploring on where exploration stopped"
-    GOTO = "flying to points that somebody asked for"
-    HOLD = "hovering because somebody asked for it"
+    GOTO = "flying to requested points"
+    HOLD = "hovering on request"
     HOME = "flying home along the graph"
     LAND = "landing at home"
     DONE = "landed and disarmed"
-    PASSIVE = "somebody else flies: hands off"
+    PASSIVE = "the pilot or a failsafe flies: hands off"
 
 
 class Signal(Enum):
@@ -86,7 +86,7 @@ TRANSITIONS: Final = MappingProxyType(
         (State.PASSIVE, Signal.RESUMED): State.EXPL,
         (State.PASSIVE, Signal.COME_HOME): State.HOME,
         # From anywhere in the air: home on the word of duration, battery or operator; hands off
-        # when somebody else flies; done when the ground has the vehicle.
+        # when a pilot flies; done when the ground has the vehicle.
         **{
             (state, signal): target
             for state in (
@@ -99,7 +99,7 @@ TRANSITIONS: Final = MappingProxyType(
                 (Signal.GROUNDED, State.DONE),
             )
         },
-        # What somebody asks for: from the same states, and from a way home that somebody asked for.
+        # Requests: from the same states, and from a way home that was requested.
         **{
             (state, signal): target
             for state in (

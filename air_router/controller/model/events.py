@@ -50,7 +50,7 @@ class RobotSought:
 
     Attributes:
         by: The other UAV.
-        robot: Whom it seeks; None: nobody.
+        robot: Whom it seeks; None: no robot.
         stamp_s: When it said so, in its own Unix seconds.
     """
 
@@ -76,7 +76,7 @@ class CommandFailed:
 
 @dataclass(frozen=True, slots=True)
 class AirspaceChanged:
-    """Fences and zones are others from now on: somebody has drawn the mission's anew.
+    """Fences and zones are others from now on: the operator has drawn the mission's anew.
 
     Attributes:
         fences: All fences.

@@ -15,10 +15,10 @@ OPERATOR: Final = "the operator"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """Something that somebody asks for.
+    """A request of the pilot, the operator or a program.
 
     Attributes:
-        request_id: By which whoever asks knows the answer.
+        request_id: By which the asking program knows the answer.
         by: Who asks, in words.
     """
 
@@ -67,7 +67,7 @@ class GoTo(Asked):
         points: Metres east/north, in order; at least one.
         hold_s: How long to hover at the last; None: as the mission says.
         waits: Before take-off, and while the vehicle holds, it waits for its time instead of being
-            refused: nobody is there to ask again.
+            refused: no operator is there to ask again.
     """
 
     points: tuple[Point, ...]

@@ -27,7 +27,7 @@ class FlightPhase:
     """What has been seen of arming, lift-off and touch-down.
 
     Attributes:
-        handed_over: Armed in Mission mode: whoever did that gave the flight to us.
+        handed_over: Armed in Mission mode: the pilot who did that gave the flight to us.
         airborne_s: When the mission began in the air, on the vehicle's clock.
         killed: Where its motors were stopped in the air, in words, if they were.
         stayed_why: Why it ended before take-off, if it does.

@@ -1,7 +1,7 @@
 """Whether zones leave the vehicle a way home, and what is said where they leave none. Pure.
 
 A mission is only flown where home can be reached from everywhere; zones that are drawn in flight
-may change that. Nothing is flown through them then: the operator is told until somebody acts.
+may change that. Nothing is flown through them then: the operator is told until one acts.
 """
 
 from __future__ import annotations

@@ -28,16 +28,16 @@ BRAKED_S: Final = 3.0
 """After so long in Hold the place that it hovers at is where we stopped it."""
 
 BRAKING_M: Final = 15.0
-"""It stops nearer than this to where it is then; a place farther off is somebody else's."""
+"""It stops nearer than this to where it is then; a place farther off is another's order."""
 
-_ELSEWHERE: Final = "somebody gave it another place to go to"
+_ELSEWHERE: Final = "a pilot or ground station gave it another place to go to"
 
 
 class EventKind(Enum):
     """What was found."""
 
     GOOD = "the mission may go on"
-    STRANGER = "the vehicle follows somebody else"
+    STRANGER = "the vehicle follows an order that is not ours"
     BREACH = "in a no-fly zone or outside a fence"
 
 
@@ -80,7 +80,7 @@ class SafetyMonitor:
         return _GOOD if breach is None else MonitorEvent(EventKind.BREACH, breach)
 
     def breach(self, telemetry: Telemetry, leaving: Collection[str] = ()) -> str | None:
-        """Whether the vehicle in the air is in a no-fly zone or outside a fence, whoever did it."""
+        """Whether the vehicle in the air is in a no-fly zone or outside a fence."""
         here, (place, spare_m) = telemetry.position, self._inside
         if not telemetry.in_air or math.dist(here, place) < spare_m:
             return None
@@ -93,7 +93,7 @@ class SafetyMonitor:
         return f"breach of {', '.join(holders)}" if holders else None
 
     def _stranger(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> str | None:
-        """Whether the vehicle follows an order of somebody else that needed no other mode.
+        """Whether the vehicle follows an order that is not ours and that needed no other mode.
 
         A pilot who pauses or sends the vehicle elsewhere while it hovers in Hold by our command
         changes no mode, and one who jumps to another plan item in Mission mode neither.
@@ -119,7 +119,7 @@ class SafetyMonitor:
         match commanded_mode.last:
             case FlyToNode(node=node) if telemetry.mode is FlightMode.MISSION:
                 if telemetry.item not in {None, self._plan.item_of(node)}:
-                    return "somebody chose another plan item", ages.item_s
+                    return "a pilot or ground station chose another plan item", ages.item_s
             case FlyToPoint(position=position) if telemetry.mode is FlightMode.HOLD:
                 order = _elsewhere(telemetry, position)
             case HoldHere() as hold if telemetry.mode is FlightMode.HOLD:
@@ -154,7 +154,7 @@ def low(mission: Mission, telemetry: Telemetry) -> bool:
 
 
 def why_not_resumed(mission: Mission, telemetry: Telemetry | None) -> str | None:
-    """Why a flight that somebody asks to be resumed cannot be, as it is now; None if it can."""
+    """Why a flight that the operator asks to be resumed cannot be, as it is now; None if it can."""
     if telemetry is None or not telemetry.in_air:
         return "the vehicle is on the ground: start the mission anew"
     holders = mission.airspace_at(telemetry.altitude_m).holders(telemetry.position)

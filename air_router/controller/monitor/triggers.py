@@ -37,7 +37,7 @@ HELD: Final = {
 
 
 def take_off(mission: Mission, telemetry: Telemetry) -> TakeOff:
-    """Where the take-off stands, whoever leads it.
+    """Where the take-off stands, whether we lead it or a pilot.
 
     It is complete at the mission's altitude, wherever that is: from there on every leg is checked
     from where the vehicle is. Lower, and farther from home than it may stand, it is no take-off of

@@ -115,7 +115,7 @@ class CommandGate:
         self._context.schedule.retry_in(RETRY_S)
 
     def let_go(self) -> None:
-        """Somebody else flies."""
+        """The pilot flies."""
         self.navigator.stop()
         self.navigator.setpoints.forget()
         self.commanded_mode.release()

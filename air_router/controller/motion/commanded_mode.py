@@ -1,8 +1,8 @@
-"""Who has the vehicle: what we commanded, and whether somebody else has changed the mode.
+"""Who has the vehicle: what we commanded, and whether a pilot has changed the mode.
 
 The mode that the autopilot reports is the only truth. While a command is under way (or has
 failed) the vehicle may be in the mode before it or in the one that it asks for; once it is
-confirmed only in that one. Any other mode was chosen by somebody else.
+confirmed only in that one. Any other mode was chosen by a pilot or a failsafe.
 """
 
 from __future__ import annotations

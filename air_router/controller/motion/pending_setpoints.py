@@ -56,7 +56,7 @@ class PendingSetpoints:
                 return
 
     def forget(self) -> None:
-        """Somebody else has told it something since."""
+        """The pilot or a ground station has told it something since."""
         self._sent.clear()
         self._settled = False
 

@@ -1,4 +1,4 @@
-"""Flying to points that somebody asked for: the state GOTO."""
+"""Flying to requested points: the state GOTO."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class GotoState:
         gate: Flies there.
 
     Attributes:
-        goto_task: The points that somebody has sent it to, last.
+        goto_task: The points that it was sent to on request, last.
     """
 
     def __init__(self, context: MissionContext, gate: CommandGate) -> None:

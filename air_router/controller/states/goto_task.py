@@ -1,4 +1,4 @@
-"""Flying to points that somebody asked for: whether that can be done, and how far it is."""
+"""Flying to requested points: whether that can be done, and how far it is."""
 
 from __future__ import annotations
 

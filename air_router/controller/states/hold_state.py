@@ -1,4 +1,4 @@
-"""Hovering because somebody asked for it: the state HOLD."""
+"""Hovering on request: the state HOLD."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class HoldState:
         ending = self._stops_anyway()
         self._gate.navigator.stop()
         if not ending:
-            self._gate.hold("somebody asked for it")
+            self._gate.hold("hold was requested")
 
     def arrived(self) -> None:
         """Stay."""

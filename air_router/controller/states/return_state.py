@@ -99,7 +99,7 @@ class ReturnState:
             self._context.signal(Signal.GROUNDED)
 
     def come_home_by_word(self, who: str) -> None:
-        """The same, because somebody asked for it, who may call it off."""
+        """The same on request; the operator may call it off."""
         self._by_word = self._context.state is not State.READY
         self.come_home(f"{who}'s word")
 
@@ -109,7 +109,7 @@ class ReturnState:
         self._by_word = False
 
     def objection(self) -> str | None:
-        """Why its way home cannot be called off; None if whoever asked for it may do so."""
+        """Why its way home cannot be called off; None if it may."""
         if self._context.state is State.HOME and self._by_word:
             return self._due(self._context.heard)
         return self.why

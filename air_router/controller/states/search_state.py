@@ -25,14 +25,14 @@ class SearchState:
     """Chooses a robot, flies to where it should be, and follows what is heard of it.
 
     Args:
-        context: Where it signals that the robot was found, or that nobody can be sought.
+        context: Where it signals that the robot was found, or that no robot can be sought.
         gate: Flies there.
         search: Whom to seek, and where.
         exploration: What else there is to do; None: this vehicle only searches.
         name: This UAV's: of two that seek the same robot, the lower name keeps it.
 
     Attributes:
-        robot: Who is sought or hovered over; None while nobody is.
+        robot: Who is sought or hovered over; None while no robot is.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class SearchState:
         return self.robot if self._context.state in {State.SEARCH, State.COMM} else None
 
     def seek(self, robot: str) -> None:
-        """Somebody asks for this robot."""
+        """The operator asks for this robot."""
         self._wanted = robot
         self._context.signal(Signal.SEEK)
 
@@ -70,7 +70,7 @@ class SearchState:
     # The flight itself.
 
     def begin(self) -> None:
-        """Seek whom somebody asked for, or else the robot whose turn it is."""
+        """Seek the requested robot, or else the robot whose turn it is."""
         self._asked_for, self._wanted = self._wanted, None
         self._set_out(self._asked_for)
 
@@ -89,7 +89,7 @@ class SearchState:
                 self._gate.advance(motion)
                 return
             self._context.say(f"no way to {aim.robot}: {self._gate.refusal}")
-        self._nobody()
+        self._no_target()
 
     def arrived(self) -> None:
         """Wait for it here."""
@@ -100,10 +100,10 @@ class SearchState:
     def no_route(self, refusal: str) -> None:
         """Give it up."""
         self._context.say(f"no way to {self.robot}: {refusal}")
-        self._nobody()
+        self._no_target()
 
     def retry(self) -> None:
-        """To the same place, or choose again if nobody could be sought."""
+        """To the same place, or choose again if no robot could be sought."""
         if self.robot is None:
             self.begin()
         else:
@@ -120,7 +120,7 @@ class SearchState:
             yield self._search.aim(first, now_s)
         yield from (aim for aim in self._search.aims(now_s) if aim.robot != first)
 
-    def _nobody(self) -> None:
+    def _no_target(self) -> None:
         self.robot = None
         self._gate.navigator.stop()
         if self._exploration is not None and self._exploration.remaining:
@@ -177,10 +177,10 @@ class SearchState:
         """Another UAV seeks a robot: one of the two goes on, if it is ours."""
         targets, now_s = self._search.targets, self._context.now_s
         news = targets.sought_by_other(event.by, event.robot, now_s)
-        # Whom somebody asked for is not given up.
+        # A requested robot is not given up.
         free = self._context.state is State.SEARCH and self.robot != self._asked_for
         ours = free and self.robot is not None and self.robot == event.robot
-        # A repeated word, or one that leaves nobody else, changes nothing.
+        # A repeated word, or one that leaves no other robot, changes nothing.
         if ours and news and event.by < self._name and targets.free(now_s):
             self._context.say(f"{event.by} seeks {event.robot} as well, and keeps it")
             self._context.signal(Signal.YIELDED)

@@ -27,7 +27,7 @@ class Outlook:
 
     Attributes:
         now_s: Time on the vehicle's clock.
-        began_s: When the flight began, before which nobody could be heard.
+        began_s: When the flight began, before which no robot could be heard.
         flight_s: How long the vehicle would fly to a place; infinite where no way leads.
         unseen: The waypoint that the vehicle has not passed for longest.
         round_s: What a round of exploring, waiting and communicating takes beside the flight.

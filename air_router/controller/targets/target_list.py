@@ -34,7 +34,7 @@ class TargetList:
     """The robots to seek, in the mission's order, and the newest that is known of each.
 
     Times given as `now_s` are the vehicle's clock; stamps are the robots' own and only compared
-    with stamps of the same robot, so that nobody's clock has to agree with another's.
+    with stamps of the same robot, so that no two clocks have to agree.
     """
 
     names: tuple[str, ...]
@@ -116,7 +116,7 @@ class TargetList:
         self._records[robot].tries += 1
 
     def sought_by_other(self, by: str, robot: str | None, now_s: float) -> bool:
-        """Take in whom another UAV seeks (None: nobody); True unless that was known already."""
+        """Take in whom another UAV seeks (None: no robot); True unless that was known already."""
         before = self._others.get(by)
         self._others[by] = (robot, now_s)
         return before is None or before[0] != robot or now_s - before[1] > SOUGHT_BY_OTHER_S

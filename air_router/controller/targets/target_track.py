@@ -35,7 +35,7 @@ _BEFORE_S: Final = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Where somebody was, and when."""
+    """Where a robot was, and when."""
 
     position: Point
     stamp_s: float

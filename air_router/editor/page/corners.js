@@ -21,7 +21,7 @@ export class Corners {
     map.on("zoomend", () => this.show());
   }
 
-  /** Make the handles anew, but not under somebody's hand. */
+  /** Make the handles anew, but not under the user's hand. */
   show() {
     if (this.drags > 0) return;
     const keys = this.selection.now?.area;

@@ -16,7 +16,7 @@ export class Inspector {
 
   show() {
     if (this.box.contains(document.activeElement) && document.activeElement.tagName === "INPUT") {
-      if (this.shown === JSON.stringify(this.selection.now)) return; // somebody writes in it
+      if (this.shown === JSON.stringify(this.selection.now)) return; // the user writes in it
     }
     this.shown = JSON.stringify(this.selection.now);
     const { now } = this.selection;

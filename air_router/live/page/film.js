@@ -44,6 +44,6 @@ export class Film {
 
   /** @param {object} request */
   ask(request) {
-    this.link().ask(request).catch(() => {}); // the page says already that nobody answers
+    this.link().ask(request).catch(() => {}); // the page says already that no program answers
   }
 }

@@ -233,7 +233,7 @@ _MISSION: _Words = {
     "mavlink_mission_storage_read_failure": ("the stored plan cannot be read", ""),
     "mavlink_mission_storage_write_failure2": ("the plan cannot be stored", ""),
     "mavlink_mission_storage_write_failure3": ("the plan cannot be stored", ""),
-    "mavlink_mission_state_busy": ("somebody downloads the plan: the jump was dropped", ""),
+    "mavlink_mission_state_busy": ("a ground station downloads the plan: the jump was dropped", ""),
     "mavlink_mission_seq_out_of_bounds": ("the plan on board has no such item", ""),
     "mission_failed_to_read_wp": ("plan item {0} cannot be read", "H"),
     "mission_not_valid_loiter": ("no mission that can be flown: it hovers", ""),

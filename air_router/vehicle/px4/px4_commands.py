@@ -1,6 +1,6 @@
 """Commands that move a PX4 or change its mode: each leaves once, and is believed when it shows.
 
-Whoever sends a command again because nobody answered, as MAVSDK does, takes the vehicle back from
+Sending a command again because no answer came, as MAVSDK does, takes the vehicle back from
 a pilot who chose something else meanwhile. Here it leaves again only on a HEARTBEAT from some time
 after it left that still shows what was before; what leads to a place does not leave again at all.
 """
@@ -68,7 +68,7 @@ class Result(IntEnum):
 
 
 class Choices(NamedTuple):
-    """What somebody else would change who takes the vehicle."""
+    """What a pilot or ground station would change that takes the vehicle."""
 
     mode: FlightMode
     armed: bool
@@ -97,7 +97,7 @@ class Choices(NamedTuple):
         return True
 
     def same(self, other: Self) -> bool:
-        """Whether nobody chose anything between the two."""
+        """Whether no other order came between the two."""
         here, there = self.target, other.target
         if here is not None and there is not None:
             return math.dist(here, there) <= SAME_M and self[:-1] == other[:-1]
@@ -140,8 +140,8 @@ class Verdict(Enum):
 
     FOLLOWED = auto()
     REFUSED = auto()
-    TAKEN = auto()  # somebody chose a mode that is neither from before nor ours
-    AGAIN = auto()  # not followed, and nobody has chosen anything: it may leave again
+    TAKEN = auto()  # another party chose a mode that is neither from before nor ours
+    AGAIN = auto()  # not followed, and no other mode was chosen: it may leave again
 
 
 @dataclass(slots=True)
@@ -189,7 +189,7 @@ class Px4Commands:
         Args:
             order: What it is to do.
             shown: Whether it follows.
-            attempts: How often it may leave at most, each time on evidence that nobody else chose.
+            attempts: How often it may leave at most, each time if no other order came.
 
         Raises:
             NotShownError: nothing was heard that shows whether it follows.
@@ -203,7 +203,7 @@ class Px4Commands:
             verdict = await self._settled(sent, shown, more=attempt + 1 < attempts)
             if verdict is not Verdict.AGAIN:
                 break
-            _log.info("%s: nothing shows and nobody has chosen anything: again", order.words)
+            _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
         if verdict is not Verdict.FOLLOWED:
             heard_s = self._telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
             unseen = verdict is None and heard_s < sent.last_s + SETTLED_S
@@ -241,7 +241,7 @@ class Px4Commands:
             return Verdict.TAKEN
         if sent.refusal is not None and not (more and sent.refusal == Result.TEMPORARILY_REJECTED):
             return Verdict.REFUSED
-        return Verdict.AGAIN if more and self._nobody_chose(sent) else None
+        return Verdict.AGAIN if more and self._no_other_chose(sent) else None
 
     def _late_modes(self) -> set[FlightMode]:
         """The modes of orders that were called off, or did not show: they may show yet."""
@@ -254,7 +254,7 @@ class Px4Commands:
             if sent.last_s >= since_s
         }
 
-    def _nobody_chose(self, sent: Sent) -> bool:
+    def _no_other_chose(self, sent: Sent) -> bool:
         """Whether the vehicle says just now that everything is as it was before the order."""
         telemetry = self._telemetry
         heartbeat_s = telemetry.arrived_s("HEARTBEAT")
@@ -269,7 +269,7 @@ class Px4Commands:
     def _why_not(self, sent: Sent, verdict: Verdict | None) -> str:
         words, mode, said = sent.order.words, self._telemetry.mode.value, self._telemetry.said()
         if verdict is Verdict.TAKEN:
-            return f"{words} was asked for, and somebody chose {mode} mode"
+            return f"{words} was asked for, and the pilot chose {mode} mode"
         if sent.refusal is not None:
             return f"{words}: {_name(sent.refusal)}{said}"
         return f"{words} was asked for and does not show; the vehicle is in {mode} mode{said}"

@@ -35,7 +35,7 @@ from geo.frame import Point
 _log = logging.getLogger(__name__)
 
 ATTEMPTS: Final = 4
-"""How often an order that leads to no place leaves at most, while nobody chooses anything else."""
+"""How often an order that leads to no place leaves at most, while no other order comes."""
 
 DONE_S: Final = 0.2
 """So long after its acknowledgement an order shows in what the vehicle says."""
@@ -127,14 +127,14 @@ class Px4Motions:
             raise NotConfirmedError(f"the plan on board has no item {item}")
         before = telemetry.mode
         self._commands.send(set_current(item), f"the jump to item {item}")
-        # PX4 drops the jump without an answer while somebody downloads the plan.
+        # PX4 drops the jump without an answer while a ground station downloads the plan.
         if not await telemetry.shows(lambda: telemetry.item == item, CONFIRM_S):
             raise NotConfirmedError(f"the jump to item {item} did not show in MISSION_CURRENT")
         now = telemetry.mode
         if now is not FlightMode.MISSION:
             # Out of our own hovering; any other mode, or a change meanwhile, is the pilot's.
             if now is not FlightMode.HOLD or before is not FlightMode.HOLD:
-                raise NotConfirmedError(f"somebody chose {now.value} mode")
+                raise NotConfirmedError(f"the pilot chose {now.value} mode")
             # Until the item showed it may have flown on to the place that it was sent to before.
             if objection is not None and (why := objection()) is not None:
                 raise NotConfirmedError(why)

@@ -31,7 +31,7 @@ FEASIBLE_S: Final = 5.0
 
 BUSY_ATTEMPTS: Final = 3
 BUSY_S: Final = 5.5
-"""PX4 ignores uploads for five seconds after a transfer that nobody finished."""
+"""PX4 ignores uploads for five seconds after a transfer that was not finished."""
 
 _PASSING: Final = frozenset(
     {

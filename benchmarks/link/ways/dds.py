@@ -1,7 +1,7 @@
 """CycloneDDS: a reliable, transient-local topic, the newest sample of a key for every message.
 
 Tuned for such links: packets that fit, unicast, discovery every quarter of a second, a lease that
-outlives a gap (so that nobody is discovered anew), retransmissions in bursts that a queue can hold.
+outlives a gap (so that none is discovered anew), retransmissions in bursts that a queue can hold.
 """
 
 import threading

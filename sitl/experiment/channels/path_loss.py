@@ -92,7 +92,7 @@ class PathLossChannel:
         return (ready_s, *link)
 
     def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
-        """The first that disturbs nobody and is not disturbed."""
+        """The first that disturbs no transmission and is not disturbed."""
         deaf = {number for link in busy for each in link for number in self._hears[each]}
         for place, (asking, answering) in enumerate(waiting):
             if asking not in deaf and answering not in deaf:

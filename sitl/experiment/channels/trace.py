@@ -13,7 +13,7 @@ rssi_dbm       instead of `up`: in contact at the model's trigger and above
 rate_bytes_s   what the link carries from then on; the model's rate where it is left out
 
 Only `t_s`, `a`, `b`, and one of `up` and `rssi_dbm` must be there. What is not said stays as it
-was; before the first line nobody hears anybody.
+was; before the first line no robot hears another.
 """
 
 from __future__ import annotations

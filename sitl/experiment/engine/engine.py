@@ -230,7 +230,7 @@ class Run:
 
 def _check(settings: RunSettings) -> None:
     if settings.uavs + settings.ugvs + settings.base_station == 0:
-        raise ValueError("nobody takes part; say uavs, ugvs or base_station")
+        raise ValueError("no robot takes part; say uavs, ugvs or base_station")
     if not 0 < settings.telemetry_s <= MOST_TELEMETRY_S:
         raise ValueError(
             f"telemetry_s of {settings.telemetry_s:g}; nothing is commanded from positions older "

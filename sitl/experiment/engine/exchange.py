@@ -9,7 +9,7 @@ ours      The opening of a sync, and whatever else has to go back and forth befo
           opening, answers to group digests), is a header request; what the other side says to it
           rides along. Frames of data follow one another without further requests; what they bring
           whole is the data of the transmission. Credit, what may be skipped, and the end need no
-          turn of their own: nobody waits for an answer to them.
+          turn of their own: no robot waits for an answer to them.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The cheapest ways over ground that a robot knows.
 
 A way leads from the middle of a coarse cell to that of a neighbour, diagonally only where both
-cells beside the step are free as well; so whoever follows one is never in a building.
+cells beside the step are free as well; so a robot that follows one is never in a building.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Ways:
         Args:
             lattice: Which cell is where.
             ground: What is known of each cell, flat.
-            start: Where the ways begin; no way leads out of a cell that nobody drives into.
+            start: Where the ways begin; no way leads out of a cell that no robot drives into.
         """
         self.lattice = lattice
         self.start = start

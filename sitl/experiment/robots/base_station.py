@@ -34,7 +34,7 @@ class BaseStation:
         self._told = False
 
     def say(self) -> list[tuple[str, bytes]]:
-        """What it has to say to whoever asks now."""
+        """What it has to say to a peer that asks now."""
         stamp_s = EPOCH_S + self._queue.now_s
         latitude_deg, longitude_deg = degrees(self._frame, self.position)
         pose = PoseMessage(stamp_s=stamp_s, latitude_deg=latitude_deg, longitude_deg=longitude_deg)

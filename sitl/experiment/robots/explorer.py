@@ -1,8 +1,8 @@
 """A ground robot that looks for vehicles: where it drives, what it knows, what it tells.
 
 A pure object: time and messages come in, positions and messages come out. It goes to the nearest
-goal that it knows, that nobody else has claimed and that a way over known ground leads to; without
-one it returns to where it started and waits for news, as the authors' robots do.
+goal that it knows, that no other robot has claimed and that a way over known ground leads to;
+without one it returns to where it started and waits for news, as the authors' robots do.
 """
 
 from __future__ import annotations

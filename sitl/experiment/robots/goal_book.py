@@ -2,7 +2,7 @@
 
 A place within `same_goal_m` of another is the same goal. Of two robots that claim one goal without
 having heard each other, the first by name keeps it as soon as they hear; a goal that anybody has
-visited is nobody's any more.
+visited is no longer claimed.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class GoalBook:
                 self.version += 1
 
     def free(self, here: Point) -> list[Point]:
-        """Goals that nobody has claimed or visited and that were not given up; nearest first."""
+        """Goals that no robot has claimed or visited and that were not given up; nearest first."""
         taken = [claim.place for claim in self.claims]
         taken += [claim.place for _, claims in self._others.values() for claim in claims]
         taken += self.failed

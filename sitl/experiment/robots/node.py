@@ -21,7 +21,7 @@ EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
 """Unix seconds at the beginning of a run: no header's time wraps within 17 hours of it."""
 
 REFRESH_S: Final = 1.0
-"""A robot publishes at most so often; and nothing while nobody asks, since only the newest message
+"""A robot publishes at most so often; and nothing while no peer asks, since only the newest message
 of a topic is ever exchanged."""
 
 
@@ -70,7 +70,7 @@ class Node:
         return Instant(EPOCH_S + self._queue.now_s, self._queue.now_s)
 
     def refresh(self) -> None:
-        """Somebody is about to be told what is new: let the robot speak first."""
+        """A peer is about to be told what is new: let the robot speak first."""
         if self._queue.now_s - self._fresh_s >= REFRESH_S:
             self._fresh_s = self._queue.now_s
             for topic, data in self._publish():

@@ -142,7 +142,7 @@ class Uav:
             self._tell(_rounded(news))
 
     def say(self) -> list[tuple[str, bytes]]:
-        """What it has to say to whoever asks now."""
+        """What it has to say to a peer that asks now."""
         now_s = self._queue.now_s
         latitude_deg, longitude_deg = degrees(self._mission.frame, self.flyer.position)
         pose = PoseMessage(
@@ -179,7 +179,7 @@ class Uav:
             case StateChanged(target=target):
                 self.states.append((self._queue.now_s, target.name))
             case _:
-                pass  # words for a pilot whom nobody simulates
+                pass  # words for a pilot, who is not simulated
 
     def _send(self) -> None:
         """Send the newest motion, if it is still the right one from where the vehicle is."""

@@ -21,7 +21,7 @@ from sitl.experiment.towns.town import RESOLUTION_M, Goal, Ring, Town
 from sitl.world.terrain import Road
 
 APART_M: Final = 25.0
-"""Vehicles are at least so far apart, so that nobody takes two for one."""
+"""Vehicles are at least so far apart, so that two are not taken for one."""
 
 _ORIGIN: Final = Geodetic(38.5, -98.5)  # an open field
 _SPACING_M: Final = (48.0, 80.0)

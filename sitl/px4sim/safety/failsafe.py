@@ -77,7 +77,7 @@ class Failsafe:
 
     @property
     def acting(self) -> bool:
-        """Whether the vehicle flies in a mode that nobody chose."""
+        """Whether the vehicle flies in a mode that was not chosen."""
         return self._worst().action > Action.WARN
 
     def mode(self, intended: FlightMode) -> FlightMode:

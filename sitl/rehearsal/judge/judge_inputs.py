@@ -281,7 +281,7 @@ class InputJudge:
                 self._expect("failsafe|hands off", begin_s, due_s, "a failsafe acted")
 
     def _judge_breaches(self, messages: Sequence[WireMessage]) -> None:
-        """By its own word it was in a zone or outside of a fence, whoever flew it there."""
+        """By its own report it was in a zone or outside of a fence, whatever flew it there."""
         track = self.track
         east_m, north_m = track.mission.frame.metres(
             np.array([m.fields["lat"] / 1e7 for m in messages]),

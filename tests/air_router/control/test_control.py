@@ -128,7 +128,7 @@ def test_every_verb_of_the_client(served, client):
     answer = client.goto([place(flight, near), place(flight, outside)])
     assert (answer.accepted, answer.code) == (False, "outside-fence")
     assert answer.why == "point 2 lies outside of the fence"
-    assert client.seek("nobody").code == "unknown-robot"
+    assert client.seek("phantom").code == "unknown-robot"
     assert client.seek("io").state == "SEARCH"
     assert client.hold().state == "HOLD"
     assert client.resume().accepted

@@ -1,4 +1,4 @@
-"""What somebody asks for in flight: done or refused, always answered, never an unchecked leg."""
+"""What is requested in flight: done or refused, always answered, never an unchecked leg."""
 
 import dataclasses
 import itertools
@@ -282,7 +282,7 @@ def test_held_it_comes_home_for_its_battery_and_that_way_is_not_called_off(in_st
     assert flight.finished.landed_by_us
 
 
-def test_a_way_home_that_somebody_asked_for_is_his_to_call_off_until_something_else_demands_it(
+def test_a_way_home_on_request_can_be_called_off_until_something_else_demands_it(
     in_state,
 ):
     flight = in_state(State.HOME, duration_s=100.0)
@@ -295,7 +295,7 @@ def test_a_way_home_that_somebody_asked_for_is_his_to_call_off_until_something_e
     assert ask(flight, HoldNow())[0].code is Refusal.COMING_HOME
 
 
-def test_a_pilot_who_takes_a_held_vehicle_keeps_it_until_somebody_asks(in_state):
+def test_a_pilot_who_takes_a_held_vehicle_keeps_it_until_the_operator_asks(in_state):
     flight = in_state(State.HOLD)
     flight.pilot_chooses(FlightMode.OTHER)
     assert flight.controller.state is State.PASSIVE
@@ -306,7 +306,7 @@ def test_a_pilot_who_takes_a_held_vehicle_keeps_it_until_somebody_asks(in_state)
     assert flight.controller.state is State.EXPL
 
 
-def test_whom_somebody_asks_for_is_sought_at_once_and_not_left_to_another(in_state):
+def test_a_requested_robot_is_sought_at_once_and_not_left_to_another(in_state):
     flight = in_state(State.GOTO)
     flight.give(RobotPose("io", ROBOT, 1.0, "europa"))
     answer, _ = ask(flight, SeekNow("io"))
@@ -315,7 +315,7 @@ def test_whom_somebody_asks_for_is_sought_at_once_and_not_left_to_another(in_sta
     assert flight.controller.navigator.goal.position == ROBOT
     flight.give(RobotSought("aardvark", "io", 1.0))
     assert flight.controller.robot == "io"
-    flight.fly_to_state(State.EXPL)  # nobody was met there
+    flight.fly_to_state(State.EXPL)  # no robot was met there
     assert ask(flight, SeekNow("oi"))[0].code is Refusal.UNKNOWN_ROBOT
 
 
@@ -496,7 +496,7 @@ def test_a_point_that_is_cut_off_on_the_way_is_left_out(in_state, monkeypatch):
     flight.fly_to_state(State.EXPL)
 
 
-def test_whoever_asks_for_whatever_whenever_no_zone_is_touched(pretend):
+def test_whatever_is_requested_whenever_no_zone_is_touched(pretend):
     flight = pretend(duration_s=900.0)
     flight.robots = {"io": ROBOT, "callisto": FAR[1]}
     flight.noise_m = 0.2
@@ -525,14 +525,14 @@ def test_points_that_waited_do_not_call_off_a_way_home_that_was_asked_for_later(
 
 
 def test_points_that_came_by_gossip_do_not_call_off_a_way_home(in_state):
-    flight = in_state(State.HOME)  # somebody asked for it
+    flight = in_state(State.HOME)  # the operator asked for it
     assert ask(flight, GoTo(FAR, waits=True, by="basestation"))[0].code is Refusal.COMING_HOME
     assert flight.controller.state is State.HOME
     assert ask(flight, GoTo(FAR))[0].accepted
 
 
 def test_a_way_home_that_the_pilot_interrupted_says_nothing_of_the_next(in_state):
-    flight = in_state(State.HOME)  # somebody asked for it
+    flight = in_state(State.HOME)  # the operator asked for it
     flight.pilot_chooses(FlightMode.HOLD)
     assert ask(flight, GoOn())[0].accepted
     flight.give(CommandFailed(flight.motions[-1], "lost"))

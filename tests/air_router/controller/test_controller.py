@@ -220,7 +220,7 @@ def test_a_robot_that_no_way_leads_to_is_sought_from_outside(pretend):
     flight.fly_until(lambda: math.dist(flight.position, Point(150.0, 150.0)) < 57.5, 200.0)
 
 
-def test_when_nobody_can_be_sought_it_hovers_and_asks_again_now_and_then(pretend, monkeypatch):
+def test_when_no_robot_can_be_sought_it_hovers_and_asks_again_now_and_then(pretend, monkeypatch):
     flight = island(pretend)
     monkeypatch.setattr(Search, "_hover_point", lambda _, place: place)
     flight.fly_until(lambda: any("no way to io" in text for text in flight.said))
@@ -337,7 +337,7 @@ def test_a_long_silence_is_told_now_and_then(pretend):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_whatever_goes_wrong_nothing_raises_nobody_is_overridden_and_no_zone_is_touched(
+def test_whatever_goes_wrong_nothing_raises_no_pilot_is_overridden_and_no_zone_is_touched(
     pretend, seed
 ):
     """A flight of random misfortune: lost commands, junk poses, gusts, then a pilot."""

@@ -1,4 +1,4 @@
-"""Whose the vehicle is: a pilot takes it, somebody changes the plan, a flight is resumed."""
+"""Whose the vehicle is: a pilot takes it, the plan on board changes, a flight is resumed."""
 
 import pytest
 
@@ -201,7 +201,7 @@ def test_a_plan_uploaded_again_in_the_climb_is_climbed_on_with(pretend):
 
 
 @pytest.mark.parametrize("mode", [FlightMode.HOLD, FlightMode.MISSION])
-def test_what_was_given_away_comes_back_only_when_somebody_asks(pretend, mode):
+def test_what_was_given_away_comes_back_only_when_the_operator_asks(pretend, mode):
     flight = pretend(duration_s=400.0)
     flight.take_off()
     flight.fly_away()

@@ -133,7 +133,7 @@ def test_a_vehicle_that_a_zone_is_drawn_over_leaves_it_first(pretend):
     assert clear_of(flight, zone, left) >= 5.0
 
 
-def test_somebody_else_s_order_meanwhile_does_not_keep_it_inside(pretend):
+def test_another_order_meanwhile_does_not_keep_it_inside(pretend):
     flight = cruising(pretend)
     zone = box(flight.position, half_m=8.0)
     change(flight, zone)
@@ -253,13 +253,13 @@ def test_who_may_ask_for_it_when(pretend):
     change(flight, box((310.0, 310.0)))
     assert "zones not changed" in flight.said[-1]
     flight.give(PlanRenewed())
-    flight.give(PlanRenewed())  # of nobody
+    flight.give(PlanRenewed())  # of no upload
     to_the_end(flight)
     assert answer().code == "flight-over"
 
 
 @pytest.mark.parametrize("asked_for", [False, True])
-def test_whom_it_goes_on_to_seek_it_still_yields_unless_somebody_asked_for_it(pretend, asked_for):
+def test_whom_it_goes_on_to_seek_it_still_yields_unless_it_was_requested(pretend, asked_for):
     flight = pretend(explore=False, name="titan", duration_s=2000.0)
     flight.take_off()
     if asked_for:
@@ -483,7 +483,7 @@ def test_a_fence_that_did_not_get_on_board_while_a_pilot_flew_is_tried_again(pre
     flight.step()
     flight.pilot_chooses(FlightMode.HOLD)
     assert flight.controller.state is State.PASSIVE
-    flight.give(PlanRenewed("somebody else uploads"))
+    flight.give(PlanRenewed("a ground station uploads"))
     flight.fly_until(lambda: math.hypot(*flight.velocity) < 0.1, 10.0)
     assert boarding(flight) == 1
     flight.give(GoOn())
@@ -494,7 +494,7 @@ def test_a_fence_that_did_not_get_on_board_while_a_pilot_flew_is_tried_again(pre
 
 
 def walls(centre, half_m=16.0, thick_m=3.0):
-    """Four zones around a place, as somebody would draw them one after the other."""
+    """Four zones around a place, as an operator would draw them one after the other."""
     (east_m, north_m), far_m = centre, half_m + thick_m
     sides = {
         "north": (-far_m, half_m, far_m, far_m),

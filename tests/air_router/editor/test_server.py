@@ -317,7 +317,7 @@ def test_hostile_messages_cost_their_sender_an_answer(path):
     visit(path, talk)
 
 
-def test_a_fault_of_ours_costs_nobody_the_work(path, monkeypatch, caplog):
+def test_a_fault_of_ours_costs_no_work(path, monkeypatch, caplog):
     async def talk(page):
         async with page.socket() as socket:
             await ask(socket, 1, "edit", edit=MOVE)
@@ -380,7 +380,7 @@ def test_tiles_lie_under_the_map_and_what_is_not_there_is_an_empty_picture(path,
     assert caplog.text.count("the map stays empty in places") == 1
 
 
-def test_tiles_need_the_token_and_a_slow_one_keeps_nobody_waiting(path, tiles, monkeypatch):
+def test_tiles_need_the_token_and_a_slow_one_keeps_no_other_waiting(path, tiles, monkeypatch):
     asked, go_on = threading.Event(), threading.Event()
     read = TileFile.tile
 

@@ -117,14 +117,14 @@ def test_everything_is_recorded_and_replays_and_the_report_is_the_last_line(rig)
     assert again.actions == sum(entry.kind == "action" for entry in entries) > 10
 
 
-def test_nobody_takes_off_after_the_hour_that_the_zones_were_chosen_for(rig, pennovation):
+def test_no_take_off_after_the_hour_that_the_zones_were_chosen_for(rig, pennovation):
     latest = datetime.fromtimestamp(1.7e9 + 20, UTC)
     window = FlightWindow(latest, latest, latest)
     timed = Zone("timed", pennovation.zones[0].shape, validity=Validity(()))
     flight = rig(arm=False, window=window, zones=(timed,))
     result = flight.run()
     assert result.exit_code == ExitCode.REFUSED
-    assert result.outcome.startswith("refused: nobody took off before 22:13 UTC")
+    assert result.outcome.startswith("refused: no take-off before 22:13 UTC")
     assert "arm" not in flight.vehicle.verbs
     flight = rig(arm=False, window=window)  # all zones count at all times
     flight.at(lambda: flight.clock.now_s() > 1.7e9 + 40, flight.vehicle.airframe.take_off)
@@ -266,7 +266,7 @@ def test_ctrl_c_on_the_ground_commands_nothing(rig):
 @pytest.mark.parametrize(
     ("verb", "error"),
     [
-        ("connect", NoVehicleError("nobody there")),
+        ("connect", NoVehicleError("no answer there")),
         ("upload", PlanRefusedError("not taken")),
         ("arm", ArmingRefusedError("no GPS")),
         ("start", NotConfirmedError("stays in Hold mode")),
@@ -311,7 +311,7 @@ def test_a_red_line_of_the_pre_flight_card_refuses_before_anything_is_uploaded(r
 
 def test_nothing_is_decided_on_a_vehicle_that_is_refused(rig):
     flight = rig()
-    flight.vehicle.airframe.take_off()  # somebody else's flight, just above home
+    flight.vehicle.airframe.take_off()  # a pilot's flight, just above home
     with pytest.raises(RefusedError, match="is flying"):
         flight.run()
     assert "READY -> INIT" not in flight.out.getvalue()

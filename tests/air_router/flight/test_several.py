@@ -60,7 +60,7 @@ def test_one_that_only_searches_goes_to_the_next_robot_when_it_does_not_meet_one
     assert seeking(flight) == ["callisto", "europa"]
 
 
-def test_one_that_only_searches_hovers_when_nobody_can_be_sought_and_asks_again(pretend):
+def test_one_that_only_searches_hovers_when_no_robot_can_be_sought_and_asks_again(pretend):
     flight = pretend(explore=False, seek=())
     flight.take_off()
     flight.fly_until(lambda: flight.now_s > 150.0)
@@ -132,7 +132,7 @@ def test_one_that_hovers_over_a_robot_already_keeps_it(pretend):
     assert (flight.controller.state, flight.controller.robot) == (State.COMM, "callisto")
 
 
-def test_the_same_word_again_or_one_that_leaves_nobody_else_changes_nothing(pretend):
+def test_the_same_word_again_or_one_that_leaves_no_other_robot_changes_nothing(pretend):
     flight = pretend(explore=False, seek=("io",))
     flight.take_off()
     for stamp_s in range(5):
@@ -173,7 +173,7 @@ def test_whom_another_uav_seeks_is_news_while_it_is_fresh(pennovation, robot):
 
 
 @pytest.mark.parametrize("data", [b"{}", b'{"stamp_s": 1}', b'{"stamp_s": 1, "robot": ""}', b"[]"])
-def test_junk_about_whom_somebody_seeks_is_refused(data):
+def test_junk_about_whom_a_uav_seeks_is_refused(data):
     with pytest.raises(MessageError):
         SeekMessage.decode(data)
 
@@ -203,7 +203,7 @@ def test_whom_we_seek_is_published_at_once_and_again_before_it_is_forgotten(goss
         return gossip.node.latest("titan", "/seek").header
 
     gossip.tell(Telemetry(5.0, Point(0.0, 0.0), 0.0))
-    assert told() is None, "nobody was sought yet"
+    assert told() is None, "no robot was sought yet"
     gossip.tell_sought("io", 10.0)
     assert told() == "io"
     first = published()

@@ -113,8 +113,8 @@ def test_texts_go_to_one_flight_and_answers_come_back():
                 assert await text(second) == "atlas: hold"
                 atlas.audience.tell_all("news", "landed")
                 assert await text(second) == await text(third) == "landed"
-                async with browser.looking("io") as nobody:
-                    assert await why_closed(nobody) == "does not answer"
+                async with browser.looking("io") as unanswered:
+                    assert await why_closed(unanswered) == "does not answer"
         return titan.heard, atlas.heard
 
     assert asyncio.run(look()) == ([], ["hold"])
@@ -219,7 +219,7 @@ def test_what_is_no_flight_and_what_says_too_much_is_given_up():
     assert elsewhere.asked == 1
 
 
-def test_a_page_that_says_too_much_is_let_go_and_nobody_else():
+def test_a_page_that_says_too_much_is_let_go_and_no_other():
     async def look():
         titan = FlightPage("titan")
         async with (

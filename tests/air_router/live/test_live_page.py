@@ -109,7 +109,7 @@ def test_a_page_that_is_opened_late_is_told_everything_and_asks_at_the_desk(flig
                     ("done", {"request": "hold", "id": 1}),
                     ("refused", {"request": "dance", "id": 2}),
                     ("refused", ["hold"]),
-                    ("done", {"request": "seek", "robot": "nobody", "id": 4}),
+                    ("done", {"request": "seek", "robot": "phantom", "id": 4}),
                 ):
                     await socket.send_str(json.dumps(request))
                     answers.append(await until(kind))

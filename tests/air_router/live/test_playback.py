@@ -92,7 +92,7 @@ def test_a_record_without_a_flight_is_refused(record, tmp_path, capsys):
     assert main(["replay", "x.mcap", "--web", "70000"]) == ExitCode.USAGE
 
 
-def test_whoever_looks_steers_the_film_and_asks_for_nothing_else(record):
+def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
     film = Film(record)
     playback = Playback(film, Web(), speed=100.0)
 

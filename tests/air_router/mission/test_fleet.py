@@ -273,7 +273,7 @@ def test_a_vehicle_that_stands_beside_its_home_does_not_take_off(tmp_path):
     ]
 
 
-def test_a_plan_is_for_one_uav_whoever_that_is(tmp_path):
+def test_a_plan_is_for_one_uav_whichever_that_is(tmp_path):
     plan = Path(__file__).parents[2] / "data" / "pennovation.plan"
     mission = load_flown(plan, "atlas")
     assert (mission.uav, mission.layers, mission.ceiling_m) == ("atlas", (), math.inf)

@@ -286,7 +286,7 @@ step = 0
 while True:
     step += 1
     recorder.event(Telemetry(float(step), Point(0.0, 0.0), 1.0), float(step))
-    print(step, flush=True)  # waits when nobody reads
+    print(step, flush=True)  # waits when the pipe has no reader
 """
 
 
@@ -344,7 +344,7 @@ def test_a_file_that_is_no_record_is_told(tmp_path, flown):
 
 
 @pytest.mark.parametrize("message", [None, b"5", b'"x"', b"{}", b"\x08\x96\x01", b"[" * 9_999])
-def test_a_record_of_somebody_else_s_is_told(tmp_path, message):
+def test_a_record_of_another_program_is_told(tmp_path, message):
     path = mcap(tmp_path / "a.mcap", *[] if message is None else [message])
     with pytest.raises(LogError, match="an MCAP file, but not a flight's record"):
         list(read(path))

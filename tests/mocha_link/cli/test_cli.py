@@ -274,7 +274,7 @@ def test_a_node_outlives_the_reader_of_its_events(field, team_file):
     os.close(writer)
     with process:
         for line in process.stderr:
-            if "nobody reads the events any more" in line:
+            if "no program reads the events any more" in line:
                 break
         titan.publish("/map", b"grid")
         while not saw.wait(SyncEnded, peer="io", direction=Direction.OUT).messages:

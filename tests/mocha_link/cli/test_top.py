@@ -343,7 +343,7 @@ def test_without_a_terminal_it_prints_once(field, capsys):
     assert "\x1b" not in out
 
 
-def test_nobody_there(field, capsys, monkeypatch):
+def test_no_answer(field, capsys, monkeypatch):
     monkeypatch.setattr(top_command, "FIRST_S", 0.05)
     assert main(["top", f"tcp://{field.host}:9"]) == 1
     assert "is a node running there with --metrics" in capsys.readouterr().err

@@ -267,19 +267,19 @@ def test_a_cut_and_what_comes_after(poked):
     assert there.asked - asked < 12  # it does not flood a link that is down
     before = b.bytes
     world.run(8)
-    (a if poked else b).flow.on_contact(world.now_s)  # whoever hears of the contact
+    (a if poked else b).flow.on_contact(world.now_s)  # the side that hears of the contact
     (a if poked else b).go()
     world.run(8 + rtt_s + 0.05)
     assert not a.flow.down
     assert b.bytes > before
     world.run(10)
     assert b.bytes - before > 0.9 * MBIT * (2 - rtt_s)
-    assert b.flow.repeated <= (6 if poked else 0)  # nobody could know what had arrived
+    assert b.flow.repeated <= (6 if poked else 0)  # it could not be known what had arrived
     numbers = [int.from_bytes(frame[:4], "big") for frame in b.got]
     assert len(set(numbers)) == len(numbers)
 
 
-def test_nobody_pokes():
+def test_no_contact_is_told():
     world, there, back = link(rtt_s=0.1, up=[(0, 2), (8, 12)])
     a = End(world, there, endless).join(b := End(world, back))
     a.go()

@@ -31,7 +31,7 @@ def server(database) -> Server:
 
 
 def opening(server: Server, *, padded: int, address_token: int) -> bytes:
-    """The first datagram of somebody who says that he is io."""
+    """The first datagram of a sender that says it is io."""
     io = Asker(server)
     io.receiver._peer_state.address_token = address_token
     frames = io.receiver.open(at(0)).frames + ([bytes(padded)] if padded else [])

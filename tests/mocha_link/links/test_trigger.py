@@ -66,7 +66,7 @@ def test_a_new_contact_does_not_wait_for_the_interval():
     assert it.due(0.6) == ["io"]
 
 
-def test_a_silent_radio_hears_nobody():
+def test_a_silent_radio_hears_no_peer():
     it = trigger()
     it.heard("io", -70, 0)
     assert it.silenced(6) == []

@@ -23,7 +23,7 @@ def test_a_slow_reader_loses_the_oldest():
     assert stream.dropped == 2
 
 
-def test_a_stream_that_nobody_holds_is_gone():
+def test_a_stream_that_is_not_held_is_gone():
     broadcast = Broadcast()
     broadcast.stream()
     gc.collect()

@@ -1,4 +1,4 @@
-"""Who fills the memory of a node at an open port is sent away; nobody else is."""
+"""A client that fills the memory of a node at an open port is sent away; no other is."""
 
 from __future__ import annotations
 

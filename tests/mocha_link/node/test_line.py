@@ -194,7 +194,7 @@ def test_it_does_not_try_a_third_time(line, peer):
 
 
 def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, peer, monkeypatch):
-    """Somebody else in the process may get the number of the closed one; it must not be watched."""
+    """Another thread may get the number of the closed one; it must not be watched."""
     poller = zmq.Poller()
     line.watch(poller)
     line.send(b"one")
@@ -407,7 +407,7 @@ def test_closing_is_at_once_and_closes(peer):
     line.close()
     with contextlib.suppress(ConnectionResetError):
         assert connection.recv(1000) == b""
-    line.send(b"after the end")  # nobody cares any more
+    line.send(b"after the end")  # too late to matter
     assert line.rtt_s() is None
 
 

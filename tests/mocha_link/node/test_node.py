@@ -54,7 +54,7 @@ def test_two_nodes_exchange_both_ways(field):
     assert titan.latest("io", "/path") is None
     assert titan.held("io") == {("io", "/pose"): titan.latest("io", "/pose").stamp_s}
     with pytest.raises(UnknownRobotError):
-        titan.held("nobody")
+        titan.held("phantom")
     assert {(m.robot, m.topic) for m in titan.messages()} == {("titan", "/map"), ("io", "/pose")}
 
     link = io.links()["titan"]
@@ -375,7 +375,7 @@ def test_events_for_asyncio(field):
 def test_closing_does_not_wait_for_a_sync(field):
     io, _, io_saw = field.node("io")
     with socket.create_server((field.host, field.team.robot("titan").port_for("io"))):
-        io.sync("titan")  # nobody answers there
+        io.sync("titan")  # no node answers there
         io_saw.wait(SyncStarted, peer="titan")
         io.close()  # does not wait for the pull to time out: it has not ended
     assert io.links()["titan"].state is LinkState.STARTED

@@ -26,7 +26,7 @@ from tests.mocha_link.conftest import TEAM, WAIT_S, Field, Witness
 IN, OUT = Direction.IN, Direction.OUT
 NAMES = ("callisto", "io", "titan")
 SECRETS = {name: SecretKey(bytes([number]) * 32) for number, name in enumerate(NAMES, 1)}
-SECRET_TEXT = b"nobody may read this " * 20
+SECRET_TEXT = b"no peer may read this " * 20
 
 
 class Locked:
@@ -65,7 +65,7 @@ def pull(saw: Witness, node: Node, peer: str) -> SyncEnded:
 
 
 def refusal(node: Node) -> threading.Event:
-    """Set when the node has refused somebody at a port: on its own thread, so maybe a bit later."""
+    """Set when the node has refused a client at a port: on its own thread, so maybe a bit later."""
     refused, count = threading.Event(), node._gossip.refused
 
     def counted(peer: str, reason: str) -> None:
@@ -194,7 +194,7 @@ def test_nothing_of_it_can_be_read_on_a_connection(locked):
         assert pull(saw, io, "titan").messages == 1
         assert io.latest("titan", "/map").data == SECRET_TEXT
         assert len(between.seen["tcp"]) > 1000
-        for word in (b"nobody", b"SYNC1", b"GHEAD"):
+        for word in (b"no peer", b"SYNC1", b"GHEAD"):
             assert word not in between.seen["tcp"]
 
 
@@ -209,7 +209,7 @@ def test_nothing_of_it_can_be_read_in_datagrams(locked):
         assert io.latest("titan", "/map").data == SECRET_TEXT + noise(5_000)
         assert io.links()["titan"].path == "udp"
         assert len(between.seen["udp"]) > 5_000
-        for word in (b"nobody", b"idid"):
+        for word in (b"no peer", b"idid"):
             assert word not in between.seen["udp"]
         assert not between.seen["tcp"]
 
@@ -222,7 +222,7 @@ def test_without_keys_it_can_be_read(locked):
     with wire(hall) as between:
         io, _, saw = hall.node("io", datagrams=False)
         assert pull(saw, io, "titan").messages == 1
-        assert b"nobody may read this" in between.seen["tcp"]
+        assert b"no peer may read this" in between.seen["tcp"]
         assert not io.links()["titan"].protected
 
 
@@ -272,7 +272,7 @@ def test_a_wrong_key_is_refused_and_counted(locked, tmp_path, caplog):
 
 
 def test_whom_we_take_for_another_we_tell_nothing(locked):
-    """Somebody else listens where titan should be: io finds out, and nothing crosses."""
+    """Another node listens where titan should be: io finds out, and nothing crosses."""
     hall = locked(*NAMES)
     other = SecretKey.generate()
     keys.write(hall.folder / "titan.key", "titan", other, replace=True)

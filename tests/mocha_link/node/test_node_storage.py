@@ -275,7 +275,7 @@ def disk(monkeypatch) -> Disk:
 
 
 def test_a_node_that_cannot_be_made_gives_up_its_file(field, file):
-    """The key of a robot that is nobody's peer is none: all that was begun ends."""
+    """The key of a robot that is no node's peer is none: all that was begun ends."""
     bad = {"callisto": {"key": "0" * 40, "clients": ["io"]}, "titan": {"clients": ["io"]}}
     field.team = field.team.with_robots(bad)
     with pytest.raises(KeyMismatchError):

@@ -1,4 +1,4 @@
-"""The port for a peer: what gets in, what gets out, and what happens when nobody reads it."""
+"""The port for a peer: what gets in, what gets out, and what happens when it has no reader."""
 
 from __future__ import annotations
 
@@ -137,9 +137,9 @@ def test_a_reply_to_a_peer_that_is_gone_is_dropped(port, titan, clients):
     client.close(0)
     for _ in range(100):
         port.reply(route, LARGE)
-    port.reply((b"nobody", b""), b"reply")
-    port.push((b"nobody", b""), [b"frame"])
-    assert port.flush((b"nobody", b""))
+    port.reply((b"absent", b""), b"reply")
+    port.push((b"absent", b""), [b"frame"])
+    assert port.flush((b"absent", b""))
 
 
 def asleep(port: Port, titan: Robot, clients: Clients) -> tuple[zmq.Socket, tuple, int]:
@@ -187,7 +187,7 @@ def test_only_so_many_requests_wait(port, titan, clients):
     assert waiting == [QUEUE_REQUESTS]
 
 
-def test_a_connection_that_does_not_read_holds_up_nobody_and_goes_with_its_replies(
+def test_a_connection_that_does_not_read_holds_up_no_other_and_goes_with_its_replies(
     port, titan, clients
 ):
     client, _, _ = asleep(port, titan, clients)
@@ -311,7 +311,7 @@ def test_datagrams_come_to_the_same_number(port, sender):
 
 
 def test_datagrams_go_back_to_where_the_peer_was_seen(port, sender):
-    port.send_datagram(b"to nobody yet")
+    port.send_datagram(b"to no peer yet")
     sender.send(b"hello")
     assert port.is_ready(ready(port))
     ((_, port.caller),) = port.packets(64)
@@ -326,9 +326,9 @@ def test_a_caller_that_is_gone_stops_nothing(port, titan, sender):
         port.caller = gone.getsockname()
     for _ in range(3):
         port.send_datagram(b"anybody?")
-    sender.send(b"somebody")
+    sender.send(b"absent")
     assert port.is_ready(ready(port))
-    assert [packet for packet, _ in port.packets(64)] == [b"somebody"]
+    assert [packet for packet, _ in port.packets(64)] == [b"absent"]
 
 
 def test_empty_and_long_datagrams(port, sender):
@@ -423,7 +423,7 @@ def test_a_closed_port_is_free_when_its_context_is_gone(titan, clients):
         client.close(0)
 
 
-def test_somebody_who_never_stops_does_not_keep_the_node(port, monkeypatch):
+def test_a_client_that_never_stops_does_not_keep_the_node(port, monkeypatch):
     """Messages without an envelope, faster than they are read."""
 
     class Flood:
@@ -432,7 +432,7 @@ def test_somebody_who_never_stops_does_not_keep_the_node(port, monkeypatch):
         def recv_multipart(self, _flags: int) -> list[bytes]:
             assert self.left, "it goes on and on"
             self.left -= 1
-            return [b"somebody", b""]
+            return [b"absent", b""]
 
         def close(self, _linger: int) -> None:
             pass

@@ -1,4 +1,4 @@
-"""Names become addresses in a thread of their own: a name server that hangs holds up nobody."""
+"""Names become addresses in a thread of their own: a name server that hangs holds up no peer."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Woken(Resolver):
         assert self.answers.acquire(timeout=WAIT_S)
 
 
-def test_numbers_need_nobody(names):
+def test_numbers_need_no_name_server(names):
     resolver = Resolver(lambda: None)
     assert resolver.address("127.0.0.1") == "127.0.0.1"
     assert resolver.failure("127.0.0.1") is None
@@ -119,7 +119,7 @@ def test_names_that_cannot_be(host):
         assert resolver.address(host) or resolver.failure(host)
 
 
-def test_a_name_server_that_hangs_holds_up_nobody(names):
+def test_a_name_server_that_hangs_holds_up_no_peer(names):
     names.known = {"slow": "10.0.0.1", "quick": "10.0.0.2"}
     names.hangs = {"slow"}
     resolver = Woken()

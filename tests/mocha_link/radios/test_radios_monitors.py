@@ -242,7 +242,7 @@ def test_a_monitor_elsewhere(seen):
 
 
 def test_a_monitor_that_is_not_there_yet(seen):
-    host = f"127.77.{os.getpid() // 254 % 254 + 1}.{os.getpid() % 254 + 1}"  # nobody else's
+    host = f"127.77.{os.getpid() // 254 % 254 + 1}.{os.getpid() % 254 + 1}"  # of no other test
     with socket.create_server((host, 0)) as monitor:
         port = monitor.getsockname()[1]
     radio = RajantRadio(

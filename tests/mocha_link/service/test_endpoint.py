@@ -1,4 +1,4 @@
-"""Where a node and its bridges serve other programs: nobody's endpoint is taken away."""
+"""Where a node and its bridges serve other programs: no program loses its endpoint."""
 
 from __future__ import annotations
 

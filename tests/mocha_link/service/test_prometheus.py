@@ -216,7 +216,7 @@ def test_no_more_than_so_many_at_a_time(server):
         connection.close()
 
 
-def test_nobody_holds_a_connection_for_long(node, monkeypatch):
+def test_no_client_holds_a_connection_for_long(node, monkeypatch):
     monkeypatch.setattr(prometheus, "REQUEST_S", 0.05)
     with (
         PrometheusServer(node, "127.0.0.1:0") as server,

@@ -159,7 +159,7 @@ class Days(Meeting):
     def newest(self) -> dict[tuple[str, str], bytes]:
         """What everybody should hold."""
         newest = dict(self._newest)
-        if self.shown_only:  # of what is later only by its clock nobody ever hears
+        if self.shown_only:  # of what is later only by its clock no peer ever hears
             own = [key for key in newest if key[0] == self.stand_in]
             newest.update({key: self.held(self.stand_in)[key] for key in own})
         return newest
@@ -202,7 +202,7 @@ class Days(Meeting):
             self.meet(*rng.sample(NAMES, 2), cut=rng.choice(CUTS))
 
     def live(self, disturb: Callable[[], str], check: Callable[[], None]) -> None:
-        """Three days; `disturb` does something to somebody and says what."""
+        """Three days; `disturb` does something to a robot and says what."""
         done = "they began"
         while self.time_s < START_S + DAYS_S:
             if self.random.random() < 0.7:
@@ -282,7 +282,7 @@ def test_beside_an_original_node(seed):
     def disturb() -> str:
         if days.random.random() < 0.7:
             return days.disturb()
-        if seed % 2:  # not both: what it says in a new life, and is not later, nobody takes
+        if seed % 2:  # not both: what it says in a new life, and is not later, no peer takes
             days.members[OLD].ahead_s = -days.random.uniform(0, OLD_CLOCKS_S)
             return f"another clock of {OLD}"
         days.lose(OLD)

@@ -217,7 +217,7 @@ def test_the_trailer_says_what_pack_was_told(data, stamp_ms, signature, behind, 
 
 def test_bodies_of_original_nodes_have_no_trailer():
     body = payload.pack(3, 1, b"data", checksum=False)
-    for behind in (b"", b"\xd6", b"something of somebody else"):
+    for behind in (b"", b"\xd6", b"something of another program"):
         assert payload.trailer(body + behind) is None
         assert payload.check(body + behind) is None
 

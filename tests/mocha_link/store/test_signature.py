@@ -87,7 +87,7 @@ def test_a_wrong_signature_is_worse_than_none(mixed, trust):
     assert issubclass(SignatureError, PayloadError)
 
 
-def test_a_signature_that_nobody_can_check_counts_as_none(mixed):
+def test_a_signature_that_no_key_can_check_counts_as_none(mixed):
     verify(mixed, *message(mixed, "callisto", "/pose", by=IO), "callisto")
 
 

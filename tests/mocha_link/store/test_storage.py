@@ -232,7 +232,7 @@ def test_closing_does_not_wait_for_a_disk_that_hangs(shelter, tmp_path, caplog):
     assert "2 changes are not on disk" in caplog.text
     gates[0].open.set()
     assert node.storage.close(30)
-    node.write(2)  # a late one: the memory takes it, nobody waits for ever
+    node.write(2)  # a late one: the memory takes it, no caller waits for ever
     assert not node.storage.wait()
     assert numbers(node.database) == [0, 1, 2]
     assert numbers(shelter().database) == [0, 1]
@@ -461,7 +461,7 @@ def test_a_file_that_is_damaged_while_it_is_used(shelter, tmp_path):
         ("DROP TABLE record", StorageUnreachableError, "no such table"),
     ],
 )
-def test_a_file_of_somebody_else(shelter, tmp_path, change, error, words):
+def test_a_file_of_another_program(shelter, tmp_path, change, error, words):
     shelter().storage.close()
     path = tmp_path / "messages.db"
     with contextlib.closing(sqlite3.connect(path)) as file:

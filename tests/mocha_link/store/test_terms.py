@@ -30,7 +30,7 @@ def file(tmp_path) -> Path:
     return tmp_path / "io.db"
 
 
-def test_a_robot_that_joins_gets_nobody_elses_messages(field_of, file, caplog):
+def test_a_robot_that_joins_gets_no_other_robot_s_messages(field_of, file, caplog):
     """europa takes io's number."""
     field = field_of(TEAM)
     callisto, _, _ = field.node("callisto")

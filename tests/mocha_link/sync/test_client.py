@@ -269,7 +269,7 @@ def test_a_message_that_was_cut_lets_the_others_go_first():
     assert third.path_stats.cut == {}
 
 
-def test_a_topic_that_is_always_too_large_starves_nobody_though_it_is_new_each_time():
+def test_a_topic_that_is_always_too_large_starves_no_other_though_it_is_new_each_time():
     path_stats = PathStats()
     for contact in range(3):
         pull = Pull(path_stats=path_stats)

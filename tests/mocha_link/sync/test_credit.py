@@ -52,7 +52,7 @@ def link(credit: Credit, *, rate: float, rtt_s: float, seconds: float) -> tuple[
             sent += frame
             under_way.append((sent_s + rtt_s / 2, frame))
         events = [each[0][0] for each in (grants, under_way) if each]
-        assert events, "nobody may send and nothing is under way: it stands still"
+        assert events, "no side may send and nothing is under way: it stands still"
         now_s = min(events)
         while under_way and under_way[0][0] <= now_s:
             if credit.take(under_way.pop(0)[1], now_s, rtt_s):

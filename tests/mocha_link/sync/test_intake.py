@@ -406,7 +406,7 @@ def test_a_part_whose_rest_never_comes_is_asked_for():
     assert asking.node.content == {LONG: body()}
 
 
-def test_a_part_that_nobody_needs_any_more_is_dropped():
+def test_a_part_that_is_not_needed_any_more_is_dropped():
     node = Node("asker")
     asking = Asking(node)
     asking.hear(asking.chunks(pieces=[(LONG, body(), 0, 10)]))

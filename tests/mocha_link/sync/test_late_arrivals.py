@@ -85,7 +85,7 @@ def test_what_was_lost_with_a_connection_is_said_again_on_the_next(server, datab
 
 @pytest.mark.parametrize("by_datagram", [False, True])
 def test_only_an_opening_begins_a_sync(server, by_datagram):
-    """An END of a pull that nobody remembers."""
+    """An END of a pull that no node remembers."""
     io = Asker(server)
     (io.opening,) = message_frames(END, 0, b"", 1100)
     if by_datagram:

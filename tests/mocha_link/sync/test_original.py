@@ -220,7 +220,7 @@ def test_ids_types_and_priorities_that_are_none_of_the_team(mixed, old):
 
 
 def test_the_second_that_stops_original_nodes(field, old):
-    """A header with seconds = 0 locks the database of whoever stores it: it ends here."""
+    """A header with seconds = 0 locks the database of a node that stores it: it ends here."""
     wrap_s = math.ceil(field.clock.now_s() / WRAP_S) * WRAP_S
     field.clock.time_s = wrap_s + 0.5
     io, callisto = old("io"), old("callisto")
@@ -372,7 +372,7 @@ def test_two_messages_in_one_millisecond(field, old):
     assert io.publish("/pose", b"one") == io.publish("/pose", b"two")
     pull(titan, saw, "io")
     assert titan.latest("io", "/pose").data == b"two"
-    io.publish("/pose", b"three")  # overwritten over there; nobody who has "two" can know of it
+    io.publish("/pose", b"three")  # overwritten over there; no node that has "two" can know of it
     assert pull(titan, saw, "io").messages == 0
     stamps = [titan.publish("/map", b"%d" % number).pack() for number in range(5)]
     assert len(set(stamps)) == 5

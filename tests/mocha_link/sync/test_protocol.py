@@ -71,7 +71,7 @@ def test_a_pull_is_told(database):
     assert session.answer([ID + b"DENDTio"], at(0)) == (ID + b"Ack", [])
     assert session.answer([ID + b"GHEAD"], at(1))[1] == [SyncStarted("io", 2000, OUT)]
     session.answer([ID + b"GDATA" + record(1500).header.pack()], at(2))
-    session.answer([ID + b"GDATAnobody"], at(3))
+    session.answer([ID + b"GDATAabsent"], at(3))
     assert session.answer([ID + b"DENDT\xff\xfe"], at(4)) == (
         ID + b"Ack",
         [SyncEnded("io", 2000, OUT, messages=1, bytes=12 + 12 + 11 + 9, duration_s=3)],

@@ -277,7 +277,7 @@ def test_a_connection_that_is_lost_does_not_matter_while_datagrams_get_through(e
 
 
 def test_a_refused_connection_before_anything_came_ends_the_pull(ether):
-    """There is nobody: say so at once, not in 5 s."""
+    """There is no node: say so at once, not in 5 s."""
     io = ether.nodes["io"]
     io.sync("titan", ether.now)
     io.lost("titan", "cannot connect to titan: refused", ether.now)
@@ -293,7 +293,7 @@ def test_a_refused_connection_before_anything_came_ends_the_pull(ether):
 @pytest.mark.parametrize(
     ("parts", "refusals"),
     [
-        ([b"nobody!"], 1),
+        ([b"absent!"], 1),
         ([], 1),
         ([b"\0\0\0\0\0\1", b"two"], 1),
         ([b"\0\0\0\0\0\1" + b"garbage"], 1),

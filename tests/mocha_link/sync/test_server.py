@@ -347,7 +347,7 @@ def test_the_fallback_is_ignored_where_the_sync_is(server, io):
 
 
 def test_the_fallback_is_answered_elsewhere(server, io, database):
-    """The same id on another connection, or another id on this one: somebody asks the old way."""
+    """The same id on another connection, or another id on this one: a peer asks the old way."""
     io.open(GRANT.pack(0, 65_536))
     server.take()
     assert io.ask(b"GHEAD", OTHER) == b"ididid" + database.header_list()
@@ -649,7 +649,7 @@ def test_acknowledgements_cannot_be_guessed():
     assert sent < 30_000
 
 
-def test_datagrams_that_nobody_answers_open_nothing_for_a_while():
+def test_datagrams_without_an_answer_open_nothing_for_a_while():
     server = Server("io", Database(), PeerState(9))
     taken = []
     for number in range(5):

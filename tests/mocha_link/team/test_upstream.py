@@ -28,7 +28,7 @@ aerial:
 ground-robot:
   - {msg_topic: /pose, msg_type: b_msgs/B, msg_priority: NO_PRIORITY, msg_history: [whatever]}
   - {msg_topic: /far, msg_type: c_msgs/C, msg_priority: MEDIUM_PRIORITY}
-nobody:
+phantom:
   - {msg_topic: /x, msg_type: a_msgs/Z, msg_priority: NO_PRIORITY}
 """
 RADIOS = """\
@@ -169,7 +169,7 @@ def test_too_many(files):
         f"  - {{msg_topic: /{n}, msg_type: a/B, msg_priority: NO_PRIORITY}}\n" for n in range(255)
     )
     with pytest.raises(DocumentError, match="260 topics, at most 256 have ids"):
-        files([("topics", "nobody:\n", f"nobody:\n{many}")])
+        files([("topics", "phantom:\n", f"phantom:\n{many}")])
     many = "".join(f"r{n}: {{}}\n" for n in range(256))
     with pytest.raises(DocumentError, match="259 robots, at most 256 have ids"):
         files([("robots", "base:", f"{many}base:")])
@@ -202,4 +202,4 @@ def test_the_command(tmp_path, capsys):
     assert "original: true" in capsys.readouterr().out
     assert main(["import", files[1], files[0]]) == 3
     assert "topic_configs.yaml:" in capsys.readouterr().err
-    assert main(["import", *files, "--ours", "nobody"]) == 2
+    assert main(["import", *files, "--ours", "phantom"]) == 2

@@ -101,7 +101,7 @@ class TestDepartures:
         assert outcome.left_out
         assert "GCS" in outcome.departure
 
-    def test_nobody_there(self, monkeypatch):
+    def test_no_answer(self, monkeypatch):
         monkeypatch.setattr("sitl.conformance.udp_line._SILENCE_S", 0.05)
         silent = UdpLine({Link.API: 0}, fresh=True)
         try:

@@ -13,7 +13,7 @@ def answer(task):
 def sometimes_deadly(task):
     """Number 1 kills its first worker, number 2 every one; number 3 meets a fault of the model.
 
-    Number 4 lacks a file, which is nobody's fault.
+    Number 4 lacks a file, which is no worker's fault.
     """
     mark = Path(task.folder) / f"tried-{task.number}"
     if task.number == 2 or (task.number == 1 and not mark.exists()):
@@ -29,5 +29,5 @@ def sometimes_deadly(task):
 def leisurely(task):
     """Says where it is made, and takes its time."""
     (Path(task.folder) / f"at-{os.getpid()}").touch()
-    time.sleep(0.05)  # the work itself: nobody waits for anything here
+    time.sleep(0.05)  # the work itself: no test waits for anything here
     return {**answer(task), "pid": os.getpid()}

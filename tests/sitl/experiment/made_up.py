@@ -1,4 +1,4 @@
-"""Runs that nobody has simulated, for tests of what stands around the engine."""
+"""Runs that were not simulated, for tests of what stands around the engine."""
 
 import os
 import time

@@ -210,7 +210,7 @@ def test_rows_are_chosen_by_settings_and_by_names():
     [
         ("telemetry_s: 3", "row 'all': telemetry_s of 3"),
         ("base_goals: [v01, nope]", r"no goal 'nope'; use v01, .*v15"),
-        ("uavs: 0, base_station: false", "nobody takes part"),
+        ("uavs: 0, base_station: false", "no robot takes part"),
         ("trace: {path: links.csv}, channel: trace", r"links\.csv:2: b: no robot 'uav09'"),
     ],
 )

@@ -168,7 +168,7 @@ def test_two_vehicles_keep_together(make_vehicle):
     "said",
     [b"GET / HTTP/1.1\r\n\r\n", line({"reached_s": 1}), b'{"name": "x", "reached_s": NaN}\n'],
 )
-def test_a_stranger_is_hung_up_on_and_nobody_waits_for_it(said):
+def test_a_stranger_is_hung_up_on_and_no_program_waits_for_it(said):
     with PaceServer(("127.0.0.1", 0), 0) as server:
         stranger = socket.create_connection(("127.0.0.1", server.port))
         stranger.sendall(said)

@@ -47,7 +47,7 @@ for status in [0] * 3 + [3] * 1000:
 
 @pytest.fixture
 def free_instance():
-    """One whose ports nobody has."""
+    """One whose ports are free."""
     for instance in range(100, 240):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:

@@ -267,7 +267,7 @@ def test_a_missing_mission_and_a_team_without_ground_robots_are_told(tmp_path, c
         "kinds: {aerial_robot: {topics: []}}\n"
     )
     assert run_team(str(MISSION), "--team", str(team)) == 3
-    assert "nobody drives" in capsys.readouterr().err
+    assert "no robot drives" in capsys.readouterr().err
 
 
 def test_a_place_that_is_no_url_is_told(tmp_path, capsys):

@@ -67,7 +67,7 @@ def test_shadowing_has_the_deviation_asked_for_and_differs_between_pairs_and_see
     assert RadioModel(shadowing_db=3.0, seed=1)._shadowing_db("a", "b", 0.0) != still[0]
 
 
-def test_nobody_hears_beyond_the_longest_range():
+def test_no_robot_hears_beyond_the_longest_range():
     radio = RadioModel(shadowing_db=2.0)
     reach_m = radio.longest_range_m(ground_to_ground=True)
     loudest = max(

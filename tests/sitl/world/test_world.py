@@ -214,7 +214,7 @@ def test_two_vehicles_hear_each_other_and_the_robots_and_each_sees_what_is_below
     assert ("titan", "atlas", True) in {(c.a, c.b, c.up) for c in near.links}
 
 
-def test_a_vehicle_that_was_not_heard_of_yet_is_heard_by_nobody():
+def test_a_vehicle_that_was_not_heard_of_yet_is_not_heard():
     world = two_vehicles()
     step = world.step(truth(0.0, WEST))
     assert {name for r in step.readings for name in (r.robot, r.peer)} == {"titan", "io", "europa"}

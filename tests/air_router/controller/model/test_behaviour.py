@@ -60,7 +60,7 @@ def test_what_is_asked_for_moves_nothing_before_take_off_nor_once_it_lands_or_is
         assert known == asked - ({Signal.HOLD} if state is State.HOLD else set())
 
 
-def test_hands_off_is_for_good_unless_somebody_asks():
+def test_hands_off_is_for_good_unless_the_operator_asks():
     after = {signal: t for (s, signal), t in TRANSITIONS.items() if s is State.PASSIVE}
     assert after == {
         Signal.GROUNDED: State.DONE,

@@ -70,7 +70,7 @@ def test_a_climb_that_does_not_go_on(flight_phase):
     assert not climbing(36.0, 9.0)
 
 
-def test_somebody_else_s_climb_is_not_watched(flight_phase):
+def test_a_pilot_s_climb_is_not_watched(flight_phase):
     flight_phase.note(seen(armed=True, in_air=True))
     assert not flight_phase.stuck(seen(armed=True, in_air=True, time_s=1.0))
     assert not flight_phase.stuck(seen(armed=True, in_air=True, time_s=99.0))

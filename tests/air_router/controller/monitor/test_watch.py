@@ -37,7 +37,7 @@ def watched(pennovation, plan):
     return look
 
 
-def test_an_order_of_somebody_else_while_it_hovers_in_hold(watched):
+def test_an_order_of_another_while_it_hovers_in_hold(watched):
     goto = FlyToPoint(HERE, 40.0)
     assert watched(goto, (1.0,), target=Point(1.0, 1.0)) is EventKind.GOOD
     assert watched(goto, (2.0, 2.0 + STRANGE_S - 0.1), target=THERE) is EventKind.GOOD

@@ -153,7 +153,7 @@ def test_a_radio_that_is_heard_says_where_a_robot_is_once_its_path_is_over():
     robot.pose_heard(Point(0, 0), 1e9 + 100.0, 100.0)
     robot.radio_heard(Point(40, 10), 150.0)  # as it said
     assert robot.course().points[-1] == (100, 0)
-    robot.radio_heard(Point(90, 80), 300.0)  # nobody knew
+    robot.radio_heard(Point(90, 80), 300.0)  # it was not known
     assert robot.course().points == ((90, 80),)
     robot.pose_heard(Point(95, 85), 1e9 + 310.0, 310.0)
     assert robot.course().points[0] == (95, 85)
@@ -221,7 +221,7 @@ def test_who_was_sought_in_vain_is_not_sought_at_once_again():
     assert order("freshest", targets, 300.0)[0] == "a"
     targets.sought("a")
     assert order("freshest", targets, 400.0) == ["b", "a"]
-    targets.pose_heard("a", Point(60, 0), 2e9, 410.0)  # somebody has seen it
+    targets.pose_heard("a", Point(60, 0), 2e9, 410.0)  # a peer has seen it
     assert order("freshest", targets, 900.0)[0] == "a"
 
 

@@ -116,7 +116,7 @@ def things(robot="io"):
 
 def entries(mission, robot="io"):
     yield Entry(0.0, "about", {"format": "1", "python": "3.11"})
-    yield Entry(0.0, "setup", FlightSetup(mission, (robot, "nobody"), name="titan"))
+    yield Entry(0.0, "setup", FlightSetup(mission, (robot, "phantom"), name="titan"))
     yield Entry(0.0, "note", Note("Vehicle", {"autopilot": "PX4", "version": "1.17.0"}))
     yield Entry(0.0, "note", Note("Clock", {"unix_s": UNIX_S}))
     for t, value in things(robot):
@@ -128,7 +128,7 @@ def entries(mission, robot="io"):
             if t % 10 == 0:
                 yield Entry(t, "note", Note("MapPublished", {"known_cells": int(100 * t)}))
             yield Entry(t, "note", Note("Map", {"known_cells": int(100 * t)}))
-    # It says that it has the second version, which somebody else handed to it.
+    # It says that it has the second version, which another robot handed to it.
     yield Entry(81.0, "note", Note("Held", {"peer": robot, "held": [["titan", "/map", MAP_S]]}))
     yield Entry(81.0, "note", Note("Map", {"known_cells": 8000}))
     yield Entry(80.0, "note", Note("Report", {"outcome": "done", "robots": {robot: {"found": 1}}}))
@@ -155,7 +155,7 @@ def test_the_facts(summary):
         ("READY", 0, 10, None),
         ("INIT", 10, 30, None),
         ("SEARCH", 30, 60, "io"),
-        ("HOME", 60, 80, None),  # whoever was sought before
+        ("HOME", 60, 80, None),  # the robot that was sought before
     ]
     assert facts["interactions"] == {
         "started": 3,
@@ -166,9 +166,9 @@ def test_the_facts(summary):
         "bytes_in": 4000,
         "bytes_out": 90_000,
     }
-    assert list(facts["robots"]) == ["io", "nobody"]  # our own news have no age
-    nobody = facts["robots"]["nobody"]  # was sought, and never met
-    assert not any(values for name, values in nobody.items() if name != "map_share")
+    assert list(facts["robots"]) == ["io", "phantom"]  # our own news have no age
+    phantom = facts["robots"]["phantom"]  # was sought, and never met
+    assert not any(values for name, values in phantom.items() if name != "map_share")
     io = facts["robots"]["io"]
     assert io["contacts"] == [{"robot": "io", "from_s": 20.0, "to_s": 27.0}]
     broken = io["syncs"][-1]

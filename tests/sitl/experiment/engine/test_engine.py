@@ -108,7 +108,7 @@ def test_the_first_uav_explores_and_the_second_only_searches(original):
     assert set(states["uav02"]) <= {"SEARCH", "COMM"}
 
 
-def test_uavs_that_seek_nobody_go_round_and_talk_to_whom_they_pass():
+def test_uavs_that_seek_no_robot_go_round_and_talk_to_whom_they_pass():
     result = run(dataclasses.replace(SMALL, passive=True, uavs=1), SEED)
     assert {state for _, _, state in result.states} == {"INIT"}
     assert result.exchanges_complete > 0
@@ -199,7 +199,7 @@ def test_other_channels_and_no_robots_at_all(tmp_path):
     assert run(radio, SEED).exchanges_complete > 0
     alone = dataclasses.replace(SMALL, uavs=0, ugvs=0, duration_s=60.0)
     assert run(alone, SEED).exchanges_complete == 0
-    with pytest.raises(ValueError, match="nobody"):
+    with pytest.raises(ValueError, match="no robot takes part"):
         run(dataclasses.replace(alone, base_station=False), SEED)
     with pytest.raises(ValueError, match="telemetry_s"):
         run(dataclasses.replace(SMALL, telemetry_s=1.0), SEED)
