@@ -19,7 +19,7 @@ os.environ["XDG_STATE_HOME"] = _STATE.name
 PATIENT = {"test_px4_commands.py"}
 """Waits nearly all of its time."""
 
-LONG = {"test_hostile.py", "test_days.py", "test_shortest_maps.py", "test_conformance.py"}
+LONG = {"test_hostile.py", "test_soak.py", "test_shortest_maps.py", "test_conformance.py"}
 FLIGHTS = {
     *("test_fly.py", "test_hostile_flight.py", "test_preflight.py", "test_px4.py"),
     *("test_several.py", "test_sim_px4.py", "test_whole_flight.py"),

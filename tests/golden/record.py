@@ -27,7 +27,7 @@ from tests.golden import nodes
 from tests.golden.adapter import fly, make_run
 from tests.golden.plain import Tape
 from tests.golden.streams import FOLDER, SUFFIX, Step, Stream, decided, read, write
-from tests.mocha_link.ether import STEADY_S, Ether, T
+from tests.mocha_link.network_sim import STEADY_S, NetworkSim, T
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 
@@ -165,28 +165,28 @@ def synced(options: Mapping[str, Any], changes: Mapping[str, Any]) -> list[Tape]
     team = Team.from_document(Document.from_text(text, Path("team.yaml")))
     dice = random.Random(7)
     with nodes.tapped(text, T - STEADY_S) as tapes:
-        ether = Ether(team, names=tuple(team.robots), **options)
-        names = tuple(ether.nodes)
+        net = NetworkSim(team, names=tuple(team.robots), **options)
+        names = tuple(net.nodes)
         for turn in range(3):
             for name in names:
                 for topic in team.topics_of(name):
-                    ether.publish(name, topic.name, dice.randbytes(200) * dice.choice((1, 30)))
-            ether.wait(1.5)
-            ether.left = 5 if turn == 1 else None  # the contact breaks off
+                    net.publish(name, topic.name, dice.randbytes(200) * dice.choice((1, 30)))
+            net.wait(1.5)
+            net.left = 5 if turn == 1 else None  # the contact breaks off
             if turn == 2 and "datagrams" in options:
-                ether.blocked = {("zmq", *pair) for pair in itertools.permutations(names, 2)}
+                net.blocked = {("zmq", *pair) for pair in itertools.permutations(names, 2)}
             for one, other in itertools.permutations(names, 2):
-                ether.nodes[one].heard(other, -60.0, ether.at(one))
-            ether.wait(4.0)
-            ether.left = None
+                net.nodes[one].heard(other, -60.0, net.at(one))
+            net.wait(4.0)
+            net.left = None
             if turn == 1:
-                ether.alter = lambda piece: piece.data[:-1] + bytes((piece.data[-1] ^ 1,))
-                ether.wait(2.0)
-                ether.alter = lambda piece: piece.data
-                ether.restart(names[0])
+                net.alter = lambda piece: piece.data[:-1] + bytes((piece.data[-1] ^ 1,))
+                net.wait(2.0)
+                net.alter = lambda piece: piece.data
+                net.restart(names[0])
             for one, other in itertools.permutations(names, 2):
-                ether.nodes[one].heard(other, -95.0, ether.at(one))
-            ether.wait(6.0)
+                net.nodes[one].heard(other, -95.0, net.at(one))
+            net.wait(6.0)
     return tapes
 
 

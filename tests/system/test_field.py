@@ -1,6 +1,6 @@
 """The paper's field test, harder: 1,720 interactions over links that delay, cut and damage.
 
-Four nodes over real sockets, every link through a relay (`rough_air.py`). All write all the time.
+Four nodes over real sockets, every link through a relay (`weather.py`). All write all the time.
 In the end the links are whole, and all must hold the newest message of every topic of every robot,
 and all messages of the topics that keep a history. Every message says
 by a digest what it is: it is checked whenever one is stored, on every node.
@@ -28,7 +28,7 @@ from mocha_link.team import keys
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import free_ports, own_host
-from tests.system.rough_air import DOWN, Passage, RoughAir, Weather
+from tests.system.weather import DOWN, Passage, RoughAir, Weather
 
 if TYPE_CHECKING:
     from mocha_link.links.link_events import LinkEvent

@@ -12,7 +12,7 @@ from mocha_link.links.metrics import SyncEnded
 from mocha_link.store.database import Database
 from mocha_link.sync.peer_state import TOKENS, PeerState
 from mocha_link.sync.server import Server
-from tests.mocha_link.ether import Ether
+from tests.mocha_link.network_sim import NetworkSim
 from tests.mocha_link.sync.test_server import Asker, at, fill
 
 FAR_S = 0.05
@@ -118,33 +118,33 @@ def test_only_syncs_that_got_through_use_tickets_up(server):
 
 
 @pytest.fixture
-def ether(team) -> Ether:
-    ether = Ether(team, datagrams=True, delay_s=FAR_S)
-    ether.nodes["io"]._path_stats["titan"].rtt_s = 2 * FAR_S  # so that datagrams go at once
-    return ether
+def net(team) -> NetworkSim:
+    net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
+    net.nodes["io"]._path_stats["titan"].rtt_s = 2 * FAR_S  # so that datagrams go at once
+    return net
 
 
-def pulled_s(ether: Ether) -> float:
-    ether.publish("titan", "/map", random.Random(1).randbytes(15_000))
-    ether.pull("io", "titan")
-    ether.wait(5)
-    assert ether.nodes["io"].links(ether.now)["titan"].path == "udp"
-    end = ether.told("io", SyncEnded)[-1]
+def pulled_s(net: NetworkSim) -> float:
+    net.publish("titan", "/map", random.Random(1).randbytes(15_000))
+    net.pull("io", "titan")
+    net.wait(5)
+    assert net.nodes["io"].links(net.now)["titan"].path == "udp"
+    end = net.told("io", SyncEnded)[-1]
     assert (end.messages, end.complete) == (1, True)
     return end.duration_s
 
 
-def test_a_round_trip_at_the_first_contact_and_nothing_later(ether):
-    first = pulled_s(ether)
-    later = [pulled_s(ether) for _ in range(5)]
+def test_a_round_trip_at_the_first_contact_and_nothing_later(net):
+    first = pulled_s(net)
+    later = [pulled_s(net) for _ in range(5)]
     assert max(later) < 1.5 * 2 * FAR_S
     assert first < max(later) + 1.3 * 2 * FAR_S
 
 
 @pytest.mark.parametrize("who", ["io", "titan"])
-def test_the_same_after_a_restart(ether, who):
-    later = [pulled_s(ether) for _ in range(2)][-1]
-    ether.restart(who)
-    ether.nodes["io"]._path_stats["titan"].rtt_s = 2 * FAR_S
-    assert pulled_s(ether) < later + 1.6 * 2 * FAR_S
-    assert pulled_s(ether) < 1.5 * 2 * FAR_S
+def test_the_same_after_a_restart(net, who):
+    later = [pulled_s(net) for _ in range(2)][-1]
+    net.restart(who)
+    net.nodes["io"]._path_stats["titan"].rtt_s = 2 * FAR_S
+    assert pulled_s(net) < later + 1.6 * 2 * FAR_S
+    assert pulled_s(net) < 1.5 * 2 * FAR_S

@@ -17,70 +17,70 @@ from mocha_link.links.metrics import (
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.node.actions import Connect, Disconnect, Send
 from mocha_link.team.team import UnknownRobotError
-from tests.mocha_link.ether import NAMES, Ether, T
+from tests.mocha_link.network_sim import NAMES, NetworkSim, T
 
 WAYS = ("zmq", "udp", "both", "original", "mixed")
 
 
-def make(team, way: str, **options: object) -> Ether:
-    """The ether over which nodes talk in one way only, or in any."""
+def make(team, way: str, **options: object) -> NetworkSim:
+    """The network over which nodes talk in one way only, or in any."""
     if way in ("original", "mixed"):
         robots = NAMES if way == "original" else ("titan",)
         team = team.with_robots({name: {"original": True} for name in robots})
-    ether = Ether(team, datagrams=way in ("udp", "both"), **options)
+    net = NetworkSim(team, datagrams=way in ("udp", "both"), **options)
     if way == "udp":
-        ether.blocked = {("zmq", a, b) for a in NAMES for b in NAMES}
-    return ether
+        net.blocked = {("zmq", a, b) for a in NAMES for b in NAMES}
+    return net
 
 
 @pytest.fixture
-def ether(team) -> Ether:
-    return Ether(team)
+def net(team) -> NetworkSim:
+    return NetworkSim(team)
 
 
 @pytest.fixture(params=WAYS)
-def any_ether(team, request) -> Ether:
+def any_ether(team, request) -> NetworkSim:
     return make(team, request.param)
 
 
 def test_a_data_mule_carries_between_robots_that_never_meet(any_ether):
-    ether = any_ether
-    ether.publish("callisto", "/pose", b"callisto is here")
-    ether.pull("titan", "callisto")
-    ether.pull("io", "titan")
-    assert ether.held("io") == {("callisto", "/pose"): b"callisto is here"}
-    assert ether.nodes["io"].links(ether.now)["callisto"].syncs_in == 0
-    stored = ether.told("io", MessageStored)
+    net = any_ether
+    net.publish("callisto", "/pose", b"callisto is here")
+    net.pull("titan", "callisto")
+    net.pull("io", "titan")
+    assert net.held("io") == {("callisto", "/pose"): b"callisto is here"}
+    assert net.nodes["io"].links(net.now)["callisto"].syncs_in == 0
+    stored = net.told("io", MessageStored)
     assert [(e.peer, e.robot, e.topic) for e in stored] == [("titan", "callisto", "/pose")]
 
 
-def test_a_contact_triggers_at_once_then_every_interval(ether):
-    io = ether.nodes["io"]
-    io.heard("titan", -80, ether.now)
+def test_a_contact_triggers_at_once_then_every_interval(net):
+    io = net.nodes["io"]
+    io.heard("titan", -80, net.now)
     assert io.take() == ([], [RssiChanged("titan", T, -80, Reading(-80, Unit.DBM, "radio"))])
-    io.heard("titan", -70, ether.now)
+    io.heard("titan", -70, net.now)
     actions, events = io.take()
     assert [type(a) for a in actions] == [Connect, Send, Send]
     assert [a.frame[6:11] for a in actions[1:]] == [b"SYNC1", b"GHEAD"]
     assert [type(e) for e in events] == [RssiChanged, ContactBegan, SyncStarted]
-    io.heard("titan", -70, ether.now)
+    io.heard("titan", -70, net.now)
     assert io.take() == ([], [])
-    assert io.links(ether.now)["titan"].state is LinkState.STARTED
+    assert io.links(net.now)["titan"].state is LinkState.STARTED
 
 
-def test_one_pull_per_peer_at_a_time(ether):
-    io = ether.nodes["io"]
-    assert io.sync("titan", ether.now)
-    assert not io.sync("titan", ether.now)
-    assert io.sync("callisto", ether.now)
+def test_one_pull_per_peer_at_a_time(net):
+    io = net.nodes["io"]
+    assert io.sync("titan", net.now)
+    assert not io.sync("titan", net.now)
+    assert io.sync("callisto", net.now)
 
 
-def test_a_failed_pull_is_tried_again_at_the_next_trigger(ether):
-    io = ether.nodes["io"]
+def test_a_failed_pull_is_tried_again_at_the_next_trigger(net):
+    io = net.nodes["io"]
     for second in range(9):
-        ether.time_s = float(second)
-        io.heard("titan", -70, ether.now)
-        io.tick(ether.now)
+        net.time_s = float(second)
+        io.heard("titan", -70, net.now)
+        io.tick(net.now)
     actions, events = io.take()
     assert [type(a) for a in actions] == [Connect, Send, Send, Disconnect, Connect, Send, Send]
     assert [type(e) for e in events] == [
@@ -90,36 +90,36 @@ def test_a_failed_pull_is_tried_again_at_the_next_trigger(ether):
         SyncTimedOut,
         SyncStarted,
     ]
-    assert io.links(ether.now)["titan"].timeouts == 1
+    assert io.links(net.now)["titan"].timeouts == 1
 
 
-def test_a_new_contact_replaces_a_stalled_pull(ether):
-    io = ether.nodes["io"]
-    io.heard("titan", -70, ether.now)
-    ether.time_s = 0.5
-    io.heard("titan", None, ether.now)
-    io.heard("titan", -70, ether.now)  # too soon to call the pull stalled
+def test_a_new_contact_replaces_a_stalled_pull(net):
+    io = net.nodes["io"]
+    io.heard("titan", -70, net.now)
+    net.time_s = 0.5
+    io.heard("titan", None, net.now)
+    io.heard("titan", -70, net.now)  # too soon to call the pull stalled
     assert [type(a) for a in io.take()[0]] == [Connect, Send, Send]
-    ether.time_s = 2.0
-    io.heard("titan", None, ether.now)
-    io.heard("titan", -70, ether.now)
+    net.time_s = 2.0
+    io.heard("titan", None, net.now)
+    io.heard("titan", -70, net.now)
     assert [type(a) for a in io.take()[0]] == [Disconnect, Connect, Send, Send]
 
 
 def test_by_timer_everybody_is_asked(team):
-    ether = Ether(team, by_timer=True)
-    ether.nodes["io"].tick(ether.now)
-    dialled = [a.peer for a in ether.nodes["io"].take()[0] if isinstance(a, Connect)]
+    net = NetworkSim(team, by_timer=True)
+    net.nodes["io"].tick(net.now)
+    dialled = [a.peer for a in net.nodes["io"].take()[0] if isinstance(a, Connect)]
     assert dialled == ["callisto", "titan"]
 
 
-def test_held_messages_leave_when_their_interval_is_over(ether):
+def test_held_messages_leave_when_their_interval_is_over(net):
     for data in (b"1", b"2", b"3"):
-        ether.publish("titan", "/slow", data)
-    assert ether.held("titan") == {("titan", "/slow"): b"1"}
-    ether.wait(5)
-    assert ether.held("titan") == {("titan", "/slow"): b"3"}
-    own = ether.told("titan", MessageStored)
+        net.publish("titan", "/slow", data)
+    assert net.held("titan") == {("titan", "/slow"): b"1"}
+    net.wait(5)
+    assert net.held("titan") == {("titan", "/slow"): b"3"}
+    own = net.told("titan", MessageStored)
     assert [(e.peer, e.robot) for e in own] == [("titan", "titan")] * 2
 
 
@@ -127,58 +127,58 @@ def test_held_messages_leave_when_their_interval_is_over(ether):
     ("way", "path"), [("zmq", "zmq"), ("udp", "udp"), ("original", "original")]
 )
 def test_the_path_and_its_round_trip_are_told(team, way, path):
-    ether = make(team, way, delay_s=0.05)
-    ether.publish("titan", "/map", b"map" * 1000)
-    ether.pull("io", "titan")
-    link = ether.nodes["io"].links(ether.now)["titan"]
+    net = make(team, way, delay_s=0.05)
+    net.publish("titan", "/map", b"map" * 1000)
+    net.pull("io", "titan")
+    link = net.nodes["io"].links(net.now)["titan"]
     assert link.path == path
     if way != "zmq":  # there the shell asks the kernel
         assert link.rtt_s == pytest.approx(0.1, abs=0.03)
-    ether.nodes["io"].sync("titan", ether.now)
-    ether.nodes["io"].measured("titan", 0.123)
-    ether.settle()
+    net.nodes["io"].sync("titan", net.now)
+    net.nodes["io"].measured("titan", 0.123)
+    net.settle()
     if way == "zmq":
-        assert ether.nodes["io"].links(ether.now)["titan"].rtt_s == 0.123
+        assert net.nodes["io"].links(net.now)["titan"].rtt_s == 0.123
 
 
-def test_peers_that_are_not_linked(ether):
+def test_peers_that_are_not_linked(net):
     with pytest.raises(UnknownRobotError, match="no robot 'mars' among the clients of io"):
-        ether.nodes["io"].sync("mars", ether.now)
+        net.nodes["io"].sync("mars", net.now)
     with pytest.raises(UnknownRobotError):
-        ether.nodes["io"].heard("io", -50, ether.now)
+        net.nodes["io"].heard("io", -50, net.now)
 
 
-def test_replies_and_losses_without_a_pull_are_nothing(ether):
-    io = ether.nodes["io"]
-    io.reply("titan", [b"what?"], ether.now)
-    io.lost("titan", "gone", ether.now)
-    io.progress("titan", ether.now)
+def test_replies_and_losses_without_a_pull_are_nothing(net):
+    io = net.nodes["io"]
+    io.reply("titan", [b"what?"], net.now)
+    io.lost("titan", "gone", net.now)
+    io.progress("titan", net.now)
     io.measured("titan", 0.1)
-    io.packet_back("titan", b"", ether.now)
-    io.packet_back("titan", b"what is this?", ether.now)
-    assert not io.packet_in("titan", b"", ether.now)
-    assert not io.packet_in("titan", b"what is this?", ether.now)
+    io.packet_back("titan", b"", net.now)
+    io.packet_back("titan", b"what is this?", net.now)
+    assert not io.packet_in("titan", b"", net.now)
+    assert not io.packet_in("titan", b"what is this?", net.now)
     assert io.supply("titan") is None
     assert io.take() == ([], [])
 
 
 def test_a_reboot_with_a_clock_that_is_behind_loses_nothing(any_ether):
     """The first life's message has the later stamp; the second life's must win all the same."""
-    ether = any_ether
-    ether.publish("callisto", "/path", b"first life")
-    ether.publish("callisto", "/pose", b"first life")
-    ether.pull("titan", "callisto")
-    ether.offset_s["callisto"] = -3600.0
-    ether.restart("callisto")
-    ether.publish("callisto", "/path", b"second life")
-    ether.pull("titan", "callisto")
-    ether.pull("callisto", "titan")
-    assert ether.held("callisto") == {
+    net = any_ether
+    net.publish("callisto", "/path", b"first life")
+    net.publish("callisto", "/pose", b"first life")
+    net.pull("titan", "callisto")
+    net.offset_s["callisto"] = -3600.0
+    net.restart("callisto")
+    net.publish("callisto", "/path", b"second life")
+    net.pull("titan", "callisto")
+    net.pull("callisto", "titan")
+    assert net.held("callisto") == {
         ("callisto", "/path"): b"second life",
         ("callisto", "/pose"): b"first life",
     }
-    ether.pull("titan", "callisto")
-    assert ether.held("titan") == ether.held("callisto")
+    net.pull("titan", "callisto")
+    assert net.held("titan") == net.held("callisto")
 
 
 STEPS = st.lists(
@@ -195,24 +195,24 @@ STEPS = st.lists(
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # the team never changes
 @given(steps=STEPS)
 def test_whatever_is_cut_everything_arrives_in_the_end(team, way, steps):
-    ether = make(team, way)
+    net = make(team, way)
     newest = {}
     for number, (what, who, choice) in enumerate(steps):
         if what == "publish":
             topic = ("/pose", "/path", "/cloud")[choice]
             newest[who, topic] = f"{who}{topic} {number}".encode() * 50
-            ether.publish(who, topic, newest[who, topic])
+            net.publish(who, topic, newest[who, topic])
         elif what == "pull":
-            ether.pull(who[0], who[1], cut_after=choice)
+            net.pull(who[0], who[1], cut_after=choice)
         else:
-            ether.wait(who)
+            net.wait(who)
     for _ in range(2):  # two good rounds through titan; callisto and io do not meet
-        ether.wait(10)  # pulls that were cut break off
+        net.wait(10)  # pulls that were cut break off
         for client, server in (
             ("titan", "callisto"),
             ("titan", "io"),
             ("callisto", "titan"),
             ("io", "titan"),
         ):
-            ether.pull(client, server)
-    assert all(ether.held(name) == newest for name in NAMES)
+            net.pull(client, server)
+    assert all(net.held(name) == newest for name in NAMES)

@@ -15,7 +15,7 @@ from mocha_link.sync import frames as sync
 from mocha_link.sync.sync_messages import Hello, Reception
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
-from tests.mocha_link.ether import Ether, OldNode
+from tests.mocha_link.network_sim import NetworkSim, OldNode
 
 TEXT = """\
 robots:
@@ -79,7 +79,7 @@ def test_what_does_not_is_free(text):
     assert config_hash_of(team_of(text)) == config_hash_of(TEAM)
 
 
-class Field(Ether):
+class Field(NetworkSim):
     """a has TEAM, b another team file."""
 
     def __init__(self, other: Team, **options: object) -> None:
@@ -228,7 +228,7 @@ def hello(*fields: object) -> bytes:
 def test_who_says_other_terms_hands_us_nothing(said):
     """Not even if it goes on as if they were ours."""
     field = Field(TEAM)
-    publisher = Ether(TEAM, names=("a", "b"))
+    publisher = NetworkSim(TEAM, names=("a", "b"))
     publisher.publish("b", "/pose", b"here is b")
     (record,) = publisher.nodes["b"].database.kept()
     whole = sync.WHOLE.pack(sync.message_id_of(1, 0, record.stamp_ms), len(record.body))

@@ -9,7 +9,7 @@ import pytest
 from mocha_link.sync.protocol import GDATA
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
-from tests.mocha_link.ether import Ether
+from tests.mocha_link.network_sim import NetworkSim
 
 A, B, C = range(3)
 TEAM = Team.from_document(
@@ -30,11 +30,11 @@ TEAM = Team.from_document(
 )
 def test_the_message_of_another_one_of_the_same_time_is_refused(place, value):
     """Nothing else in it would tell: type, time and size may be the same."""
-    ether = Ether(TEAM, names="abc")
-    ether.publish("b", "/pose", b"b is here")
-    ether.publish("b", "/goal", b"b goes there")
-    ether.publish("c", "/pose", b"c is here")
-    ether.pull("c", "b")
+    net = NetworkSim(TEAM, names="abc")
+    net.publish("b", "/pose", b"b is here")
+    net.publish("b", "/goal", b"b goes there")
+    net.publish("c", "/pose", b"c is here")
+    net.pull("c", "b")
     asked = []
 
     def alter(piece):
@@ -44,11 +44,11 @@ def test_the_message_of_another_one_of_the_same_time_is_refused(place, value):
             data = data[:place] + bytes((value,)) + data[place + 1 :]
         return data
 
-    ether.alter = alter
-    ether.pull("a", "c")
+    net.alter = alter
+    net.pull("a", "c")
     assert len(asked) == 1
-    assert ether.held("a") == {("b", "/goal"): b"b goes there", ("c", "/pose"): b"c is here"}
-    assert ether.nodes["a"].links(ether.now)["c"].refused == 1
-    ether.alter = lambda piece: piece.data
-    ether.pull("a", "c")
-    assert ether.held("a")["b", "/pose"] == b"b is here"
+    assert net.held("a") == {("b", "/goal"): b"b goes there", ("c", "/pose"): b"c is here"}
+    assert net.nodes["a"].links(net.now)["c"].refused == 1
+    net.alter = lambda piece: piece.data
+    net.pull("a", "c")
+    assert net.held("a")["b", "/pose"] == b"b is here"

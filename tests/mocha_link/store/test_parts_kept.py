@@ -19,7 +19,7 @@ from mocha_link.store.storage import Storage
 from mocha_link.sync.frames import message_id_of
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import TEAM
-from tests.mocha_link.ether import Ether
+from tests.mocha_link.network_sim import NetworkSim
 
 LARGE = random.Random(1).randbytes(400_000)
 LONG = message_id_of(2, 0, 1_795_175_900_000)
@@ -134,7 +134,7 @@ def path(tmp_path):
     return tmp_path / "io.db"
 
 
-class Meetings(Ether):
+class Meetings(NetworkSim):
     """titan has a large message; io has a storage and gets it in several contacts."""
 
     def __init__(self, team: Team, path, *, datagrams: bool = True) -> None:

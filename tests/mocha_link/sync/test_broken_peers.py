@@ -20,11 +20,11 @@ from mocha_link.store.payload import STAMPS_MS
 from mocha_link.sync.frames import DONE, HELLO, WHOLE, chunks_frame, message_frame, message_id_of
 from mocha_link.sync.protocol import ID_BYTES
 from mocha_link.sync.sync_messages import Done, Hello
-from tests.mocha_link.siege import (
+from tests.mocha_link.load import (
     HANDSHAKE_OF_ROUTER,
     TIMEOUT_S,
-    Besieged,
     Liar,
+    NodeUnderLoad,
     message,
     requests,
     say,
@@ -40,25 +40,25 @@ MISSING = 2
 
 
 @pytest.fixture
-def besieged(field, monkeypatch, caplog) -> Iterator[Besieged]:
+def loaded(field, monkeypatch, caplog) -> Iterator[NodeUnderLoad]:
     with contextlib.ExitStack() as stack:
-        besieged = Besieged(field, monkeypatch)
-        for node in besieged.nodes.values():
+        loaded = NodeUnderLoad(field, monkeypatch)
+        for node in loaded.nodes.values():
             stack.enter_context(node)
-        yield besieged
-        besieged.check()
+        yield loaded
+        loaded.check()
     assert [each for each in caplog.records if each.levelno >= logging.ERROR] == []
 
 
 @contextlib.contextmanager
 def io_says(
-    besieged: Besieged, *frames: bytes, name: bytes | None = None, patient: bool = False
+    loaded: NodeUnderLoad, *frames: bytes, name: bytes | None = None, patient: bool = False
 ) -> Iterator[Liar]:
     """It begins a sync as it should, says this, under another `name` perhaps, and goes."""
     hello = message_frame(
-        HELLO, 0, Hello(config_hash=config_hash_of(besieged.field.team)).encode(), 0, 1000
+        HELLO, 0, Hello(config_hash=config_hash_of(loaded.field.team)).encode(), 0, 1000
     )
-    with Liar(besieged) as liar, liar.asked() as (connection, parser):
+    with Liar(loaded) as liar, liar.asked() as (connection, parser):
         say(connection, HANDSHAKE_OF_ROUTER)
         request_id = requests(connection, parser)[0][:ID_BYTES]
         say(connection, message(request_id + hello))
@@ -98,28 +98,28 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("what", BROKEN)
-def test_a_broken_message_is_refused_and_the_next_one_is_taken(besieged, caplog, what):
+def test_a_broken_message_is_refused_and_the_next_one_is_taken(loaded, caplog, what):
     frame, why = BROKEN[what]
-    titan = besieged.titan
-    with caplog.at_level(logging.DEBUG), io_says(besieged, frame, done()):
+    titan = loaded.titan
+    with caplog.at_level(logging.DEBUG), io_says(loaded, frame, done()):
         pass
     assert why in caplog.text
     assert titan.links()["io"].refused == 1
     assert titan.messages() == []
-    with io_says(besieged, whole(IO, POSE, T_MS, GOOD), done()):
+    with io_says(loaded, whole(IO, POSE, T_MS, GOOD), done()):
         pass
     assert titan.latest("io", "/pose").data == b"good"
 
 
-def test_a_reply_with_a_wrong_id_ends_the_pull(besieged):
-    with io_says(besieged, done(), name=b"wrong!") as liar:
+def test_a_reply_with_a_wrong_id_ends_the_pull(loaded):
+    with io_says(loaded, done(), name=b"wrong!") as liar:
         pass
     assert liar.end.reason == "the peer answered what was not asked"
-    assert besieged.titan.links()["io"].refused == 1
+    assert loaded.titan.links()["io"].refused == 1
 
 
 @pytest.mark.parametrize("frames", [(), (done(MISSING),)], ids=["at first", "in the middle"])
-def test_a_peer_that_never_answers_costs_the_time_out(besieged, frames):
-    with io_says(besieged, *frames, patient=True) as liar:
-        besieged.check()  # meanwhile the others are served
+def test_a_peer_that_never_answers_costs_the_time_out(loaded, frames):
+    with io_says(loaded, *frames, patient=True) as liar:
+        loaded.check()  # meanwhile the others are served
     assert liar.end.reason.startswith(f"no byte for {TIMEOUT_S:g} s")

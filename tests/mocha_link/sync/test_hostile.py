@@ -24,12 +24,12 @@ from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import TEAM
 from tests.mocha_link.fuzz import Fuzzer, Recorder, record
-from tests.mocha_link.siege import (
+from tests.mocha_link.load import (
     HANDSHAKE_OF_DEALER,
     HANDSHAKE_OF_ROUTER,
     WAIT_S,
-    Besieged,
     Liar,
+    NodeUnderLoad,
     hung_up,
     message,
     requests,
@@ -44,14 +44,14 @@ BATCH = 50  # frames after which the node has to have dealt with all of them
 
 
 @pytest.fixture
-def besieged(field, monkeypatch, caplog) -> Iterator[Besieged]:
+def loaded(field, monkeypatch, caplog) -> Iterator[NodeUnderLoad]:
     with contextlib.ExitStack() as stack:
-        besieged = Besieged(field, monkeypatch)
-        for node in besieged.nodes.values():
+        loaded = NodeUnderLoad(field, monkeypatch)
+        for node in loaded.nodes.values():
             stack.enter_context(node)
-        besieged.check()
-        yield besieged
-        besieged.check()
+        loaded.check()
+        yield loaded
+        loaded.check()
     assert [each for each in caplog.records if each.levelno >= logging.ERROR] == []
 
 
@@ -64,14 +64,14 @@ def recorded() -> Recorder:
     return record(team, "io", "titan", 1_795_175_000.0)
 
 
-def test_bad_requests(besieged, recorded):
+def test_bad_requests(loaded, recorded):
     """On the ROUTER: syncs that begin well, and what must not follow."""
     fuzzer = Fuzzer(recorded, 1)
     with zmq.Context() as context:
-        while besieged.frames < 20_000:
+        while loaded.frames < 20_000:
             with context.socket(zmq.DEALER) as dealer:
                 dealer.linger = 0
-                dealer.connect("tcp://{}:{}".format(*besieged.place))
+                dealer.connect("tcp://{}:{}".format(*loaded.place))
                 for _ in range(CHECK_EVERY // BATCH):
                     request_id = fuzzer.random.randbytes(ID_BYTES)
                     frames = [fuzzer.opening(request_id)]
@@ -79,33 +79,33 @@ def test_bad_requests(besieged, recorded):
                     for frame in frames:
                         parts = [frame] if fuzzer.random.random() < 0.98 else [frame, frame[:9]]
                         dealer.send_multipart([b"", *parts])
-                    besieged.wait(BATCH)
+                    loaded.wait(BATCH)
                     while dealer.poll(0):
                         dealer.recv_multipart()
-            besieged.check()
+            loaded.check()
 
 
-def test_bad_datagrams(besieged, recorded):
+def test_bad_datagrams(loaded, recorded):
     """On the port's datagram socket, from the address that is io's."""
     fuzzer = Fuzzer(recorded, 2)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as caster:
-        caster.bind((besieged.field.host, 0))
+        caster.bind((loaded.field.host, 0))
         caster.setblocking(False)
-        while besieged.frames < 36_000:
+        while loaded.frames < 36_000:
             for _ in range(CHECK_EVERY // BATCH):
                 token = fuzzer.random.randbytes(ID_BYTES)
                 packets = [fuzzer.opening_packet(token)]
                 packets += [fuzzer.packet("up", token) for _ in range(BATCH - 1)]
                 for packet in packets:
-                    caster.sendto(packet, besieged.place)
-                besieged.wait(BATCH)
+                    caster.sendto(packet, loaded.place)
+                loaded.wait(BATCH)
                 with contextlib.suppress(BlockingIOError):
                     while True:
                         caster.recv(2000)
-            besieged.check()
+            loaded.check()
 
 
-def test_bad_bytes_where_requests_are_expected(besieged, recorded):
+def test_bad_bytes_where_requests_are_expected(loaded, recorded):
     """ZMTP as a stream, damaged anywhere: greeting, frame lengths, flags, requests."""
     fuzzer = Fuzzer(recorded, 3)
     frames = 0
@@ -114,7 +114,7 @@ def test_bad_bytes_where_requests_are_expected(besieged, recorded):
             request_id = fuzzer.random.randbytes(ID_BYTES)
             bodies = [fuzzer.opening(request_id)] + [fuzzer.request(request_id) for _ in range(9)]
             stream = fuzzer.spoil(b"".join(map(message, bodies)), HANDSHAKE_OF_DEALER)
-            with socket.create_connection(besieged.place, timeout=WAIT_S) as caller, hung_up():
+            with socket.create_connection(loaded.place, timeout=WAIT_S) as caller, hung_up():
                 if fuzzer.random.random() < 0.2:
                     caller.sendall(fuzzer.spoil(HANDSHAKE_OF_DEALER, stream))
                 else:
@@ -125,9 +125,9 @@ def test_bad_bytes_where_requests_are_expected(besieged, recorded):
                 while caller.recv(65_536):
                     pass  # until titan has closed it
             frames += len(bodies)
-        besieged.check()
-    besieged.count()
-    assert besieged.frames > frames / 4
+        loaded.check()
+    loaded.count()
+    assert loaded.frames > frames / 4
 
 
 def await_handshake(caller: socket.socket) -> None:
@@ -139,29 +139,29 @@ def await_handshake(caller: socket.socket) -> None:
         parser.receive(data)
 
 
-def test_bad_answers_of_a_new_node(besieged, recorded):
+def test_bad_answers_of_a_new_node(loaded, recorded):
     """A sync that begins well, and goes on with anything."""
     fuzzer = Fuzzer(recorded, 4)
     checked = 0
-    with Liar(besieged) as liar:
-        while besieged.frames < 15_000:
+    with Liar(loaded) as liar:
+        while loaded.frames < 15_000:
             with liar.asked() as (connection, parser):
                 say(connection, HANDSHAKE_OF_ROUTER)
                 request_id = requests(connection, parser)[0][:ID_BYTES]
                 answers = [fuzzer.good_reply(HELLO, request_id)]
                 answers += [fuzzer.reply(request_id) for _ in range(20)]
                 say(connection, b"".join(map(message, answers)))
-            if besieged.frames - checked > CHECK_EVERY:
-                checked = besieged.frames
-                besieged.check()
+            if loaded.frames - checked > CHECK_EVERY:
+                checked = loaded.frames
+                loaded.check()
 
 
-def test_bad_answers_of_an_original_node(besieged, recorded):
+def test_bad_answers_of_an_original_node(loaded, recorded):
     """It refuses the sync, offers new messages of everybody, and sends anything instead of them."""
     fuzzer = Fuzzer(recorded, 5)
     checked = 0
-    with Liar(besieged) as liar:
-        while besieged.frames < 8_000:
+    with Liar(loaded) as liar:
+        while loaded.frames < 8_000:
             with liar.asked() as (connection, parser):
                 say(connection, HANDSHAKE_OF_ROUTER)
                 left = 60
@@ -172,12 +172,12 @@ def test_bad_answers_of_an_original_node(besieged, recorded):
                         if code == SYNC1:
                             answer = request_id + SERRM
                         elif code == GHEAD:
-                            answer = request_id + some_list(fuzzer, besieged.field.clock.now_s())
+                            answer = request_id + some_list(fuzzer, loaded.field.clock.now_s())
                         say(connection, message(answer))
                         left -= 1
-            if besieged.frames - checked > CHECK_EVERY:
-                checked = besieged.frames
-                besieged.check()
+            if loaded.frames - checked > CHECK_EVERY:
+                checked = loaded.frames
+                loaded.check()
 
 
 def some_list(fuzzer: Fuzzer, now_s: float) -> bytes:
@@ -192,11 +192,11 @@ def some_list(fuzzer: Fuzzer, now_s: float) -> bytes:
     return fuzzer.spoil(listed, listed) if rng.random() < 0.2 else listed
 
 
-def test_bad_bytes_where_answers_are_expected(besieged, recorded):
+def test_bad_bytes_where_answers_are_expected(loaded, recorded):
     """The same as above for the asking side, whose ZMTP is our own."""
     fuzzer = Fuzzer(recorded, 6)
     frames = 0
-    with Liar(besieged) as liar:
+    with Liar(loaded) as liar:
         while frames < 6_000:
             for _ in range(CHECK_EVERY // 10):
                 with liar.asked() as (connection, parser):
@@ -214,16 +214,16 @@ def test_bad_bytes_where_answers_are_expected(besieged, recorded):
                     with hung_up():
                         connection.shutdown(socket.SHUT_WR)
                 frames += len(answers)
-            besieged.check()
-    assert besieged.frames > frames / 10
+            loaded.check()
+    assert loaded.frames > frames / 10
 
 
-def test_bad_datagrams_in_answer(besieged, recorded):
+def test_bad_datagrams_in_answer(loaded, recorded):
     """titan believes that datagrams are the way to io."""
     fuzzer = Fuzzer(recorded, 7)
-    path_stats = besieged.titan._gossip._path_stats["io"]
-    with Liar(besieged) as liar:
-        while besieged.frames < 15_000:
+    path_stats = loaded.titan._gossip._path_stats["io"]
+    with Liar(loaded) as liar:
+        while loaded.frames < 15_000:
             for _ in range(CHECK_EVERY // BATCH):
                 path_stats.rtt_s, path_stats.udp_misses = 0.05, 0
                 with liar.asked() as (connection, parser):
@@ -232,6 +232,6 @@ def test_bad_datagrams_in_answer(besieged, recorded):
                     source = liar.called(token)
                     for _ in range(BATCH):
                         liar.caster.sendto(fuzzer.packet("down", token), source)
-                    besieged.wait(1)  # they are taken in one after another before anything else
+                    loaded.wait(1)  # they are taken in one after another before anything else
                     say(connection, message(b"no such id"))
-            besieged.check()
+            loaded.check()

@@ -16,7 +16,7 @@ from mocha_link.node.actions import Connect, Disconnect
 from mocha_link.node.connection import CurveConnection, TcpConnection
 from mocha_link.node.gossip import Gossip
 from mocha_link.node.transport import Transport
-from tests.mocha_link.node.test_line import (
+from tests.mocha_link.node.test_connection import (
     GREETING,
     HELLO_BYTES,
     IO,

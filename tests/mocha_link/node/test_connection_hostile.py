@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 
 from mocha_link.node.connection import TcpConnection
-from tests.mocha_link.node.test_line import GREETING, READY, Peer, turn_until
+from tests.mocha_link.node.test_connection import GREETING, READY, Peer, turn_until
 
 PINGS = (b"\4\x07\4PING\0\0" + b"") * 20_000
 

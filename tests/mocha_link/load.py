@@ -30,7 +30,7 @@ WARM = 3  # checks
 PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
-class Besieged:
+class NodeUnderLoad:
     """titan is alive, callisto is its friend, and io is hostile.
 
     Attributes:
@@ -132,11 +132,11 @@ def resident_bytes() -> int:
 class Liar:
     """io as a server that titan asks; what it answers is up to the test."""
 
-    def __init__(self, besieged: Besieged) -> None:
+    def __init__(self, loaded: NodeUnderLoad) -> None:
         self.end: LinkEvent | None = None  # how titan's pull ended
-        self._besieged = besieged
-        robot = besieged.field.team.robot("io")
-        self._place = besieged.field.host, robot.port_for("titan")
+        self._besieged = loaded
+        robot = loaded.field.team.robot("io")
+        self._place = loaded.field.host, robot.port_for("titan")
         self._listener = socket.create_server(self._place)
         self._listener.settimeout(WAIT_S)
         self.caster = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

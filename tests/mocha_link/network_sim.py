@@ -30,7 +30,7 @@ Path = Literal["zmq", "udp"]
 
 
 class Carried(NamedTuple):
-    """What was given to the ether: a frame of a connection or a datagram."""
+    """What was given to the network: a frame of a connection or a datagram."""
 
     path: Path
     source: str
@@ -54,7 +54,7 @@ class Line:
         return (self.number.to_bytes(4), b"")
 
 
-class Ether:
+class NetworkSim:
     """Carries what nodes send, each piece `delay_s` after it left, in order.
 
     `blocked` has (path, source, target) of what vanishes without a word; of `left` more pieces all
@@ -161,7 +161,7 @@ class Ether:
         return [event for event in self.events[name] if isinstance(event, kind)]
 
     def sent(self, path: Path, source: str, target: str) -> list[bytes]:
-        """What one gave to the ether for another."""
+        """What one gave to the network for another."""
         return [c.data for c in self.carried if c[:3] == (path, source, target)]
 
     # --- how it works
@@ -296,17 +296,17 @@ class Ether:
 
 
 class OldNode:
-    """Stands in for an original node in the ether: it is only asked, and knows nothing newer."""
+    """Stands in for an original node in the network: it is only asked, and knows nothing newer."""
 
     wake_s = None
     _pulls = ()
 
-    def __init__(self, ether: Ether, name: str) -> None:
-        self.me = ether.team.robot(name)
-        self._ether = ether
+    def __init__(self, net: NetworkSim, name: str) -> None:
+        self.me = net.team.robot(name)
+        self._ether = net
         self._held: dict[bytes, bytes] = {}
         self._actions: list[Action] = []
-        ether.nodes[name] = self
+        net.nodes[name] = self
 
     def publish(self, topic: str, data: bytes) -> bytes:
         """As the original packs it: without anything behind the LZ4 frame."""
