@@ -6,7 +6,7 @@ A flight with two faults may end as either of them may, and is excused what both
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import reduce
 from types import MappingProxyType
@@ -78,7 +78,8 @@ ACCEPTED: Final = MappingProxyType(
         "JUMPS": _HOME,  # the scene says by how much the estimate is off, and that is excused
         "DRIFT": _HOME_OR_FAILSAFE,
         "ALTITUDE_JUMPS": _HEIGHT_OFF,
-        "BAROMETER": _HEIGHT_OFF,
+        # It drifts by up to 9 m; home is the answer, and it may be on its way there already.
+        "BAROMETER": replace(_HEIGHT_OFF, tolerance=Tolerance(height_m=5.0)),
         # The link: it comes home, or stays where its plan did not get on board.
         "LOSS_1": _HOME,
         "LOSS_5": _row(End.LANDED, End.STAYED),  # it arms once: that may be lost
