@@ -34,6 +34,8 @@ SETUP = {"seek": ("callisto", "io"), "name": "titan"}
 
 RECORD = []
 
+CHUNK, FOOTER = 0x06, 0x02  # opcodes of MCAP
+
 
 @pytest.fixture
 def flown(pretend, pennovation, tmp_path):
@@ -120,10 +122,21 @@ def test_a_record_that_was_cut_off_replays_to_its_end(flown, capsys):
     assert "note: the record is not whole: it was cut off" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("share", [0.02, 0.3])
-def test_a_damaged_record_is_never_the_same(flown, capsys, share):
+def chunks_of(data):
+    """Where the contents of an MCAP file's chunks are; what stands between them is its index."""
+    at = 8
+    while data[at] != FOOTER:
+        length = int.from_bytes(data[at + 1 : at + 9], "little")
+        if data[at] == CHUNK:
+            yield at + 9, length
+        at += 9 + length
+
+
+@pytest.mark.parametrize("which", [0, -1])
+def test_a_damaged_record_is_never_the_same(flown, capsys, which):
     data = bytearray(flown.read_bytes())
-    at = int(len(data) * share)
+    start, length = [*chunks_of(data)][which]
+    at = start + length // 2
     data[at : at + 40] = bytes(40)
     flown.write_bytes(data)
     assert main(["replay", str(flown)]) == 3
