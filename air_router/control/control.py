@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from air_router.errors import AirRouterError, ExitCode
-from mocha_link.service.asking import Asker
-from mocha_link.service.endpoint_key import EndpointKeyError, named
+from mocha_link.service.endpoint import EndpointKeyError, named
+from mocha_link.service.service_client import Asker
 
 CONTROL_NAME: Final = "flight"
 """The name of the endpoint of `--control` without an endpoint."""

@@ -30,8 +30,7 @@ from air_router.control.command_request import (
     parse,
 )
 from mocha_link.loopback import is_loopback
-from mocha_link.service.endpoint import bind
-from mocha_link.service.endpoint_key import EndpointKeyError, named
+from mocha_link.service.endpoint import EndpointKeyError, bind, named
 
 PER_S: Final = 50.0
 """So many requests are read in a second, and no more."""

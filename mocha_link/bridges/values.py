@@ -7,15 +7,9 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from mocha_link.errors import MochaLinkError
 from mocha_link.ros.typed import TypedError, Types
+from mocha_link.service.requests import RequestError
 from mocha_link.service.service_client import split
-
-MAX_REQUEST_BYTES = 8 * 1024 * 1024
-
-
-class ValueRequestError(MochaLinkError):
-    """A request that is not one, or whose value does not fit its topic."""
 
 
 class Values:
@@ -39,7 +33,7 @@ class Values:
     ) -> tuple[dict[str, Any], Sequence[bytes], bool]:
         """A request as the node wants it, and whether the answer is wanted as JSON.
 
-        ``value`` of ``publish`` becomes its data; ``json`` is only ours. Raises ValueRequestError.
+        ``value`` of ``publish`` becomes its data; ``json`` is only ours. Raises RequestError.
         """
         values = dict(values)
         wanted = values.pop("json", False)
@@ -47,13 +41,13 @@ class Values:
             topic, value = values.get("topic"), values.pop("value")
             kind = self._kinds.get(topic) if isinstance(topic, str) else None
             if kind is None:
-                raise ValueRequestError(f"{self.robot} has no topic {str(topic)[:80]!r}")
+                raise RequestError(f"{self.robot} has no topic {str(topic)[:80]!r}")
             if data:
-                raise ValueRequestError("publish has a value or a frame of data, not both")
+                raise RequestError("publish has a value or a frame of data, not both")
             try:
                 data = [self._types.encode(kind, _from_base64(value), self._ros(self.robot))]
             except TypedError as error:
-                raise ValueRequestError(f"{topic}: {error}") from None
+                raise RequestError(f"{topic}: {error}") from None
         return values, data, wanted is True
 
     def answer(self, values: dict[str, Any], data: Sequence[bytes]) -> dict[str, Any]:
@@ -79,19 +73,6 @@ class Values:
 
     def _ros(self, robot: str) -> Any:
         return self._robots.get(robot, {}).get("ros", 1)
-
-
-def as_object(frames: Sequence[bytes]) -> dict[str, Any]:
-    """The JSON object that a request begins with. Raises ValueRequestError."""
-    if not frames or len(frames[0]) > MAX_REQUEST_BYTES:
-        raise ValueRequestError(f"a request begins with JSON of up to {MAX_REQUEST_BYTES} bytes")
-    try:
-        values = json.loads(frames[0])
-    except (ValueError, RecursionError):
-        values = None
-    if not isinstance(values, dict):
-        raise ValueRequestError("a request begins with a JSON object")
-    return values
 
 
 def _as_base64(value: Any) -> Any:

@@ -6,7 +6,6 @@ process does not touch the node.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import logging
 import threading
@@ -17,10 +16,11 @@ from typing import Any
 
 import zmq
 
-from mocha_link.bridges.values import MAX_REQUEST_BYTES, ValueRequestError, Values, as_object
+from mocha_link.bridges.values import Values
 from mocha_link.node.lifetime import Closeable
-from mocha_link.service.endpoint import bind
-from mocha_link.service.endpoint_key import connect
+from mocha_link.service import requests
+from mocha_link.service.endpoint import bind, connect
+from mocha_link.service.requests import Frames, RequestError
 from mocha_link.service.service_client import (
     Place,
     ServiceClient,
@@ -29,10 +29,10 @@ from mocha_link.service.service_client import (
 )
 from mocha_link.store.payload import MAX_BYTES
 
+MAX_REQUEST_BYTES = 8 * 1024 * 1024
 PATIENCE_S = 5.0  # for the node's answer, beyond what a request wants to wait
 MAX_WAIT_S = 60.0
 MAX_PENDING = 1000
-MAX_UNREAD = 16  # answers that a program may leave unread before more of them are dropped
 TICK_MS = 200
 STREAM_WAIT_S = 1.0
 PAUSE_S = 0.5
@@ -44,7 +44,7 @@ Socket = zmq.Socket[bytes]
 
 @dataclass(slots=True)
 class _Pending:
-    envelope: list[bytes]
+    envelope: Frames
     id: object
     as_json: bool
     until_s: float
@@ -81,9 +81,12 @@ class ZeroMqBridge(Closeable):
             self._values = Values(client.team())
         self._context: zmq.Context[Socket] = zmq.Context()
         try:
-            self._front, self.endpoint = self._bound(zmq.ROUTER, endpoint)
+            self._front = requests.router(self._context, MAX_BYTES + MAX_REQUEST_BYTES)
+            self.endpoint = bind(self._front, endpoint)
             if stream:
-                self._stream, self.stream = self._bound(zmq.PUB, stream)
+                self._stream = self._context.socket(zmq.PUB)
+                self._stream.setsockopt(zmq.LINGER, 0)
+                self.stream = bind(self._stream, stream)
         except Exception:
             self._context.destroy(0)
             raise
@@ -102,15 +105,6 @@ class ZeroMqBridge(Closeable):
             thread.join()
         self._context.destroy(0)
 
-    def _bound(self, kind: int, endpoint: str) -> tuple[Socket, str]:
-        socket = self._context.socket(kind)
-        socket.setsockopt(zmq.LINGER, 0)
-        socket.setsockopt(zmq.MAXMSGSIZE, MAX_BYTES + MAX_REQUEST_BYTES)
-        if kind == zmq.ROUTER:
-            socket.setsockopt(zmq.SNDHWM, MAX_UNREAD)
-            socket.setsockopt(zmq.RCVHWM, MAX_UNREAD)
-        return socket, bind(socket, endpoint)
-
     def _dialled(self) -> Socket:
         socket = self._context.socket(zmq.DEALER)
         socket.setsockopt(zmq.LINGER, 0)
@@ -125,20 +119,18 @@ class ZeroMqBridge(Closeable):
         while not self._stopping.is_set():
             ready = dict(poller.poll(TICK_MS))
             if self._front in ready:
-                frames = self._front.recv_multipart()
-                delimiter = 2 if len(frames) > 1 and not frames[1] else 1
-                self._take(frames[:delimiter], frames[delimiter:])
+                self._take(*requests.receive(self._front))
             if self._back in ready:
                 self._answered(self._back.recv_multipart())
             self._give_up()
 
-    def _take(self, envelope: list[bytes], frames: list[bytes]) -> None:
+    def _take(self, envelope: Frames, frames: Frames) -> None:
         number: object = None
         if len(self._pending) >= MAX_PENDING:
             self._refuse(envelope, number, f"{MAX_PENDING} requests wait already")
             return
         try:
-            asked = as_object(frames)
+            asked = requests.parse(frames, MAX_REQUEST_BYTES)
             number = asked.get("id")
             values, data, as_json = self._values.request(asked, frames[1:])
             wait_s = values.get("wait_s")
@@ -148,13 +140,13 @@ class ZeroMqBridge(Closeable):
             self._pending[self._number] = _Pending(envelope, number, as_json, until_s)
             header = json.dumps({**values, "id": self._number}).encode()
             self._back.send_multipart([header, *data], zmq.NOBLOCK)
-        except ValueRequestError as error:
+        except RequestError as error:
             self._refuse(envelope, number, str(error), again=False)
         except zmq.Again:
             del self._pending[self._number]
             self._refuse(envelope, number, "the node does not answer")
 
-    def _answered(self, frames: list[bytes]) -> None:
+    def _answered(self, frames: Frames) -> None:
         try:
             values: dict[str, Any] = json.loads(frames[0])
         except ValueError:
@@ -167,7 +159,7 @@ class ZeroMqBridge(Closeable):
         if pending.as_json:
             values, data = self._values.answer(values, data), ()
         values["id"] = pending.id
-        self._send([*pending.envelope, json.dumps(values).encode(), *data])
+        requests.send(self._front, [*pending.envelope, json.dumps(values).encode(), *data])
 
     def _give_up(self) -> None:
         now_s = time.monotonic()
@@ -175,15 +167,8 @@ class ZeroMqBridge(Closeable):
             pending = self._pending.pop(number)
             self._refuse(pending.envelope, pending.id, "the node does not answer")
 
-    def _refuse(
-        self, envelope: list[bytes], number: object, why: str, *, again: bool = True
-    ) -> None:
-        answer = {"ok": False, "id": number, "error": why, "again": again}
-        self._send([*envelope, json.dumps(answer).encode()])
-
-    def _send(self, frames: list[bytes]) -> None:
-        with contextlib.suppress(zmq.Again):  # it does not read what it asks for
-            self._front.send_multipart(frames, zmq.NOBLOCK)
+    def _refuse(self, envelope: Frames, number: object, why: str, *, again: bool = True) -> None:
+        requests.send(self._front, [*envelope, *requests.refusal(number, why, again=again)])
 
     def _follow(self) -> None:
         """Stream what the node stores."""

@@ -18,7 +18,7 @@ from mocha_link.cli.display import News, event_line
 from mocha_link.links.metrics import LinkEvent
 from mocha_link.node.node import Node
 from mocha_link.service.prometheus import PrometheusServer
-from mocha_link.service.service_server import ServiceServer
+from mocha_link.service.service import ServiceServer
 from mocha_link.service.telemetry import MetricsServer, as_fields
 from mocha_link.team.team import Team
 

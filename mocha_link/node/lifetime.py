@@ -1,6 +1,6 @@
 """Things that are started, and given up by `close`, also at the end of a ``with``.
 
-Python 3.8 reads this file too: see `mocha_link.service.asking`.
+Python 3.8 reads this file too: see `mocha_link.service.service_client`.
 """
 
 from __future__ import annotations

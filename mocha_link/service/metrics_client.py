@@ -11,11 +11,10 @@ import zmq
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.node.lifetime import Closeable
-from mocha_link.service import endpoint_key
-from mocha_link.service.endpoint_key import EndpointKeyError
+from mocha_link.service.endpoint import EndpointError, connect
+from mocha_link.service.service_client import LOOK_S
 
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a snapshot of 255 links with all their topics is 8 MB
-_LOOK_S = 0.05  # so often it is looked whether a node has begun to serve
 
 
 class MetricsError(MochaLinkError):
@@ -36,16 +35,10 @@ class Subscription(Closeable):
         self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
         self._socket.setsockopt(zmq.SUBSCRIBE, b"")
         try:
-            self._connected = endpoint_key.connect(self._socket, endpoint)
-        except EndpointKeyError as error:
+            self._connected = connect(self._socket, endpoint)
+        except EndpointError as error:
             self._context.destroy(0)
             raise MetricsError(str(error)) from None
-        except zmq.ZMQError as error:
-            self._context.destroy(0)
-            why = zmq.strerror(error.errno or 0)
-            raise MetricsError(
-                f"'{endpoint}' is no endpoint ({why}); write tcp://127.0.0.1:port or ipc://path"
-            ) from None
 
     def next(self, timeout_s: float) -> tuple[str, dict[str, Any]] | None:
         """("links", snapshot) or ("event", event); None if nothing comes for so long.
@@ -56,8 +49,8 @@ class Subscription(Closeable):
         while not self._connected:
             if time.monotonic() > until_s:
                 return None
-            time.sleep(min(_LOOK_S, timeout_s))
-            self._connected = endpoint_key.connect(self._socket, self._endpoint)
+            time.sleep(min(LOOK_S, timeout_s))
+            self._connected = connect(self._socket, self._endpoint)
         if not self._socket.poll(max(0, int((until_s - time.monotonic()) * 1000))):
             return None
         frames = self._socket.recv_multipart()

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import socket
 import threading
 import time
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from socketserver import ThreadingTCPServer
 from typing import Any, Protocol
+
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
+from prometheus_client.metrics_core import Metric
+from prometheus_client.registry import Collector
 
 from mocha_link.clock import Clock
 from mocha_link.errors import MochaLinkError
@@ -20,12 +22,34 @@ from mocha_link.links.metrics import LinkMetrics, LinkState
 from mocha_link.links.reading import Unit
 from mocha_link.node.lifetime import Startable
 
-CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 MAX_CONNECTIONS = 8
 POLL_S = 0.1
 REQUEST_S = 5.0  # from the connection to the end of the reply
 
 _SIGNALS = {Unit.DBM: "dbm", Unit.SNR_DB: "snr_decibels", Unit.DEVICE: "device_units"}
+_TOTAL = "_total"  # how the names of counters end
+_HELP = {
+    "clock_timestamp_seconds": "The node's own clock.",
+    "storage_failed": "1 while nothing gets to the disk.",
+    "state": "1 for the state of the latest sync with the peer.",
+    "path_info": "What the last exchange went over.",
+    "protected": "1 if the link is encrypted.",
+    "team_differs": "1 if the peer has another team file.",
+    **{
+        f"signal_{name}": f"How the peer is heard, in {name}, by source."
+        for name in _SIGNALS.values()
+    },
+    "last_sync_timestamp_seconds": "When the last sync came to its end.",
+    "rtt_seconds": "The last round trip.",
+    "rtt_smoothed_seconds": "The smoothed round trip.",
+    "bandwidth_bytes_per_second": "What the last exchange moved.",
+    "topic_age_seconds": "Age of the newest message of a peer's topic.",
+    "bytes_total": "Bytes of replies received (in) and sent (out).",
+    "syncs_total": "Syncs that came to their end.",
+    "sync_timeouts_total": "Syncs that broke off.",
+    "refused_total": "What was not accepted from the peer.",
+    "contacts_total": "Contacts with the peer.",
+}
 
 
 class PrometheusError(MochaLinkError):
@@ -46,104 +70,66 @@ class Measured(Protocol):
         """The state of the link to every peer."""
 
 
-@dataclass(slots=True)
-class _Family:
-    """All samples of one metric."""
-
-    name: str
-    kind: str
-    help: str
-    samples: list[tuple[Mapping[str, str], float]] = field(default_factory=list)
-
-    def add(self, value: float | None, **labels: str) -> None:
-        """Add a sample; nothing is known where there is none."""
-        if value is not None:
-            self.samples.append((labels, value))
-
-    def lines(self) -> Iterable[str]:
-        """The family as text."""
-        yield f"# HELP {self.name} {_escaped(self.help)}"
-        yield f"# TYPE {self.name} {self.kind}"
-        for labels, value in self.samples:
-            shown = ",".join(
-                f'{key}="{_escaped(text, quote=True)}"' for key, text in labels.items()
-            )
-            yield f"{self.name}{{{shown}}} {_number(value)}"
-
-
 def exposition(node: Measured) -> str:
     """The metrics of a node in Prometheus' text format, version 0.0.4.
 
     Times are Unix seconds of the node's clock.
     """
-    robot = node.name
-    clock = _Family("mocha_link_clock_timestamp_seconds", "gauge", "The node's own clock.")
-    clock.add(node.clock.now_s(), robot=robot)
-    storage = _Family("mocha_link_storage_failed", "gauge", "1 while nothing gets to the disk.")
-    storage.add(float(node.storage_fault is not None), robot=robot)
-    families = [clock, storage, *_families(robot, node.links())]
-    lines = [line for family in families if family.samples for line in family.lines()]
-    return "\n".join(lines) + "\n"
+    return generate_latest(_Metrics(node)).decode()
 
 
-def _families(robot: str, links: Mapping[str, LinkMetrics]) -> Iterable[_Family]:
-    def family(name: str, kind: str, text: str) -> _Family:
-        return _Family(f"mocha_link_{name}", kind, text)
+class _Metrics(Collector):
+    """Collects the metrics of a node when asked; where nothing is known there is no metric."""
 
-    state = family("state", "gauge", "1 for the state of the latest sync with the peer.")
-    path = family("path_info", "gauge", "What the last exchange went over.")
-    protected = family("protected", "gauge", "1 if the link is encrypted.")
-    differs = family("team_differs", "gauge", "1 if the peer has another team file.")
-    signals = {
-        unit: family(f"signal_{name}", "gauge", f"How the peer is heard, in {name}, by source.")
-        for unit, name in _SIGNALS.items()
-    }
-    last = family("last_sync_timestamp_seconds", "gauge", "When the last sync came to its end.")
-    rtt = family("rtt_seconds", "gauge", "The last round trip.")
-    smoothed = family("rtt_smoothed_seconds", "gauge", "The smoothed round trip.")
-    bandwidth = family("bandwidth_bytes_per_second", "gauge", "What the last exchange moved.")
-    age = family("topic_age_seconds", "gauge", "Age of the newest message of a peer's topic.")
-    moved = family("bytes_total", "counter", "Bytes of replies received (in) and sent (out).")
-    syncs = family("syncs_total", "counter", "Syncs that came to their end.")
-    broken = family("sync_timeouts_total", "counter", "Syncs that broke off.")
-    refused = family("refused_total", "counter", "What was not accepted from the peer.")
-    contacts = family("contacts_total", "counter", "Contacts with the peer.")
-    for peer, link in links.items():
-        at = {"robot": robot, "peer": peer}
-        for each in LinkState:
-            state.add(float(link.state is each), **at, state=each.value)
-        path.add(1.0 if link.path else None, **at, path=link.path or "")
-        protected.add(float(link.protected), **at)
-        differs.add(float(link.team_differs), **at)
+    def __init__(self, node: Measured) -> None:
+        self._node = node
+        self._families = {
+            name: Metric(
+                f"mocha_link_{name.removesuffix(_TOTAL)}",
+                text,
+                "counter" if name.endswith(_TOTAL) else "gauge",
+            )
+            for name, text in _HELP.items()
+        }
+
+    def collect(self) -> list[Metric]:
+        """All metrics, by their names."""
+        self._add("clock_timestamp_seconds", self._node.clock.now_s())
+        self._add("storage_failed", self._node.storage_fault is not None)
+        for peer, link in self._node.links().items():
+            self._add_link(peer, link)
+        return [family for family in self._families.values() if family.samples]
+
+    def _add(self, name: str, value: float | None, **labels: str) -> None:
+        if value is not None:
+            labels["robot"] = self._node.name
+            self._families[name].add_sample(f"mocha_link_{name}", labels, float(value))
+
+    def _add_link(self, peer: str, link: LinkMetrics) -> None:
+        add = partial(self._add, peer=peer)
+        for state in LinkState:
+            add("state", link.state is state, state=state.value)
+        add("path_info", 1.0 if link.path else None, path=link.path or "")
+        add("protected", link.protected)
+        add("team_differs", link.team_differs)
         if link.signal:
-            signals[link.signal.unit].add(link.signal.value, **at, source=link.signal.source)
-        last.add(link.last_sync_in_s, **at, direction="in")
-        last.add(link.last_sync_out_s, **at, direction="out")
-        rtt.add(link.rtt_s, **at)
-        smoothed.add(link.rtt_smoothed_s, **at)
-        bandwidth.add(link.bandwidth_bytes_s, **at)
+            name = f"signal_{_SIGNALS[link.signal.unit]}"
+            add(name, link.signal.value, source=link.signal.source)
         for topic, age_s in link.topic_ages_s.items():
-            age.add(age_s, **at, topic=topic)
-        moved.add(link.bytes_in, **at, direction="in")
-        moved.add(link.bytes_out, **at, direction="out")
-        syncs.add(link.syncs_in, **at, direction="in")
-        syncs.add(link.syncs_out, **at, direction="out")
-        broken.add(link.timeouts, **at)
-        refused.add(link.refused, **at)
-        contacts.add(link.contacts_begun, **at)
-    yield from (state, path, protected, differs, *signals.values(), last, rtt, smoothed, bandwidth)
-    yield from (age, moved, syncs, broken, refused, contacts)
-
-
-def _escaped(text: str, *, quote: bool = False) -> str:
-    text = text.replace("\\", "\\\\").replace("\n", "\\n")
-    return text.replace('"', '\\"') if quote else text
-
-
-def _number(value: float) -> str:
-    if math.isfinite(value):
-        return repr(float(value))
-    return "NaN" if math.isnan(value) else f"{'+' if value > 0 else '-'}Inf"
+            add("topic_age_seconds", age_s, topic=topic)
+        for direction, synced_s, size, count in (
+            ("in", link.last_sync_in_s, link.bytes_in, link.syncs_in),
+            ("out", link.last_sync_out_s, link.bytes_out, link.syncs_out),
+        ):
+            add("last_sync_timestamp_seconds", synced_s, direction=direction)
+            add("bytes_total", size, direction=direction)
+            add("syncs_total", count, direction=direction)
+        add("rtt_seconds", link.rtt_s)
+        add("rtt_smoothed_seconds", link.rtt_smoothed_s)
+        add("bandwidth_bytes_per_second", link.bandwidth_bytes_s)
+        add("sync_timeouts_total", link.timeouts)
+        add("refused_total", link.refused)
+        add("contacts_total", link.contacts_begun)
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -168,7 +154,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         body = exposition(self.server.node).encode()
         self.send_response(HTTPStatus.OK)
-        self.send_header("Content-Type", CONTENT_TYPE)
+        self.send_header("Content-Type", CONTENT_TYPE_PLAIN_0_0_4)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
         if with_body:

@@ -1,27 +1,35 @@
-"""A node's messages for programs on the same machine, over ZeroMQ: the requests and answers.
+"""A node's messages for programs on the same machine, over ZeroMQ: a verb for each request.
 
-A request is a JSON object, and for ``publish`` a frame with the data; the answer is a JSON object,
-followed by a frame of data for every message in it. docs/bridges.md describes them. Nothing here
-knows sockets; `service_server` does.
+`publish` has a frame with the data; an answer has a frame of data for every message in it.
+docs/bridges.md describes them. A program that reaches the endpoint may publish in the robot's name:
+keep it on this machine.
 """
 
 from __future__ import annotations
 
-import json
 import logging
+import math
 import secrets
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, ValidationError
+import zmq
+from pydantic import Field
 
 from mocha_link.errors import MochaLinkError
+from mocha_link.links.link_events import LinkEvent, MessageStored
 from mocha_link.node.node import Message, Node, NodeClosedError
 from mocha_link.ros.typed import TypedError, Types
+from mocha_link.service import requests
+from mocha_link.service.requests import Answer, Frames, Request, RequestError, Verb
+from mocha_link.service.server import EndpointServer
+from mocha_link.store.payload import MAX_BYTES
 
 MAX_HEADER_BYTES = 64 * 1024
+MAX_FRAMES = 8
 MAX_WAITING = 256  # requests that wait for a message
 BATCH_BYTES = 8 * 1024 * 1024  # of data, after which an answer is full
 TEXT = "std_msgs/String"  # what bridges carry JSON in
@@ -31,43 +39,27 @@ KEPT_KEYS = 4096  # of publish requests, so that one that is repeated is done on
 LOG = logging.getLogger("mocha_link")
 
 Ros = Literal[1, 2] | None
+Send = Callable[[Frames], None]
 
 
-class RequestError(MochaLinkError):
-    """A request that is not one, or cannot be done."""
-
-
-class BusyError(MochaLinkError):
-    """A request that cannot be done now."""
-
-
-class _Request(BaseModel, extra="forbid", strict=True):
-    request: str
-    id: Annotated[str, Field(max_length=64)] | int | None = None
-
-
-class _Team(_Request):
-    pass
-
-
-class _List(_Request):
+class _List(Request):
     robot: str | None = None
 
 
-class _Latest(_Request):
+class _Latest(Request):
     robot: str
     topic: str
     ros: Ros = None
 
 
-class _Publish(_Request):
+class _Publish(Request):
     topic: str
     key: Annotated[str, Field(min_length=1, max_length=64)] | None = None
     now: bool = False
     ros: Ros = None
 
 
-class _Since(_Request):
+class _Since(Request):
     epoch: Annotated[str, Field(max_length=64)] | None = None
     sequence: Annotated[int, Field(ge=0, lt=2**63)] = 0
     limit: Annotated[int, Field(ge=1, le=1000)] = 100
@@ -80,11 +72,11 @@ class _Since(_Request):
 class _Waiting:
     request: _Since
     until_s: float
-    answer: Callable[[list[bytes]], None]
+    send: Send
 
 
 class Service:
-    """Answers requests about one node. One thread may use it.
+    """Answers requests about one node. One thread may use it; sockets are the server's.
 
     Raises:
         RosError: the team brings along a definition that cannot be used.
@@ -94,109 +86,91 @@ class Service:
         self._node = node
         self._types = Types(node.team.definitions)
         self._waiting: list[_Waiting] = []
-        self._done: OrderedDict[str, dict[str, Any]] = OrderedDict()
-        self._run = secrets.token_hex(4)  # after a crash the last numbers may be given again
+        self._done: OrderedDict[str, Answer] = OrderedDict()
+        self._boot_id = secrets.token_hex(4)  # after a crash the last numbers may be given again
+        self.verbs = {
+            "publish": Verb(_Publish, self._publish, frames=1),
+            "latest": Verb(_Latest, self._latest),
+            "list": Verb(_List, self._list),
+            "since": Verb(_Since, self._since),
+            "team": Verb(Request, self._team),
+        }
 
-    def request(
-        self, frames: Sequence[bytes], answer: Callable[[list[bytes]], None], now_s: float
-    ) -> None:
-        """Take in a request; `answer` is called once, now or by `tick`. `now_s` never goes back."""
+    def request(self, frames: Sequence[bytes], send: Send, now_s: float) -> None:
+        """Take in a request; `send` is called once, now or by `tick`. `now_s` never goes back."""
         number: object = None
         try:
-            values = _values(frames)
+            values = requests.parse(frames, MAX_HEADER_BYTES)
             number = values.get("id")
-            number = number if isinstance(number, str | int) else None
-            self._act(values, frames[1:], answer, now_s)
+            verb, request = requests.check(values, frames[1:], self.verbs)
+            answer = verb.run(request, frames[1:])
+            if answer is not None:
+                send(requests.reply(number, answer))
+            elif isinstance(request, _Since):
+                self._wait(_Waiting(request, now_s + request.wait_s, send))
         except MochaLinkError as error:
-            again = isinstance(error, BusyError | NodeClosedError)
-            answer([_json({"ok": False, "id": number, "error": str(error), "again": again})])
+            again = isinstance(error, NodeClosedError) or getattr(error, "again", False)
+            send(requests.refusal(number, str(error), again=again))
         except Exception:  # a mistake of ours costs one request, not the service
             LOG.exception("a request failed: %.200r", frames[0] if frames else b"")
-            error_text = "the node failed at this; its log says more"
-            answer([_json({"ok": False, "id": number, "error": error_text, "again": False})])
+            why = "the node failed at this; its log says more"
+            send(requests.refusal(number, why, again=False))
 
     def tick(self, now_s: float, *, ending: bool = False) -> None:
         """Answer those that waited, if there is something for them or their time is over."""
         waiting, self._waiting = self._waiting, []
         for one in waiting:
-            late = ending or now_s >= one.until_s
+            if ending or now_s >= one.until_s:
+                one.request.wait_s = 0.0
             try:
-                done = self._since(one.request, one.answer, even_if_empty=late)
+                answer = self._since(one.request)
             except MochaLinkError as error:
-                one.answer(
-                    [_json({"ok": False, "id": one.request.id, "error": str(error), "again": True})]
-                )
-                done = True
-            if not done:
+                one.send(requests.refusal(one.request.id, str(error), again=True))
+                continue
+            if answer is None:
                 self._waiting.append(one)
+            else:
+                one.send(requests.reply(one.request.id, answer))
+
+    def _wait(self, one: _Waiting) -> None:
+        if len(self._waiting) >= MAX_WAITING:
+            why = f"{MAX_WAITING} requests wait already; ask without wait_s"
+            raise RequestError(why, again=True)
+        self._waiting.append(one)
 
     @property
     def until_s(self) -> float | None:
         """When the next of those who wait has waited long enough."""
         return min((one.until_s for one in self._waiting), default=None)
 
-    def _act(
-        self,
-        values: dict[str, Any],
-        data: Sequence[bytes],
-        answer: Callable[[list[bytes]], None],
-        now_s: float,
-    ) -> None:
-        name = values.get("request")
-        if not isinstance(name, str) or name not in _MODELS:
-            raise RequestError(f"no request {str(name)[:40]!r}; use one of {', '.join(_MODELS)}")
-        try:
-            request = _MODELS[name].model_validate(values)
-        except ValidationError as error:
-            raise RequestError(f"{name}: {_complaint(error, _MODELS[name])}") from None
-        if len(data) != (1 if isinstance(request, _Publish) else 0):
-            raise RequestError(
-                f"{name}: {len(data)} frames of data; publish has one (or, at a bridge, 'value'), "
-                "others none"
-            )
-        match request:
-            case _Publish():
-                reply = self._publish(request, data[0])
-            case _Latest():
-                found = self._node.latest(request.robot, request.topic)
-                fields, frames = self._shown([found] if found else [], request.ros)
-                answer(_reply(request, frames, message=fields[0] if fields else None))
-                return
-            case _Since():
-                if self._since(request, answer, even_if_empty=not request.wait_s):
-                    return
-                if len(self._waiting) >= MAX_WAITING:
-                    raise BusyError(f"{MAX_WAITING} requests wait already; ask without wait_s")
-                self._waiting.append(_Waiting(request, now_s + request.wait_s, answer))
-                return
-            case _List():
-                messages = self._node.messages()
-                wanted = [m for m in messages if request.robot in (None, m.robot)]
-                reply = {"messages": [self._fields(message) for message in wanted]}
-            case _:
-                reply = self._team()
-        answer(_reply(request, (), **reply))
+    def _latest(self, request: _Latest, _data: Sequence[bytes]) -> Answer:
+        found = self._node.latest(request.robot, request.topic)
+        fields, frames = self._shown([found] if found else [], request.ros)
+        return Answer({"message": fields[0] if fields else None}, frames)
 
-    def _publish(self, request: _Publish, data: bytes) -> dict[str, Any]:
+    def _list(self, request: _List, _data: Sequence[bytes]) -> Answer:
+        messages = self._node.messages()
+        wanted = [m for m in messages if request.robot in (None, m.robot)]
+        return Answer({"messages": [self.fields(message) for message in wanted]})
+
+    def _publish(self, request: _Publish, data: Sequence[bytes]) -> Answer:
         if request.key is not None and request.key in self._done:
             return self._done[request.key]
         topic = self._node.team.topic(self._node.name, request.topic)
-        ros = self._node.robot.ros
+        ros, [body] = self._node.robot.ros, data
         if request.ros is not None:
-            data = self._types.converted(topic.type, data, request.ros, ros)
-        header = self._node.publish(request.topic, data, now=request.now)
-        reply = {"header": str(header)}
+            body = self._types.converted(topic.type, body, request.ros, ros)
+        header = self._node.publish(request.topic, body, now=request.now)
+        answer = Answer({"header": str(header)})
         if request.key is not None:
-            self._done[request.key] = reply
+            self._done[request.key] = answer
             if len(self._done) > KEPT_KEYS:
                 self._done.popitem(last=False)
-        return reply
+        return answer
 
-    def _since(
-        self, request: _Since, answer: Callable[[list[bytes]], None], *, even_if_empty: bool
-    ) -> bool:
-        """Answer if there is anything, or anyway; the request moves on behind what it skips."""
-        epoch = f"{self._node.epoch:016x}-{self._run}"
+    def _since(self, request: _Since, _data: Sequence[bytes] = ()) -> Answer | None:
+        """What is new; None to wait for something. The request moves on behind what it skips."""
+        epoch = f"{self._node.epoch:016x}-{self._boot_id}"
         if request.epoch != epoch:
             request.epoch, request.sequence = epoch, 0
         numbered: list[tuple[int, Message]] = []
@@ -213,13 +187,12 @@ class Service:
                 request.sequence = number
                 if size >= BATCH_BYTES:
                     break
-        if not numbered and not even_if_empty:
-            return False
+        if not numbered and request.wait_s:
+            return None
         fields, frames = self._shown([message for _, message in numbered], request.ros)
         for about, (number, _) in zip(fields, numbered, strict=True):
             about["sequence"] = number
-        answer(_reply(request, frames, epoch=epoch, sequence=request.sequence, messages=fields))
-        return True
+        return Answer({"epoch": epoch, "sequence": request.sequence, "messages": fields}, frames)
 
     def _shown(
         self, messages: Sequence[Message], ros: Ros
@@ -227,7 +200,7 @@ class Service:
         """What is said about messages, and their data as one version of ROS wants them."""
         fields, frames = [], []
         for message in messages:
-            about = self._fields(message)
+            about = self.fields(message)
             parts = message.parts
             if "parts" in about and message.data and not parts:
                 about["error"] = "not a batch of messages"
@@ -245,7 +218,8 @@ class Service:
             frames.append(b"".join(parts))
         return fields, frames
 
-    def _fields(self, message: Message) -> dict[str, Any]:
+    def fields(self, message: Message) -> dict[str, Any]:
+        """What is said about a message."""
         topic = self._node.team.topic(message.robot, message.topic)
         about: dict[str, Any] = {
             "robot": message.robot,
@@ -261,7 +235,7 @@ class Service:
             about["parts"] = [len(part) for part in message.parts]
         return about
 
-    def _team(self) -> dict[str, Any]:
+    def _team(self, _request: Request, _data: Sequence[bytes]) -> Answer:
         team = self._node.team
         robots = {
             robot.name: {
@@ -279,53 +253,52 @@ class Service:
             for robot in team.robots.values()
         }
         kinds = {topic.type for topics in team.kinds.values() for topic in topics} | {TEXT}
-        return {
+        fields = {
             "robot": self._node.name,
             "robots": robots,
             "types": {kind: self._types.about(kind) for kind in sorted(kinds)},
             "has_ros": self._types.has_ros,
             "definitions": dict(team.definitions),
         }
+        return Answer(fields)
 
 
-_MODELS: dict[str, type[_Request]] = {
-    "publish": _Publish,
-    "latest": _Latest,
-    "list": _List,
-    "since": _Since,
-    "team": _Team,
-}
+class ServiceServer(EndpointServer):
+    """Serves a started node at an endpoint: ``ipc://path`` or ``tcp://127.0.0.1:port``.
 
+    Raises:
+        RosError: the team brings along a definition that cannot be used.
+    """
 
-def _values(frames: Sequence[bytes]) -> dict[str, Any]:
-    """The JSON object of a request. Raises RequestError."""
-    if not frames or len(frames[0]) > MAX_HEADER_BYTES:
-        raise RequestError(f"a request begins with a JSON object of up to {MAX_HEADER_BYTES} bytes")
-    try:
-        values = json.loads(frames[0])
-    except (ValueError, RecursionError):
-        values = None
-    if not isinstance(values, dict):
-        raise RequestError("a request begins with a JSON object")
-    return values
+    def __init__(self, node: Node, endpoint: str) -> None:
+        super().__init__(node, endpoint, "the node")
+        self._service = Service(node)
 
+    def _socket(self, context: zmq.Context[zmq.Socket[bytes]]) -> zmq.Socket[bytes]:
+        return requests.router(context, MAX_BYTES + MAX_HEADER_BYTES)
 
-def _complaint(error: ValidationError, model: type[_Request]) -> str:
-    """The first thing that is wrong with a request."""
-    detail = error.errors(include_url=False, include_input=False)[0]
-    where = ".".join(map(str, detail["loc"]))
-    if detail["type"] == "extra_forbidden" and where in ("value", "json"):
-        return f"the node itself knows bytes only; for '{where}' ask a 'mocha-link bridge zmq'"
-    if detail["type"] == "extra_forbidden":
-        return f"unknown field '{where}'; use {', '.join(model.model_fields)}"
-    if detail["type"] == "missing":
-        return f"'{where}' is missing"
-    return f"'{where}': {detail['msg']}"
+    def _note(self, event: LinkEvent) -> None:
+        if isinstance(event, MessageStored):
+            self._wake()
 
+    def _wait_ms(self) -> int | None:
+        until_s = self._service.until_s
+        if until_s is None:
+            return None
+        return math.ceil(max(0.0, until_s - time.monotonic()) * 1000)
 
-def _reply(request: _Request, frames: Sequence[bytes], **fields: object) -> list[bytes]:
-    return [_json({"ok": True, "id": request.id, **fields}), *frames]
+    def _turn(self, server: zmq.Socket[bytes], *, ready: bool) -> None:
+        if ready:
+            self._take(server)
+        self._service.tick(time.monotonic())
 
+    def _end(self) -> None:
+        self._service.tick(time.monotonic(), ending=True)
 
-def _json(fields: dict[str, Any]) -> bytes:
-    return json.dumps(fields, separators=(",", ":")).encode()
+    def _take(self, server: zmq.Socket[bytes]) -> None:
+        envelope, body = requests.receive(server)
+
+        def send(answer: Frames) -> None:
+            requests.send(server, [*envelope, *answer])
+
+        self._service.request(body[:MAX_FRAMES], send, time.monotonic())

@@ -19,7 +19,7 @@ import zmq
 from mocha_link.links.metrics import Contact, LinkEvent, LinkMetrics
 from mocha_link.links.reading import Reading
 from mocha_link.node.node import Node
-from mocha_link.service.endpoint_server import EndpointServer
+from mocha_link.service.server import EndpointServer
 from mocha_link.store.header import Header
 
 LINKS, EVENT = b"links", b"event"

@@ -42,8 +42,7 @@ from air_router.sim import sim
 from air_router.sim.sim_world import Seat
 from geo.frame import Point
 from mocha_link import ListenError, PortInUseError
-from mocha_link.service.endpoint import bind
-from mocha_link.service.endpoint_key import connect
+from mocha_link.service.endpoint import bind, connect
 from tests.stray_post import post
 
 

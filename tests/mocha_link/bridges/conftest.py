@@ -10,8 +10,8 @@ import pytest
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
+from mocha_link.service.service import ServiceServer
 from mocha_link.service.service_client import ServiceClient
-from mocha_link.service.service_server import ServiceServer
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 

@@ -17,8 +17,8 @@ from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, Bridge, Outbox
 from mocha_link.bridges.progress import Progress
 from mocha_link.links.metrics import MessageStored
 from mocha_link.ros.ros import RosCodec
+from mocha_link.service.service import ServiceServer
 from mocha_link.service.service_client import ServiceClient
-from mocha_link.service.service_server import ServiceServer
 
 POSE = "geometry_msgs/PoseStamped"
 CODEC = RosCodec()

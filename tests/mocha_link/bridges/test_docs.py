@@ -13,7 +13,7 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
 from mocha_link.bridges.zeromq import ZeroMqBridge
 from mocha_link.ros.typed import Typed
-from mocha_link.service.service import _MODELS, Service
+from mocha_link.service.service import Service
 
 DOCS = Path(__file__).parents[3] / "docs"
 
@@ -34,18 +34,18 @@ def test_the_program(server, tmp_path):
             process.kill()
 
 
-def test_every_field_of_a_request_is_documented():
+def test_every_field_of_a_request_is_documented(one):
     text = (DOCS / "bridges.md").read_text()
     rows = dict(re.findall(r"^\| `(\w+)` \| (.*)\|$", text, re.MULTILINE))
-    for name, model in _MODELS.items():
-        for field in set(model.model_fields) - {"request", "id"}:
+    for name, verb in Service(one).verbs.items():
+        for field in set(verb.model.model_fields) - {"request", "id"}:
             assert f"`{field}`" in rows[name], (name, field)
 
 
 def test_every_field_of_a_message_is_documented(one):
     text = (DOCS / "bridges.md").read_text()
     one.publish("/goal", b"1")
-    for field in Service(one)._fields(one.latest("one", "/goal")):
+    for field in Service(one).fields(one.latest("one", "/goal")):
         assert f"`{field}`" in text
 
 

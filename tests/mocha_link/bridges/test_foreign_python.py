@@ -16,7 +16,6 @@ from mocha_link.bridges.rcl import Rcl
 
 PACKAGE = Path(mocha_link.__file__).parent
 FOREIGN = {
-    "mocha_link.service.asking",
     "mocha_link.bridges.__main__",
     "mocha_link.bridges.bridge",
     "mocha_link.bridges.cdr",
@@ -24,8 +23,9 @@ FOREIGN = {
     "mocha_link.bridges.rcl",
     "mocha_link.bridges.ros1",
     "mocha_link.bridges.run",
-    "mocha_link.service.endpoint_key",
+    "mocha_link.service.endpoint",
     "mocha_link.errors",
+    "mocha_link.loopback",
     "mocha_link.node.lifetime",
     "mocha_link.service.service_client",
 }

@@ -17,16 +17,14 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 from mocha_link.node.node import Node
 from mocha_link.ros.ros import RosCodec
 from mocha_link.ros.typed import Typed, TypedError
-from mocha_link.service.endpoint import bind
-from mocha_link.service.endpoint_key import connect
-from mocha_link.service.service import Service
+from mocha_link.service.endpoint import bind, connect
+from mocha_link.service.service import Service, ServiceServer
 from mocha_link.service.service_client import (
     ServiceClient,
     ServiceError,
     ServiceUnreachableError,
     split,
 )
-from mocha_link.service.service_server import ServiceServer
 
 POSE = {"header": {"frame_id": "map"}}
 

@@ -10,8 +10,7 @@ import pytest
 import zmq
 
 from mocha_link.errors import ListenError, PortInUseError
-from mocha_link.service.endpoint import bind
-from mocha_link.service.endpoint_key import connect, kept_key, key_file
+from mocha_link.service.endpoint import bind, connect, kept_key, key_file
 from tests.stray_post import post
 
 

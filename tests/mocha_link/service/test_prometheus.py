@@ -22,7 +22,6 @@ from mocha_link.links.metrics import LinkMetrics, LinkState
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.service import prometheus
 from mocha_link.service.prometheus import (
-    CONTENT_TYPE,
     MAX_CONNECTIONS,
     PrometheusError,
     PrometheusServer,
@@ -156,7 +155,7 @@ def ask(server, method="GET", path="/metrics"):
 
 def test_over_http(node, server):
     reply, body = ask(server)
-    assert reply.headers["Content-Type"] == CONTENT_TYPE
+    assert reply.headers["Content-Type"] == "text/plain; version=0.0.4; charset=utf-8"
     assert body == exposition(node)
     for method, path, code in [
         ("HEAD", "/metrics?name=x", 200),
@@ -195,7 +194,7 @@ def test_a_node_of_the_command_line(field, tmp_path):
         process.stdin.write("titan 9.5 dB\n")
         process.stdin.flush()
         assert json.loads(process.stdout.readline())["signal"]["unit"] == "dB"
-        shown = 'mocha_link_signal_snr_decibels{robot="io",peer="titan",source="stdin"} 9.5'
+        shown = 'mocha_link_signal_snr_decibels{peer="titan",robot="io",source="stdin"} 9.5'
         assert shown in ask(SimpleNamespace(url=url))[1].splitlines()
 
 
