@@ -19,13 +19,12 @@ from air_router.flight.status import StatusLine
 from sitl.experiment.analysis import table
 from sitl.experiment.campaign import results
 from sitl.experiment.campaign.campaign import Campaign
-from sitl.experiment.campaign.plan import Experiment, Task
+from sitl.experiment.campaign.plan import Experiment, Record, Task
 from sitl.experiment.campaign.plan_file import load_experiment
-from sitl.experiment.campaign.process_pool import ProcessPool
+from sitl.experiment.campaign.process_pool import Failed, ProcessPool, Work
 from sitl.experiment.campaign.program import program
 from sitl.experiment.campaign.run_log import RunLog, read_runs
 from sitl.experiment.campaign.shipped import experiment_names
-from sitl.experiment.campaign.worker_pool import Failed, Record, Work, WorkerPool
 from sitl.experiment.choice import chosen_rows
 
 _EPILOG = """\
@@ -35,7 +34,6 @@ and with more --seeds or other --rows it makes only what is missing. See docs/ex
 examples:
   sitl experiment table1 --seeds 30
   sitl experiment table1 --rows radius_m=30 ugvs=3,5 --seeds 5
-  sitl experiment mine.yaml --cluster tcp://10.0.0.1:8786
 """
 
 
@@ -57,9 +55,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--rows", nargs="+", default=[], metavar="WHICH", help="key=value[,value], or label pattern"
     )
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--jobs", type=_count, metavar="N", help="processes (default: CPUs)")
-    where.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, tcp://HOST:PORT")
+    parser.add_argument("--jobs", type=_count, metavar="N", help="processes (default: CPUs)")
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="for runs and results (default: experiments/NAME)"
     )
@@ -129,8 +125,8 @@ def _carry_out(campaign: Campaign, arguments: argparse.Namespace, work: Work, lo
     if missing < wanted:
         campaign.status.say(f"{wanted - missing} of {counted(wanted, 'runs')} are there")
     try:
-        with _pool(arguments) as pool, _terminated():
-            campaign.run(pool, work, log.add)
+        with _terminated():
+            campaign.run(ProcessPool(arguments.jobs or os.cpu_count() or 1), work, log.add)
     except KeyboardInterrupt:
         kept = wanted - len(campaign.missing)
         campaign.status.say(f"stopped; {kept} of {wanted} runs are kept, the same command goes on")
@@ -139,20 +135,6 @@ def _carry_out(campaign: Campaign, arguments: argparse.Namespace, work: Work, lo
         if isinstance(failure, Failed):
             sys.stderr.write(f"{failure.task.name}:\n{failure.why}\n")
     return False
-
-
-@contextlib.contextmanager
-def _pool(arguments: argparse.Namespace) -> Iterator[WorkerPool]:
-    if arguments.cluster is None:
-        yield ProcessPool(arguments.jobs or os.cpu_count() or 1)
-        return
-    from sitl.experiment.campaign.dask_pool import DaskPool  # noqa: PLC0415 - only with Dask
-
-    pool = DaskPool(arguments.cluster)
-    try:
-        yield pool
-    finally:
-        pool.close()
 
 
 @contextlib.contextmanager
@@ -189,7 +171,6 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
     tidy = results.tidy(records)
     found = table.lines(experiment, records)
     results.write_csv(tidy, folder / "results.csv")
-    results.write_parquet(tidy, folder / "results.parquet")
     text = table.as_text(experiment, found)
     (folder / "table.txt").write_text(text + "\n", encoding="utf-8")
     (folder / "table.md").write_text(table.as_markdown(experiment, found) + "\n", encoding="utf-8")

@@ -20,9 +20,8 @@ from sitl.experiment.analysis.claims import Claim, claims_of, near_paper, within
 from sitl.experiment.analysis.paper import TABLE
 from sitl.experiment.analysis.table import Line
 from sitl.experiment.campaign.links import comparison, halves
-from sitl.experiment.campaign.plan import Experiment
+from sitl.experiment.campaign.plan import Experiment, Record
 from sitl.experiment.campaign.progress import in_words
-from sitl.experiment.campaign.worker_pool import Record
 
 IMAGES: Final = Path("images") / "experiments"
 _END: Final = "<!-- end -->"

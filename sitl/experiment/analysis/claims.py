@@ -33,9 +33,8 @@ from sitl.experiment.analysis.trends import (
     pooled_above,
     share_interval,
 )
-from sitl.experiment.campaign.plan import Experiment
+from sitl.experiment.campaign.plan import Experiment, Record
 from sitl.experiment.campaign.plan_file import load_experiment
-from sitl.experiment.campaign.worker_pool import Record
 
 GOALS: Final = "goals_found_percent"
 TIME: Final = "time_to_goal_mean_min"

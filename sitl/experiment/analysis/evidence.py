@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from sitl.experiment.campaign.worker_pool import Record
+from sitl.experiment.campaign.plan import Record
 from sitl.experiment.model.settings import value_of
 
 Numbers = npt.NDArray[np.float64]

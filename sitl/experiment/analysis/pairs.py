@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from sitl.experiment.analysis.trends import LEVEL, Difference, holm, paired_above
-from sitl.experiment.campaign.plan import Experiment, Row, canonical
+from sitl.experiment.campaign.plan import Experiment, Record, Row, canonical
 from sitl.experiment.campaign.wording import words
-from sitl.experiment.campaign.worker_pool import Record
 from sitl.experiment.model.settings import value_of
 
 Numbers = npt.NDArray[np.float64]

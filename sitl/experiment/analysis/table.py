@@ -12,9 +12,8 @@ import numpy as np
 
 from sitl.experiment.analysis.intervals import Interval, interval, ratio, spread
 from sitl.experiment.analysis.paper import PaperRow, paper_row
-from sitl.experiment.campaign.plan import Experiment
+from sitl.experiment.campaign.plan import Experiment, Record
 from sitl.experiment.campaign.results import flat
-from sitl.experiment.campaign.worker_pool import Record
 from sitl.experiment.model.settings import value_of
 
 _HEADS: Final = {

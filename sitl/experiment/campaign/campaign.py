@@ -10,20 +10,18 @@ from typing import Any, Final
 
 from air_router.counted import counted
 from air_router.flight.status import StatusLine
-from sitl.experiment.campaign.plan import Experiment, Row, Task
-from sitl.experiment.campaign.program import program
-from sitl.experiment.campaign.progress import Progress, longest_first
-from sitl.experiment.campaign.run_log import usable
-from sitl.experiment.campaign.worker_pool import (
+from sitl.experiment.campaign.plan import Experiment, Record, Row, Task
+from sitl.experiment.campaign.process_pool import (
     Failed,
     Finished,
     Lost,
-    News,
     Outcome,
-    Record,
+    ProcessPool,
     Work,
-    WorkerPool,
 )
+from sitl.experiment.campaign.program import program
+from sitl.experiment.campaign.progress import Progress, longest_first
+from sitl.experiment.campaign.run_log import usable
 
 _MOST_FAILURES: Final = 5
 """After so many runs that ended in an error of the program the rest would too."""
@@ -81,14 +79,13 @@ class Campaign:
         )
         return [self._finished[label, number] for _, number, label in keys]
 
-    def run(self, pool: WorkerPool, work: Work, keep: Callable[[Record], None]) -> None:
+    def run(self, pool: ProcessPool, work: Work, keep: Callable[[Record], None]) -> None:
         """Make the missing runs, and `keep` each at once."""
         tasks = self.missing
-        progress = Progress(tuple(tasks), min(pool.workers, max(len(tasks), 1)))
+        progress = Progress(tasks)
         with closing(pool.run(work, tasks)) as outcomes:
             try:
                 for outcome in outcomes:
-                    progress.workers = pool.workers
                     self._take(outcome, progress, keep)
                     self.status.show(progress.line)
                     if len(self.failed) >= _MOST_FAILURES and not progress.simulated_s:
@@ -108,22 +105,20 @@ class Campaign:
             self._finished[task.row.label, task.number] = record
             measures = record["measures"]
             simulated_s = measures["wall_s"] * (measures["speed_up"] or 0.0)
-            progress.finished(task, measures["wall_s"], simulated_s)
+            progress.over(task, simulated_s)
         elif isinstance(outcome, Failed):
             self.failed.append(outcome)
-            progress.gone(outcome.task)
+            progress.over(outcome.task)
             self.status.say(f"{outcome.task.name} failed: {outcome.why.strip().splitlines()[-1]}")
         elif isinstance(outcome, Lost):
             what = "it is begun again" if outcome.again else "given up"
             if not outcome.again:
                 self.failed.append(outcome)
-                progress.gone(outcome.task)
+                progress.over(outcome.task)
             self.status.say(
                 f"{outcome.task.name} lost its worker ({outcome.why}), "
                 f"{counted(outcome.tries, 'times')}; {what}"
             )
-        elif isinstance(outcome, News):
-            self.status.say(outcome.text)
 
 
 def _of_another_program(outcome: Finished) -> Failed:

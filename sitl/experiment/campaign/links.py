@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geo.grid import Terrain
-from sitl.experiment.campaign.worker_pool import Record
+from sitl.experiment.campaign.plan import Record
 from sitl.experiment.engine.result import RunResult
 from sitl.world.terrain import Raster
 

@@ -21,6 +21,9 @@ from typing import Any
 Settings = Mapping[str, Any]
 """A run's settings as the plain values that stand in the file."""
 
+Record = Mapping[str, Any]
+"""What is kept of a run, in plain values."""
+
 
 @dataclass(frozen=True, slots=True)
 class Row:

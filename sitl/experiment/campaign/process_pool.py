@@ -1,48 +1,65 @@
-"""Makes runs in processes of this machine, and notices when one of them dies.
+"""Makes runs in processes of this machine; one whose worker dies is begun again.
 
-Each worker has a pipe of its own, so it is known which run a dead worker had. A worker whose
-parent is gone finds its pipe closed and ends too.
+A pool of `concurrent.futures` breaks as a whole when a worker dies, and does not tell whose it was.
+So the runs that were under way then are made one at a time: what dies alone is at fault itself.
 """
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import signal
 import traceback
 from collections import deque
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection, wait
-from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Final
 
 from air_router.errors import EXPECTED, told
-from sitl.experiment.campaign.plan import Task
-from sitl.experiment.campaign.worker_pool import (
-    MOST_TRIES,
-    TICK_S,
-    Failed,
-    Finished,
-    Lost,
-    Outcome,
-    Record,
-    Tick,
-    Work,
-)
+from sitl.experiment.campaign.plan import Record, Task
 
-_END_S: Final = 2.0
+MOST_TRIES: Final = 3
+"""How often a run is begun whose worker dies."""
+
+_TICK_S: Final = 1.0
+
+Work = Callable[[Task], Record]
+"""Makes one run. Travels to other processes, so it is a module's own function."""
 
 
-@dataclass(slots=True)
-class _Worker:
-    process: SpawnProcess
-    line: Connection
-    task: Task | None = None
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """A run has been made."""
+
+    task: Task
+    record: Record
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """The worker that made a run is gone; `again`: the run is begun once more."""
+
+    task: Task
+    tries: int
+    why: str
+    again: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """A run ended in an error of the program. The same seed would end in the same one."""
+
+    task: Task
+    why: str
+
+
+Outcome = Finished | Lost | Failed | None
+"""None: nothing has come for a second."""
+
+
+@dataclass(frozen=True, slots=True)
 class ProcessPool:
     """A pool of processes.
 
@@ -53,109 +70,81 @@ class ProcessPool:
 
     workers: int
     most_tries: int = MOST_TRIES
-    _tries: dict[Task, int] = field(default_factory=dict)
 
-    def run(self, work: Work, tasks: Sequence[Task]) -> Generator[Outcome, None, None]:
-        """Make all runs; closing the iterator ends the processes at once."""
+    def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Outcome, None, None]:
+        """Make all runs, in any order; closing the iterator ends the processes at once."""
         waiting = deque(tasks)
-        context = multiprocessing.get_context("spawn")
-        pool = [_hire(context, work) for _ in range(min(self.workers, len(tasks)))]
+        while waiting:
+            for suspect in (yield from self._made(work, waiting, self.workers, 0)):
+                tries = 1
+                while tries <= self.most_tries and (
+                    yield from self._made(work, deque([suspect]), 1, tries)
+                ):
+                    tries += 1
+
+    def _made(
+        self, work: Work, waiting: deque[Task], workers: int, tries: int
+    ) -> Generator[Outcome, None, list[Task]]:
+        """Make runs until none is left or a worker dies; those that were under way then.
+
+        `tries`: how often the one run has been begun; 0: they are several, and any may be at fault.
+        """
+        before = set(multiprocessing.active_children())
+        pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
+        under_way: dict[Future[Record | str], Task] = {}
+        lost: list[Task] = []
         try:
-            while waiting or any(worker.task for worker in pool):
-                for worker in pool:
-                    if worker.task is None and waiting:
-                        worker.task = waiting.popleft()
-                        _send(worker, worker.task)
-                ready = _ready(pool)
-                if not ready:
-                    yield Tick()
-                for worker in ready:
-                    outcome = self._heard(worker)
-                    if isinstance(outcome, Lost):
-                        pool[pool.index(worker)] = _hire(context, work)
-                        if outcome.again:
-                            waiting.append(outcome.task)
-                    yield outcome
+            while (waiting or under_way) and not lost:
+                while waiting and len(under_way) < workers:
+                    task = waiting.popleft()
+                    under_way[_begin(pool, work, task)] = task
+                done = wait(under_way, _TICK_S, FIRST_COMPLETED).done
+                if not done:
+                    yield None
+                for future in done:
+                    task = under_way.pop(future)
+                    error = future.exception()
+                    if isinstance(error, BrokenProcessPool):
+                        lost.append(task)
+                        yield self._lost(task, tries, str(error))
+                    elif isinstance(made := future.result(), str):
+                        yield Failed(task, made)
+                    else:
+                        yield Finished(task, made)
+            lost += under_way.values()
+            for task in under_way.values():
+                yield self._lost(task, tries, "a worker beside it ended")
+            return lost
         finally:
-            _dismiss(pool)
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in set(multiprocessing.active_children()) - before:
+                process.terminate()
+                process.join()
 
-    def _heard(self, worker: _Worker) -> Outcome:
-        task, worker.task = worker.task, None
-        if task is None:
-            raise AssertionError("an idle worker says nothing")
-        try:
-            good, answer = worker.line.recv()
-        except (EOFError, OSError):
-            _end(worker)
-            tries = self._tries[task] = self._tries.get(task, 0) + 1
-            why = _last_words(worker.process.exitcode)
-            return Lost(task, tries, why, again=tries < self.most_tries)
-        return Finished(task, answer) if good else Failed(task, str(answer))
+    def _lost(self, task: Task, tries: int, why: str) -> Lost:
+        return Lost(task, max(tries, 1), why, again=tries < self.most_tries)
 
 
-def _hire(context: SpawnContext, work: Work) -> _Worker:
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(theirs, work), daemon=True)
+def _begin(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Record | str]:
     # The parent decides what Ctrl-C means: a worker inherits that it does not hear of it, from its
     # first moment on. The tracker, which the first start would start, lets signals through again.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        process.start()
+        return pool.submit(_attempt, work, task)
+    except BrokenProcessPool as error:  # before the results of the others said so
+        broken: Future[Record | str] = Future()
+        broken.set_exception(error)
+        return broken
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-    theirs.close()  # so that only the worker's own end keeps the pipe open
-    return _Worker(process, ours)
 
 
-def _ready(pool: Sequence[_Worker]) -> list[_Worker]:
-    busy = {worker.line: worker for worker in pool if worker.task is not None}
-    return [busy[line] for line in wait(list(busy), TICK_S) if isinstance(line, Connection)]
-
-
-def _send(worker: _Worker, task: Task) -> None:
-    with contextlib.suppress(OSError):  # it is dead: the same pipe tells us next
-        worker.line.send(task)
-
-
-def _serve(line: Connection, work: Work) -> None:
-    """The worker: runs until its pipe is closed."""
-    answer: tuple[bool, Record | str]
-    while True:
-        try:
-            task = line.recv()
-        except EOFError:
-            return
-        try:
-            answer = (True, work(task))
-        except EXPECTED as error:
-            answer = (False, told(error))
-        except Exception:  # noqa: BLE001 - whatever it is, it is told, and others go on
-            answer = (False, traceback.format_exc())
-        try:
-            line.send(answer)
-        except OSError:
-            return
-
-
-def _dismiss(pool: Sequence[_Worker]) -> None:
-    for worker in pool:
-        worker.line.close()
-        if worker.task is not None:
-            worker.process.terminate()
-    for worker in pool:
-        _end(worker)
-
-
-def _end(worker: _Worker) -> None:
-    worker.line.close()
-    worker.process.join(_END_S)
-    if worker.process.is_alive():
-        worker.process.kill()
-        worker.process.join()
-
-
-def _last_words(exit_code: int | None) -> str:
-    if exit_code is not None and exit_code < 0:
-        return f"its process was ended by {signal.Signals(-exit_code).name}"
-    return f"its process ended with code {exit_code}"
+def _attempt(work: Work, task: Task) -> Record | str:
+    """The run, or what went wrong in it: not every error travels."""
+    try:
+        return work(task)
+    except EXPECTED as error:
+        return told(error)
+    except Exception:  # noqa: BLE001 - whatever it is, it is told, and others go on
+        return traceback.format_exc()

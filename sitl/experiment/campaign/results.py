@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from sitl.experiment.campaign.worker_pool import Record
+from sitl.experiment.campaign.plan import Record
 from sitl.experiment.model.settings import value_of
 
 _ALWAYS: Final = ("town", "radius_m", "uavs", "ugvs", "channel", "protocol", "policy", "passive")
@@ -58,17 +58,6 @@ def write_csv(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
         writer = csv.DictWriter(file, list(rows[0]) if rows else [])
         writer.writeheader()
         writer.writerows(rows)
-
-
-def write_parquet(rows: Sequence[Mapping[str, Any]], path: Path) -> bool:
-    """Write tidy runs as Parquet; False where pyarrow is not installed."""
-    try:
-        import pyarrow as pa  # noqa: PLC0415 - only where it is installed
-        from pyarrow import parquet  # noqa: PLC0415
-    except ImportError:
-        return False
-    parquet.write_table(pa.Table.from_pylist(list(rows)), path)
-    return True
 
 
 def write_json(value: Any, path: Path) -> None:

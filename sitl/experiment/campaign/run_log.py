@@ -15,8 +15,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from air_router.errors import AirRouterError, ExitCode, UsageError
-from sitl.experiment.campaign.plan import Experiment, Row
-from sitl.experiment.campaign.worker_pool import Record
+from sitl.experiment.campaign.plan import Experiment, Record, Row
 
 FILE_NAME = "runs.jsonl"
 _KEYS: Final = {"experiment", "row", "number", "seed", "fingerprint", "measures", "curves"}

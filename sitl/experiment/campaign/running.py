@@ -12,10 +12,9 @@ from typing import Any, Final
 from air_router.errors import AirRouterError, ExitCode
 from air_router.files.settings import Timers
 from sitl.experiment.campaign.links import seen_links
-from sitl.experiment.campaign.plan import Task
+from sitl.experiment.campaign.plan import Record, Task
 from sitl.experiment.campaign.plan_file import content_hash, files_of
 from sitl.experiment.campaign.program import program
-from sitl.experiment.campaign.worker_pool import Record
 from sitl.experiment.engine.engine import Run, run
 from sitl.experiment.engine.measures import curves, measured
 from sitl.experiment.engine.result import RunResult

@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from air_router.counted import counted
-from sitl.experiment.campaign.plan import Experiment, Row
-from sitl.experiment.campaign.worker_pool import Record
+from sitl.experiment.campaign.plan import Experiment, Record, Row
 from sitl.experiment.engine.measures import BIN_S, WAIT_EDGES_S
 from sitl.experiment.figures.figure_sheet import (
     COLOURS,

@@ -16,8 +16,7 @@ from sitl.experiment.campaign.links import (
     halves,
     predicted,
 )
-from sitl.experiment.campaign.plan import Experiment
-from sitl.experiment.campaign.worker_pool import Record
+from sitl.experiment.campaign.plan import Experiment, Record
 from sitl.experiment.figures.figure_sheet import COLOURS, DASHES, INK, sheet
 
 _SHOWN = (0, 3, 5, 7)

@@ -13,9 +13,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from sitl.experiment.campaign.plan import Experiment
+from sitl.experiment.campaign.plan import Experiment, Record
 from sitl.experiment.campaign.shipped import town_file
-from sitl.experiment.campaign.worker_pool import Record
 from sitl.experiment.figures.figure_sheet import COLOURS, FAINT, INK, example_sheet
 from sitl.experiment.towns.town import Town
 from sitl.experiment.towns.town_file import load_town

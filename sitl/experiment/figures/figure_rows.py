@@ -16,9 +16,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from air_router.counted import counted
 from sitl.experiment.analysis.intervals import Interval
 from sitl.experiment.analysis.table import Line, lines, of_the_paper
-from sitl.experiment.campaign.plan import Experiment
+from sitl.experiment.campaign.plan import Experiment, Record
 from sitl.experiment.campaign.wording import words
-from sitl.experiment.campaign.worker_pool import Record
 from sitl.experiment.figures.figure_sheet import COLOURS, FAINT, INK, panel_sheet, sheet
 
 _MEASURES: Final = (

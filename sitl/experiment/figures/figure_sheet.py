@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from air_router.errors import PictureError
-from sitl.experiment.campaign.plan import Experiment, Row
+from sitl.experiment.campaign.plan import Experiment, Record, Row
 from sitl.experiment.campaign.wording import words
-from sitl.experiment.campaign.worker_pool import Record
 
 try:
     import matplotlib as mpl

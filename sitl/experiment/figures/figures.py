@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from sitl.experiment.campaign.plan import Experiment
-from sitl.experiment.campaign.worker_pool import Record
+from sitl.experiment.campaign.plan import Experiment, Record
 from sitl.experiment.figures.figure_curves import draw_ages, draw_bandwidth, draw_goals, draw_waits
 from sitl.experiment.figures.figure_links import draw_links
 from sitl.experiment.figures.figure_places import draw_contacts, draw_places
