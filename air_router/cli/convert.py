@@ -27,9 +27,9 @@ from air_router.files.maps.feature_set import (
 from air_router.files.maps.geojson_write import geojson_text
 from air_router.files.maps.kml_write import kml_text
 from air_router.files.mission_document import MissionDocument
-from air_router.files.qgc.qgc_edit import PlanEdit
 from air_router.files.qgc.qgc_items import NOT_FLOWN
-from air_router.files.qgc.qgc_write import add_area, plan_of, tell_settings
+from air_router.files.qgc.qgc_write import areas_of, plan_of, tell_settings
+from air_router.files.text.source import Source, spliced
 from air_router.files.whole_file import write_whole
 from air_router.files.yaml.mission_write import mission_text
 from air_router.files.yaml.sim_plan import SUFFIX, sim_plan_draft
@@ -240,14 +240,28 @@ def _written(
         if not isinstance(document, JsonDocument):
             report.warnings.add("comments", "they stay in the file that is read", "comments-lost")
     elif isinstance(document, JsonDocument) and draft.frame is not None:
-        edit = PlanEdit(document.data)  # a plan stays what it is, and gets more zones
-        for area in draft.zones[own_zones:]:
-            add_area(edit, area, draft.frame, report.warnings, inclusion=False)
-        text = edit.text()
+        more = areas_of(draft.zones[own_zones:], draft.frame, report.warnings, inclusion=False)
+        text = _with_zones(document, more)
     else:
         text = json_text(plan_of(draft, report.warnings))
     judge(draft)
     return text
+
+
+def _with_zones(plan: JsonDocument, more: dict[str, list[Any]]) -> str:
+    """The text of a plan, which stays what it is and gets more zones."""
+    source = Source(plan.text, plan.node(), json=True)
+    if not source.is_mapping("geoFence"):
+        fence = {**more, "version": 2}
+        return spliced(plan.text, source.add_key((), "geoFence", fence))
+    splices = []
+    for kind, entries in more.items():
+        keys = ("geoFence", kind)
+        if entries and source.has(*keys):
+            splices += source.insert(keys, source.length(*keys), *entries)
+        elif entries:
+            splices += source.add_key(("geoFence",), kind, entries)
+    return spliced(plan.text, splices)
 
 
 def _check_options(arguments: argparse.Namespace, kind: str) -> None:

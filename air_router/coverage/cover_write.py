@@ -8,11 +8,11 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from air_router.coverage.cover_area import Field
 from air_router.errors import AirRouterError, MissionFileError, UsageError
 from air_router.files.mission_document import MissionPoint
+from air_router.files.text.source import Source, spliced
 from air_router.files.yaml.mission_file import read_mission
 from air_router.files.yaml.mission_write import mission_text
 from air_router.mission.loading import judge
@@ -66,14 +66,13 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
     draft = field.draft
     if draft.home is None:
         raise UsageError("a mission needs a home; give --home LAT,LON, or leave --out away")
-    if source.suffix.lower() in {".yaml", ".yml"} and (
-        draft.document.path == source and _has_waypoints(source)
-    ):
+    old = _mission_text(source) if draft.document.path == source else None
+    if old is not None:
         if folder.resolve() != source.parent.resolve() and (draft.team or draft.world):
             raise UsageError(
                 f"the mission names files beside it; write into {source.parent} as well"
             )
-        text = _with_section(source.read_text(encoding="utf-8"), place_text(field, waypoints))
+        text = spliced(old.text, old.write_section("waypoints", place_text(field, waypoints)))
         _check_mission(text, source)
         return text
     draft.waypoints = [
@@ -86,40 +85,20 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
     return mission_text(draft, folder)
 
 
+def _mission_text(path: Path) -> Source | None:
+    """The text of a YAML mission whose waypoints stand on lines of their own; None of any other."""
+    if path.suffix.lower() not in {".yaml", ".yml"}:
+        return None
+    source = Source.of_yaml(path.read_text(encoding="utf-8"), path)
+    return source if source.stands_on_lines("waypoints") else None
+
+
 def _check_mission(text: str, source: Path) -> None:
     """The mission with its new waypoints has no other problems than it had."""
     draft = read_mission(Document.from_text(text, source))
     judge(draft)
     if draft.problems:
         raise MissionFileError(draft.problems)
-
-
-def _has_waypoints(path: Path) -> bool:
-    return _section(path.read_text(encoding="utf-8")) is not None
-
-
-def _section(text: str) -> tuple[int, int] | None:
-    """From which line to before which the section `waypoints` reaches."""
-    root = yaml.compose(text, Loader=yaml.SafeLoader)
-    if not isinstance(root, yaml.MappingNode) or root.flow_style:
-        return None
-    for key, value in root.value:
-        if key.value == "waypoints":
-            last = value
-            while isinstance(last, yaml.CollectionNode) and last.value and not last.flow_style:
-                last = last.value[-1]
-                last = last[1] if isinstance(last, tuple) else last
-            return key.start_mark.line, last.end_mark.line + 1
-    return None
-
-
-def _with_section(text: str, section: str) -> str:
-    found = _section(text)
-    if found is None:
-        return text.rstrip("\n") + "\n\n" + section
-    first, end = found
-    lines = text.splitlines(keepends=True)
-    return "".join(lines[:first]) + section + "".join(lines[end:])
 
 
 def _check(plan: Coverage, field: Field) -> None:

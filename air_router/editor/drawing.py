@@ -8,16 +8,15 @@ from typing import ClassVar
 from air_router.editor import edits
 from air_router.editor.edits import Edit, EditError
 from air_router.editor.sketch import Corners, Handle, Pair, Region, Sketch
-from air_router.editor.text.rendering import (
+from air_router.files.mission_document import Keys
+from air_router.files.text.rendering import (
     DEGREE_DECIMALS,
     METRE_DECIMALS,
     Digits,
     degrees,
     metres,
 )
-from air_router.editor.text.source import Source
-from air_router.editor.text.splice import Splice
-from air_router.files.mission_document import Keys
+from air_router.files.text.source import Source, Splice
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 
 _LEAST_CORNERS = 3

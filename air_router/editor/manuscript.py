@@ -9,11 +9,11 @@ from air_router.editor import edits
 from air_router.editor.drawing import Drawing
 from air_router.editor.edits import Edit, EditError
 from air_router.editor.plan_drawing import PlanDrawing
-from air_router.editor.text.splice import spliced
 from air_router.editor.yaml_drawing import YamlDrawing
 from air_router.files.json_document import JsonDocument, json_from_text
 from air_router.files.mission_document import MissionDocument
 from air_router.files.qgc.qgc_read import plan_draft
+from air_router.files.text.source import spliced
 from air_router.files.yaml.mission_file import read_mission
 from mocha_link.team.document import Document, DocumentError
 

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import codecs
 import hashlib
-import os
-import stat
-import tempfile
 from pathlib import Path
 
 from air_router.errors import AirRouterError
-from air_router.files.whole_file import sync_folder
-from mocha_link.team.document import MAX_BYTES, DocumentError, Problem
+from air_router.files.whole_file import bytes_of, text_in, write_whole
+from mocha_link.team.document import MAX_BYTES, DocumentError
 
 
 class SaveError(AirRouterError):
@@ -36,11 +33,8 @@ class MissionText:
         Raises:
             DocumentError: it cannot be read, is too large or not UTF-8.
         """
-        raw = self._raw()
-        try:
-            text = raw.removeprefix(codecs.BOM_UTF8).decode()
-        except UnicodeDecodeError:
-            raise self._unreadable("not UTF-8 text; save the file as UTF-8", "not-utf8") from None
+        raw = bytes_of(self.path, MAX_BYTES)
+        text = text_in(raw, self.path)
         self._mark = raw.startswith(codecs.BOM_UTF8)
         self._digest = hashlib.sha256(raw).digest()
         return text
@@ -52,7 +46,7 @@ class MissionText:
     def changed(self) -> bool:
         """Whether the file is another one than was read or written last."""
         try:
-            return hashlib.sha256(self._raw()).digest() != self._digest
+            return hashlib.sha256(bytes_of(self.path, MAX_BYTES)).digest() != self._digest
         except DocumentError:
             return True
 
@@ -72,7 +66,8 @@ class MissionText:
         if len(raw) > MAX_BYTES:
             raise SaveError(f"the mission is larger than {MAX_BYTES} bytes; thin it out")
         try:
-            self._replace(target, raw, overwrite=overwrite)
+            check = (lambda: None) if overwrite else self._check_unchanged
+            write_whole(target, raw, replace=True, check=check)
         except OSError as error:
             raise SaveError(
                 f"cannot write {target}: {error.strerror or type(error).__name__}; nothing is lost "
@@ -86,52 +81,9 @@ class MissionText:
         aside.write(text, overwrite=True)
         return aside.path
 
-    def _replace(self, target: Path, raw: bytes, *, overwrite: bool) -> None:
-        descriptor, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-        temporary = Path(name)
-        try:
-            with os.fdopen(descriptor, "wb") as file:
-                file.write(raw)
-                file.flush()
-                os.fchmod(file.fileno(), _mode(target))
-                os.fsync(file.fileno())
-            if not overwrite:
-                self._check_unchanged()
-            temporary.replace(target)
-        except BaseException:
-            temporary.unlink(missing_ok=True)
-            raise
-        sync_folder(target.parent)
-
     def _check_unchanged(self) -> None:
         if self.changed():
             raise ChangedOnDiskError(
                 f"{self.path.name} was changed on the disk meanwhile; load it again, "
                 "or overwrite it"
             )
-
-    def _raw(self) -> bytes:
-        try:
-            with self.path.open("rb") as file:
-                raw = file.read(MAX_BYTES + 1)
-        except OSError as error:
-            reason = error.strerror or type(error).__name__
-            raise self._unreadable(
-                f"cannot read the file: {reason}; check the path", "unreadable"
-            ) from None
-        if len(raw) > MAX_BYTES:
-            raise self._unreadable(f"larger than {MAX_BYTES} bytes; thin it out", "too-large")
-        return raw
-
-    def _unreadable(self, message: str, code: str) -> DocumentError:
-        return DocumentError([Problem(self.path, 1, 1, message, code)])
-
-
-def _mode(target: Path) -> int:
-    """The permissions that the file has; those of a new file if it is gone."""
-    try:
-        return stat.S_IMODE(target.stat().st_mode)
-    except FileNotFoundError:
-        mask = os.umask(0)
-        os.umask(mask)
-        return 0o666 & ~mask

@@ -13,17 +13,15 @@ from air_router.editor.plan_sketch import (
     ITEMS,
     POLYGONS,
     RALLY_POINTS,
-    WAYPOINT,
     sketch_plan,
 )
 from air_router.editor.sketch import Handle, Region, as_number
-from air_router.editor.text.json_nodes import json_nodes
-from air_router.editor.text.rendering import METRE_DECIMALS, Digits, metres
-from air_router.editor.text.source import Source
-from air_router.editor.text.splice import Splice
+from air_router.files.qgc.qgc_items import MavCommand
+from air_router.files.qgc.qgc_write import simple_item
+from air_router.files.text.rendering import METRE_DECIMALS, Digits, metres
+from air_router.files.text.source import Source, Splice
 from mocha_link.team.document import Document
 
-_RELATIVE_FRAME = 3
 _RELATIVE_FRAMES = (3, 6)
 _DEFAULT_ALTITUDE_M = 30.0
 
@@ -35,7 +33,7 @@ class PlanDrawing(Drawing):
 
     def __init__(self, text: str, document: Document) -> None:
         self._data = document.data
-        super().__init__(Source(text, json_nodes(text), json=True), sketch_plan(document.data))
+        super().__init__(Source(text, document.node(), json=True), sketch_plan(document.data))
 
     def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:
         """Insert a simple item behind the waypoint before it, at the same altitude."""
@@ -53,17 +51,9 @@ class PlanDrawing(Drawing):
         altitude_m = self._relative_altitude_m(neighbour) or _DEFAULT_ALTITUDE_M
         used = [item.get("doJumpId") for item in items if isinstance(item, dict)]
         latitude, longitude = self.digits(edit.at)
-        item = {
-            "AMSLAltAboveTerrain": None,
-            "Altitude": metres(altitude_m),
-            "AltitudeMode": 1,
-            "autoContinue": True,
-            "command": WAYPOINT,
-            "doJumpId": max((n for n in used if isinstance(n, int)), default=0) + 1,
-            "frame": _RELATIVE_FRAME,
-            "params": [0, 0, 0, None, latitude, longitude, metres(altitude_m)],
-            "type": "SimpleItem",
-        }
+        number = max((n for n in used if isinstance(n, int)), default=0) + 1
+        params = [0, 0, 0, None, latitude, longitude, metres(altitude_m)]
+        item = simple_item(MavCommand.WAYPOINT, params, number=number)
         return self.source.insert(ITEMS, position, item)
 
     def rally_point_added(self, edit: edits.AddRallyPoint) -> list[Splice]:

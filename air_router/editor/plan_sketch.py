@@ -14,9 +14,7 @@ from air_router.editor.sketch import (
     round_of,
 )
 from air_router.files.mission_document import Keys
-
-WAYPOINT = 16
-"""MAV_CMD_NAV_WAYPOINT."""
+from air_router.files.qgc.qgc_items import MavCommand
 
 ITEMS: Keys = ("mission", "items")
 POLYGONS: Keys = ("geoFence", "polygons")
@@ -45,7 +43,7 @@ def sketch_plan(data: Any) -> Sketch:
 
 
 def _waypoint(item: Any, keys: Keys) -> Handle | None:
-    if not isinstance(item, dict) or item.get("command") != WAYPOINT:
+    if not isinstance(item, dict) or item.get("command") != MavCommand.WAYPOINT:
         return None
     params = item.get("params")
     if item.get("type") != "SimpleItem" or not isinstance(params, list) or len(params) < 7:

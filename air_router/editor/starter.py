@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from air_router.editor.mission_text import MissionText
-from air_router.editor.text.rendering import degrees
 from air_router.errors import UsageError
+from air_router.files.text.rendering import degrees
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 
 _TEXT = """\

@@ -8,10 +8,9 @@ from air_router.editor import edits
 from air_router.editor.drawing import Drawing
 from air_router.editor.edits import EditError
 from air_router.editor.sketch import Handle, Region, sketch_yaml
-from air_router.editor.text.rendering import METRE_DECIMALS, metres
-from air_router.editor.text.source import Source
-from air_router.editor.text.splice import Splice
 from air_router.files.mission_document import Keys
+from air_router.files.text.rendering import METRE_DECIMALS, metres
+from air_router.files.text.source import Source, Splice
 from mocha_link.team.document import Document
 
 _SETTINGS: dict[str, Keys] = {

@@ -1,21 +1,58 @@
-"""Writing a file so that it is there as a whole or not at all."""
+"""A whole file: read up to a limit, written so that it is there as a whole or not at all."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from air_router.errors import UsageError
+from mocha_link.team.problem import DocumentError, Problem
 
 
 class FileThereError(UsageError):
     """There is such a file already, and the user did not say that it may go."""
 
 
-def write_whole(path: Path, text: str, *, replace: bool) -> None:
-    """Write a text file in one step; what was there stays until it is replaced.
+def bytes_of(path: Path, max_bytes: int) -> bytes:
+    """A file's bytes. Raises DocumentError: it cannot be read or is too large."""
+    try:
+        with path.open("rb") as file:
+            raw = file.read(max_bytes + 1)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        message = f"cannot read the file: {reason}; check the path"
+        raise DocumentError([Problem(path, 1, 1, message, "unreadable")]) from None
+    if len(raw) > max_bytes:
+        message = f"larger than {max_bytes} bytes; cut out the part that the mission needs"
+        raise DocumentError([Problem(path, 1, 1, message, "too-large")])
+    return raw
+
+
+def text_in(raw: bytes, path: Path) -> str:
+    """The text that bytes spell. Raises DocumentError: it is not UTF-8."""
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = raw[: error.start]
+        line = before.count(b"\n") + 1
+        column = len(before.rpartition(b"\n")[2].decode("utf-8", "replace")) + 1
+        message = "not UTF-8 text; save the file as UTF-8"
+        raise DocumentError([Problem(path, line, column, message, "not-utf8")]) from None
+
+
+def write_whole(
+    path: Path, text: str | bytes, *, replace: bool, check: Callable[[], None] = lambda: None
+) -> None:
+    """Write a file in one step; what was there stays until it is replaced, also in a power cut.
+
+    Args:
+        path: The file; a link stays a link.
+        text: What shall be in it.
+        replace: Whether it may be there already.
+        check: Called just before the file is replaced; what it raises leaves all as it was.
 
     Raises:
         FileThereError: there is such a file, and `replace` is not set.
@@ -30,17 +67,19 @@ def write_whole(path: Path, text: str, *, replace: bool) -> None:
         raise OSError(error.errno, error.strerror, str(path)) from None
     beside = Path(name)
     try:
-        with os.fdopen(descriptor, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(text.encode() if isinstance(text, str) else text)
             file.flush()
+            os.fchmod(file.fileno(), _mode(path))
             os.fsync(file.fileno())
-        beside.chmod(_mode(path))
+        check()
         if replace:
             beside.replace(path)
         else:
             _claim(beside, path)
     finally:
         beside.unlink(missing_ok=True)
+    sync_folder(path.parent)
 
 
 def _claim(beside: Path, path: Path) -> None:

@@ -143,13 +143,7 @@ class _PlanReader(PlanValues):
                 return None
             circle = self.draft.circle(label, pair, radius_m, (*keys, "circle"))
             return None if circle is None else Area(name, circle, keys, crosses_fence=True)
-        corners_keys: Keys = (*keys, "polygon")
-        count = len(self.entries(*corners_keys))
-        pairs = [self.pair(*corners_keys, index) for index in range(count)]
-        corners = [pair for pair in pairs if pair is not None]
-        if len(corners) < count or not isinstance(self.at(*corners_keys), list):
-            return None
-        outline = self.draft.polygon(label, corners, corners_keys)
+        outline = self.outline(label, (*keys, "polygon"))
         return None if outline is None else Area(name, outline, keys, crosses_fence=True)
 
     def _read_rally_points(self) -> None:

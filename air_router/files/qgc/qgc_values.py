@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from air_router.files.json_document import value_at
 from air_router.files.mission_document import Keys, MissionDocument
+from geo.airspace.zone import Outline
 
 EXPORT_AGAIN: Final = "save the plan with a current QGroundControl"
 
@@ -47,6 +48,15 @@ class PlanValues:
         if latitude_deg is None or longitude_deg is None:
             return None
         return latitude_deg, longitude_deg
+
+    def outline(self, label: str, keys: Keys) -> Outline | None:
+        """A list of pairs as an area; None, with a problem noted, if it bounds none."""
+        count = len(self.entries(*keys))
+        pairs = [self.pair(*keys, index) for index in range(count)]
+        corners = [pair for pair in pairs if pair is not None]
+        if len(corners) < count or not isinstance(self.at(*keys), list):
+            return None
+        return self.draft.polygon(label, corners, keys)
 
     def version(self, keys: Keys, known: int) -> None:
         """Complain unless the part of the plan at `keys` has this version."""

@@ -6,19 +6,24 @@ all times. What a mission knows beyond that becomes larger, never smaller, and i
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Final
 
 from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.maps.feature_set import corners_of
 from air_router.files.mission_document import Area, MissionDocument
-from air_router.files.qgc.qgc_edit import MISSION_FRAME, PlanEdit, simple_item
 from air_router.files.qgc.qgc_items import MavCommand
 from air_router.files.settings import DEFAULT_SEEK_POLICY, PlannerSettings, Timers
-from geo.airspace.zone import Circle
+from geo.airspace.zone import Circle, Ring
 from geo.frame import Geodetic, LocalFrame
 
+RELATIVE_FRAME: Final = 3
+_MISSION_FRAME: Final = 2
 _PX4, _MULTIROTOR = 12, 2
 _GROUND_SPEED: Final = 1.0
+
+_DEGREE_DIGITS: Final = 10
+"""Of degrees that are written: a hundredth of a millimetre."""
 
 
 def plan_of(draft: MissionDocument, warnings: ConversionWarnings) -> dict[str, Any]:
@@ -27,32 +32,63 @@ def plan_of(draft: MissionDocument, warnings: ConversionWarnings) -> dict[str, A
         raise ValueError("a mission without a home is no plan")
     frame = draft.frame
     home = frame.to_geodetic(draft.home.position)
-    edit = PlanEdit(_empty(draft, home, warnings))
-    _add_items(edit, draft, frame, home)
-    for area in draft.fences:
-        add_area(edit, area, frame, warnings, inclusion=True)
-    for area in draft.zones:
-        add_area(edit, area, frame, warnings, inclusion=False)
-    for spot in draft.rally_points:
-        edit.add_rally_point(frame.to_geodetic(spot.position))
+    altitude_m = draft.home_altitude_amsl_m
+    if altitude_m is None:
+        message = "home's height above the sea is not known: written as 0"
+        warnings.add("home", message, "home-altitude-unknown")
+    fence = areas_of(draft.fences, frame, warnings, inclusion=True)
+    zones = areas_of(draft.zones, frame, warnings, inclusion=False)
+    rally_points = [
+        [*_rounded(frame.to_geodetic(spot.position)), 0.0] for spot in draft.rally_points
+    ]
     tell_settings(draft, warnings, "a plan")
-    return edit.data
+    return {
+        "fileType": "Plan",
+        "geoFence": {**{kind: fence[kind] + zones[kind] for kind in sorted(fence)}, "version": 2},
+        "groundStation": "QGroundControl",
+        "mission": {
+            "cruiseSpeed": draft.speed_m_s,
+            "firmwareType": _PX4,
+            "globalPlanAltitudeMode": 1,
+            "hoverSpeed": draft.speed_m_s,
+            "items": _items(draft, frame, home),
+            "plannedHomePosition": [*_rounded(home), altitude_m or 0.0],
+            "vehicleType": _MULTIROTOR,
+            "version": 2,
+        },
+        "rallyPoints": {"points": rally_points, "version": 2},
+        "version": 1,
+    }
 
 
-def add_area(
-    edit: PlanEdit, area: Area, frame: LocalFrame, warnings: ConversionWarnings, *, inclusion: bool
-) -> None:
-    """Add a fence or a zone to a plan."""
+def areas_of(
+    areas: Iterable[Area], frame: LocalFrame, warnings: ConversionWarnings, *, inclusion: bool
+) -> dict[str, list[Any]]:
+    """Fences, or zones, as entries of the lists `polygons` and `circles` of a plan's fence."""
+    found: dict[str, list[Any]] = {"circles": [], "polygons": []}
+    for area in areas:
+        shape = area.shape
+        if isinstance(shape, Circle):
+            circle = {"center": _rounded(frame.to_geodetic(shape.centre)), "radius": shape.radius_m}
+            entry = {"circle": circle, "inclusion": inclusion, "version": 1}
+            found["circles"].append(entry)
+        else:
+            holes = shape.holes if inclusion else ()
+            found["polygons"].append(_polygon(shape.ring, frame, inclusion=inclusion))
+            found["polygons"] += [_polygon(hole, frame, inclusion=False) for hole in holes]
+        _tell_losses(area, warnings, inclusion=inclusion)
+    return found
+
+
+def _polygon(ring: Ring, frame: LocalFrame, *, inclusion: bool) -> dict[str, Any]:
+    corners = [_rounded(corner) for corner in corners_of(ring, frame)]
+    return {"inclusion": inclusion, "polygon": corners, "version": 1}
+
+
+def _tell_losses(area: Area, warnings: ConversionWarnings, *, inclusion: bool) -> None:
     what = "a fence" if inclusion else f"no-fly zone '{area.name}'"
-    shape = area.shape
-    if isinstance(shape, Circle):
-        edit.add_circle(frame.to_geodetic(shape.centre), shape.radius_m, inclusion=inclusion)
-    else:
-        edit.add_polygon(corners_of(shape.ring, frame), inclusion=inclusion)
-        for hole in shape.holes if inclusion else ():
-            edit.add_polygon(corners_of(hole, frame), inclusion=False)
-        if shape.holes and not inclusion:
-            warnings.add(what, "its holes are closed: a plan's zones have none", "holes-closed")
+    if not inclusion and not isinstance(area.shape, Circle) and area.shape.holes:
+        warnings.add(what, "its holes are closed: a plan's zones have none", "holes-closed")
     if area.altitudes is not None:
         warnings.add(what, "it reaches over all altitudes: a plan's zones do", "altitudes-lost")
     if area.validity is not None:
@@ -63,50 +99,42 @@ def add_area(
         warnings.add("names of zones", "a plan's zones have none", "names-lost")
 
 
-def _empty(draft: MissionDocument, home: Geodetic, warnings: ConversionWarnings) -> dict[str, Any]:
-    altitude_m = draft.home_altitude_amsl_m
-    if altitude_m is None:
-        message = "home's height above the sea is not known: written as 0"
-        warnings.add("home", message, "home-altitude-unknown")
+def _items(draft: MissionDocument, frame: LocalFrame, home: Geodetic) -> list[dict[str, Any]]:
+    speed = [_GROUND_SPEED, draft.speed_m_s, -1.0, 0.0, 0.0, 0.0, 0.0]
+    steps: list[tuple[MavCommand, list[Any], int]] = [
+        (MavCommand.CHANGE_SPEED, speed, _MISSION_FRAME),
+        (MavCommand.TAKEOFF, [0, 0, 0, None, *_rounded(home), draft.altitude_m], RELATIVE_FRAME),
+    ]
+    for spot in draft.waypoints:
+        place = _rounded(frame.to_geodetic(spot.position))
+        params = [0, draft.planner.acceptance_radius_m, 0, None, *place]
+        params.append(spot.altitude_m or draft.altitude_m)
+        steps.append((MavCommand.WAYPOINT, params, RELATIVE_FRAME))
+    steps.append((MavCommand.RETURN_TO_LAUNCH, [0.0] * 7, _MISSION_FRAME))
+    return [
+        simple_item(command, params, number=number, frame=altitude_frame)
+        for number, (command, params, altitude_frame) in enumerate(steps, start=1)
+    ]
+
+
+def simple_item(
+    command: MavCommand, params: list[Any], *, number: int, frame: int = RELATIVE_FRAME
+) -> dict[str, Any]:
+    """A simple item as QGroundControl writes it; `number` counts the plan's items from 1."""
+    altitude = {"AMSLAltAboveTerrain": None, "Altitude": params[6] or 0.0, "AltitudeMode": 1}
     return {
-        "fileType": "Plan",
-        "geoFence": {"circles": [], "polygons": [], "version": 2},
-        "groundStation": "QGroundControl",
-        "mission": {
-            "cruiseSpeed": draft.speed_m_s,
-            "firmwareType": _PX4,
-            "globalPlanAltitudeMode": 1,
-            "hoverSpeed": draft.speed_m_s,
-            "items": [],
-            "plannedHomePosition": [
-                round(home.latitude_deg, 10),
-                round(home.longitude_deg, 10),
-                altitude_m or 0.0,
-            ],
-            "vehicleType": _MULTIROTOR,
-            "version": 2,
-        },
-        "rallyPoints": {"points": [], "version": 2},
-        "version": 1,
+        **(altitude if frame == RELATIVE_FRAME else {}),
+        "autoContinue": True,
+        "command": int(command),
+        "doJumpId": number,
+        "frame": frame,
+        "params": params,
+        "type": "SimpleItem",
     }
 
 
-def _add_items(edit: PlanEdit, draft: MissionDocument, frame: LocalFrame, home: Geodetic) -> None:
-    items: list[dict[str, Any]] = edit.data["mission"]["items"]
-    speed = [_GROUND_SPEED, draft.speed_m_s, -1.0, 0.0, 0.0, 0.0, 0.0]
-    items.append(simple_item(MavCommand.CHANGE_SPEED, [*speed], number=1, frame=MISSION_FRAME))
-    at_home = [round(home.latitude_deg, 10), round(home.longitude_deg, 10), draft.altitude_m]
-    items.append(simple_item(MavCommand.TAKEOFF, [0, 0, 0, None, *at_home], number=2))
-    for spot in draft.waypoints:
-        edit.add_waypoint(
-            frame.to_geodetic(spot.position),
-            spot.altitude_m or draft.altitude_m,
-            acceptance_radius_m=draft.planner.acceptance_radius_m,
-        )
-    end = simple_item(
-        MavCommand.RETURN_TO_LAUNCH, [0.0] * 7, number=len(items) + 1, frame=MISSION_FRAME
-    )
-    items.append(end)
+def _rounded(place: Geodetic) -> list[float]:
+    return [round(degrees, _DEGREE_DIGITS) for degrees in place]
 
 
 def tell_settings(draft: MissionDocument, warnings: ConversionWarnings, where: str) -> None:

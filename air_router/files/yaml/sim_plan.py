@@ -52,19 +52,14 @@ class _Reader(PlanValues):
         self._settle()
 
     def _read_area(self, keys: Keys) -> None:
-        inclusion, corners_keys = self.at(*keys, "inclusion"), (*keys, "polygon")
+        inclusion = self.at(*keys, "inclusion")
         if not isinstance(inclusion, bool):
             message = "'inclusion' must be true (a fence) or false (a zone); add it"
             self.draft.complain(keys, message, "missing-key")
             return
-        count = len(self.entries(*corners_keys))
-        pairs = [self.pair(*corners_keys, index) for index in range(count)]
-        corners = [pair for pair in pairs if pair is not None]
         name = FENCE if inclusion else f"zone {len(self.draft.zones) + 1}"
         label = "the fence" if inclusion else f"no-fly zone '{name}'"
-        outline = None
-        if len(corners) == count:
-            outline = self.draft.polygon(label, corners, corners_keys)
+        outline = self.outline(label, (*keys, "polygon"))
         if outline is None:
             self.draft.unread.add("fence")
             return

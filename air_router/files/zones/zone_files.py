@@ -15,8 +15,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from air_router.files.json_document import bytes_of, json_from_text, text_in
+from air_router.files.json_document import json_from_text
 from air_router.files.mission_document import Area, Keys, MissionDocument, Place
+from air_router.files.whole_file import bytes_of, text_in
 from air_router.files.zones.ed269 import read_ed269, zones_key
 from air_router.files.zones.ed318 import is_ed318, read_ed318
 from air_router.files.zones.geojson import read_geojson

@@ -159,7 +159,13 @@ def test_zones_are_added_to_a_plan_and_all_else_stays(tmp_path, capsys):
     target = tmp_path / "more.plan"
     zones = ("--zones", FILES / "zones.kml", "--zones", FILES / "geozones_ed269.json")
     assert convert(FILES / "survey.plan", target, *zones, "--allow", "PROHIBITED") == ExitCode.DONE
-    before = json.loads((FILES / "survey.plan").read_text(encoding="utf-8"))
+    text = (FILES / "survey.plan").read_text(encoding="utf-8")
+    lines = iter(target.read_text(encoding="utf-8").splitlines())
+    assert all(
+        line in (other.rstrip(",") for other in lines)
+        for line in text.replace(",\n", "\n").splitlines()
+    )
+    before = json.loads(text)
     after = json.loads(target.read_text(encoding="utf-8"))
     fence = after["geoFence"]
     assert len(fence["polygons"]) == len(before["geoFence"]["polygons"]) + 4
@@ -168,6 +174,18 @@ def test_zones_are_added_to_a_plan_and_all_else_stays(tmp_path, capsys):
         fence[kind] = fence[kind][: len(before["geoFence"][kind])]
     assert json.dumps(after) == json.dumps(before)
     assert "it cannot be flown as it is: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("lost", ["geoFence", "circles"])
+def test_zones_are_added_to_a_plan_that_has_no_list_for_them(tmp_path, lost):
+    plan = json.loads((FILES / "survey.plan").read_text(encoding="utf-8"))
+    plan["geoFence"]["version"] = 1  # one of 2 has both lists
+    (plan if lost in plan else plan["geoFence"]).pop(lost)
+    (tmp_path / "bare.plan").write_text(json.dumps(plan, indent=4))
+    target = tmp_path / "more.plan"
+    zones = ("--zones", FILES / "geozones_ed269.json")
+    assert convert(tmp_path / "bare.plan", target, *zones) == ExitCode.DONE
+    assert len(json.loads(target.read_text(encoding="utf-8"))["geoFence"]["circles"]) == 1
 
 
 def test_a_mission_that_cannot_be_flown_is_converted_and_that_is_said(tmp_path, capsys):

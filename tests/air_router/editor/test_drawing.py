@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from air_router.editor import edits
 from air_router.editor.edits import EditError
 from air_router.editor.manuscript import Manuscript
-from air_router.editor.text.nodes import SourceError
+from air_router.files.text.nodes import SourceError
 
 ROOT = Path(__file__).parents[3]
 HARBOUR = """\

@@ -76,7 +76,7 @@ OUTSIDE = '<!DOCTYPE kml [<!ENTITY x SYSTEM "file:///etc/passwd">]><kml><name>&x
 
 MALFORMED = [
     # GeoJSON
-    ("a.geojson", "{", "", "not-json", 'a key in "quotes" belongs here'),
+    ("a.geojson", "{", "", "not-json", "Expecting property name enclosed in double quotes"),
     (
         "a.geojson",
         '{"type": "Feature", "type": 1}',

@@ -15,7 +15,6 @@ from pymavlink.dialects.v20 import common
 
 from air_router.files.conversion_warnings import ConversionWarnings
 from air_router.files.json_document import json_from_text, json_text
-from air_router.files.qgc.qgc_edit import PlanEdit
 from air_router.files.qgc.qgc_read import plan_draft
 from air_router.files.qgc.qgc_write import plan_of
 from air_router.mission.loading import read_draft
@@ -88,7 +87,7 @@ def test_mavsdk_finds_the_waypoints_that_we_find(importer, source):
         for item in data["mission"]["items"]
         if item.get("complexItemType") not in ("CorridorScan", "StructureScan")
     ]
-    text = PlanEdit(data).text()
+    text = json_text(data)
     draft = plan_draft(json_from_text(text, source))
     found = importer.import_qgroundcontrol_mission_from_string(text)
     waypoints = [item for item in found.mission_items if item.command in (16, 82)]

@@ -7,18 +7,45 @@ change; whatever they do not touch stays as it is, comments and all.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import yaml
 
-from air_router.editor.text.nodes import Nodes, SourceError, Span, named
-from air_router.editor.text.rendering import block, flow, flow_lines, like, word, yaml_flow
-from air_router.editor.text.splice import Splice
 from air_router.files.mission_document import Keys
+from air_router.files.text.nodes import Nodes, SourceError, Span, named
+from air_router.files.text.rendering import block, flow, flow_lines, like, word, yaml_flow
+from mocha_link.team.document import Document
 
 _REST = re.compile(r"[ \t]*(,?)[ \t]*(#.*)?")
 """What may stand behind an item that has its line for itself."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Splice:
+    """From `start` up to, not including, `end` (in characters) the text becomes `text`."""
+
+    start: int
+    end: int
+    text: str
+
+
+def spliced(text: str, splices: Iterable[Splice]) -> str:
+    """The text with all pieces replaced at once; everything between them stays as it is.
+
+    Raises:
+        ValueError: two pieces overlap.
+    """
+    parts: list[str] = []
+    done = 0
+    for splice in sorted(splices):
+        if splice.start < done:
+            raise ValueError(f"pieces overlap at character {splice.start}")
+        parts += [text[done : splice.start], splice.text]
+        done = splice.end
+    return "".join([*parts, text[done:]])
 
 
 class Source:
@@ -37,6 +64,11 @@ class Source:
         unit = re.search(r"\n([ \t]+)\S", text)
         self._unit = unit[1] if unit else "    "
 
+    @classmethod
+    def of_yaml(cls, text: str, path: Path) -> Source:
+        """Of YAML; `path` only names it in messages. Raises DocumentError: it is none."""
+        return cls(text, Document.from_text(text, path).node(), json=False)
+
     def has(self, *keys: str | int) -> bool:
         """Whether there is a value, null included."""
         return self.nodes.find(keys) is not None
@@ -49,6 +81,10 @@ class Source:
         """How many entries a list or a mapping has; 0 if it is neither."""
         node = self.nodes.find(keys)
         return len(node.value) if isinstance(node, yaml.CollectionNode) else 0
+
+    def stands_on_lines(self, key: str) -> bool:
+        """Whether there is such a key of the whole file, on lines of its own."""
+        return self.has(key) and not self.nodes.in_flow((key,))
 
     def number(self, keys: Keys, value: float, decimals: int) -> list[Splice]:
         """Write another number in the place of one."""
@@ -74,16 +110,16 @@ class Source:
         begin = len(self.text[:start].rstrip(" "))
         return [Splice(begin, end, ""), Splice(at, at, newline + newline.join(lines))]
 
-    def insert(self, keys: Keys, index: int, item: Any) -> list[Splice]:
-        """Insert an item into a list, before the one that has the index now."""
+    def insert(self, keys: Keys, index: int, *items: Any) -> list[Splice]:
+        """Insert items into a list, before the one that has the index now."""
         node = self.nodes.collection(keys)
         if not isinstance(node, yaml.SequenceNode) or not 0 <= index <= len(node.value):
             raise SourceError(f"{named(keys)} is no list of so many items; load the page again")
         if not node.value:
-            return self.fill(keys, [item])
+            return self.fill(keys, list(items))
         if node.flow_style:
-            return self._insert_in_flow(node, index, item)
-        return self._insert_lines(node, index, item)
+            return self._insert_in_flow(node, index, items)
+        return self._insert_lines(node, index, items)
 
     def add_key(self, keys: Keys, key: str, value: Any) -> list[Splice]:
         """Add a key behind the last one of a mapping."""
@@ -112,6 +148,13 @@ class Source:
         lines = [f"{word(name)}: {yaml_flow(value)}" for name, value in others.items()]
         break_ = self.nodes.newline + " " * node.start_mark.column
         return [Splice(start, start, "".join(line + break_ for line in [*lines, f"{word(key)}:"]))]
+
+    def write_section(self, key: str, lines: str) -> list[Splice]:
+        """Write whole lines in the place of a key that `stands_on_lines`, and its value."""
+        parent, index = self.nodes.collection(()), self.nodes.index((key,))
+        start, end = self.nodes.entries(parent)[index]
+        text = lines.replace("\n", self.nodes.newline)
+        return [Splice(self.nodes.line_start(start), self.nodes.next_line(end), text)]
 
     def remove(self, keys: Keys) -> list[Splice]:
         """Take an item out of a list, or a key with its value out of a mapping."""
@@ -150,10 +193,12 @@ class Source:
             return between if len(entries) > 1 else ", "
         return "," + self.nodes.newline + self.nodes.before(first)
 
-    def _insert_in_flow(self, node: yaml.SequenceNode, index: int, item: Any) -> list[Splice]:
+    def _insert_in_flow(
+        self, node: yaml.SequenceNode, index: int, items: Iterable[Any]
+    ) -> list[Splice]:
         entries = self.nodes.entries(node)
         separator = self._separator(node, entries)
-        text = self._in_flow(item, entries[0][0], entries[0])
+        text = separator.join(self._in_flow(item, entries[0][0], entries[0]) for item in items)
         if index == 0:
             at = entries[0][0]
             return [Splice(at, at, text + separator)]
@@ -182,11 +227,13 @@ class Source:
 
     # In lines of their own
 
-    def _insert_lines(self, node: yaml.SequenceNode, index: int, item: Any) -> list[Splice]:
+    def _insert_lines(
+        self, node: yaml.SequenceNode, index: int, items: Iterable[Any]
+    ) -> list[Splice]:
         entries = self.nodes.entries(node)
         indent = " " * node.start_mark.column
         newline = self.nodes.newline
-        lines = newline.join(block([item], indent))
+        lines = newline.join(block(list(items), indent))
         if index == 0:
             at = node.start_mark.index
             return [Splice(at, at, lines.lstrip(" ") + newline + indent)]
