@@ -10,8 +10,7 @@ from typing import Any
 
 from benchmarks.routing import row
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
-from mocha_link.store.record import Record
+from mocha_link.store.record import Header, Record
 from mocha_link.store.storage import Storage
 
 ENTRIES = 65_536  # 256 robots with 256 topics each: as many as headers can tell apart

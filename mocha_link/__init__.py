@@ -59,7 +59,7 @@ _NAMES = {
         "PrometheusServer",
     ),
     "service.telemetry": ("MetricsServer",),
-    "store.header": (
+    "store.record": (
         "Header",
         "HeaderError",
     ),

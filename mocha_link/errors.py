@@ -5,8 +5,8 @@ class MochaLinkError(Exception):
     """Anything that mocha_link reports: the message says what, where, and what to do."""
 
 
-class UsageError(MochaLinkError):
-    """A caller asks for what the team does not have: of a command, wrong usage."""
+class NotInTeamError(MochaLinkError):
+    """A caller names what the team does not have: of a command, wrong usage."""
 
 
 class RadioError(MochaLinkError):

@@ -15,7 +15,7 @@ import pytest
 import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
-from mocha_link.cli.command_table import Command
+from mocha_link.cli.command_help import Command
 
 ROOT = Path(__file__).parents[1]
 PROGRAMS = {

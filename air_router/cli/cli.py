@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from air_router.cli.command_line import Program
-from mocha_link.cli.command_table import Command
+from mocha_link.cli.command_help import Command
 
 _EXIT_CODES = """\
 exit codes:

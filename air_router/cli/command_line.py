@@ -10,9 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from air_router.errors import EXPECTED, ExitCode, exit_code, told
-from mocha_link.cli.command_help import add_verbose, add_version, log_level
-from mocha_link.cli.command_table import Command, add_commands
-from mocha_link.cli.completion import add_completion
+from mocha_link.cli.command_help import (
+    Command,
+    add_commands,
+    add_completion,
+    add_verbose,
+    add_version,
+    log_level,
+)
 from mocha_link.cli.interrupt import leave_when_interrupted, raise_when_interrupted
 
 _SOUTHERN = re.compile(r"-[\d.]+,")

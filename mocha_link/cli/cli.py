@@ -7,11 +7,18 @@ import logging
 import sys
 from collections.abc import Sequence
 
-from mocha_link.cli.command_help import add_verbose, add_version, drop_output, log_level, style
-from mocha_link.cli.command_table import Command, add_commands
-from mocha_link.cli.completion import add_completion
+from mocha_link.cli.command_help import (
+    Command,
+    add_commands,
+    add_completion,
+    add_verbose,
+    add_version,
+    drop_output,
+    log_level,
+    style,
+)
 from mocha_link.cli.interrupt import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
-from mocha_link.errors import MochaLinkError, UsageError
+from mocha_link.errors import MochaLinkError, NotInTeamError
 from mocha_link.team.problem import DocumentError
 
 COMMANDS = (
@@ -62,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = INVALID_FILE
     except MochaLinkError as error:
         print(f"mocha-link: {error}", file=sys.stderr)
-        code = USAGE if isinstance(error, UsageError) else FAILED
+        code = USAGE if isinstance(error, NotInTeamError) else FAILED
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         code = INTERRUPTED

@@ -36,16 +36,14 @@ from mocha_link.node.actions import (
 from mocha_link.node.publisher import Publisher
 from mocha_link.store.config_hash import config_hash_of, difference
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
 from mocha_link.store.reassembly_buffer import ReassemblyBuffer
-from mocha_link.store.record import Record
+from mocha_link.store.record import Header, Record
 from mocha_link.store.signature import Signer, Verifier
-from mocha_link.sync.frames import Frame
+from mocha_link.sync.frames import Frame, Step
 from mocha_link.sync.peer_state import PeerState
 from mocha_link.sync.protocol import ID_BYTES
 from mocha_link.sync.pull import PathStats, Pull, PullContext
 from mocha_link.sync.server import Route, Server
-from mocha_link.sync.step import Step
 from mocha_link.team.team import Team, Topic, Trust, UnknownRobotError
 
 TIMEOUT_S = 5.0
@@ -117,7 +115,8 @@ class Gossip:
         boot_id = int.from_bytes(os.urandom(BOOT_ID_BYTES), "big")
         config_hash = config_hash_of(team)
         self._known = {peer: PeerState(boot_id, history, config_hash) for peer in self.me.peers}
-        self._warned_s: dict[str, float] = {}  # of another team file
+        self._differs = dict.fromkeys(self.me.peers, False)  # whose team file is another one
+        self._warned_s: dict[str, float] = {}  # of that
         self._path_stats = {peer: PathStats() for peer in self.me.peers}
         self._servers = {
             peer: Server(peer, self.database, self._known[peer]) for peer in self.me.peers
@@ -386,7 +385,9 @@ class Gossip:
     def _compare_config(self, peer: str, now: Instant) -> None:
         """Say it when a peer turns out to have another team file, and at times once more."""
         differs = self._known[peer].config_mismatch
-        self._link_table.measure(peer, team_differs=differs)
+        if differs != self._differs[peer]:
+            self._differs[peer] = differs
+            self._link_table.measure(peer, team_differs=differs)
         warned_s = self._warned_s.get(peer)
         if differs and (warned_s is None or now.steady_s - warned_s > REMIND_S):
             self._warned_s[peer] = now.steady_s

@@ -21,8 +21,7 @@ from mocha_link.radios import Radio, open_radio
 from mocha_link.store import batch, payload
 from mocha_link.store.config_hash import TeamConfig
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
-from mocha_link.store.record import Record
+from mocha_link.store.record import Header, Record
 from mocha_link.store.signature import Signer
 from mocha_link.store.storage import Storage, StorageError
 from mocha_link.team.keys import PublicKey, public_key, secret_key

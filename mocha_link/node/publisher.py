@@ -8,8 +8,7 @@ from hashlib import blake2b
 
 from mocha_link.store import batch, payload
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header, as_ms, next_stamp_ms
-from mocha_link.store.record import Record
+from mocha_link.store.record import Header, Record, as_ms, next_stamp_ms
 from mocha_link.team.team import Robot, Topic
 
 Sign = Callable[[bytes], bytes]

@@ -28,8 +28,7 @@ from mocha_link.node.gossip import Gossip
 from mocha_link.node.port import Port
 from mocha_link.node.resolver import Resolver
 from mocha_link.sync.server import Route
-from mocha_link.team.keys import PublicKey, SecretKey
-from mocha_link.team.seal import Seal
+from mocha_link.team.keys import PublicKey, Seal, SecretKey
 from mocha_link.team.team import Team
 
 TICK_MS = 20  # the node's clock may be a simulated one: look at it often

@@ -20,7 +20,7 @@ from mocha_link.links.metrics import Contact, LinkEvent, LinkMetrics
 from mocha_link.links.reading import Reading
 from mocha_link.node.node import Node
 from mocha_link.service.server import EndpointServer
-from mocha_link.store.header import Header
+from mocha_link.store.record import Header
 
 LINKS, EVENT = b"links", b"event"
 SNAPSHOT_S = 1.0

@@ -18,10 +18,9 @@ from hashlib import blake2b
 from math import isfinite
 from operator import xor
 
-from mocha_link.store.header import WRAP_MS, Header, latest_ms
 from mocha_link.store.index import Floors, Kept, WireOrder, follows, rank
 from mocha_link.store.reassembly_buffer import Keeper, StoredFragment
-from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.record import WRAP_MS, Header, Knowledge, Record, latest_ms
 from mocha_link.store.storage import Storage
 from mocha_link.store.storage_file import Contents
 

@@ -14,8 +14,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from mocha_link.store.header import AHEAD_MS, WRAP_MS, Header
-from mocha_link.store.record import Record
+from mocha_link.store.record import AHEAD_MS, WRAP_MS, Header, Record
 
 KEYS = 65_536
 _STAMP_BITS = 47

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from mocha_link.store import payload
-from mocha_link.store.header import Header
 from mocha_link.store.payload import Body, PayloadError, Trailer
+from mocha_link.store.record import Header
 from mocha_link.team.keys import SecretKey, public_key
 from mocha_link.team.team import Robot, Team, Topic, Trust
 

@@ -29,10 +29,9 @@ from typing import Any
 
 from mocha_link.errors import MochaLinkError
 from mocha_link.store.config_hash import TeamConfig
-from mocha_link.store.header import Header, HeaderError, latest_ms
 from mocha_link.store.payload import STAMP_MASK, is_body
 from mocha_link.store.reassembly_buffer import StoredFragment
-from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.record import Header, HeaderError, Knowledge, Record, latest_ms
 
 VERSION = 1
 APPLICATION_ID = int.from_bytes(b"MOCH", "big")

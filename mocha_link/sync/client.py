@@ -16,12 +16,10 @@ from mocha_link.links.link_events import (
 )
 from mocha_link.store import payload
 from mocha_link.store.database import Database
-from mocha_link.store.header import WRAP_MS, Header, HeaderError
 from mocha_link.store.payload import PayloadError, Trailer
-from mocha_link.store.record import Record
-from mocha_link.sync.frames import Frame
+from mocha_link.store.record import WRAP_MS, Header, HeaderError, Record
+from mocha_link.sync.frames import Frame, Step
 from mocha_link.sync.protocol import ACK, DENDT, GDATA, GHEAD, ID_BYTES, SERRM, request
-from mocha_link.sync.step import Step
 from mocha_link.sync.sync_receiver import Verify
 from mocha_link.team.team import Team, Topic
 

@@ -12,9 +12,11 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from mocha_link.errors import MochaLinkError
+from mocha_link.links.metrics import LinkEvent
 from mocha_link.store.payload import is_body
 from mocha_link.store.reassembly_buffer import Fragment
 
@@ -36,7 +38,7 @@ MESSAGE_HEADER_BYTES, CHUNKS_BYTES = _LETTER.size, _CHUNKS.size
 Frame = bytes | memoryview
 
 
-class FrameError(MochaLinkError):
+class SyncFrameError(MochaLinkError):
     """Bytes that are no frame of the sync."""
 
 
@@ -82,21 +84,21 @@ class MessageAssembler:
         self._open: dict[int, tuple[int, Fragment | None]] = {}  # by kind: round, what is there
 
     def take(self, frame: Frame) -> SyncMessage | None:
-        """Take in a frame; the message if this completes it. Raises FrameError."""
+        """Take in a frame; the message if this completes it. Raises SyncFrameError."""
         if len(frame) < MESSAGE_HEADER_BYTES:
-            raise FrameError(f"a frame of {len(frame)} bytes")
+            raise SyncFrameError(f"a frame of {len(frame)} bytes")
         kind, checksum, round_, offset, total = _LETTER.unpack_from(frame)
         if kind not in self._kinds:
-            raise FrameError(f"a frame of kind {kind}")
+            raise SyncFrameError(f"a frame of kind {kind}")
         view = memoryview(frame)
         if zlib.crc32(view[_COVERED:], kind) != checksum:
-            raise FrameError("a damaged frame")
+            raise SyncFrameError("a damaged frame")
         part = view[MESSAGE_HEADER_BYTES:]
         end = offset + len(part)
         if round_ >= ROUNDS or total > MAX_SYNC_MESSAGE_BYTES or end > total:
-            raise FrameError(f"a message of {total} bytes in round {round_}")
+            raise SyncFrameError(f"a message of {total} bytes in round {round_}")
         if len(part) < MIN_PART_BYTES and end < total:
-            raise FrameError(f"a message of {total} bytes in parts of {len(part)}")
+            raise SyncFrameError(f"a message of {total} bytes in parts of {len(part)}")
         if kind == SKIP and len(part) == total:
             return SyncMessage(kind, round_, bytes(part))
         known, fragment = self._open.get(kind, (-1, None))
@@ -172,18 +174,6 @@ def chunks_parts(
     return parts
 
 
-def chunks_frame(
-    place: tuple[int, int],
-    wholes: list[bytes],
-    pieces: list[bytes],
-    data: list[Frame],
-    prefix: bytes = b"",
-) -> bytes:
-    """The same in one part."""
-    parts = chunks_parts(place, wholes, pieces, data, prefix)
-    return bytes(parts[0]) if len(parts) == 1 else b"".join(parts)
-
-
 def own(view: Frame) -> Frame:
     """The same bytes, as something that does not keep much more than them in memory."""
     whole = view.obj if isinstance(view, memoryview) else view
@@ -193,26 +183,36 @@ def own(view: Frame) -> Frame:
 
 
 def read_chunks(frame: Frame, more: Sequence[Frame] = ()) -> Chunks:
-    """Read a frame of chunks that may be in several parts. Raises FrameError."""
+    """Read a frame of chunks that may be in several parts. Raises SyncFrameError."""
     if len(frame) < CHUNKS_BYTES:
-        raise FrameError(f"a frame of {len(frame)} bytes")
+        raise SyncFrameError(f"a frame of {len(frame)} bytes")
     kind, checksum, round_, number, whole_count, piece_count = _CHUNKS.unpack_from(frame)
     middle = CHUNKS_BYTES + whole_count * WHOLE.size
     end = middle + piece_count * PIECE.size
     view = memoryview(frame)
     if end > len(frame) or kind != CHUNKS or zlib.crc32(view[_COVERED:end], kind) != checksum:
-        raise FrameError("a damaged frame")
+        raise SyncFrameError("a damaged frame")
     wholes = list(WHOLE.iter_unpack(view[CHUNKS_BYTES:middle]))
     pieces = list(PIECE.iter_unpack(view[middle:end]))
     sizes = [size for _, size in wholes]
     if 0 in sizes:
-        raise FrameError("a message of 0 bytes")
+        raise SyncFrameError("a message of 0 bytes")
     size = sum(sizes)
     for message_id, total, offset, length in pieces:
         if offset + length > total or not length or not is_body(message_id, total):
-            raise FrameError(f"a piece of {length} bytes at {offset} of {total}")
+            raise SyncFrameError(f"a piece of {length} bytes at {offset} of {total}")
         size += length
     room = len(frame) - end + sum(map(len, more))
     if size != room:
-        raise FrameError(f"chunks of {size} bytes in a frame with {room}")
+        raise SyncFrameError(f"chunks of {size} bytes in a frame with {room}")
     return Chunks(round_, number, wholes, pieces, view[end:], tuple(map(memoryview, more)))
+
+
+@dataclass(slots=True)
+class Step:
+    """Frames and datagrams to send, events to tell, refusals to count."""
+
+    frames: list[bytes] = field(default_factory=list)
+    events: list[LinkEvent] = field(default_factory=list)
+    refusals: list[str] = field(default_factory=list)
+    packets: list[bytes] = field(default_factory=list)

@@ -6,9 +6,8 @@ import secrets
 from collections import deque
 from collections.abc import Callable, Iterable
 
-from mocha_link.store.header import WRAP_MS
 from mocha_link.store.payload import STAMP_MASK
-from mocha_link.store.record import Record
+from mocha_link.store.record import WRAP_MS, Record
 from mocha_link.sync.frames import message_id_of
 
 TOKENS = 3

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from mocha_link.clock import Instant
 from mocha_link.links.link_events import Direction, LinkEvent, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header, HeaderError
 from mocha_link.store.index import Kept
+from mocha_link.store.record import Header, HeaderError
 
 ID_BYTES = 6
 CODE_BYTES = 5

@@ -20,10 +20,9 @@ from mocha_link.store.database import Database
 from mocha_link.store.reassembly_buffer import ReassemblyBuffer
 from mocha_link.sync.client import ClientSession
 from mocha_link.sync.credit import Credit
-from mocha_link.sync.frames import Frame
+from mocha_link.sync.frames import Frame, Step
 from mocha_link.sync.peer_state import PeerState
 from mocha_link.sync.protocol import ID_BYTES, SERRM, SYNC1, SYNCC, SYNCF, request
-from mocha_link.sync.step import Step
 from mocha_link.sync.sync_receiver import SyncReceiver, Verify
 from mocha_link.team.team import Team
 
@@ -204,7 +203,8 @@ class Pull:
         self.alive_s = now.steady_s
         if rtt_s is not None:
             self._path_stats.rtt_s = rtt_s
-        self._session.progress(now)
+        if self.path in ("original", None):
+            self._session.progress(now)
 
     def measured(self, rtt_s: float) -> None:
         """The round trip of the connection, as far as it is known by now."""

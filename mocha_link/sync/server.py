@@ -15,7 +15,7 @@ from mocha_link.links.link_events import Direction, LinkEvent, SyncEnded, SyncSt
 from mocha_link.store.config_hash import difference
 from mocha_link.store.database import Database
 from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
-from mocha_link.sync.frames import HELLO, OPEN, Frame, FrameError, message_frame
+from mocha_link.sync.frames import HELLO, OPEN, Frame, SyncFrameError, message_frame
 from mocha_link.sync.peer_state import PeerState
 from mocha_link.sync.protocol import (
     CODE_BYTES,
@@ -300,7 +300,7 @@ class Server:
     def _takes(sync: _Sync, frame: bytes) -> bool:
         try:
             sync.sender.receive(frame)
-        except FrameError:
+        except SyncFrameError:
             return False
         return True
 

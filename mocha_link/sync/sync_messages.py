@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from mocha_link.store.payload import STAMP_MASK, STAMPS_MS, is_body
 from mocha_link.store.reassembly_buffer import MAX_RANGES, Range
-from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, FrameError, message_id_of
+from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, SyncFrameError, message_id_of
 
 VERSION = 2
 MAX_FRAGMENTS = 64
@@ -37,7 +37,7 @@ _TOPIC_STAMP = struct.Struct(">BHI")
 _KNOWS_SINCE, _KNOWS_HAVE, _KNOWS_DIGEST = 1, 2, 3
 
 
-class VersionError(FrameError):
+class VersionError(SyncFrameError):
     """An OPEN of another version of the sync."""
 
 
@@ -112,7 +112,7 @@ class Open:
 
     @classmethod
     def decode(cls, content: bytes) -> Open:
-        """Read the content of the message. Raises FrameError, or VersionError."""
+        """Read the content of the message. Raises SyncFrameError, or VersionError."""
         if content[:1] != bytes((VERSION,)):
             raise VersionError(f"version {content[:1].hex()} of the sync; ours is {VERSION}")
         reader = _Reader(content)
@@ -126,10 +126,10 @@ class Open:
         elif sort == _KNOWS_DIGEST:
             knowledge = Digest(dict(reader.table(_DIGEST, reader.read(_COUNT)[0])))
         else:
-            raise FrameError(f"knowledge of sort {sort}")
+            raise SyncFrameError(f"knowledge of sort {sort}")
         requests = [_request(reader) for _ in range(reader.byte())]
         if len(requests) > MAX_FRAGMENTS:
-            raise FrameError(f"{len(requests)} partial messages")
+            raise SyncFrameError(f"{len(requests)} partial messages")
         reader.end()
         return cls(boot_id, budget, knowledge, requests, config_hash, address_token)
 
@@ -144,7 +144,7 @@ def _request(reader: _Reader) -> FragmentRequest:
         or bounds != sorted(set(bounds))
         or bounds[-1] > total
     ):
-        raise FrameError("a partial message with impossible ranges")
+        raise SyncFrameError("a partial message with impossible ranges")
     return FragmentRequest(message_id, total, missing)
 
 
@@ -174,7 +174,7 @@ class Hello(NamedTuple):
 
     @classmethod
     def decode(cls, content: bytes) -> Hello:
-        """Read the content of the message. Raises FrameError.
+        """Read the content of the message. Raises SyncFrameError.
 
         Of another version only that is read: it says nothing else that we know how to take.
         """
@@ -182,7 +182,7 @@ class Hello(NamedTuple):
             return cls(Reception.UNREADABLE, 0, content[1])
         reception, _, config_hash, address_token = _only(_HELLO, content)
         if reception > max(Reception):
-            raise FrameError(f"a reception of sort {reception}")
+            raise SyncFrameError(f"a reception of sort {reception}")
         return cls(Reception(reception), config_hash, address_token=address_token)
 
 
@@ -203,7 +203,7 @@ class Done(NamedTuple):
 
     @classmethod
     def decode(cls, content: bytes) -> Done:
-        """Read the content of the message. Raises FrameError."""
+        """Read the content of the message. Raises SyncFrameError."""
         epoch, sequence, frames, cut_short = _only(_DONE, content)
         return cls(epoch, sequence, frames, bool(cut_short))
 
@@ -217,9 +217,9 @@ def encode_groups(groups: Iterable[tuple[int, Sequence[int]]]) -> bytes:
 
 
 def decode_groups(content: bytes) -> dict[int, tuple[int, ...]]:
-    """The reverse of `encode_groups`. Raises FrameError."""
+    """The reverse of `encode_groups`. Raises SyncFrameError."""
     if len(content) % _GROUPS.size:
-        raise FrameError(f"group digests in {len(content)} bytes")
+        raise SyncFrameError(f"group digests in {len(content)} bytes")
     return {each[0]: each[1:] for each in _GROUPS.iter_unpack(content)}
 
 
@@ -244,7 +244,7 @@ def encode_answers(answers: Iterable[Answer]) -> bytes:
 
 
 def decode_answers(content: bytes) -> list[Answer]:
-    """The reverse of `encode_answers`. Raises FrameError."""
+    """The reverse of `encode_answers`. Raises SyncFrameError."""
     reader = _Reader(content)
     answers = []
     while not reader.at_end:
@@ -263,7 +263,7 @@ def encode_skip(message_id: int) -> bytes:
 
 
 def decode_skip(content: bytes) -> int:
-    """The reverse of `encode_skip`. Raises FrameError."""
+    """The reverse of `encode_skip`. Raises SyncFrameError."""
     message_id: int = _only(_SKIP, content)[0]
     return message_id
 
@@ -274,7 +274,7 @@ def _counted(message_ids: Sequence[int]) -> bytes:
 
 def _only(layout: struct.Struct, content: bytes) -> tuple[Any, ...]:
     if len(content) != layout.size:
-        raise FrameError(f"a message of {len(content)} bytes, not {layout.size}")
+        raise SyncFrameError(f"a message of {len(content)} bytes, not {layout.size}")
     return layout.unpack(content)
 
 
@@ -302,16 +302,16 @@ class _Reader:
         (count,) = self.read(_COUNT)
         message_ids = struct.unpack(f">{count}Q", self._take(8 * count))
         if any(message_id & STAMP_MASK >= STAMPS_MS for message_id in message_ids):
-            raise FrameError("a stamp that is no time")
+            raise SyncFrameError("a stamp that is no time")
         return message_ids
 
     def end(self) -> None:
         if not self.at_end:
-            raise FrameError(f"{len(self._content) - self._at} bytes too many")
+            raise SyncFrameError(f"{len(self._content) - self._at} bytes too many")
 
     def _take(self, size: int) -> bytes:
         part = self._content[self._at : self._at + size]
         if len(part) != size:
-            raise FrameError(f"ends {size - len(part)} bytes too early")
+            raise SyncFrameError(f"ends {size - len(part)} bytes too early")
         self._at += size
         return part

@@ -9,15 +9,13 @@ from mocha_link.links.metrics import MessageStored
 from mocha_link.store import payload
 from mocha_link.store.config_hash import difference
 from mocha_link.store.database import Database
-from mocha_link.store.header import UNSAFE_MS, WRAP_MS, Header
 from mocha_link.store.payload import TAKEN_MS, PayloadError, Trailer
 from mocha_link.store.reassembly_buffer import ReassemblyBuffer
-from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.record import UNSAFE_MS, WRAP_MS, Header, Knowledge, Record
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.frames import FrameError
+from mocha_link.sync.frames import Step, SyncFrameError
 from mocha_link.sync.peer_state import PeerState, record_id
-from mocha_link.sync.step import Step
 from mocha_link.sync.sync_messages import Digest, FragmentRequest, Have, Reception, Since
 from mocha_link.team.team import Robot, Team, Topic
 
@@ -111,7 +109,7 @@ class SyncReceiver:
                 self._chunks(sync.read_chunks(frame, more), now, step)
             else:
                 self._on_message(frame if not more else b"", step)  # messages have one part
-        except FrameError as error:
+        except SyncFrameError as error:
             _refuse(step, str(error))
             self._damaged += 1
             self._flawed = True
@@ -230,7 +228,7 @@ class SyncReceiver:
         elif len(self._ahead) < _MAX_AHEAD:
             self._ahead.add(number)
         else:
-            raise FrameError("a frame far ahead of the others")
+            raise SyncFrameError("a frame far ahead of the others")
         return True
 
     def _piece(
@@ -249,7 +247,7 @@ class SyncReceiver:
                 step.frames += sync.message_frames(sync.SKIP, self._round, content, self._room)
             return
         if message_id not in self._begun and len(self._begun) >= _MAX_BEGUN:
-            raise FrameError("parts of too many messages")
+            raise SyncFrameError("parts of too many messages")
         body = self._reassembly.add(message_id, total, offset, data)
         if body is None:
             self._begun.add(message_id)

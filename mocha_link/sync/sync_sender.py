@@ -7,9 +7,8 @@ from collections.abc import Iterable
 
 from mocha_link.store import payload
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
 from mocha_link.store.reassembly_buffer import Range
-from mocha_link.store.record import Record
+from mocha_link.store.record import Header, Record
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.peer_state import PeerState, record_id
@@ -68,7 +67,7 @@ class SyncSender:
         self._number = 0
 
     def receive(self, frame: sync.Frame) -> None:
-        """Take in a frame of the peer. Raises FrameError."""
+        """Take in a frame of the peer. Raises SyncFrameError."""
         message = self._assembler.take(frame)
         if message is None or self.over:
             return

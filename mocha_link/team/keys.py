@@ -1,12 +1,14 @@
 """Who a robot is: an Ed25519 key pair. The team file has the public half, a file the secret one.
 
-The Curve25519 keys of encrypted links are derived from the same pair, so a robot has one key.
+The Curve25519 keys of encrypted links and of sealed datagrams are derived from the same pair, so a
+robot has one key.
 Needs the extra ``keys`` (PyNaCl); importing this module does not.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import stat
 import struct
@@ -30,6 +32,9 @@ else:
 SEED_BYTES = 32
 Z85_CHARACTERS = 40
 _FILE_BYTES = 4096
+NONCE_BYTES = 24
+OVERHEAD_BYTES = NONCE_BYTES + 16  # of a sealed packet
+_PURPOSE = b"mocha-link udp 1"
 
 
 class KeysUnavailableError(MochaLinkError):
@@ -226,3 +231,46 @@ def _decoded(text: str) -> bytes:
             if _encoded(raw) == text:
                 return raw
     raise KeyMismatchError(f"'{text}' is not a key of {Z85_CHARACTERS} Z85 characters")
+
+
+class SealError(MochaLinkError):
+    """A packet that cannot be sealed for a peer."""
+
+
+class Seal:
+    """Seals packets for one peer and opens those that it sealed for us.
+
+    Raises:
+        SealError: the peer's key makes no shared secret.
+    """
+
+    def __init__(self, own: SecretKey, peer: PublicKey) -> None:
+        mine, its = own.public.curve, peer.curve
+        try:
+            shared = nacl.bindings.crypto_box_beforenm(its, own.curve)
+        except nacl.exceptions.CryptoError:
+            raise SealError(f"'{peer.text}' is not a key to share a secret with") from None
+        self._out = _key(shared, mine + its)
+        self._in = _key(shared, its + mine)
+
+    def seal(self, packet: bytes) -> bytes:
+        """The packet as it goes out: OVERHEAD_BYTES longer."""
+        nonce = os.urandom(NONCE_BYTES)
+        sealed: bytes = nacl.bindings.crypto_secretbox(packet, nonce, self._out)
+        return nonce + sealed
+
+    def open(self, sealed: bytes) -> bytes | None:
+        """The packet that the peer sealed for us; None for anything else."""
+        if len(sealed) < OVERHEAD_BYTES:
+            return None
+        try:
+            packet: bytes = nacl.bindings.crypto_secretbox_open(
+                sealed[NONCE_BYTES:], sealed[:NONCE_BYTES], self._in
+            )
+        except nacl.exceptions.CryptoError:
+            return None
+        return packet
+
+
+def _key(shared: bytes, direction: bytes) -> bytes:
+    return hashlib.blake2b(direction, key=shared, person=_PURPOSE, digest_size=32).digest()

@@ -15,12 +15,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, Self
 
-from mocha_link.errors import MochaLinkError, UsageError
+from mocha_link.errors import MochaLinkError, NotInTeamError
 from mocha_link.team.document import Document, DocumentError, as_yaml
 from mocha_link.team.team_file import RobotModel, TeamModel, TriggerModel, problems_of
 
 
-class UnknownRobotError(UsageError):
+class UnknownRobotError(NotInTeamError):
     """A name that is not a robot of the team, or not a robot that is linked to the asking one."""
 
     def __init__(self, name: str, known: Mapping[str, Any] | tuple[str, ...], where: str) -> None:

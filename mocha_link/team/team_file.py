@@ -3,19 +3,57 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, StringConstraints
 from pydantic import Field as Key
 
 from mocha_link.team.document import Document, Problem
-from mocha_link.team.port_range import PortRange
 from mocha_link.team.url import checked
 
 MAX_RADIO_ID = 128  # some MAC addresses and an IP address
 IDS = 256  # robot, topic and type ids are one byte on the wire
 MAX_HISTORY = 1000
+LAST_PORT = 65535
+
+
+@dataclass(frozen=True, slots=True)
+class PortRange:
+    """`count` ports at an address, from `first` on: one for each client of a robot."""
+
+    address: str
+    first: int
+    count: int
+
+    @property
+    def last(self) -> int:
+        """The last of them."""
+        return self.first + self.count - 1
+
+    def overlaps(self, other: PortRange) -> bool:
+        """Whether both want some port of the same address."""
+        return (
+            self.address == other.address and self.first <= other.last and other.first <= self.last
+        )
+
+    def faults(self, others: Mapping[str, PortRange], key: str) -> Iterator[tuple[str, str]]:
+        """Problem codes and messages, beside the ranges of others by the names of their robots.
+
+        Args:
+            others: who comes before it in the file, so that each pair is told once.
+            key: how the file calls the first port.
+        """
+        if self.last > LAST_PORT:
+            yield "port-too-high", f"the last port would be {self.last}; use a lower {key}"
+        for name, other in others.items():
+            if self.overlaps(other):
+                message = (
+                    f"ports {self.first} to {self.last} overlap those of {name} at the same "
+                    f"address ({other.first} to {other.last}); use {other.last + 1} or more"
+                )
+                yield "ports-overlap", message
 
 
 def _a_name(text: str) -> str:

@@ -16,9 +16,8 @@ from typing import Any
 
 from mocha_link.team.document import Document, DocumentError, Problem, as_yaml
 from mocha_link.team.error_text import Key
-from mocha_link.team.port_range import PortRange
 from mocha_link.team.team import Team, UnknownRobotError
-from mocha_link.team.team_file import IDS, MAX_RADIO_ID
+from mocha_link.team.team_file import IDS, MAX_RADIO_ID, PortRange
 from mocha_link.team.yaml_readings import other_readings
 
 PRIORITIES = {

@@ -10,8 +10,7 @@ import sys
 from pathlib import Path
 
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
-from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.record import Header, Knowledge, Record
 from mocha_link.store.storage import Storage
 
 TOPICS = 12

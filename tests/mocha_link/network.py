@@ -12,11 +12,10 @@ from pathlib import Path
 from mocha_link.clock import Instant
 from mocha_link.store import payload
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
 from mocha_link.store.reassembly_buffer import ReassemblyBuffer
-from mocha_link.store.record import Record
+from mocha_link.store.record import Header, Record
 from mocha_link.sync import frames as sync
-from mocha_link.sync.frames import FrameError
+from mocha_link.sync.frames import SyncFrameError
 from mocha_link.sync.peer_state import PeerState, record_id
 from mocha_link.sync.sync_receiver import SyncReceiver
 from mocha_link.sync.sync_sender import SyncSender
@@ -130,7 +129,7 @@ class Pull:
         frame = self.up.pop(place)
         try:
             self.sender.receive(frame)
-        except FrameError as error:
+        except SyncFrameError as error:
             self.refusals.append(str(error))
 
     def deliver(self, place: int = 0) -> None:
@@ -142,7 +141,7 @@ class Pull:
         self.take(self.receiver.receive(frame, NOW))
 
     def count(self, frame: bytes) -> None:
-        with contextlib.suppress(FrameError):
+        with contextlib.suppress(SyncFrameError):
             chunks = sync.read_chunks(frame)
             self.arrived.update(dict(chunks.wholes))
             for message_id, _, _, size in chunks.pieces:

@@ -11,7 +11,7 @@ from mocha_link.clock import Instant
 from mocha_link.node.actions import Connect, Disconnect, Reply, ReplyDatagram, Send, SendDatagram
 from mocha_link.node.gossip import Gossip
 from mocha_link.store import payload
-from mocha_link.store.header import Header, as_ms
+from mocha_link.store.record import Header, as_ms
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

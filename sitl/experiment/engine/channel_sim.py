@@ -13,7 +13,7 @@ from functools import partial
 from typing import Final
 
 from mocha_link.node.actions import Action, Connect, Disconnect, Reply, Send
-from mocha_link.store.header import Header
+from mocha_link.store.record import Header
 from mocha_link.sync.protocol import ACK, CODE_BYTES, ID_BYTES, SYNC1
 from sitl.experiment.channels.channel import Change, Channel, Link, Load, Places, Stage
 from sitl.experiment.engine.airtime import AirtimeStats, ContactRow

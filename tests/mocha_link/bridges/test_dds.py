@@ -23,8 +23,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from mocha_link.bridges.cdr import Cdr
-from mocha_link.bridges.dds import Dds
-from mocha_link.bridges.dds_types import DdsTypes
+from mocha_link.bridges.dds import Dds, DdsTypes
 from mocha_link.links.metrics import MessageStored
 from mocha_link.ros.ros import RosCodec, RosError
 

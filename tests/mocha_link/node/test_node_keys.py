@@ -17,7 +17,7 @@ from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncSt
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
 from mocha_link.store import payload
-from mocha_link.store.header import Header
+from mocha_link.store.record import Header
 from mocha_link.team import keys
 from mocha_link.team.keys import KeyFileError, KeyMismatchError, SecretKey
 from tests.mocha_link import original

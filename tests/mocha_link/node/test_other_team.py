@@ -232,7 +232,7 @@ def test_who_says_other_terms_hands_us_nothing(said):
     publisher.publish("b", "/pose", b"here is b")
     (record,) = publisher.nodes["b"].database.kept()
     whole = sync.WHOLE.pack(sync.message_id_of(1, 0, record.stamp_ms), len(record.body))
-    answers(field, hello(*said), sync.chunks_frame((0, 0), [whole], [], [record.body]))
+    answers(field, hello(*said), b"".join(sync.chunks_parts((0, 0), [whole], [], [record.body])))
     _, events = field.nodes["a"].take()
     assert [type(event) for event in events] == [SyncTimedOut]
     assert not field.nodes["a"].database.kept()

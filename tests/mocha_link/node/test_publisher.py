@@ -9,9 +9,8 @@ import pytest
 from mocha_link.node.publisher import LEAP_MS, Publisher
 from mocha_link.store import batch, payload
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
 from mocha_link.store.payload import PayloadError
-from mocha_link.store.record import Record
+from mocha_link.store.record import Header, Record
 
 T = 1_795_175_900.0
 

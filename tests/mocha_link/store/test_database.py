@@ -12,9 +12,17 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mocha_link.store.database import GROUPS, Database, digest
-from mocha_link.store.header import WRAP_MS, WRAP_S, Header, HeaderError, as_ms, latest_ms
 from mocha_link.store.index import follows, today
-from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.record import (
+    WRAP_MS,
+    WRAP_S,
+    Header,
+    HeaderError,
+    Knowledge,
+    Record,
+    as_ms,
+    latest_ms,
+)
 
 WRAP = 27392 * WRAP_S  # a wrap in the year 2026
 HOUR = 3600

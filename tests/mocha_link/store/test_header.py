@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mocha_link.store.header import (
+from mocha_link.store.record import (
     AHEAD_MS,
     WRAP_MS,
     WRAP_S,

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from mocha_link.store import payload
-from mocha_link.store.header import Header
 from mocha_link.store.payload import PayloadError
+from mocha_link.store.record import Header
 from mocha_link.store.signature import SignatureError, Signer, Verifier
 from mocha_link.team import keys
 from mocha_link.team.keys import KeyMismatchError, KeysUnavailableError, SecretKey

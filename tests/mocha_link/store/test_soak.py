@@ -21,7 +21,7 @@ import pytest
 from mocha_link.node.gossip import Gossip, history_of
 from mocha_link.store import payload
 from mocha_link.store.database import Database
-from mocha_link.store.header import WRAP_S
+from mocha_link.store.record import WRAP_S
 from mocha_link.store.storage import Storage
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team

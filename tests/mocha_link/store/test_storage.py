@@ -20,8 +20,7 @@ import pytest
 from mocha_link.node.publisher import LEAP_MS, Publisher
 from mocha_link.store import storage_file
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
-from mocha_link.store.record import Knowledge, Record
+from mocha_link.store.record import Header, Knowledge, Record
 from mocha_link.store.storage import (
     Storage,
     StorageDamagedError,

@@ -15,9 +15,9 @@ import pytest
 
 from mocha_link.store import payload
 from mocha_link.store.config_hash import config_hash_of
-from mocha_link.store.header import WRAP_MS
 from mocha_link.store.payload import STAMPS_MS
-from mocha_link.sync.frames import DONE, HELLO, WHOLE, chunks_frame, message_frame, message_id_of
+from mocha_link.store.record import WRAP_MS
+from mocha_link.sync.frames import DONE, HELLO, WHOLE, chunks_parts, message_frame, message_id_of
 from mocha_link.sync.protocol import ID_BYTES
 from mocha_link.sync.sync_messages import Done, Hello
 from tests.mocha_link.load import (
@@ -71,7 +71,7 @@ def io_says(
 
 def whole(robot_id: int, topic_id: int, stamp_ms: int, body: bytes) -> bytes:
     long = message_id_of(robot_id, topic_id, stamp_ms)
-    return chunks_frame((0, 0), [WHOLE.pack(long, len(body))], [], [body])
+    return b"".join(chunks_parts((0, 0), [WHOLE.pack(long, len(body))], [], [body]))
 
 
 def done(frames: int = 1) -> bytes:

@@ -13,8 +13,7 @@ from mocha_link.clock import Instant
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted
 from mocha_link.store import payload
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
-from mocha_link.store.record import Record
+from mocha_link.store.record import Header, Record
 from mocha_link.sync import client
 from mocha_link.sync.client import ClientSession
 from mocha_link.sync.protocol import ServerSession

@@ -14,12 +14,11 @@ from mocha_link.clock import Instant
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.store import payload
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
 from mocha_link.store.payload import PayloadError
-from mocha_link.store.record import Record
+from mocha_link.store.record import Header, Record
 from mocha_link.sync.client import FIRST_WINDOW, MAX_WINDOW, MIN_WINDOW, ClientSession
+from mocha_link.sync.frames import Step
 from mocha_link.sync.pull import PathStats
-from mocha_link.sync.step import Step
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 

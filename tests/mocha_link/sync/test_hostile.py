@@ -17,7 +17,7 @@ import pytest
 import zmq
 
 from mocha_link.node import zmtp
-from mocha_link.store.header import Header, as_ms
+from mocha_link.store.record import Header, as_ms
 from mocha_link.sync.frames import HELLO
 from mocha_link.sync.protocol import CODE_BYTES, GHEAD, ID_BYTES, SERRM, SYNC1
 from mocha_link.team.document import Document

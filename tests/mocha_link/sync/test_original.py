@@ -17,7 +17,7 @@ import pytest
 import zmq
 
 from mocha_link.links.metrics import Direction, LinkState, SyncEnded, SyncTimedOut
-from mocha_link.store.header import WRAP_S, Header
+from mocha_link.store.record import WRAP_S, Header
 from mocha_link.team.team import Team
 from tests.mocha_link import original
 from tests.mocha_link.original import JUNK, SILENT, Original

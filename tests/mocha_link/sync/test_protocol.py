@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from mocha_link.clock import Instant
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
-from mocha_link.store.record import Record
+from mocha_link.store.record import Header, Record
 from mocha_link.sync.protocol import ServerSession
 
 OUT = Direction.OUT

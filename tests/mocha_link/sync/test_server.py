@@ -16,9 +16,8 @@ from mocha_link.datagram.datagram import Flow
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
 from mocha_link.store import payload
 from mocha_link.store.database import Database
-from mocha_link.store.header import Header
 from mocha_link.store.reassembly_buffer import ReassemblyBuffer
-from mocha_link.store.record import Record
+from mocha_link.store.record import Header, Record
 from mocha_link.sync.credit import GRANT, MAX_CHUNK, MIN_CHUNK
 from mocha_link.sync.frames import HELLO, OPEN, MessageAssembler, message_frames
 from mocha_link.sync.peer_state import PeerState

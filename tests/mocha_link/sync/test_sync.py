@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mocha_link.store import payload
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
-from mocha_link.sync.frames import LARGE_BYTES, FrameError
+from mocha_link.sync.frames import LARGE_BYTES, SyncFrameError
 from mocha_link.sync.sync_messages import (
     VERSION,
     Answer,
@@ -130,7 +130,7 @@ def test_a_new_round_does_not_wait_for_the_old_one():
     ],
 )
 def test_frames_that_are_no_letters(frame):
-    with pytest.raises(FrameError):
+    with pytest.raises(SyncFrameError):
         sync.MessageAssembler(sync.OPEN).take(frame)
 
 
@@ -139,12 +139,14 @@ def chunks(rng: random.Random) -> tuple[bytes, int]:
     wholes = [(sync.message_id_of(1, 2, number), rng.randint(1, 90)) for number in range(3)]
     pieces = [(sync.message_id_of(1, 3, number), 1_000, number * 10, 50) for number in range(2)]
     data = [rng.randbytes(size) for _, size in wholes] + [rng.randbytes(50) for _ in pieces]
-    frame = sync.chunks_frame(
-        (2, 9),
-        [sync.WHOLE.pack(*each) for each in wholes],
-        [sync.PIECE.pack(*each) for each in pieces],
-        data,
-        b"prefix",
+    frame = b"".join(
+        sync.chunks_parts(
+            (2, 9),
+            [sync.WHOLE.pack(*each) for each in wholes],
+            [sync.PIECE.pack(*each) for each in pieces],
+            data,
+            b"prefix",
+        )
     )
     assert frame[:6] == b"prefix"
     read = sync.read_chunks(frame[6:])
@@ -159,21 +161,21 @@ def test_every_damaged_bit_but_in_the_data_is_seen():
     for place in range(begin * 8):
         damaged = bytearray(frame)
         damaged[place // 8] ^= 1 << place % 8
-        with pytest.raises(FrameError):
+        with pytest.raises(SyncFrameError):
             sync.read_chunks(bytes(damaged))
     for place in range(len(message) * 8):
         damaged = bytearray(message)
         damaged[place // 8] ^= 1 << place % 8
-        with pytest.raises(FrameError):
+        with pytest.raises(SyncFrameError):
             sync.MessageAssembler(*range(8)).take(bytes(damaged))
 
 
 @pytest.mark.parametrize("cut", range(0, 60, 3))
 def test_a_frame_of_chunks_is_all_there_or_refused(cut):
     frame, _ = chunks(random.Random(2))
-    with pytest.raises(FrameError):
+    with pytest.raises(SyncFrameError):
         sync.read_chunks(frame[: -1 - cut])
-    with pytest.raises(FrameError):
+    with pytest.raises(SyncFrameError):
         sync.read_chunks(frame + bytes(1 + cut))
 
 
@@ -191,13 +193,15 @@ def test_a_frame_of_chunks_is_all_there_or_refused(cut):
     ],
 )
 def test_impossible_chunks(wholes, pieces, size):
-    frame = sync.chunks_frame(
-        (0, 0),
-        [sync.WHOLE.pack(*each) for each in wholes],
-        [sync.PIECE.pack(*each) for each in pieces],
-        [bytes(size)],
+    frame = b"".join(
+        sync.chunks_parts(
+            (0, 0),
+            [sync.WHOLE.pack(*each) for each in wholes],
+            [sync.PIECE.pack(*each) for each in pieces],
+            [bytes(size)],
+        )
     )
-    with pytest.raises(FrameError):
+    with pytest.raises(SyncFrameError):
         sync.read_chunks(frame)
 
 
@@ -215,7 +219,7 @@ def test_impossible_chunks(wholes, pieces, size):
 )
 def test_impossible_wishes(missing):
     opening = Open(1, 0, Have(()), [FragmentRequest(1, 100, missing)])
-    with pytest.raises(FrameError):
+    with pytest.raises(SyncFrameError):
         Open.decode(opening.encode())
 
 
@@ -231,7 +235,7 @@ def test_another_version_is_refused():
 def test_of_another_versions_hello_only_that_is_read():
     hello = Hello.decode(bytes((0, VERSION + 1)) + b"anything")
     assert hello == (Reception.UNREADABLE, 0, VERSION + 1, 0)
-    with pytest.raises(FrameError, match="a reception of sort 9"):
+    with pytest.raises(SyncFrameError, match="a reception of sort 9"):
         Hello.decode(b"\x09" + Hello().encode()[1:])
 
 
@@ -251,7 +255,7 @@ def test_large_data_are_parts_of_their_own(whole_sizes, piece_sizes, seed):
     data = [rng.randbytes(size) for size in whole_sizes + piece_sizes]
     packed = [sync.WHOLE.pack(*each) for each in wholes], [sync.PIECE.pack(*e) for e in pieces]
     parts = sync.chunks_parts((0, 1), *packed, data, b"prefix")
-    assert b"".join(parts) == sync.chunks_frame((0, 1), *packed, data, b"prefix")
+    assert b"".join(parts) == b"".join(sync.chunks_parts((0, 1), *packed, data, b"prefix"))
     large = [each for each in data if len(each) >= LARGE_BYTES]
     assert [each for each in parts if any(each is one for one in large)] == large
     read = sync.read_chunks(parts[0][6:], parts[1:])
@@ -264,7 +268,7 @@ def test_large_data_are_parts_of_their_own(whole_sizes, piece_sizes, seed):
     cuts = sorted(rng.choices(range(head, len(whole) + 1), k=5))
     again = [whole[a:b] for a, b in itertools.pairwise([0, *cuts, len(whole)])]
     assert list(sync.read_chunks(again[0], again[1:]).contents()) == data
-    with pytest.raises(FrameError):
+    with pytest.raises(SyncFrameError):
         sync.read_chunks(again[0], [*again[1:], b"x"])
 
 
@@ -300,12 +304,12 @@ def test_any_content_is_read_or_refused(content):
     ):
         try:
             read(content)
-        except FrameError:
+        except SyncFrameError:
             continue
 
 
 def test_many_partial_messages_are_refused():
     wish = FragmentRequest(1, 100, [(0, 100)])
     assert len(Open.decode(Open(1, 0, Have(()), [wish] * 64).encode()).requests) == 64
-    with pytest.raises(FrameError):
+    with pytest.raises(SyncFrameError):
         Open.decode(Open(1, 0, Have(()), [wish] * 65).encode())

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 from mocha_link.links.link_events import MessageStored
 from mocha_link.store import payload
-from mocha_link.store.header import WRAP_MS
 from mocha_link.store.payload import PayloadError
-from mocha_link.store.record import Knowledge
+from mocha_link.store.record import WRAP_MS, Knowledge
 from mocha_link.sync import frames as sync
 from mocha_link.sync import sync_messages
 from mocha_link.sync.peer_state import record_id
@@ -79,14 +78,16 @@ class Asking:
     def chunks(self, *wholes: tuple[int, bytes], pieces=()) -> bytes:
         """The next frame with these messages and (long id, body, start, end) of pieces."""
         self.number += 1
-        return sync.chunks_frame(
-            (self.round, self.number - 1),
-            [sync.WHOLE.pack(message_id, len(body)) for message_id, body in wholes],
-            [
-                sync.PIECE.pack(message_id, len(b), start, end - start)
-                for message_id, b, start, end in pieces
-            ],
-            [body for _, body in wholes] + [b[start:end] for _, b, start, end in pieces],
+        return b"".join(
+            sync.chunks_parts(
+                (self.round, self.number - 1),
+                [sync.WHOLE.pack(message_id, len(body)) for message_id, body in wholes],
+                [
+                    sync.PIECE.pack(message_id, len(b), start, end - start)
+                    for message_id, b, start, end in pieces
+                ],
+                [body for _, body in wholes] + [b[start:end] for _, b, start, end in pieces],
+            )
         )
 
     def done(self, *, cut_short: bool = False, frames: int | None = None) -> None:
@@ -507,8 +508,13 @@ def test_memory_grows_with_what_came_and_not_with_what_was_announced():
     for number in range(2_000):
         message_id = sync.message_id_of(number % 256, number >> 8, START_MS)
         offset = rng.randrange(60_000_000)
-        frame = sync.chunks_frame(
-            (0, rng.randrange(2**32)), [], [sync.PIECE.pack(message_id, 2**26, offset, 1)], [b"?"]
+        frame = b"".join(
+            sync.chunks_parts(
+                (0, rng.randrange(2**32)),
+                [],
+                [sync.PIECE.pack(message_id, 2**26, offset, 1)],
+                [b"?"],
+            )
         )
         frame = (
             frame

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mocha_link.sync import frames as sync
 from mocha_link.sync import peer_state, sync_messages
-from mocha_link.sync.frames import FrameError
+from mocha_link.sync.frames import SyncFrameError
 from mocha_link.sync.peer_state import PeerState, record_id
 from mocha_link.sync.sync_messages import (
     Digest,
@@ -443,7 +443,7 @@ def test_whatever_comes_a_feed_only_raises_frame_errors(seed):
         frame = frame if rng.random() < 0.3 else mutated(rng, frame)
         try:
             sender.receive(rng.randbytes(rng.randrange(60)) if rng.random() < 0.1 else frame)
-        except FrameError:
+        except SyncFrameError:
             continue
         for _ in range(rng.randrange(4)):
             out = sender.next(300)

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocha_link.team.keys import SecretKey
-from mocha_link.team.seal import OVERHEAD_BYTES, Seal, SealError
+from mocha_link.team.keys import OVERHEAD_BYTES, Seal, SealError, SecretKey
 
 TITAN, IO, EUROPA = (SecretKey(bytes([number]) * 32) for number in (1, 2, 3))
 OUT, IN = Seal(TITAN, IO.public), Seal(IO, TITAN.public)
