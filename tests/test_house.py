@@ -6,6 +6,7 @@ root is one as well. `__main__` stands outside: it starts the program.
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import networkx as nx
@@ -25,76 +26,84 @@ def name_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-MODULES = {
-    name_of(path): path
-    for package in ALLOWED
-    for path in sorted((ROOT / package).rglob("*.py"))
-    if path.name != "__main__.py"
-}
-TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
-ROOMS = sorted({path.parent for path in MODULES.values()})
+@cache
+def modules() -> dict[str, Path]:
+    return {
+        name_of(path): path
+        for package in ALLOWED
+        for path in sorted((ROOT / package).rglob("*.py"))
+        if path.name != "__main__.py"
+    }
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    return {name: ast.parse(path.read_text("utf-8")) for name, path in modules().items()}
 
 
 def imports(module: str) -> Iterator[str]:
     """The modules of ours that a module imports, packages' faces among them."""
-    for node in ast.walk(TREES[module]):
+    for node in ast.walk(trees()[module]):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{module}: relative import"
             deeper = [f"{node.module}.{alias.name}" for alias in node.names]
-            names = [name if name in MODULES else node.module for name in deeper]
+            names = [name if name in modules() else node.module for name in deeper]
         else:
             continue
         yield from (name for name in names if name.split(".")[0] in ALLOWED)
 
 
-ARROWS = {(module, name) for module in MODULES for name in imports(module) if name != module}
+@cache
+def arrows() -> set[tuple[str, str]]:
+    return {(module, name) for module in modules() for name in imports(module) if name != module}
 
 
-def circles(arrows: set[tuple[object, object]]) -> list[list[object]]:
-    parts = nx.strongly_connected_components(nx.DiGraph(arrows))
+def circles(edges: set[tuple[object, object]]) -> list[list[object]]:
+    parts = nx.strongly_connected_components(nx.DiGraph(edges))
     return [sorted(map(str, part)) for part in parts if len(part) > 1]
 
 
 def test_no_arrow_runs_up():
     up = [
         (module, name)
-        for module, name in ARROWS
+        for module, name in arrows()
         if name.split(".")[0] not in ALLOWED[module.split(".")[0]]
     ]
     assert up == []
 
 
 def test_no_circle_between_files():
-    assert circles({arrow for arrow in ARROWS if arrow[1] in MODULES}) == []
+    assert circles({arrow for arrow in arrows() if arrow[1] in modules()}) == []
 
 
 def test_no_circle_between_rooms():
     rooms = {
-        (MODULES[module].parent, MODULES[name].parent)
-        for module, name in ARROWS
-        if name in MODULES and MODULES[module].parent != MODULES[name].parent
+        (modules()[module].parent, modules()[name].parent)
+        for module, name in arrows()
+        if name in modules() and modules()[module].parent != modules()[name].parent
     }
     assert circles(rooms) == []
 
 
 def test_no_import_is_for_types_only():
-    assert [name for name, tree in TREES.items() if "TYPE_CHECKING" in ast.dump(tree)] == []
+    texts = {name: path.read_text("utf-8") for name, path in modules().items()}
+    assert [name for name, text in texts.items() if "TYPE_CHECKING" in text] == []
 
 
 def test_rooms_are_small_and_say_what_they_are_for():
     wrong = []
-    for room in ROOMS:
+    for room in sorted({path.parent for path in modules().values()}):
         files = [path for path in room.glob("*.py") if path.name != "__init__.py"]
         at_root = room.parent == ROOT
         if len(files) + 1 > ROOT_FILES if at_root else len(files) not in ROOM_FILES:
             wrong.append(f"{room.relative_to(ROOT)}: {len(files)} files")
-        if not ast.get_docstring(TREES[name_of(room / "__init__.py")]):
+        if not ast.get_docstring(trees()[name_of(room / "__init__.py")]):
             wrong.append(f"{room.relative_to(ROOT)}: no word on what it is for")
     assert wrong == []
 
 
 def test_files_are_small():
-    lines = {name: len(path.read_text("utf-8").splitlines()) for name, path in MODULES.items()}
+    lines = {name: len(path.read_text("utf-8").splitlines()) for name, path in modules().items()}
     assert {name: count for name, count in lines.items() if count > FILE_LINES} == {}

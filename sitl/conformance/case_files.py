@@ -29,10 +29,11 @@ _FILES: Final = (
 def conversations() -> tuple[Conversation, ...]:
     """All of them, in the order of their files."""
     folder = files("sitl.conformance") / "cases"
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # five times as fast, where it is built
     return tuple(
         _conversation(name, *case)
         for file in _FILES
-        for name, case in yaml.safe_load((folder / f"{file}.yaml").read_text("utf-8")).items()
+        for name, case in yaml.load((folder / f"{file}.yaml").read_text("utf-8"), loader).items()  # noqa: S506 - safe
         if name != "definitions"
     )
 
