@@ -30,6 +30,7 @@ VEHICLE: Final = "vehicle"
 LOCATION, POSE, LOG = "foxglove.LocationFix", "foxglove.PoseInFrame", "foxglove.Log"
 GEOJSON, GRID = "foxglove.GeoJSON", "foxglove.Grid"
 
+_TYPES: Final = {str: "string", int: "integer"}
 _INFO: Final = 2
 _UINT8: Final = 1
 _COLOURS: Final = {"fence": "#2e7d32", "zone": "#c62828", "waypoint": "#1565c0", "leg": "#f9a825"}
@@ -162,9 +163,21 @@ def grid(chart: SemanticGrid, unix_s: float) -> Drawn:
     return Drawn("/map", GRID, message)
 
 
-def schema_text(name: str) -> str:
-    """The JSON schema of one of the messages here; Foxglove knows them by their name."""
-    return json.dumps({"title": name, "type": "object", "properties": _PROPERTIES[name]})
+def schema_text(drawn: Drawn) -> str:
+    """The JSON schema of a message, made from it; Foxglove knows it by its name."""
+    schema = {"title": drawn.schema, **_schema_like(drawn.message)}
+    if drawn.schema == GRID:
+        schema["properties"]["data"]["contentEncoding"] = "base64"
+    return json.dumps(schema)
+
+
+def _schema_like(value: Any) -> dict[str, Any]:
+    if isinstance(value, dict):
+        parts = {name: _schema_like(part) for name, part in value.items()}
+        return {"type": "object", "properties": parts}
+    if isinstance(value, list):
+        return {"type": "array", "items": _schema_like(value[0])}
+    return {"type": _TYPES.get(type(value), "number")}
 
 
 def _geojson(topic: str, features: list[dict[str, Any]]) -> Drawn:
@@ -188,46 +201,3 @@ def _log(text: str, unix_s: float) -> Drawn:
 def _time(unix_s: float) -> dict[str, int]:
     seconds = max(0, math.floor(unix_s))
     return {"sec": seconds, "nsec": min(max(0, int((unix_s - seconds) * 1e9)), 999_999_999)}
-
-
-_NUMBER: Final = {"type": "number"}
-_INTEGER: Final = {"type": "integer"}
-_TEXT: Final = {"type": "string"}
-_STAMP: Final = {"type": "object", "properties": {"sec": _INTEGER, "nsec": _INTEGER}}
-_VECTOR: Final = {"type": "object", "properties": dict.fromkeys("xyz", _NUMBER)}
-_TURN: Final = {"type": "object", "properties": dict.fromkeys("xyzw", _NUMBER)}
-_POSE: Final = {"type": "object", "properties": {"position": _VECTOR, "orientation": _TURN}}
-_FIELD: Final = {
-    "type": "object",
-    "properties": {"name": _TEXT, "offset": _INTEGER, "type": _INTEGER},
-}
-_PROPERTIES: Final[dict[str, dict[str, Any]]] = {
-    LOCATION: {
-        "timestamp": _STAMP,
-        "frame_id": _TEXT,
-        **dict.fromkeys(("latitude", "longitude", "altitude"), _NUMBER),
-        "position_covariance": {"type": "array", "items": _NUMBER, "minItems": 9, "maxItems": 9},
-        "position_covariance_type": _INTEGER,
-    },
-    POSE: {"timestamp": _STAMP, "frame_id": _TEXT, "pose": _POSE},
-    LOG: {
-        "timestamp": _STAMP,
-        "level": _INTEGER,
-        "message": _TEXT,
-        "name": _TEXT,
-        "file": _TEXT,
-        "line": _INTEGER,
-    },
-    GEOJSON: {"geojson": _TEXT},
-    GRID: {
-        "timestamp": _STAMP,
-        "frame_id": _TEXT,
-        "pose": _POSE,
-        "column_count": _INTEGER,
-        "cell_size": {"type": "object", "properties": dict.fromkeys("xy", _NUMBER)},
-        "row_stride": _INTEGER,
-        "cell_stride": _INTEGER,
-        "fields": {"type": "array", "items": _FIELD},
-        "data": {"type": "string", "contentEncoding": "base64"},
-    },
-}

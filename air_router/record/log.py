@@ -23,11 +23,9 @@ from air_router.controller.model.actions import Motion
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.errors import AirRouterError, ExitCode
 from air_router.record import serialization as journal
-from air_router.record.codec import TYPE_KEY, CodecError, codec_of
+from air_router.record.codec import TYPE_KEY, CodecError, decoder, shown
 from air_router.record.log_file import FORMAT, LIBRARY, ORDER_KEY, RECENT
-from air_router.record.plain_values import shown
 from air_router.record.record_channels import NOTES
-from air_router.record.serialization import JournalError
 from mocha_link.links.metrics import LinkMetrics
 
 RECORD_BYTES: Final = 256 << 20
@@ -104,7 +102,7 @@ class Log:
     def _checked(self, entries: Iterator[Entry]) -> Iterator[Entry]:
         try:
             yield from entries
-        except (CodecError, JournalError, TypeError, ValueError, RecursionError) as error:
+        except (TypeError, ValueError, RecursionError) as error:
             why = str(error)
         except KeyError as error:
             why = f"a message without {error}"
@@ -215,9 +213,9 @@ def _time_s(plain: Any) -> float:
 def _note(t: float, data: dict[str, Any]) -> Entry:
     name = str(data.pop(TYPE_KEY))
     if name == "Setup":
-        return Entry(t, "setup", codec_of(FlightSetup).decode(data["setup"]))
+        return Entry(t, "setup", decoder(FlightSetup)(data["setup"]))
     for field, of in NOTES.get(name, {}).items():
-        data[field] = codec_of(of).decode(data[field])
+        data[field] = decoder(of)(data[field])
     return Entry(t, "note", Note(name, data))
 
 
@@ -226,7 +224,7 @@ _MOTIONS: Final = get_args(Motion)
 _DECISIONS: Final = frozenset({"event", "action"})
 _READERS: Final[dict[str, Callable[[float, dict[str, Any]], Entry]]] = {
     "flight": _note,
-    "links": lambda t, data: Entry(t, "link", codec_of(LinkMetrics).decode(data)),
+    "links": lambda t, data: Entry(t, "link", decoder(LinkMetrics)(data)),
     "patches": lambda t, data: Entry(t, "patch", base64.b64decode(data["patch"])),
 }
 """By the first part of a topic; what is drawn for Foxglove is in the record twice."""

@@ -21,15 +21,14 @@ from typing import Any, Final
 from air_router.controller.flight_setup import FlightSetup
 from air_router.gossip.mapper import Mapper
 from air_router.record import serialization as journal
-from air_router.record.codec import TYPE_KEY, codec_of
-from air_router.record.foxglove import Drawing, Drawn, grid
+from air_router.record.codec import TYPE_KEY, encode
+from air_router.record.foxglove import Drawing, Drawn, grid, schema_text
 from air_router.record.log_file import FORMAT, ORDER_KEY, RECENT, Channel, LogFile
 from air_router.record.record_channels import (
     ABOUT_MOTIONS,
     MOTIONS,
     PATCHES,
     channel_of,
-    drawn_channel,
     json_of,
     link_channel,
     note_channel,
@@ -105,6 +104,7 @@ class Recorder(Closeable):
         self._unwritable: set[str] = set()
         self._flown = False
         self._drawing: Drawing | None = None
+        self._drawn: dict[str, Channel] = {}
         self._file: LogFile | None = None
         if folder is not None:
             try:
@@ -119,12 +119,10 @@ class Recorder(Closeable):
 
     def begin(self, setup: FlightSetup, **facts: object) -> None:
         """Record what the controller is made of, and how it is flown."""
-        from air_router.controller.flight_setup import FlightSetup  # noqa: PLC0415 - it imports much
-
         if self._file is None:
             return
         self._drawing = Drawing(setup.mission)
-        encoded = self._encoded(codec_of(FlightSetup).encode, setup)
+        encoded = self._encoded(encode, setup)
         self.note("Setup", 0.0, {"setup": encoded})
         self.note("Options", 0.0, facts)
         self._draw([self._drawing.mission()])
@@ -175,7 +173,7 @@ class Recorder(Closeable):
             steady = dataclasses.replace(link, newest_age_s=None, topic_ages_s={}, contacts=())
             if self._links.get(peer) != steady:
                 self._links[peer] = steady
-                plain = codec_of(LinkMetrics).encode(dataclasses.replace(link, contacts=()))
+                plain = encode(dataclasses.replace(link, contacts=()))
                 self._add(link_channel(), now_s, {"t": now_s, **plain})
         for peer, holdings in held().items():
             known = self._held.setdefault(peer, {})
@@ -264,10 +262,12 @@ class Recorder(Closeable):
             return None
 
     def _draw(self, drawn: Iterable[Drawn]) -> None:
-        for topic, schema, message in drawn:
-            stamp = message.get("timestamp")
+        for each in drawn:
+            if each.topic not in self._drawn:
+                self._drawn[each.topic] = Channel(each.topic, each.schema, schema_text(each))
+            stamp = each.message.get("timestamp")
             time_ns = None if stamp is None else stamp["sec"] * 10**9 + stamp["nsec"]
-            self._send(drawn_channel(topic, schema), time_ns, message)
+            self._send(self._drawn[each.topic], time_ns, each.message)
 
     def _add(self, channel: Channel, now_s: float, message: dict[str, Any]) -> None:
         self._send(channel, int(self._time_s(now_s) * 1e9), message)

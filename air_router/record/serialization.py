@@ -1,7 +1,6 @@
 """Events and actions as JSON objects and back, exactly: what every record of a flight is made of.
 
-Whatever joins `Event` or `Action` is written and read without a line here. A member that cannot
-be written is a TypeError at its first use; a test walks all of them.
+Whatever joins `Event` or `Action` is written and read without a line here; a test walks all.
 """
 
 from __future__ import annotations
@@ -11,14 +10,8 @@ from typing import Any, get_args
 
 from air_router.controller.model.actions import Action
 from air_router.controller.model.events import Event
-from air_router.errors import AirRouterError, ExitCode
-from air_router.record.codec import TYPE_KEY, CodecError, codec_of, recorded_name
-
-
-class JournalError(AirRouterError, ValueError):
-    """Data that are no event and no action."""
-
-    exit_code = ExitCode.INVALID_FILE
+from air_router.record import codec
+from air_router.record.codec import TYPE_KEY, CodecError, decoder, recorded_name
 
 
 def encode(value: object) -> dict[str, Any]:
@@ -30,7 +23,7 @@ def encode(value: object) -> dict[str, Any]:
     kind: Any = type(value)
     if members().get(recorded_name(kind)) is not kind:
         raise TypeError(f"{value!r} cannot be recorded: neither an event nor an action")
-    plain: dict[str, Any] = codec_of(kind).encode(value)
+    plain: dict[str, Any] = codec.encode(value)
     return plain
 
 
@@ -41,23 +34,15 @@ def decode(data: object) -> Any:
     so older records can be read.
 
     Raises:
-        JournalError: the object says of no event or action what that has.
+        CodecError: the object says of no event or action what that has.
     """
     if not isinstance(data, dict):
-        raise JournalError(f"{type(data).__name__} is no event or action: not an object")
+        raise CodecError(f"{type(data).__name__} is no event or action: not an object")
     name = data.get(TYPE_KEY)
     kind = members().get(name) if isinstance(name, str) else None
     if kind is None:
-        raise JournalError(f"type {str(name)[:60]!r} is no event or action")
-    try:
-        return codec_of(kind).decode(data)
-    except CodecError as error:
-        raise JournalError(str(error)) from None
-
-
-def schema(kind: type) -> dict[str, Any]:
-    """The JSON schema of the objects that one class of events or actions becomes."""
-    return codec_of(kind).schema()
+        raise CodecError(f"type {str(name)[:60]!r} is no event or action")
+    return decoder(kind)(data)
 
 
 @cache

@@ -27,7 +27,7 @@ def replay(settings: RunSettings, lines: Iterable[str]) -> dict[str, Replay]:
         lines: Its event log (`RunSettings.keep_log`).
 
     Raises:
-        JournalError: a line holds no event or action.
+        CodecError: a line holds no event or action.
         ReplayError: a UAV has no event in it.
     """
     original = settings.protocol == "original"
