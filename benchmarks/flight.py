@@ -29,8 +29,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import RobotPose
+from air_router.controller.model.states import State
 from air_router.flight.flight import Flight
 from air_router.flight.status import StatusLine
 from air_router.gossip.mapper import Mapper

@@ -8,15 +8,15 @@ on a vehicle inside; and only when that is read back the mission goes on, by way
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.model.actions import HoldHere, Motion, RenewPlan
-from air_router.controller.model.behaviour import Signal, State, knows
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import BRAKING_M_S2, STANDING_M_S, Goal, Progress
 from air_router.controller.states.return_state import ReturnState
@@ -44,6 +44,7 @@ class Phase(Enum):
     BOARDING = "the new fence is being put on board"
 
 
+@dataclass(slots=True, eq=False)
 class AirspaceUpdate:
     """Takes other zones and fences in, and keeps everything else waiting until they count.
 
@@ -53,37 +54,25 @@ class AirspaceUpdate:
         exploration: Waypoints in a zone, or behind one, are left out of it.
         authority: A vehicle that is about to be given away is left alone.
         return_state: Flies home if the new fence cannot be put on board.
-        apply: Has everything else heed these zones, at once.
 
     Attributes:
         phase: How far a change is; None if none is under way.
         leaving: The zones that it is no breach to be in: they were drawn over the vehicle.
     """
 
-    def __init__(  # noqa: PLR0913 - a change of zones concerns nearly everything
-        self,
-        context: MissionContext,
-        gate: CommandGate,
-        exploration: Exploration,
-        authority: ControlAuthority,
-        return_state: ReturnState,
-        *,
-        apply: Callable[[Mission, Router], None],
-    ) -> None:
-        self.phase: Phase | None = None
-        self.leaving: frozenset[str] = frozenset()
-        self._context = context
-        self._gate = gate
-        self._exploration = exploration
-        self._authority = authority
-        self._return_state = return_state
-        self._apply = apply
-        self._prepared: Router | None = None
-        self._new: frozenset[str] = frozenset()  # areas that the fence on board does not have yet
-        self._way_out: Goal | None = None
-        self._has_to_stop = False
-        self._what = ""
-        self._stuck_until_s = -math.inf
+    _context: MissionContext
+    _gate: CommandGate
+    _exploration: Exploration
+    _authority: ControlAuthority
+    _return_state: ReturnState
+    phase: Phase | None = None
+    leaving: frozenset[str] = frozenset()
+    _prepared: Router | None = None
+    _new: frozenset[str] = frozenset()  # areas that the fence on board does not have yet
+    _way_out: Goal | None = None
+    _has_to_stop: bool = False
+    _what: str = ""
+    _stuck_until_s: float = -math.inf
 
     def only_hold(self, motion: Motion) -> Motion | None:
         """An interlock: while zones change, nothing is begun but the way out of one."""
@@ -119,13 +108,13 @@ class AirspaceUpdate:
         if router is None or not _same_areas(router.graph.mission, mission):
             router = Router(WaypointGraph(mission))
         mission = router.graph.mission  # with what was worked out of its airspace elsewhere
-        self._apply(mission, router)
+        context.mission, context.router = mission, router
         self.phase = Phase.CLEARING
         self._what = "the changed fence"
         self._way_out = None
         when = "; they go on board when the mission is resumed" if self._put_off else ""
         context.say(f"zones changed: {_difference(before, mission)}{when}")
-        self._bar_waypoints(mission, router)
+        self._skip_waypoints(mission, router)
         self._begin(before, mission)
 
     @property
@@ -133,15 +122,15 @@ class AirspaceUpdate:
         """Whether the vehicle is not ours, or not for long."""
         return self._context.state is State.PASSIVE or self._authority.giving_up is not None
 
-    def _bar_waypoints(self, mission: Mission, router: Router) -> None:
+    def _skip_waypoints(self, mission: Mission, router: Router) -> None:
         """Leave out what lies in a zone, or behind one, and say so."""
         paths, home, say = router.graph.paths, mission.home, self._context.say
-        barred = {
+        unreachable = {
             waypoint.number
             for waypoint in mission.waypoints
             if not paths.connected(home, waypoint.position)
         }
-        out, back = self._exploration.bar(barred | mission.barred)
+        out, back = self._exploration.skip(unreachable | mission.barred)
         for numbers, what in ((out, "left out: no clear way leads there"), (back, "flown again")):
             if numbers:
                 word = "waypoint" if len(numbers) == 1 else "waypoints"
@@ -243,7 +232,7 @@ class AirspaceUpdate:
             self._way_out = Goal(here if place is None else place)
             self._has_to_stop = False
             motion = navigator.go(self._way_out, telemetry)
-        elif gate.commanded_mode.last is None and context.schedule.take_retry():
+        elif gate.commanded_mode.last is None and context.take_retry():
             motion = navigator.again(telemetry)  # it did not follow
         else:
             motion = navigator.update(telemetry)
@@ -276,7 +265,7 @@ class AirspaceUpdate:
             if self._put_off:
                 self.phase = Phase.CLEARING  # once more when the mission is resumed
                 return
-            if knows(self._context.state, Signal.COME_HOME):
+            if self._context.knows(Signal.COME_HOME):
                 self._return_state.come_home(f"{self._what} is not on board")
                 return
         if self._context.in_air:

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from air_router.controller.airspace_update import AirspaceUpdate, Phase
 from air_router.controller.control_authority import ControlAuthority, OnBoard
 from air_router.controller.model.actions import CommandAck, ReadAgain, Refusal
-from air_router.controller.model.behaviour import EXPLORING, Signal, State
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.requests import (
     AnyRequest,
@@ -25,9 +24,9 @@ from air_router.controller.model.requests import (
     Reload,
     SeekNow,
 )
+from air_router.controller.model.states import Signal, State
 from air_router.controller.preconditions import Preconditions, comes_home
-from air_router.controller.states.goto_state import GotoState
-from air_router.controller.states.goto_task import GotoTask, GotoValidator, Refused
+from air_router.controller.states.goto_state import GotoState, GotoTask, GotoValidator, Refused
 from air_router.controller.states.return_state import ReturnState
 from air_router.controller.states.search_state import SearchState
 from air_router.controller.targets.exploration import Exploration
@@ -48,24 +47,27 @@ class Held:
 
     Attributes:
         state: The state of the mission.
-        robot: Who was sought or hovered over.
+        explores: It flew the waypoints in order.
+        robot: Who was sought or hovered over; None in other states.
         goto_task: The points that were left.
         left_s: What the state's timer had left; None if it did not run.
     """
 
     state: State
+    explores: bool
     robot: str | None
     goto_task: GotoTask | None
     left_s: float | None
 
 
+@dataclass(slots=True, eq=False)
 class CommandHandler:
     """Takes orders: what was held for one, and which one waits, it remembers itself.
 
     Args:
         context: What the mission is doing; where answers go.
         preconditions: Whether the vehicle may be told anything just now.
-        judge: Whether it may be sent somewhere, and comes home from there.
+        validator: Whether it may be sent somewhere, and comes home from there.
         search: Which robots there are, and where.
         exploration: What is left to explore; None: this vehicle only searches.
         search_state: Seeks a robot.
@@ -75,32 +77,18 @@ class CommandHandler:
         airspace_update: Whether zones are being changed.
     """
 
-    def __init__(  # noqa: PLR0913 - the parts that do what can be asked for
-        self,
-        context: MissionContext,
-        preconditions: Preconditions,
-        judge: GotoValidator,
-        search: Search,
-        exploration: Exploration | None,
-        *,
-        search_state: SearchState,
-        goto_state: GotoState,
-        return_state: ReturnState,
-        authority: ControlAuthority,
-        airspace_update: AirspaceUpdate,
-    ) -> None:
-        self._context = context
-        self._judge = judge
-        self._preconditions = preconditions
-        self._search = search
-        self._exploration = exploration
-        self._search_state = search_state
-        self._goto_state = goto_state
-        self._return_state = return_state
-        self._authority = authority
-        self._airspace_update = airspace_update
-        self._held: Held | None = None
-        self._later: GoTo | None = None
+    _context: MissionContext
+    _preconditions: Preconditions
+    _validator: GotoValidator
+    _search: Search
+    _exploration: Exploration | None
+    _search_state: SearchState
+    _goto_state: GotoState
+    _return_state: ReturnState
+    _authority: ControlAuthority
+    _airspace_update: AirspaceUpdate
+    _held: Held | None = None
+    _later: GoTo | None = None
 
     def asked(self, request: AnyRequest) -> None:
         """A request of the pilot, the operator or a program."""
@@ -144,8 +132,9 @@ class CommandHandler:
         if objection is not None:
             return objection
         # A robot is sought again, a way home flown on; time does not run meanwhile.
-        goto_task, left_s = self._goto_state.goto_task, context.schedule.left_s
-        self._held = Held(context.state, self._search_state.robot, goto_task, left_s)
+        goto_task, left_s = self._goto_state.goto_task, context.left_s
+        robot, explores = self._search_state.robot, context.spec.explores
+        self._held = Held(context.state, explores, robot, goto_task, left_s)
         self._return_state.call_off()
         context.say(f"holding, as {request.by} asked")
         context.signal(Signal.HOLD)
@@ -184,16 +173,16 @@ class CommandHandler:
         held, self._held = self._held, None
         assert held is not None  # noqa: S101 - what HOLD is entered with
         if held.state is State.HOME:
-            self._return_state.come_home_by_word(by)
+            self._return_state.come_home_on_request(by)
             return Accepted("it comes home")
         if held.state is State.GOTO and held.goto_task is not None:
             self._goto_state.set_out(held.goto_task, held.left_s)
             return Accepted("it flies on to the points that are left")
-        if held.state in {State.SEARCH, State.COMM} and held.robot is not None:
+        if held.robot is not None:
             self._search_state.seek(held.robot)
             return Accepted(f"it seeks {held.robot} again")
-        if held.state in EXPLORING and held.left_s is not None:
-            self._context.schedule.carry(held.left_s)
+        if held.explores and held.left_s is not None:
+            self._context.carry(held.left_s)
         self._context.signal(Signal.RESUMED)
         return Accepted("it goes on")
 
@@ -210,7 +199,7 @@ class CommandHandler:
         if objection is not None:
             return objection
         aim = self._search.aim(robot, self._context.now_s)
-        refused = self._judge.way(self._context.heard, [aim.goal])
+        refused = self._validator.way(self._context.heard, [aim.goal])
         if refused is not None:
             return refused
         self._return_state.call_off()
@@ -228,7 +217,7 @@ class CommandHandler:
         if not exploration.remaining:
             return Refused(Refusal.NOTHING_TO_DO, "every waypoint has been visited")
         left = f"{exploration.remaining} waypoints are left"
-        if self._context.state in EXPLORING:
+        if self._context.spec.explores:
             return Accepted(f"it explores already: {left}")
         self._return_state.call_off()
         self._context.signal(Signal.EXPLORE)
@@ -250,7 +239,7 @@ class CommandHandler:
         elif state is not State.READY and (gone := self._preconditions.in_the_air()) is not None:
             return gone
         answer = Accepted(self._how_it_comes_home())
-        self._return_state.come_home_by_word(request.by)
+        self._return_state.come_home_on_request(request.by)
         return answer
 
     def _how_it_comes_home(self) -> str:
@@ -273,7 +262,9 @@ class CommandHandler:
         hold_s = request.hold_s
         if hold_s is None:
             hold_s = self._context.mission.timers.hold_s
-        goto_task = self._judge.goto_task(self._context.heard, request.points, hold_s, request.by)
+        goto_task = self._validator.goto_task(
+            self._context.heard, request.points, hold_s, request.by
+        )
         if isinstance(goto_task, Refused):
             return goto_task
         self._return_state.call_off()
@@ -298,7 +289,7 @@ class CommandHandler:
             )
         return Accepted("the mission file is read again")
 
-    _to_requests: Final[dict[type, Callable[[CommandHandler, Any], Accepted | Refused]]] = {
+    _to_requests: ClassVar[dict[type, Callable[[CommandHandler, Any], Accepted | Refused]]] = {
         HoldNow: _asked_to_hold,
         GoOn: _asked_to_go_on,
         SeekNow: _asked_to_seek,
@@ -312,7 +303,7 @@ class CommandHandler:
 
     def _put_off(self, request: GoTo) -> bool:
         """Keep a request that waits until the vehicle flies its mission; of several the newest."""
-        if self._context.state not in {State.READY, State.HOLD}:
+        if not self._context.spec.puts_off:
             return False
         if self._later is not None:
             self._answer(self._later, Refused(Refusal.REPLACED, "a newer request came"))
@@ -322,11 +313,10 @@ class CommandHandler:
 
     def now_what_waited(self) -> None:
         """The time of a request that waited has come, or will not come any more."""
-        state = self._context.state
-        if self._later is None or state in {State.READY, State.HOLD}:
+        if self._later is None or self._context.spec.puts_off:
             return
         request, self._later = self._later, None
-        if state is State.HOME:  # that was asked for later
+        if self._context.state is State.HOME:  # that was asked for later
             self._answer(request, comes_home(self._return_state.why))
         else:
             self._answer(request, self._asked_to_go_to(request))

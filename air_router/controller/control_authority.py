@@ -7,12 +7,13 @@ is while a plan that a ground station uploaded is compared with ours.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
 from air_router.controller.model.actions import HoldHere, Motion, Taker
-from air_router.controller.model.behaviour import Signal, State, knows
 from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.states import Signal, State
 from air_router.controller.monitor.flight_phase import FlightPhase
 from air_router.controller.monitor.levelling import Levelling
 from air_router.controller.monitor.safety_monitor import why_not_resumed
@@ -34,6 +35,7 @@ class OnBoard(Enum):
     ANOTHER = "another"
 
 
+@dataclass(slots=True, eq=False)
 class ControlAuthority:
     """Knows whose the vehicle is.
 
@@ -49,31 +51,24 @@ class ControlAuthority:
         on_board: Whose the plan on board is.
     """
 
-    def __init__(
-        self,
-        context: MissionContext,
-        gate: CommandGate,
-        flight_phase: FlightPhase,
-        levelling: Levelling,
-    ) -> None:
-        self.giving_up: str | None = None
-        self.taken_by: Taker | None = None
-        self.on_board = OnBoard.OURS
-        self._context = context
-        self._gate = gate
-        self._flight_phase = flight_phase
-        self._levelling = levelling
-        self._compares: str | None = None  # what was replaced, while it holds for that
-        self._compared_by_s = 0.0
-        self._holds = 0
-        self._hold_again_s = 0.0
+    _context: MissionContext
+    _gate: CommandGate
+    _flight_phase: FlightPhase
+    _levelling: Levelling
+    giving_up: str | None = None
+    taken_by: Taker | None = None
+    on_board: OnBoard = OnBoard.OURS
+    _compares: str | None = None  # what was replaced, while it holds for that
+    _compared_by_s: float = 0.0
+    _holds: int = 0
+    _hold_again_s: float = 0.0
 
     @property
     def in_charge(self) -> bool:
         """Whether the vehicle in the air flies by our commands."""
         if self._context.state is State.READY:
             return self._flight_phase.handed_over
-        return self._context.state not in {State.PASSIVE, State.DONE}
+        return self._context.spec.ours
 
     @property
     def waits(self) -> bool:
@@ -123,7 +118,7 @@ class ControlAuthority:
 
     def take_over(self, who: Taker, why: str) -> None:
         """The pilot, or a failsafe, flies from now on."""
-        if knows(self._context.state, Signal.TAKEN_OVER):
+        if self._context.knows(Signal.TAKEN_OVER):
             self.taken_by = who
             self._context.say(f"hands off: {why}")
             self._context.signal(Signal.TAKEN_OVER)
@@ -132,7 +127,7 @@ class ControlAuthority:
         """Its motors were stopped in the air: nothing can be done for it."""
         self.taken_by = None
         self._context.say(f"hands off: {why}")
-        if knows(self._context.state, Signal.TAKEN_OVER):
+        if self._context.knows(Signal.TAKEN_OVER):
             self._context.signal(Signal.TAKEN_OVER)
 
     def settled(self) -> None:

@@ -3,19 +3,22 @@
 Pure: no sockets, no clocks, no files. The same object flies a real PX4, the simulated one, and
 the discrete-event world, and a recorded flight replays to the same decisions.
 
-`Assembly` puts its parts together, each with a state of its own. Here stands, as tables beside the
-transitions of `behaviour`, when each is asked: what is flown in a state, what is done when one is
-entered, who takes an event in, and what may veto a motion.
+When to explore, when to search, when to talk stands in one table, `STATES`: all that is true of a
+state is in its row. A signal that a state does not list changes nothing; the diagram in docs/ is
+drawn from it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final, get_args
 
-from air_router.controller.assembly import Assembly
+from air_router.controller.airspace_update import AirspaceUpdate
+from air_router.controller.command_handler import CommandHandler
+from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.model.actions import Action, Finish, Motion, Seeking, StateChanged
-from air_router.controller.model.behaviour import Signal, State, next_state
 from air_router.controller.model.events import (
     AirspaceChanged,
     CommandConfirmed,
@@ -27,13 +30,30 @@ from air_router.controller.model.events import (
     RobotPose,
     RobotSought,
 )
+from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.model.requests import AnyRequest
-from air_router.controller.model.state_handler import NO_HANDLER, StateHandler
-from air_router.controller.motion.command_gate import Interlock
-from air_router.controller.states.goto_task import GotoTask
+from air_router.controller.model.states import From, Requests, Signal, Spec, State
+from air_router.controller.monitor.deviations import Deviations
+from air_router.controller.monitor.flight_phase import FlightPhase
+from air_router.controller.monitor.home_reachability import HomeReachability
+from air_router.controller.monitor.levelling import Levelling
+from air_router.controller.monitor.safety_monitor import SafetyMonitor
+from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.navigator import Navigator
+from air_router.controller.preconditions import Preconditions
+from air_router.controller.states.comm_state import CommState
+from air_router.controller.states.explore_state import ExploreState
+from air_router.controller.states.goto_state import GotoState, GotoTask, GotoValidator
+from air_router.controller.states.hold_state import HoldState, LandState
+from air_router.controller.states.return_state import ReturnState
+from air_router.controller.states.search_state import SearchState
+from air_router.controller.targets.exploration import Exploration
+from air_router.controller.targets.search_points import Search
+from air_router.controller.telemetry_handler import TelemetryHandler
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.routing.router import Router
+from air_router.vehicle.input_limits import InputWatch
 from air_router.vehicle.vehicle import (
     ItemReached,
     LinkSilent,
@@ -43,8 +63,73 @@ from air_router.vehicle.vehicle import (
 )
 from mocha_link.links.metrics import ContactBegan, ContactEnded, SyncEnded, SyncStarted
 
-_NO_TARGET: Final = frozenset({State.INIT, State.EXPL, State.GOTO, State.HOLD, State.HOME})
-"""States that forget who was sought; while others fly it is remembered."""
+
+@dataclass(slots=True, eq=False)
+class GivenAway(StateHandler):
+    """PASSIVE and DONE: the vehicle is not ours any more, or down. Nothing is flown."""
+
+    _begin: Callable[[], None]
+
+    def begin(self) -> None:
+        """Leave nothing behind that would still be commanded."""
+        self._begin()
+
+
+# Common to states in the air: home on the word of duration, battery or operator; hands off when a
+# pilot flies; done when the ground has the vehicle. And what the operator may ask for.
+_ENDS: Final = {
+    Signal.COME_HOME: State.HOME,
+    Signal.TAKEN_OVER: State.PASSIVE,
+    Signal.GROUNDED: State.DONE,
+}
+_ASKED: Final = {
+    Signal.HOLD: State.HOLD,
+    Signal.SEEK: State.SEARCH,
+    Signal.EXPLORE: State.EXPL,
+    Signal.GOTO: State.GOTO,
+}
+# fmt: off
+STATES: Final[Mapping[State, Spec]] = MappingProxyType({
+    State.READY: Spec(StateHandler, requests=Requests.NOT_YET, puts_off=True,
+        on={Signal.AIRBORNE: State.INIT, **_ENDS}),
+    State.INIT: Spec(ExploreState, timer="init_s", explores=True, cruises=True,
+        on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_ASKED}),
+    State.SEARCH: Spec(SearchState, timer="search_s", timer_from=From.ARRIVAL, keeps_target=True,
+        cruises=True,
+        on={Signal.FOUND: State.COMM, Signal.TIMER: State.EXPL, Signal.NO_TARGET: State.EXPL,
+            Signal.YIELDED: State.SEARCH, **_ENDS, **_ASKED}),
+    State.COMM: Spec(CommState, timer="communicate_s", keeps_target=True, cruises=True,
+        on={Signal.SYNCED: State.EXPL, Signal.TIMER: State.EXPL, **_ENDS, **_ASKED}),
+    State.EXPL: Spec(ExploreState, timer="explore_s", explores=True, cruises=True,
+        on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_ASKED}),
+    State.GOTO: Spec(GotoState, timer="hold_s", timer_from=From.ARRIVAL, cruises=True,
+        on={Signal.TIMER: State.EXPL, Signal.NO_WAY: State.EXPL, **_ENDS, **_ASKED}),
+    State.HOLD: Spec(HoldState, puts_off=True, cruises=True,
+        on={Signal.RESUMED: State.EXPL, **_ENDS, Signal.SEEK: State.SEARCH,
+            Signal.EXPLORE: State.EXPL, Signal.GOTO: State.GOTO}),
+    State.HOME: Spec(ReturnState, requests=Requests.CALL_OFF, cruises=True,
+        on={Signal.ARRIVED: State.LAND, Signal.TAKEN_OVER: State.PASSIVE,
+            Signal.GROUNDED: State.DONE, **_ASKED}),
+    State.LAND: Spec(LandState, requests=Requests.CALL_OFF, keeps_target=True,
+        on={Signal.GROUNDED: State.DONE, Signal.TAKEN_OVER: State.PASSIVE}),
+    State.PASSIVE: Spec(GivenAway, requests=Requests.NOT_OURS, ours=False, keeps_target=True,
+        on={Signal.GROUNDED: State.DONE, Signal.RESUMED: State.EXPL,
+            Signal.COME_HOME: State.HOME}),
+    State.DONE: Spec(GivenAway, requests=Requests.OVER, ours=False, keeps_target=True, on={}),
+})
+# fmt: on
+"""The mission's state machine. What is not here does not happen."""
+
+
+def next_state(state: State, signal: Signal, *, explores: bool = True) -> State | None:
+    """The state that follows; None: the signal changes nothing.
+
+    A vehicle that only searches, as the paper's second UAV, searches where another would explore.
+    """
+    target = STATES[state].on.get(signal)
+    if target is not None and STATES[target].explores and not explores:
+        return State.SEARCH
+    return target
 
 
 class Controller:
@@ -55,7 +140,7 @@ class Controller:
         plan: The plan on board, for the autopilot's item numbers.
         router: Routes over the mission's graph.
         seek: Names of the robots to seek, in order.
-        patient: The pilot arms: if it is disarmed again on the ground, wait on.
+        pilot_arms: The pilot arms: if it is disarmed again on the ground, wait on.
         explore: Explore between two searches; otherwise only search.
         name: The UAV's name in the team: of two that seek the same robot, the lower name keeps it.
 
@@ -64,6 +149,8 @@ class Controller:
         commanded_mode: Who has the vehicle, and what it was told last.
         exploration: Which waypoint is next.
         search: Whom to seek, and where.
+        airspace_update: Zones that change.
+        return_state: Whether, and why, the vehicle comes home.
     """
 
     def __init__(  # noqa: PLR0913 - what a flight is decided with
@@ -73,131 +160,138 @@ class Controller:
         router: Router,
         seek: tuple[str, ...],
         *,
-        patient: bool = False,
+        pilot_arms: bool = False,
         explore: bool = True,
         name: str = "",
     ) -> None:
-        parts = self._parts = Assembly(
-            mission,
-            plan,
-            router,
-            seek,
-            patient=patient,
-            explore=explore,
-            name=name,
-            signal=self._signal,
-        )
-        self._context = parts.context
-        self.navigator = parts.gate.navigator
-        self.commanded_mode = parts.gate.commanded_mode
-        self.exploration = parts.exploration
-        self.search = parts.search
         self._explores = explore
         self._left = State.READY
         self._told_sought: str | None = None
-        self._handlers = self._table_of_handlers()
-        self._entries = self._table_of_entries()
-        self._reactions = self._table_of_reactions()
-        parts.gate.interlocks = self._table_of_interlocks()
-
-    # The tables.
-
-    def _table_of_interlocks(self) -> tuple[Interlock, ...]:
-        """Who may veto a motion, or replace it, in this order; a hold passes all of them."""
-        parts = self._parts
-        return (
-            parts.telemetry_handler.wait_for_inputs,  # where is it, or whose?
-            parts.gate.stop_if_doubtful,  # which of several orders would it follow? Hold first
-            parts.authority.only_hold,  # hands are off in a moment
-            parts.airspace_update.only_hold,  # zones are being changed
-            parts.levelling.first,  # it is lower than legs are checked for
+        # What is known and kept.
+        context = self._context = MissionContext(
+            mission, router, self._signal, spec=STATES[State.READY]
         )
-
-    def _table_of_handlers(self) -> Mapping[State, StateHandler]:
-        """What is flown in each state."""
-        parts = self._parts
-        return {
-            State.READY: NO_HANDLER,
-            State.INIT: parts.explore_state,
-            State.EXPL: parts.explore_state,
-            State.SEARCH: parts.search_state,
-            State.COMM: parts.comm_state,
-            State.GOTO: parts.goto_state,
-            State.HOLD: parts.hold_state,
-            State.HOME: parts.return_state,
-            State.LAND: parts.land_state,
-            State.PASSIVE: NO_HANDLER,
-            State.DONE: NO_HANDLER,
-        }
-
-    def _table_of_entries(self) -> Mapping[State, Callable[[], None]]:
-        """What is done when a state is entered; nothing leads back to READY."""
-        parts = self._parts
-        return {
-            State.INIT: parts.explore_state.begin,
-            State.EXPL: parts.explore_state.begin,
-            State.SEARCH: parts.search_state.begin,
-            State.COMM: parts.comm_state.begin,
-            State.GOTO: parts.goto_state.begin,
-            State.HOLD: parts.hold_state.begin,
-            State.HOME: parts.return_state.begin,
-            State.LAND: parts.land_state.begin,
-            State.PASSIVE: self._let_go,
-            State.DONE: self._finish,
-        }
-
-    def _table_of_reactions(self) -> Mapping[type, Callable[[Any], None]]:
-        """Who takes which event in; others (links of others, metrics) only concern the record."""
-        parts = self._parts
-        return {
-            Telemetry: parts.telemetry_handler.vehicle_heard,
-            ItemReached: parts.telemetry_handler.item_reached,
-            LinkSilent: parts.telemetry_handler.nothing_heard,
-            CommandConfirmed: parts.telemetry_handler.confirmed,
-            CommandFailed: parts.gate.failed,
-            RobotPose: parts.search_state.pose_heard,
-            RobotPath: parts.search_state.path_heard,
-            RobotSought: parts.search_state.sought_by_other,
-            ContactBegan: parts.search_state.radio_heard,
-            ContactEnded: parts.search_state.radio_heard,
-            SyncStarted: parts.comm_state.sync_started,
-            SyncEnded: parts.comm_state.sync_ended,
-            AirspaceChanged: parts.airspace_update.airspace_changed,
-            PlanRenewed: parts.airspace_update.plan_renewed,
+        self.navigator = Navigator(context)
+        gate = self.gate = CommandGate(context, self.navigator, plan)
+        self.commanded_mode = gate.commanded_mode
+        self.exploration = Exploration(mission.waypoints)
+        self.exploration.skip(mission.barred)  # of a flight that is gone on with
+        self.search = Search(context, seek, self.exploration, explore=explore)
+        flight_phase = self._flight_phase = FlightPhase()
+        reachability = self._reachability = HomeReachability(context)
+        inputs = InputWatch()
+        # What is flown.
+        to_explore = self.exploration if explore else None
+        search = self._search_state = SearchState(context, gate, self.search, to_explore, name)
+        comm = CommState(context, gate, search)
+        goto = self._goto_state = GotoState(context, gate)
+        home = self.return_state = ReturnState(context, gate, flight_phase, reachability)
+        self._handlers: Mapping[State, StateHandler] = _by_state(
+            StateHandler(),
+            ExploreState(context, gate, self.exploration, reachability),
+            search,
+            comm,
+            goto,
+            HoldState(context, gate),
+            home,
+            LandState(gate),
+            GivenAway(self._let_go),
+        )
+        # What else is decided.
+        levelling = Levelling(context, gate)
+        authority = self._authority = ControlAuthority(context, gate, flight_phase, levelling)
+        self.airspace_update = AirspaceUpdate(context, gate, self.exploration, authority, home)
+        commands = self._commands = CommandHandler(
+            context,
+            Preconditions(context, inputs, home, authority),
+            GotoValidator(context, self.search),
+            self.search,
+            to_explore,
+            search,
+            goto,
+            home,
+            authority,
+            self.airspace_update,
+        )
+        telemetry = TelemetryHandler(
+            context,
+            gate,
+            plan,
+            self.exploration,
+            flight_phase,
+            SafetyMonitor(context, plan),
+            Deviations(context),
+            inputs,
+            authority,
+            home,
+            self.airspace_update,
+            levelling,
+            commands,
+            pilot_arms,
+        )
+        # Who may veto a motion, or replace it, in this order; a hold passes all of them.
+        gate.interlocks = (
+            telemetry.wait_for_inputs,  # where is it, or whose?
+            gate.stop_if_doubtful,  # which of several orders would it follow? Hold first
+            authority.only_hold,  # hands are off in a moment
+            self.airspace_update.only_hold,  # zones are being changed
+            levelling.first,  # it is lower than legs are checked for
+        )
+        # Who takes which event in; others (links of others, metrics) only concern the record.
+        self._reactions: Mapping[type, Callable[[Any], None]] = {
+            Telemetry: telemetry.vehicle_heard,
+            ItemReached: telemetry.item_reached,
+            LinkSilent: telemetry.nothing_heard,
+            CommandConfirmed: telemetry.confirmed,
+            CommandFailed: gate.failed,
+            RobotPose: search.pose_heard,
+            RobotPath: search.path_heard,
+            RobotSought: search.sought_by_other,
+            ContactBegan: search.radio_heard,
+            ContactEnded: search.radio_heard,
+            SyncStarted: comm.sync_started,
+            SyncEnded: comm.sync_ended,
+            AirspaceChanged: self.airspace_update.airspace_changed,
+            PlanRenewed: self.airspace_update.plan_renewed,
             FlownBefore: self._flown_before,
-            PlanReplaced: parts.authority.plan_replaced,
-            PlanCompared: parts.authority.plan_compared,
-            **dict.fromkeys(get_args(AnyRequest), parts.command_handler.asked),
+            PlanReplaced: authority.plan_replaced,
+            PlanCompared: authority.plan_compared,
+            **dict.fromkeys(get_args(AnyRequest), commands.asked),
         }
 
     # From state to state.
 
     def _signal(self, signal: Signal) -> None:
         """Something has happened to the mission: another state is entered, or the same anew."""
-        left = self._left = self.state
+        context, left = self._context, self._context.state
         target = next_state(left, signal, explores=self._explores)
-        self._context.enter(target, self._handlers[target])
-        self._context.do(StateChanged(left, signal, target, self.robot))
-        if target in _NO_TARGET:
-            self._parts.search_state.forget()
-        self._entries[target]()
+        if target is None:
+            return
+        self._left = left
+        spec, handler = STATES[target], self._handlers[target]
+        context.enter(target, spec, handler)
+        context.do(StateChanged(left, signal, target, self._search_state.robot))
+        if not spec.keeps_target:
+            self._search_state.robot = None
+        handler.begin()
 
     def _flown_before(self, event: FlownBefore) -> None:
-        self._parts.flight_phase.airborne_s = event.airborne_s
+        self._flight_phase.airborne_s = event.airborne_s
         self.exploration.go_on(event.visited, event.left_out)
 
     def _let_go(self) -> None:
-        self._parts.authority.settled()
-        self._parts.command_handler.now_what_waited()
-        self._parts.gate.let_go()
-
-    def _finish(self) -> None:
-        self._parts.authority.settled()
-        self.navigator.stop()
-        self._parts.command_handler.now_what_waited()
+        """Hands are off, or the flight is over."""
+        done = self._context.state is State.DONE
+        self._authority.settled()
+        if done:
+            self.navigator.stop()
+        self._commands.now_what_waited()
+        if not done:
+            self.gate.let_go()
+            return
         landed_by_us = self._left is State.LAND
-        why = self._parts.flight_phase.ending(landed_by_us=landed_by_us)
-        self._context.do(Finish(landed_by_us, why, self._parts.authority.taken_by))
+        why = self._flight_phase.ending(landed_by_us=landed_by_us)
+        self._context.do(Finish(landed_by_us, why, self._authority.taken_by))
 
     # What others do.
 
@@ -214,14 +308,14 @@ class Controller:
 
     def objection(self, motion: Motion, now_s: float) -> str | None:
         """Why a motion that was decided a moment ago must not be commanded now; None if it may."""
-        return self._parts.gate.objection(motion, now_s)
+        return self.gate.objection(motion, now_s)
 
     def prepare(self, router: Router) -> None:
         """The router among changed zones, made elsewhere because it takes a while.
 
         The same is made here if there is none when the change comes.
         """
-        self._parts.airspace_update.prepare(router)
+        self.airspace_update.prepare(router)
 
     # What others read.
 
@@ -243,7 +337,7 @@ class Controller:
     @property
     def flown(self) -> FlownBefore | None:
         """What another companion has to know to go on with this flight; None if there is none."""
-        airborne_s = self._parts.flight_phase.airborne_s
+        airborne_s = self._flight_phase.airborne_s
         if airborne_s is None or self.state is State.DONE:
             return None
         visited, _ = self.exploration.mark()
@@ -257,39 +351,45 @@ class Controller:
     @property
     def time_left_s(self) -> float | None:
         """Seconds until the state's timer, None while it does not run."""
-        return self._context.schedule.left_s
+        return self._context.left_s
 
     @property
     def robot(self) -> str | None:
         """Who is sought or hovered over, or was when the vehicle was given away."""
-        return self._parts.search_state.robot
+        return self._search_state.robot
 
     @property
     def sought(self) -> str | None:
         """The robot that is sought or hovered over now; None while it does something else."""
-        return self._parts.search_state.sought
+        return self._search_state.sought
 
     @property
     def goto_task(self) -> GotoTask | None:
         """The points that it was sent to on request."""
-        return self._parts.goto_state.goto_task
+        return self._goto_state.goto_task
 
     @property
     def came_home_why(self) -> str | None:
         """Why the vehicle comes home, once it does."""
-        return self._parts.return_state.why
+        return self.return_state.why
 
     @property
     def need_home(self) -> float | None:
         """The charge that flying home from here takes; None when unknown, or on the way already."""
-        return self._parts.return_state.need_home
+        return self.return_state.need_home
 
     @property
     def walled_in(self) -> bool:
         """Whether zones that were drawn in flight leave no clear way home from here."""
-        return self._parts.reachability.walled_in
+        return self._reachability.walls is not None
 
     @property
     def in_charge(self) -> bool:
         """Whether the vehicle in the air flies by our commands."""
-        return self._parts.authority.in_charge
+        return self._authority.in_charge
+
+
+def _by_state(*handlers: StateHandler) -> Mapping[State, StateHandler]:
+    """Of each state its handler: the one of the class that its row names."""
+    of_class = {type(handler): handler for handler in handlers}
+    return {state: of_class[spec.handler] for state, spec in STATES.items()}

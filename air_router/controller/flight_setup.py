@@ -18,7 +18,7 @@ class FlightSetup:
     Attributes:
         mission: What to fly, as it was judged: with the zones that applied at that time.
         seek: The robots to seek, in order.
-        patient: The pilot arms.
+        pilot_arms: The pilot arms.
         explore: False: it only searches.
         name: The UAV's name in the team.
     """
@@ -38,7 +38,7 @@ class FlightSetup:
             plan if plan is not None else FlightPlan.of(self.mission),
             router if router is not None else Router(WaypointGraph(self.mission)),
             self.seek,
-            patient=self.patient,
+            pilot_arms=self.patient,
             explore=self.explore,
             name=self.name,
         )

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.model.actions import Refusal
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.states.goto_task import Refused
+from air_router.controller.model.states import Requests
+from air_router.controller.states.goto_state import Refused
 from air_router.controller.states.return_state import ReturnState
 from air_router.vehicle.input_limits import InputWatch
 
 NOT_HEARD_S: Final = 3.0
 """A vehicle that was not heard for so long is not sent anywhere: its position is unknown."""
 
-_SENDABLE: Final = frozenset(
-    {State.INIT, State.SEARCH, State.COMM, State.EXPL, State.GOTO, State.HOLD}
-)
-"""States in which the vehicle may be sent elsewhere."""
 
-
+@dataclass(slots=True, eq=False)
 class Preconditions:
     """Looks at a request before what is asked for is looked at; None: nothing stands against it.
 
@@ -31,17 +28,10 @@ class Preconditions:
         authority: Whose it is, and for how long.
     """
 
-    def __init__(
-        self,
-        context: MissionContext,
-        inputs: InputWatch,
-        return_state: ReturnState,
-        authority: ControlAuthority,
-    ) -> None:
-        self._context = context
-        self._inputs = inputs
-        self._return_state = return_state
-        self._authority = authority
+    _context: MissionContext
+    _inputs: InputWatch
+    _return_state: ReturnState
+    _authority: ControlAuthority
 
     def to_stop(self) -> Refused | None:
         """It is ours, in the air, and not on a way home that may not be called off."""
@@ -78,23 +68,20 @@ class Preconditions:
 
     def in_the_air(self) -> Refused | None:
         """It flies this mission."""
-        match self._context.state:
-            case State.READY:
-                return Refused(Refusal.NOT_FLYING, "the mission has not begun in the air yet")
-            case State.DONE:
-                return Refused(Refusal.FLIGHT_OVER, "the flight is over")
-            case State.PASSIVE:
-                taker = self._authority.taken_by
-                who = taker.value if taker else "the pilot"
-                return Refused(
-                    Refusal.NOT_OURS, f"{who} has the vehicle; {self._authority.way_back}"
-                )
-            case _:
-                return None
+        requests = self._context.spec.requests
+        if requests is Requests.NOT_YET:
+            return Refused(Refusal.NOT_FLYING, requests.value)
+        if requests is Requests.OVER:
+            return Refused(Refusal.FLIGHT_OVER, requests.value)
+        if requests is Requests.NOT_OURS:
+            taker = self._authority.taken_by
+            who = taker.value if taker else "the pilot"
+            return Refused(Refusal.NOT_OURS, f"{who} has the vehicle; {self._authority.way_back}")
+        return None
 
     def _not_bound_home(self) -> Refused | None:
         """A way home is only called off if it was requested, and nothing else demands it."""
-        if self._context.state in _SENDABLE:
+        if self._context.spec.requests is not Requests.CALL_OFF:
             return None
         why = self._return_state.objection()
         return None if why is None else comes_home(why)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import Final
 
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
 from air_router.controller.control_authority import ControlAuthority
 from air_router.controller.model.actions import FlyToNode, HoldHere, Motion, Taker
-from air_router.controller.model.behaviour import Signal, State, knows
 from air_router.controller.model.events import CommandConfirmed
 from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.states import Signal, State
 from air_router.controller.monitor.deviations import Deviation, Deviations, Response
 from air_router.controller.monitor.flight_phase import FlightPhase
 from air_router.controller.monitor.levelling import Levelling
@@ -31,6 +32,7 @@ LATE_S: Final = 2.5
 """A failsafe may show so long after the mode that it chose: HEARTBEAT comes once a second."""
 
 
+@dataclass(slots=True, eq=False)
 class TelemetryHandler:
     """Asks the other parts in turn, the gravest matter first.
 
@@ -48,44 +50,26 @@ class TelemetryHandler:
         airspace_update: Whether zones are being changed.
         levelling: Whether it climbs before its first leg.
         command_handler: Whether a request waits for its time.
-        patient: The pilot arms: if it is disarmed again on the ground, wait on.
+        pilot_arms: The pilot arms: if it is disarmed again on the ground, wait on.
     """
 
-    def __init__(  # noqa: PLR0913 - the parts asked when the vehicle was heard
-        self,
-        context: MissionContext,
-        gate: CommandGate,
-        plan: FlightPlan,
-        exploration: Exploration,
-        *,
-        flight_phase: FlightPhase,
-        monitor: SafetyMonitor,
-        deviations: Deviations,
-        inputs: InputWatch,
-        authority: ControlAuthority,
-        return_state: ReturnState,
-        airspace_update: AirspaceUpdate,
-        levelling: Levelling,
-        command_handler: CommandHandler,
-        patient: bool,
-    ) -> None:
-        self._context = context
-        self._gate = gate
-        self._plan = plan
-        self._exploration = exploration
-        self._flight_phase = flight_phase
-        self._monitor = monitor
-        self._deviations = deviations
-        self._inputs = inputs
-        self._authority = authority
-        self._return_state = return_state
-        self._airspace_update = airspace_update
-        self._levelling = levelling
-        self._command_handler = command_handler
-        self._patient = patient
-        self._silence = Silence()
-        self._breaches = Reminder()
-        self._chosen: tuple[FlightMode, float] | None = None
+    _context: MissionContext
+    _gate: CommandGate
+    _plan: FlightPlan
+    _exploration: Exploration
+    _flight_phase: FlightPhase
+    _monitor: SafetyMonitor
+    _deviations: Deviations
+    _inputs: InputWatch
+    _authority: ControlAuthority
+    _return_state: ReturnState
+    _airspace_update: AirspaceUpdate
+    _levelling: Levelling
+    _command_handler: CommandHandler
+    _pilot_arms: bool
+    _silence: Silence = field(default_factory=Silence)
+    _breaches: Reminder = field(default_factory=Reminder)
+    _chosen: tuple[FlightMode, float] | None = None
 
     def wait_for_inputs(self, motion: Motion) -> Motion | None:
         """An interlock: where it is, how high, or whose, is not known: it is sent nowhere."""
@@ -103,7 +87,7 @@ class TelemetryHandler:
         moved = self._deviations.home(telemetry) if telemetry.in_air else None
         if moved is not None:
             context.say(moved.words)
-        if self._flight_phase.over(telemetry) and knows(context.state, Signal.GROUNDED):
+        if self._flight_phase.over(telemetry) and context.knows(Signal.GROUNDED):
             self._grounded()
         elif self._taken(telemetry):
             return
@@ -133,7 +117,7 @@ class TelemetryHandler:
         return True
 
     def _grounded(self) -> None:
-        if self._patient and self._context.state is State.READY and self._flight_phase.again():
+        if self._pilot_arms and self._context.state is State.READY and self._flight_phase.again():
             self._context.say("disarmed before take-off: waiting on")
         else:
             self._context.signal(Signal.GROUNDED)
@@ -179,12 +163,12 @@ class TelemetryHandler:
             return True
         if outlook.stop is Stop.NONE:
             if outlook.back:
-                context.schedule.retry_in(0.0)
+                context.retry_in(0.0)
             return True
         if outlook.stop is Stop.HOLD and not landing and self._may_retry():
             gate.hold(outlook.why)  # unless that is what it does
         self._return_state.check(telemetry)  # time and charge go on
-        if context.schedule.left_s == 0.0 and self._airspace_update.phase is None:
+        if context.left_s == 0.0 and self._airspace_update.phase is None:
             context.signal(Signal.TIMER)
         return False
 
@@ -205,10 +189,9 @@ class TelemetryHandler:
     @property
     def _flies_mission(self) -> bool:
         """Whether it flies by our commands, above the ground, among zones that do not change."""
-        grounding = self._context.state in {State.READY, State.LAND}
         changing = self._airspace_update.phase is not None or self._levelling.climbs
         given = self._authority.waits or not self._authority.in_charge
-        return not (grounding or changing or given)
+        return self._context.spec.cruises and not (changing or given)
 
     def _keep(self, telemetry: Telemetry, moved: Deviation | None) -> None:
         """Have it keep to what was planned; see `deviations`."""
@@ -222,7 +205,7 @@ class TelemetryHandler:
 
     def _respond(self, response: Response, words: str, *, said: bool = False) -> None:
         context = self._context
-        if response is Response.HOME and knows(context.state, Signal.COME_HOME):
+        if response is Response.HOME and context.knows(Signal.COME_HOME):
             self._return_state.come_home(words)
             return
         holds = response in {Response.HOLD, Response.WAIT, Response.HOME}
@@ -231,12 +214,11 @@ class TelemetryHandler:
         if holds:
             self._gate.hold(words)
         if response is not Response.TELL:
-            context.schedule.retry_in(0.0 if response is Response.BACK else HOLD_S)
+            context.retry_in(0.0 if response is Response.BACK else HOLD_S)
 
     def _may_retry(self) -> bool:
         """Whether nothing waits to be tried again, or its time has come."""
-        schedule = self._context.schedule
-        return schedule.take_retry() or not schedule.retrying
+        return self._context.take_retry() or not self._context.retrying
 
     def _go_on(self, telemetry: Telemetry) -> None:
         """Home if it is time; then zones that change; then the state's timer, and its handler."""
@@ -251,11 +233,11 @@ class TelemetryHandler:
             return
         if self._deviations.waits:
             return
-        if context.schedule.left_s == 0.0:
+        if context.left_s == 0.0:
             context.signal(Signal.TIMER)
         self._command_handler.now_what_waited()
         gate.advance(gate.navigator.update(telemetry))
-        if not gate.commanded_mode.pending and context.schedule.take_retry():
+        if not gate.commanded_mode.pending and context.take_retry():
             context.handler.retry()
 
     def item_reached(self, event: ItemReached) -> None:

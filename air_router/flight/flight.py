@@ -31,9 +31,9 @@ from air_router.controller.model.actions import (
     Seeking,
     StateChanged,
 )
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import Event
 from air_router.controller.model.requests import GoOn
+from air_router.controller.model.states import State
 from air_router.controller.monitor.triggers import why_not_started
 from air_router.controller.motion.navigator import REACTION_S
 from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, RefusedError

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from air_router.controller.model.actions import Action, RenewPlan, StateChanged
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed
+from air_router.controller.model.states import State
 from air_router.gossip.mapper import Mapper
 from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import Telemetry

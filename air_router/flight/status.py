@@ -12,7 +12,7 @@ from typing import Final, TextIO
 
 from air_router.compass import wind_words
 from air_router.controller.controller import Controller
-from air_router.controller.model.behaviour import State
+from air_router.controller.model.states import State
 from air_router.vehicle.vehicle import Telemetry
 from mocha_link.links.metrics import LinkMetrics
 

@@ -170,40 +170,50 @@ class ReturnPlanner:
         return {nearest: Way(route.length_m, len(route.legs))}
 
 
+@dataclass(slots=True, eq=False)
 class WayHome:
-    """The way home from where the vehicle is, asked for again and again in flight. Pure."""
+    """The way home from where the vehicle is, asked for again and again in flight. Pure.
 
-    def __init__(self, mission: Mission, router: Router) -> None:
-        self._router = router
-        self._pace = Pace.of(mission)
-        self._from: Point | None = None
-        self._asked_s = -math.inf
-        self._way: Way | None = None
-        self.need_now: float | None = None
+    Attributes:
+        need_now: The answer of last time.
+    """
 
-    def need(self, telemetry: Telemetry) -> float | None:
+    need_now: float | None = None
+    _router: Router | None = None
+    _pace: Pace | None = None
+    _from: Point | None = None
+    _asked_s: float = -math.inf
+    _way: Way | None = None
+
+    def need(self, telemetry: Telemetry, router: Router) -> float | None:
         """The share of a full battery that flying home from here and landing takes.
 
         None while endurance or way are unknown. Where no way is found now (too fast, too near to a
         zone) it is the last one's, and the distance from where that began.
-        `need_now` keeps the answer.
-        """
-        self.need_now = self._need(telemetry)
-        return self.need_now
 
-    def _need(self, telemetry: Telemetry) -> float | None:
-        if self._pace.endurance_s is None:
+        Args:
+            telemetry: Where the vehicle is.
+            router: Plans among the zones of now; by another all that was found before is forgotten.
+        """
+        if router is not self._router:
+            self._router, self._pace = router, Pace.of(router.graph.mission)
+            self._from, self._asked_s, self._way = None, -math.inf, None
+        pace = self._pace
+        if pace is None or pace.endurance_s is None:
+            self.need_now = None
             return None
         moved_m = math.inf if self._from is None else math.dist(self._from, telemetry.position)
         if moved_m >= _MOVED_M or telemetry.time_s >= self._asked_s + _ASKED_S:
             self._asked_s = telemetry.time_s
-            route = self._router.route(telemetry.position, HOME_NODE)
+            route = router.route(telemetry.position, HOME_NODE)
             if isinstance(route, Route):
                 self._from, moved_m = telemetry.position, 0.0
                 self._way = Way(route.length_m, len(route.legs))
-        if self._way is None:
-            return None
-        return self._pace.need(Way(self._way.length_m + moved_m, self._way.legs + 1))
+        way = self._way
+        self.need_now = (
+            None if way is None else pace.need(Way(way.length_m + moved_m, way.legs + 1))
+        )
+        return self.need_now
 
 
 def _tree(graph: WaypointGraph, ends: Mapping[int, Way]) -> dict[int, Way]:

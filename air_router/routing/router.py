@@ -89,6 +89,8 @@ class Router:
                 return _route(start, legs, rule.warnings)
         if rule.cramped:
             for out in self._ways_out(rule):
+                if not self.check_leg(start, out[0], stopping, pending):
+                    continue
                 onward = self._planner.legs(self._departure(out[-1]), target)
                 if onward is not None:
                     return _route(start, [*map(Leg, out), *onward], rule.warnings)
@@ -102,10 +104,11 @@ class Router:
         pending: Sequence[PendingSetpoint] = (),
     ) -> bool:
         """Whether the vehicle, now at `start`, may be sent straight to `end`."""
-        rules = [*self._departures(start, stopping, pending)]
-        if self._airspace.point_clear(end) and any(rule.allows(end) for rule in rules):
-            return True
-        return rules[-1].leads_out(end)
+        clear = self._airspace.point_clear(end)
+        for rule in self._departures(start, stopping, pending):
+            if clear and rule.allows(end):
+                return True
+        return rule.leads_out(end)
 
     def _departures(
         self, start: Point, stopping: Point | None, pending: Sequence[PendingSetpoint]

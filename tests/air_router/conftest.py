@@ -262,7 +262,7 @@ def pretend(pennovation):
         seek=("callisto", "europa", "io"),
         **changes,
     ):
-        how = {key: changes.pop(key) for key in ("patient", "explore", "name") if key in changes}
+        how = {key: changes.pop(key) for key in ("pilot_arms", "explore", "name") if key in changes}
         changed = dataclasses.replace(mission or pennovation, **changes)
         return PretendFlight(changed, radius_m=radius_m, seek=seek, **how)
 

@@ -55,7 +55,7 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
     "records.md 1": "air_router/record/test_replay.py::test_the_snippet_of_the_docs_runs",
     "ros.md python 1": "mocha_link/bridges/test_docs.py::test_values",
     "state-machine.md mermaid": (
-        "air_router/controller/model/test_behaviour.py::test_the_diagram_in_the_docs_is_the_one_drawn_from_the_table"
+        "air_router/controller/test_state_table.py::test_the_diagrams_in_the_docs_are_those_drawn_from_the_table"
     ),
     "team-file.md yaml": "mocha_link/test_docs.py::test_the_examples_are_teams",
 }

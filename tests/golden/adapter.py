@@ -21,7 +21,7 @@ import yaml
 from air_router.controller.controller import Controller
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model import actions, events, requests
-from air_router.controller.model.behaviour import State
+from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
@@ -298,7 +298,7 @@ def _tapped(about: Callable[[], dict[str, Any]]) -> Iterator[list[Tape]]:
             **about(),
             "name": options["name"],
             "seek": list(parts[3]),
-            "pilot_arms": options["patient"],
+            "pilot_arms": options["pilot_arms"],
             "explore": options["explore"],
         }
         tape = Tape(setup, [])

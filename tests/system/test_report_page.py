@@ -11,7 +11,7 @@ import pytest
 
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import StateChanged
-from air_router.controller.model.behaviour import Signal, State
+from air_router.controller.model.states import Signal, State
 from air_router.mission.loading import load_mission
 from air_router.record.log import Entry, Note
 from air_router.report.flight.flight_summary import summary_of

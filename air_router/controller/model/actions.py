@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 
-from air_router.controller.model.behaviour import Signal, State
+from air_router.controller.model.states import Signal, State
 from geo.frame import Point
 
 

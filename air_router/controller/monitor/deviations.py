@@ -26,6 +26,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.commanded_mode import CommandedMode
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
@@ -107,9 +108,9 @@ class Deviations:
         waits: Its altitude has jumped, and it holds until that is over: no leg is begun.
     """
 
-    def __init__(self, mission: Mission) -> None:
+    def __init__(self, context: MissionContext) -> None:
         self.waits = False
-        self._mission = mission
+        self._context = context
         self._home_told: HomeMove | None = None
         self._before: Telemetry | None = None
         self._satellites = _Satellites()
@@ -118,17 +119,12 @@ class Deviations:
         self._off_since_s: float | None = None
         self._back_since_s: float | None = None
         self._spare_told_m: float | None = 0.0  # None: the clearance is kept
-        self._clear_until: tuple[float, Telemetry] | None = None
+        self._clear_until: tuple[float, Telemetry, Mission] | None = None
         self._fast_since_s: float | None = None
         self._fast_told = True
         self._slow_since_s: float | None = None
         self._slow_told = False
         self._times: deque[float] = deque(maxlen=TIMES)
-
-    def renew(self, mission: Mission) -> None:
-        """The mission's zones are others now: one may have been drawn near to the vehicle."""
-        self._mission = mission
-        self._spare_told_m, self._clear_until = 0.0, None
 
     def home(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the autopilot's home was moved since it was told last, in any state."""
@@ -172,9 +168,9 @@ class Deviations:
     # Height.
 
     def _height(self, telemetry: Telemetry) -> Deviation | None:
-        band, now_s, before = self._mission.cruise, telemetry.time_s, self._before
+        band, now_s, before = self._context.mission.cruise, telemetry.time_s, self._before
         altitude_m = telemetry.altitude_m
-        slack_m = max(OFF_M - self._mission.planner.vertical_margin_m, 0.0)
+        slack_m = max(OFF_M - self._context.mission.planner.vertical_margin_m, 0.0)
         out_m = max(band.lower_m - altitude_m, altitude_m - band.upper_m, slack_m) - slack_m
         if before is not None and _jumped(before, telemetry):
             from_m = altitude_m + _amsl_m(before) - _amsl_m(telemetry)
@@ -212,7 +208,7 @@ class Deviations:
         return Deviation(Response.HOME, f"too {self._off(telemetry.altitude_m)}")
 
     def _off(self, altitude_m: float) -> str:
-        band = self._mission.cruise
+        band = self._context.mission.cruise
         side = "low" if altitude_m < band.lower_m else "high"
         return (
             f"{side}: {altitude_m:.0f} m above home, {band.lower_m:.0f} to {band.upper_m:.0f} m "
@@ -223,13 +219,18 @@ class Deviations:
 
     def _clearance(self, telemetry: Telemetry) -> Deviation | None:
         here = telemetry.position
+        mission = self._context.mission
+        airspace = mission.airspace_at(telemetry.altitude_m)
         if self._clear_until is not None:
-            spare_m, at = self._clear_until
-            if math.dist(here, at.position) < spare_m and _as_high(at, telemetry, self._mission):
+            spare_m, at, among = self._clear_until
+            if among is not mission:
+                self._spare_told_m = 0.0  # a zone may have been drawn near to the vehicle
+            elif math.dist(here, at.position) < spare_m and airspace is mission.airspace_at(
+                at.altitude_m
+            ):
                 return None
-        airspace = self._mission.airspace_at(telemetry.altitude_m)
         spare_m, name = airspace.spare_m(here)
-        self._clear_until = (spare_m, telemetry)
+        self._clear_until = (spare_m, telemetry, mission)
         told_m = self._spare_told_m
         if spare_m >= -NOISE_M:
             if spare_m >= 0.0:
@@ -248,7 +249,7 @@ class Deviations:
     # Speed.
 
     def _fast(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> Deviation | None:
-        commanded_m_s = self._mission.speed_m_s
+        commanded_m_s = self._context.mission.speed_m_s
         speed_m_s = math.hypot(*telemetry.velocity_m_s)
         if speed_m_s <= FASTER * commanded_m_s + FASTER_M_S:
             self._fast_since_s, self._fast_told = None, False
@@ -267,7 +268,7 @@ class Deviations:
         return self._again(telemetry.time_s, words)
 
     def _slow(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> Deviation | None:
-        commanded_m_s, leg = self._mission.speed_m_s, commanded_mode.last
+        commanded_m_s, leg = self._context.mission.speed_m_s, commanded_mode.last
         speed_m_s = math.hypot(*telemetry.velocity_m_s)
         self._slow_told &= speed_m_s < commanded_m_s * (1.0 + SLOW) / 2.0
         far = (
@@ -338,9 +339,3 @@ def _amsl_m(telemetry: Telemetry) -> float:
     """Its altitude with nothing in it of home, which the autopilot corrects by a metre or two."""
     amsl_m = telemetry.altitude_amsl_m
     return telemetry.altitude_m if amsl_m is None else amsl_m
-
-
-def _as_high(one: Telemetry, other: Telemetry, mission: Mission) -> bool:
-    """Whether the same zones count at two altitudes."""
-    at = mission.airspace_at
-    return at(one.altitude_m) is at(other.altitude_m)

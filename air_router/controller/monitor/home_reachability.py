@@ -7,12 +7,14 @@ may change that. Nothing is flown through them then: the operator is told until 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
+from air_router.controller.model.mission_context import MissionContext
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
-from air_router.routing.router import Route, Router
+from air_router.routing.router import Route
 from air_router.vehicle.vehicle import Telemetry
 from geo.paths.regions import Regions
 
@@ -26,6 +28,7 @@ _NAMED: Final = 3
 """So many walls are named; more would not be read in the air."""
 
 
+@dataclass(slots=True, eq=False)
 class HomeReachability:
     """Looks for the way home among the zones of now.
 
@@ -33,24 +36,12 @@ class HomeReachability:
         walls: The zones (and the fence) between the vehicle and home; None while a way is clear.
     """
 
-    def __init__(self, mission: Mission, router: Router) -> None:
-        self._mission = mission
-        self._router = router
-        self.walls: tuple[str, ...] | None = None
-        self._look_at_s = -math.inf
-        self._tell_at_s = -math.inf
-        self._due = False
-
-    @property
-    def walled_in(self) -> bool:
-        """Whether zones leave no clear way home."""
-        return self.walls is not None
-
-    def renew(self, mission: Mission, router: Router) -> None:
-        """The zones are others now."""
-        self._mission = mission
-        self._router = router
-        self._look_at_s = self._tell_at_s = -math.inf
+    _context: MissionContext
+    walls: tuple[str, ...] | None = None
+    _among: Mission | None = None
+    _look_at_s: float = -math.inf
+    _tell_at_s: float = -math.inf
+    _due: bool = False
 
     def look(self, telemetry: Telemetry, *, due: bool) -> str | None:
         """What to say now, if anything.
@@ -59,6 +50,9 @@ class HomeReachability:
             telemetry: where the vehicle is, in the air.
             due: it should be on its way home.
         """
+        if self._among is not self._context.mission:
+            self._among = self._context.mission
+            self._look_at_s = self._tell_at_s = -math.inf
         if telemetry.time_s >= self._look_at_s:
             before = self.walls
             self._look(telemetry)
@@ -73,20 +67,21 @@ class HomeReachability:
         return self._words(telemetry, due=due)
 
     def _look(self, telemetry: Telemetry) -> None:
-        here, home = telemetry.position, self._mission.home
-        if self._mission.airspace_at(telemetry.altitude_m).holders(here):
+        mission, router = self._context.mission, self._context.router
+        here, home = telemetry.position, mission.home
+        if mission.airspace_at(telemetry.altitude_m).holders(here):
             return  # it leaves that first
         self._look_at_s = telemetry.time_s + LOOK_S
-        paths = self._router.graph.paths
+        paths = router.graph.paths
         place = paths.nearest(here)
         if place is not None and paths.connected(home, place):
             self.walls = None
-        elif isinstance(self._router.route(here, HOME_NODE), Route):
+        elif isinstance(router.route(here, HOME_NODE), Route):
             self.walls = None  # by a tight way out
         elif place is None:
             self.walls = ()
         else:
-            airspace = self._mission.planning_airspace
+            airspace = mission.planning_airspace
             walls = Regions(airspace).separators(place, home)
             self.walls = walls or airspace.blockers(place, home)  # where home itself is not clear
 

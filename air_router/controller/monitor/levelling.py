@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, Motion
@@ -17,6 +18,7 @@ PROGRESS_M: Final = 0.5
 """A climb that gains less than this in that time does not go on."""
 
 
+@dataclass(slots=True, eq=False)
 class Levelling:
     """Has a vehicle climb straight up where it is, and only then fly its legs.
 
@@ -29,12 +31,11 @@ class Levelling:
             may be anywhere. Stays until it is there.
     """
 
-    def __init__(self, context: MissionContext, gate: CommandGate) -> None:
-        self.wanted = False
-        self._context = context
-        self._gate = gate
-        self._climb: FlyToPoint | None = None
-        self._gained: tuple[float, float] = (0.0, 0.0)
+    _context: MissionContext
+    _gate: CommandGate
+    wanted: bool = False
+    _climb: FlyToPoint | None = None
+    _gained: tuple[float, float] = (0.0, 0.0)
 
     def why_not(self, telemetry: Telemetry) -> str | None:
         """Why it cannot climb here by itself, and what the pilot does; None if it can, or is up."""

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.monitor.triggers import ALTITUDE_M
 from air_router.controller.motion.commanded_mode import CommandedMode
 from air_router.mission.flight_plan import FlightPlan
@@ -51,20 +53,21 @@ class MonitorEvent(NamedTuple):
 _GOOD: Final = MonitorEvent(EventKind.GOOD)
 
 
+@dataclass(slots=True, eq=False)
 class SafetyMonitor:
-    """Looks at every telemetry of a vehicle that flies by our commands."""
+    """Looks at every telemetry of a vehicle that flies by our commands.
 
-    def __init__(self, mission: Mission, plan: FlightPlan) -> None:
-        self._mission = mission
-        self._plan = plan
-        self._strange_since_s: float | None = None
-        self._held: tuple[HoldHere, float, Point | None] | None = None
-        self._inside = (mission.home, 0.0)
+    Args:
+        context: The mission and its airspace.
+        plan: The plan on board, for the autopilot's item numbers.
+    """
 
-    def renew(self, mission: Mission) -> None:
-        """The mission's zones are others now."""
-        self._mission = mission
-        self._inside = (mission.home, 0.0)
+    _context: MissionContext
+    _plan: FlightPlan
+    _strange_since_s: float | None = None
+    _held: tuple[HoldHere, float, Point | None] | None = None
+    # Nothing is near this place, so far, among the zones of this mission.
+    _clear: tuple[Point, float, Mission] | None = None
 
     def look(
         self, telemetry: Telemetry, commanded_mode: CommandedMode, leaving: Collection[str] = ()
@@ -81,13 +84,15 @@ class SafetyMonitor:
 
     def breach(self, telemetry: Telemetry, leaving: Collection[str] = ()) -> str | None:
         """Whether the vehicle in the air is in a no-fly zone or outside a fence."""
-        here, (place, spare_m) = telemetry.position, self._inside
-        if not telemetry.in_air or math.dist(here, place) < spare_m:
+        here, mission, clear = telemetry.position, self._context.mission, self._clear
+        if not telemetry.in_air:
             return None
-        mission = self._mission
+        if clear is not None and clear[2] is mission and math.dist(here, clear[0]) < clear[1]:
+            return None
         # What is near neither below nor above is near at no altitude.
         everywhere = (mission.column_airspace, mission.above_airspace)
-        self._inside = (here, min(airspace.distance_m(here) for airspace in everywhere))
+        clear_m = min(airspace.distance_m(here) for airspace in everywhere)
+        self._clear = (here, clear_m, mission)
         inside = mission.airspace_at(telemetry.altitude_m).holders(here)
         holders = [name for name in inside if name not in leaving]
         return f"breach of {', '.join(holders)}" if holders else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Final
 
 from air_router.controller.model.actions import FlyToNode, HoldHere, Motion
@@ -27,6 +28,7 @@ Interlock = Callable[[Motion], Motion | None]
 """Looks at a motion before it is commanded: the same or another goes on, None drops it."""
 
 
+@dataclass(slots=True, eq=False)
 class CommandGate:
     """Commands motions, and keeps what became of them. Where to, its callers know.
 
@@ -41,14 +43,13 @@ class CommandGate:
         interlocks: Asked in this order about every motion but a hold, which is always allowed.
     """
 
-    def __init__(self, context: MissionContext, navigator: Navigator, plan: FlightPlan) -> None:
-        self.navigator = navigator
-        self.commanded_mode = CommandedMode()
-        self.interlocks: tuple[Interlock, ...] = ()
-        self._context = context
-        self._plan = plan
-        self._waits_why: str | None = None
-        self._wait_told_s = -math.inf
+    _context: MissionContext
+    navigator: Navigator
+    _plan: FlightPlan
+    commanded_mode: CommandedMode = field(default_factory=CommandedMode)
+    interlocks: tuple[Interlock, ...] = ()
+    _waits_why: str | None = None
+    _wait_told_s: float = -math.inf
 
     # Commands.
 
@@ -112,7 +113,7 @@ class CommandGate:
         if self.commanded_mode.refused_jumps >= JUMPS and not self.navigator.by_points:
             self.navigator.by_points = True
             self._context.say("the plan on board is not flown: flying to points instead")
-        self._context.schedule.retry_in(RETRY_S)
+        self._context.retry_in(RETRY_S)
 
     def let_go(self) -> None:
         """The pilot flies."""
@@ -152,6 +153,11 @@ class CommandGate:
         """Set out for the same goal once more."""
         self.advance(self.navigator.again(self._context.heard))
 
+    def wait_for_way(self, refusal: str) -> None:
+        """Hover where no way is clear, unless it waits for another already."""
+        if not self._context.retrying:
+            self.wait_here(refusal)
+
     def wait_here(self, why: str) -> None:
         """Hover where no way is clear, say so once, and look again in a moment."""
         now_s = self._context.now_s
@@ -159,4 +165,4 @@ class CommandGate:
             self._waits_why, self._wait_told_s = why, now_s
             self._context.say(f"holding: {why}")
         self.hold(why)
-        self._context.schedule.retry_in(RETRY_S)
+        self._context.retry_in(RETRY_S)

@@ -15,9 +15,10 @@ from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.pending_setpoints import PendingSetpoints
 from air_router.mission.mission import Mission
-from air_router.routing.router import Leg, NoRoute, Route, Router
+from air_router.routing.router import Leg, NoRoute, Route
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import Airspace
 from geo.frame import Point
@@ -70,36 +71,36 @@ class Navigator:
     So they are while home is higher or lower than at take-off, and with it the items of the plan.
 
     Args:
-        mission: Altitudes, acceptance radius, and the airspace that every leg must keep to.
-        router: Plans routes; its answers are checked again from the true position.
+        context: Altitudes, the airspace that every leg must keep to, and routes in it.
         reaction_s: For how long the vehicle flies on as it does before it follows a command.
+
+    Attributes:
+        setpoints: What it was told, and may follow any moment.
+        goal: Where to; None: nowhere.
+        leg: The leg under way.
+        progress: How far the flight to the goal is.
+        refusal: Why there is no way, once `progress` says so.
     """
 
-    def __init__(self, mission: Mission, router: Router, *, reaction_s: float = REACTION_S) -> None:
+    def __init__(self, context: MissionContext, *, reaction_s: float = REACTION_S) -> None:
+        mission = context.mission
         self.reaction_s = reaction_s
         self.by_points = False
         self.setpoints = PendingSetpoints(mission.planner.acceptance_radius_m, mission.speed_m_s)
-        self._mission = mission
-        self._router = router
-        self._legs: deque[Leg] = deque()
         self.goal: Goal | None = None
         self.leg: Leg | None = None
         self.progress = Progress.IDLE
         self.refusal: NoRoute | None = None
+        self._context = context
+        self._radius_m = mission.planner.acceptance_radius_m
+        self._legs: deque[Leg] = deque()
         self._braking = False
         self._settled = 0
         self._settle_until_s = -math.inf
         self._stands_since_s: float | None = None
         self._swept: tuple[Point, ...] = ()
-        self._column = self._with_more_zones(mission.column_airspace)
-        self._above = self._with_more_zones(mission.above_airspace)
-
-    def renew(self, mission: Mission, router: Router) -> None:
-        """Zones and fences are others now; what was commanded is as it was."""
-        self._mission = mission
-        self._router = router
-        self._column = self._with_more_zones(mission.column_airspace)
-        self._above = self._with_more_zones(mission.above_airspace)
+        # What legs off the cruise altitudes are checked with: of this mission, low and high.
+        self._off_cruise: tuple[Mission, dict[bool, Airspace]] = (mission, {})
 
     def go(self, goal: Goal, telemetry: Telemetry) -> Motion | None:
         """Set out for a goal from where the vehicle is, however fast it moves.
@@ -138,7 +139,7 @@ class Navigator:
         """
         if self.progress is not Progress.FLYING:
             return None
-        standing = _speed_m_s(telemetry) < STANDING_M_S
+        standing = math.hypot(*telemetry.velocity_m_s) < STANDING_M_S
         if self._braking or self.leg is None:
             stopped = standing and not self.setpoints.open(telemetry)
             return self._plan(telemetry) if stopped else None
@@ -165,10 +166,6 @@ class Navigator:
         self._braking = True
         self.progress = Progress.FLYING
         return HoldHere("an order from before may be under way; stopping to look again")
-
-    @property
-    def _radius_m(self) -> float:
-        return self._mission.planner.acceptance_radius_m
 
     def _on_the_way(self, leg: Leg, telemetry: Telemetry, *, standing: bool) -> Motion | None:
         if self._astray(telemetry):
@@ -198,8 +195,8 @@ class Navigator:
 
     def _sweep(self, leg: Leg, telemetry: Telemetry) -> None:
         stopping = stopping_point(telemetry, self.reaction_s)
-        setpoint = (on.reach for on in self.setpoints.pending(telemetry))
-        self._swept = (telemetry.position, stopping, *setpoint, leg.to)
+        reaches = [setpoint.reach for setpoint in self.setpoints.pending(telemetry)]
+        self._swept = (telemetry.position, stopping, *reaches, leg.to)
 
     def _stalled(self, telemetry: Telemetry, *, standing: bool) -> bool:
         """Whether the vehicle stands far from its leg's end, and not only for a moment."""
@@ -227,19 +224,20 @@ class Navigator:
     def _at_end(self, leg: Leg, telemetry: Telemetry, reached_node: int | None) -> bool:
         if reached_node is not None and reached_node == leg.node:
             return True
-        return _distance_m(telemetry.position, leg.to) <= self._radius_m
+        return math.dist(telemetry.position, leg.to) <= self._radius_m
 
     def _passed(self, leg: Leg, following: Leg, telemetry: Telemetry) -> bool:
         """Whether a leg's end is so near that the vehicle may as well go for the next one."""
-        near = _distance_m(telemetry.position, leg.to) <= self._radius_m
+        near = math.dist(telemetry.position, leg.to) <= self._radius_m
         return near and self.clear(telemetry, following.to)
 
     def _plan(self, telemetry: Telemetry) -> Motion | None:
+        """The first motion of a way to the goal; the router has checked its first leg from here."""
         assert self.goal is not None  # noqa: S101 - every caller has set one
         target = self.goal.position if self.goal.node is None else self.goal.node
-        stopping = stopping_point(telemetry, self.reaction_s)
+        here, stopping = telemetry.position, stopping_point(telemetry, self.reaction_s)
         pending = self.setpoints.pending(telemetry)
-        route = self._router.route(telemetry.position, target, stopping=stopping, pending=pending)
+        route = self._context.router.route(here, target, stopping=stopping, pending=pending)
         if (
             isinstance(route, Route)
             and pending
@@ -250,9 +248,7 @@ class Navigator:
             legs = deque(route.legs)
             while len(legs) > 1 and self._passed(legs[0], legs[1], telemetry):
                 legs.popleft()
-            if not legs or (
-                len(legs) == 1 and _distance_m(telemetry.position, legs[0].to) <= self._radius_m
-            ):
+            if not legs or (len(legs) == 1 and math.dist(here, legs[0].to) <= self._radius_m):
                 self._legs.clear()
                 self.leg = None
                 self.progress = Progress.ARRIVED
@@ -261,12 +257,11 @@ class Navigator:
                     return self._motion(Leg(self.goal.position, self.goal.node), telemetry)
                 return None
             self._legs = legs
-            if self.clear(telemetry, self._legs[0].to):
-                return self._command(self._legs.popleft(), telemetry)
-            route = self._height_refusal(telemetry, self._legs[0].to) or NoRoute(
-                "the first leg is not clear from here", ()
-            )
-        moves = _speed_m_s(telemetry) >= STANDING_M_S or bool(pending)
+            refusal = self._height_refusal(telemetry, legs[0].to)
+            if refusal is None:
+                return self._command(legs.popleft(), telemetry)
+            route = refusal
+        moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S or bool(pending)
         if (moves and not self._braking) or self.setpoints.open(telemetry):
             self._braking = True
             self.progress = Progress.FLYING
@@ -279,8 +274,8 @@ class Navigator:
         """Whether it goes such a long way round, for the way it is on, that stopping is quicker."""
         if len(route.legs) == 1:
             return False
-        after = self._router.route(stopping, target)
-        spare_m = STOP_S * self._mission.speed_m_s
+        after = self._context.router.route(stopping, target)
+        spare_m = STOP_S * self._context.mission.speed_m_s
         return isinstance(after, Route) and route.length_m > after.length_m + spare_m
 
     def _command(self, leg: Leg, telemetry: Telemetry) -> Motion:
@@ -293,7 +288,7 @@ class Navigator:
     def _motion(self, leg: Leg, telemetry: Telemetry) -> Motion:
         if leg.node is not None and not (self.by_points or _items_moved(telemetry)):
             return FlyToNode(leg.node, leg.to)
-        return FlyToPoint(leg.to, self._mission.altitude_of(leg.node))
+        return FlyToPoint(leg.to, self._context.mission.altitude_of(leg.node))
 
     def objection(self, motion: Motion, telemetry: Telemetry, now_s: float) -> str | None:
         """Why a motion decided a moment ago must not be commanded any more; None if it may."""
@@ -317,15 +312,23 @@ class Navigator:
         stopping = stopping_point(telemetry, self.reaction_s + age_s)
         pending = self.setpoints.pending(telemetry)
         return (
-            self._router.check_leg(telemetry.position, target, stopping=stopping, pending=pending)
+            self._context.router.check_leg(
+                telemetry.position, target, stopping=stopping, pending=pending
+            )
             and self._height_refusal(telemetry, target, age_s) is None
         )
 
-    def _with_more_zones(self, airspace: Airspace) -> Airspace | None:
+    def _airspace_off_cruise(self, *, low: bool) -> Airspace | None:
         """What legs are checked with off the cruise altitudes; None where that is the same."""
-        if len(airspace.zones) == len(self._mission.airspace.zones):
+        mission, kept = self._context.mission, self._off_cruise
+        if kept[0] is not mission:
+            kept = self._off_cruise = (mission, {})
+        airspace = mission.column_airspace if low else mission.above_airspace
+        if len(airspace.zones) == len(mission.airspace.zones):
             return None
-        return airspace.with_margin(self._mission.planner.departure_margin_m)
+        if low not in kept[1]:
+            kept[1][low] = airspace.with_margin(mission.planner.departure_margin_m)
+        return kept[1][low]
 
     def _height_refusal(
         self, telemetry: Telemetry, target: Point, age_s: float = 0.0
@@ -335,9 +338,11 @@ class Navigator:
         The vehicle climbs or sinks on its way: which part of it is low, or high, is not known, so
         all of it counts.
         """
-        cruise, altitude_m = self._mission.cruise, telemetry.altitude_m
-        low, high = altitude_m < cruise.lower_m, altitude_m > cruise.upper_m
-        airspace = self._column if low else self._above if high else None
+        cruise, altitude_m = self._context.mission.cruise, telemetry.altitude_m
+        if cruise.lower_m <= altitude_m <= cruise.upper_m:
+            return None
+        low = altitude_m < cruise.lower_m
+        airspace = self._airspace_off_cruise(low=low)
         if airspace is None:
             return None
         stopping = stopping_point(telemetry, self.reaction_s + age_s)
@@ -370,18 +375,10 @@ def _items_moved(telemetry: Telemetry) -> bool:
     return telemetry.home_moved is not None and telemetry.home_moved.changes_heights
 
 
-def _speed_m_s(telemetry: Telemetry) -> float:
-    return math.hypot(*telemetry.velocity_m_s)
-
-
-def _distance_m(a: Point, b: Point) -> float:
-    return math.hypot(a[0] - b[0], a[1] - b[1])
-
-
 def _off_line_m(point: Point, start: Point, end: Point) -> float:
     """Distance of a point from a straight line between two."""
     east_m, north_m = end[0] - start[0], end[1] - start[1]
     length_2 = east_m**2 + north_m**2
     along = (point[0] - start[0]) * east_m + (point[1] - start[1]) * north_m
     share = min(max(along / length_2, 0.0), 1.0) if length_2 > 0 else 0.0
-    return _distance_m(point, Point(start[0] + share * east_m, start[1] + share * north_m))
+    return math.dist(point, (start[0] + share * east_m, start[1] + share * north_m))

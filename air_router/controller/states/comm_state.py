@@ -2,64 +2,64 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 from air_router.controller.model.actions import PublishMap
-from air_router.controller.model.behaviour import Signal, State
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.states.search_state import SearchState
-from air_router.controller.targets.sync_progress import SyncProgress
-from mocha_link.links.metrics import SyncEnded, SyncStarted
+from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 
 
-class CommState:
+@dataclass(slots=True, eq=False)
+class CommState(StateHandler):
     """Stays over the robot that was found until both have all that the other has.
+
+    Only a sync that began after the robot was found counts: it alone carries all that both had by
+    then.
 
     Args:
         context: Where it signals that both directions have synced.
         gate: Waits where no way leads on.
-        search_state: Whom it meets, and follows it.
+        search_state: Which robot was found; follows it.
     """
 
-    def __init__(
-        self, context: MissionContext, gate: CommandGate, search_state: SearchState
-    ) -> None:
-        self._context = context
-        self._gate = gate
-        self._search_state = search_state
-        self._progress = SyncProgress()
+    _context: MissionContext
+    _gate: CommandGate
+    _search_state: SearchState
+    _began: set[Direction] = field(default_factory=set)
+    _synced: set[Direction] = field(default_factory=set)
 
     def begin(self) -> None:
         """Have the newest map ready, and go over the robot."""
-        robot = self._search_state.robot
-        self._progress = SyncProgress(robot)
+        self._began.clear()
+        self._synced.clear()
         self._context.do(PublishMap())
-        self._context.say(f"COMM {robot}: found")
+        self._context.say(f"COMM {self._search_state.robot}: found")
         self._search_state.follow(force=True)
-
-    def arrived(self) -> None:
-        """Stay: the state has a timer."""
 
     def no_route(self, refusal: str) -> None:
         """Wait where it is."""
-        if not self._context.schedule.retrying:
-            self._gate.wait_here(refusal)
+        self._gate.wait_for_way(refusal)
 
     def retry(self) -> None:
         """Over the robot, wherever it is now."""
         self._search_state.follow(force=True)
 
-    def replan(self) -> None:
-        """The same, by ways planned anew."""
-        self._search_state.follow(force=True)
+    replan = retry
 
     def sync_started(self, event: SyncStarted) -> None:
         """Data begin to flow."""
-        self._progress.started(event)
+        if event.peer == self._search_state.robot:
+            self._began.add(event.direction)
         self._search_state.radio_heard(event)
 
     def sync_ended(self, event: SyncEnded) -> None:
         """One direction has everything."""
-        self._progress.ended(event)
+        if event.peer == self._search_state.robot and event.direction in self._began:
+            self._began.discard(event.direction)
+            self._synced.add(event.direction)
         self._search_state.radio_heard(event)
-        if self._context.state is State.COMM and self._progress.complete:
+        if self._context.state is State.COMM and len(self._synced) == len(Direction):
             self._context.signal(Signal.SYNCED)

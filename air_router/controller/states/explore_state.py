@@ -2,49 +2,44 @@
 
 from __future__ import annotations
 
-from air_router.controller.model.behaviour import Signal
-from air_router.controller.model.mission_context import MissionContext
+from dataclasses import dataclass
+
+from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.states import Signal
 from air_router.controller.monitor.home_reachability import HomeReachability
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Progress
 from air_router.controller.targets.exploration import Exploration
 
 
-class ExploreState:
-    """Visits waypoint after waypoint; one that cannot be reached from here is left out.
+@dataclass(slots=True, eq=False)
+class ExploreState(StateHandler):
+    """Visits waypoint after waypoint; one that cannot be reached from here is skipped.
 
     Args:
-        context: Where it says what is left out, and signals that none is left.
+        context: Where it says what is skipped, and signals that no waypoint is left.
         gate: Flies there.
         exploration: Whose turn it is.
-        reachability: Whether zones leave a way home: without one nothing is left out.
+        reachability: Whether zones leave a way home: without one no waypoint is skipped.
     """
 
-    def __init__(
-        self,
-        context: MissionContext,
-        gate: CommandGate,
-        exploration: Exploration,
-        reachability: HomeReachability,
-    ) -> None:
-        self._context = context
-        self._gate = gate
-        self._exploration = exploration
-        self._reachability = reachability
+    _context: MissionContext
+    _gate: CommandGate
+    _exploration: Exploration
+    _reachability: HomeReachability
 
     def begin(self) -> None:
         """Fly to the waypoint whose turn it is, or say that none is left."""
         gate, exploration = self._gate, self._exploration
-        if (
-            self._reachability.walled_in
-        ):  # those that cannot be reached from home are left out already
+        if self._reachability.walls is not None:
+            # What cannot be reached from home is skipped already.
             gate.navigator.stop()
-            gate.wait_here("no waypoint can be reached from here: walled in")
+            gate.wait_here("no waypoint can be reached from here: no clear way home")
             return
         refusals = []
         mark = exploration.mark()
-        while exploration.remaining:
-            motion = gate.plan_to(exploration.goal)
+        while (goal := exploration.goal) is not None:
+            motion = gate.plan_to(goal)
             if gate.navigator.progress is Progress.FLYING:
                 break
             if gate.navigator.progress is Progress.NO_ROUTE:
@@ -52,7 +47,7 @@ class ExploreState:
             else:
                 exploration.visited()
                 mark = exploration.mark()
-        if refusals and not exploration.remaining:
+        if refusals and goal is None:
             # All can be reached from home, or the mission would not fly: it is this place.
             exploration.back_to(mark)
             gate.navigator.stop()
@@ -60,7 +55,7 @@ class ExploreState:
             return
         for refusal in refusals:
             self._context.say(refusal)
-        if exploration.remaining:
+        if goal is not None:
             gate.advance(motion)
         else:
             self._context.signal(Signal.EXPLORED)
@@ -82,9 +77,7 @@ class ExploreState:
         else:
             self._gate.fly_again()
 
-    def replan(self) -> None:
-        """To whose turn it is now."""
-        self.begin()
+    replan = begin
 
     def _left_out(self, refusal: str) -> str:
         return f"waypoint {self._exploration.leave_out()} left out: {refusal}"

@@ -1,21 +1,155 @@
-"""Flying to requested points: the state GOTO."""
+"""Flying to requested points: whether that can be done, and the state GOTO."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from air_router.controller.model.behaviour import Signal
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.actions import Refusal
+from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.states import Signal
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import STANDING_M_S
-from air_router.controller.states.goto_task import GotoTask
+from air_router.controller.motion.navigator import STANDING_M_S, Goal, stopping_point
+from air_router.controller.targets.search_points import Search
+from air_router.messages import FARTHEST_M
+from air_router.mission.flight_plan import HOME_NODE
+from air_router.routing.return_planner import LANDING_MARGIN, Way
+from air_router.routing.router import NoRoute, Route
+from air_router.vehicle.vehicle import Telemetry
+from geo.airspace.airspace import FENCE
+from geo.frame import Point
 
 SETTLING_S: Final = 10.0
 """So long a vehicle may take at a point until it stands; in gusts it perhaps never does."""
 
 
-class GotoState:
+@dataclass(slots=True)
+class GotoTask:
+    """Points to fly to, in order.
+
+    Attributes:
+        stops: Where to hover for each, in metres east/north.
+        hold_s: How long to hover at the last.
+        by: Who asked.
+        notes: What is else than asked for, and why.
+        done: How many were reached, or left out.
+    """
+
+    stops: tuple[Point, ...]
+    hold_s: float
+    by: str
+    notes: tuple[str, ...] = ()
+    done: int = 0
+
+    @property
+    def goal(self) -> Goal:
+        """The stop whose turn it is."""
+        return Goal(self.stops[self.done])
+
+    def next(self) -> bool:
+        """The stop whose turn it was is done; whether there is another."""
+        if self.done + 1 >= len(self.stops):
+            return False
+        self.done += 1
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Why something is not done."""
+
+    code: Refusal
+    why: str
+
+
+@dataclass(slots=True, eq=False)
+class GotoValidator:
+    """Says whether the vehicle may be sent somewhere from where it is, and come home from there.
+
+    Args:
+        context: The airspace, and the routes in it.
+        search: Where to hover for a place that is not clear.
+    """
+
+    _context: MissionContext
+    _search: Search
+
+    def goto_task(
+        self, telemetry: Telemetry, points: Sequence[Point], hold_s: float, by: str
+    ) -> GotoTask | Refused:
+        """Look at every point, the ways between them, and what the way home then takes."""
+        stops: list[Point] = []
+        notes: list[str] = []
+        for number, point in enumerate(points, start=1):
+            name = "the point" if len(points) == 1 else f"point {number}"
+            if not math.hypot(*point) <= FARTHEST_M:
+                away = f"{name} is more than {FARTHEST_M / 1000:.0f} km away"
+                return Refused(Refusal.OUTSIDE_FENCE, away)
+            if FENCE in self._context.mission.airspace.holders(point):
+                return Refused(Refusal.OUTSIDE_FENCE, f"{name} lies outside of the fence")
+            hover, why = self._search.hover(point)
+            if why:
+                beside_m = math.dist(point, hover)
+                notes.append(f"{name}: {why}, so {max(beside_m, 0.1):.1f} m beside it")
+            stops.append(hover)
+        refused = self.way(telemetry, [Goal(stop) for stop in stops], hold_s)
+        return refused or GotoTask(tuple(stops), hold_s, by, tuple(notes))
+
+    def way(
+        self, telemetry: Telemetry, goals: Sequence[Goal], hold_s: float = 0.0
+    ) -> Refused | None:
+        """Why these goals cannot be flown to, one after the other, and home from there."""
+        here = telemetry.position
+        length_m, legs = 0.0, 0
+        for number, goal in enumerate(goals, start=1):
+            name = "it" if len(goals) == 1 else f"point {number}"
+            route = self._first(telemetry, goal) if number == 1 else self._route(here, goal)
+            if isinstance(route, NoRoute):
+                return Refused(Refusal.NO_WAY, f"no clear way to {name}: {route.reason}")
+            here = goal.position
+            length_m, legs = length_m + route.length_m, legs + len(route.legs)
+            stay_s = hold_s if number == len(goals) else 0.0
+            short = self._short(telemetry.battery, Way(length_m, legs), here, stay_s)
+            if short is not None:
+                return Refused(Refusal.RESERVE, f"{short} {name}")
+        return None
+
+    def _first(self, telemetry: Telemetry, goal: Goal) -> Route | NoRoute:
+        """From where the vehicle is; or, where its speed allows no way, from where it stops."""
+        stopping = stopping_point(telemetry)
+        route = self._route(telemetry.position, goal, stopping)
+        if isinstance(route, NoRoute) and math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S:
+            return self._route(stopping, goal)
+        return route
+
+    def _route(self, start: Point, goal: Goal, stopping: Point | None = None) -> Route | NoRoute:
+        target = goal.position if goal.node is None else goal.node
+        return self._context.router.route(start, target, stopping=stopping)
+
+    def _short(self, charge: float | None, way: Way, place: Point, stay_s: float) -> str | None:
+        """Why the battery does not last for a way, a stay there, and the way home.
+
+        Nothing is known of that without the vehicle's endurance: then the way home is watched for
+        in flight by `battery_reserve` alone.
+        """
+        pace = self._context.pace
+        if pace.endurance_s is None or charge is None:
+            return None
+        home = self._context.router.route(place, HOME_NODE)
+        if isinstance(home, NoRoute):
+            return f"no clear way home ({home.reason}) from"
+        need = pace.home_s(Way(home.length_m, len(home.legs))) / pace.endurance_s + LANDING_MARGIN
+        need = max(need, self._context.mission.battery_reserve)
+        left = charge - (pace.time_s(way) + stay_s) / pace.endurance_s
+        if left > need:
+            return None
+        return f"the battery would be at {max(left, 0.0):.0%} and {need:.0%} are needed at"
+
+
+@dataclass(slots=True, eq=False)
+class GotoState(StateHandler):
     """Flies to one point after the other, and hovers at the last.
 
     Args:
@@ -26,16 +160,15 @@ class GotoState:
         goto_task: The points that it was sent to on request, last.
     """
 
-    def __init__(self, context: MissionContext, gate: CommandGate) -> None:
-        self.goto_task: GotoTask | None = None
-        self._context = context
-        self._gate = gate
-        self._there_since_s: float | None = None
+    _context: MissionContext
+    _gate: CommandGate
+    goto_task: GotoTask | None = None
+    _there_since_s: float | None = None
 
     def set_out(self, goto_task: GotoTask, left_s: float | None = None) -> None:
         """Fly a task, and hover for `left_s` at its end; None: as long as it says."""
         self.goto_task = goto_task
-        self._context.schedule.carry(goto_task.hold_s if left_s is None else left_s)
+        self._context.carry(goto_task.hold_s if left_s is None else left_s)
         self._context.signal(Signal.GOTO)
 
     def begin(self) -> None:
@@ -46,10 +179,10 @@ class GotoState:
 
     def arrived(self) -> None:
         """On to the next point once it stands here; the state's timer runs at the last."""
-        if self._context.schedule.running or not self._settled:
+        if self._context.timer_runs or not self._settled:
             return
         if not self._next():
-            self._context.schedule.start()
+            self._context.start_timer()
             self._context.say("at the last point")
 
     def no_route(self, refusal: str) -> None:
@@ -63,9 +196,7 @@ class GotoState:
         """To the same point."""
         self._gate.fly_again()
 
-    def replan(self) -> None:
-        """To the same point, by a way planned anew."""
-        self.begin()
+    replan = begin
 
     def _next(self) -> bool:
         """Fly to the next point, if there is one."""

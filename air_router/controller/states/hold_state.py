@@ -1,16 +1,18 @@
-"""Hovering on request: the state HOLD."""
+"""Staying where it is: HOLD, on request, and LAND, the descent at home."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, LandHere
+from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import stopping_point
 
 
-class HoldState:
+@dataclass(slots=True, eq=False)
+class HoldState(StateHandler):
     """Stops, and stays there; or at the end of the leg, where that is as near.
 
     Args:
@@ -18,9 +20,8 @@ class HoldState:
         gate: Stops it.
     """
 
-    def __init__(self, context: MissionContext, gate: CommandGate) -> None:
-        self._context = context
-        self._gate = gate
+    _context: MissionContext
+    _gate: CommandGate
 
     def begin(self) -> None:
         """Stop."""
@@ -29,20 +30,11 @@ class HoldState:
         if not ending:
             self._gate.hold("hold was requested")
 
-    def arrived(self) -> None:
-        """Stay."""
-
     def no_route(self, refusal: str) -> None:
         """Stay."""
-        if not self._context.schedule.retrying:
-            self._gate.wait_here(refusal)
+        self._gate.wait_for_way(refusal)
 
-    def retry(self) -> None:
-        """It did not stop."""
-        self.begin()
-
-    def replan(self) -> None:
-        """Stay."""
+    retry = begin
 
     def _stops_anyway(self) -> bool:
         """Whether the leg under way ends no farther off than braking now would.
@@ -60,3 +52,29 @@ class HoldState:
         here = telemetry.position
         rest = stopping_point(telemetry, self._gate.navigator.reaction_s)
         return math.dist(here, last.position) <= math.dist(here, rest)
+
+
+@dataclass(slots=True, eq=False)
+class LandState(StateHandler):
+    """Descends at home.
+
+    Args:
+        gate: Lands it.
+    """
+
+    _gate: CommandGate
+
+    def begin(self) -> None:
+        """Descend."""
+        self._gate.command(LandHere())
+
+    def no_route(self, refusal: str) -> None:
+        """It stays above home."""
+        self._gate.wait_for_way(refusal)
+
+    retry = begin
+
+    def replan(self) -> None:
+        """Descend, unless it does."""
+        if not isinstance(self._gate.commanded_mode.last, LandHere):
+            self.begin()

@@ -1,22 +1,20 @@
-"""Coming home in time, and landing there: the states HOME and LAND."""
+"""Coming home in time: the state HOME."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import Final
 
-from air_router.controller.model.actions import LandHere
-from air_router.controller.model.behaviour import Signal, State, knows
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.states import Signal, State
 from air_router.controller.monitor.flight_phase import FlightPhase
 from air_router.controller.monitor.home_reachability import HomeReachability
 from air_router.controller.monitor.triggers import reason_to_return
 from air_router.controller.motion.command_gate import RETRY_S, CommandGate
 from air_router.controller.motion.navigator import Goal, stopping_point
 from air_router.mission.flight_plan import HOME_NODE
-from air_router.mission.mission import Mission
 from air_router.routing.return_planner import WayHome
-from air_router.routing.router import Router
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
@@ -27,7 +25,8 @@ LANDING_M: Final = 1.0
 """So much farther from home than the acceptance radius it may be when it is told to land."""
 
 
-class ReturnState:
+@dataclass(slots=True, eq=False)
+class ReturnState(StateHandler):
     """Decides when the mission ends, says where it cannot, and flies home.
 
     Args:
@@ -40,24 +39,13 @@ class ReturnState:
         why: Why the vehicle comes home, once it does.
     """
 
-    def __init__(
-        self,
-        context: MissionContext,
-        gate: CommandGate,
-        flight_phase: FlightPhase,
-        reachability: HomeReachability,
-    ) -> None:
-        self.why: str | None = None
-        self._by_word = False
-        self._context = context
-        self._gate = gate
-        self._flight_phase = flight_phase
-        self._reachability = reachability
-        self._way_home = WayHome(context.mission, context.router)
-
-    def renew(self, mission: Mission, router: Router) -> None:
-        """Zones and fences are others now."""
-        self._way_home = WayHome(mission, router)
+    _context: MissionContext
+    _gate: CommandGate
+    _flight_phase: FlightPhase
+    _reachability: HomeReachability
+    why: str | None = None
+    _by_request: bool = False
+    _way_home: WayHome = field(default_factory=WayHome)
 
     # When.
 
@@ -69,7 +57,7 @@ class ReturnState:
     @property
     def _can_end(self) -> bool:
         """Whether the mission can still be ended."""
-        return knows(self._context.state, Signal.COME_HOME)
+        return self._context.knows(Signal.COME_HOME)
 
     def check(self, telemetry: Telemetry) -> None:
         """End the mission if it is time; say it, loudly, where no way leads home."""
@@ -84,7 +72,7 @@ class ReturnState:
 
     def _due(self, telemetry: Telemetry) -> str | None:
         since_s = self._flight_phase.since_s(self._context.now_s)
-        need = self._way_home.need(telemetry)
+        need = self._way_home.need(telemetry, self._context.router)
         return reason_to_return(self._context.mission, telemetry, since_s, need)
 
     def come_home(self, why: str) -> None:
@@ -98,19 +86,19 @@ class ReturnState:
             self._flight_phase.stayed_why = why
             self._context.signal(Signal.GROUNDED)
 
-    def come_home_by_word(self, who: str) -> None:
+    def come_home_on_request(self, who: str) -> None:
         """The same on request; the operator may call it off."""
-        self._by_word = self._context.state is not State.READY
+        self._by_request = self._context.state is not State.READY
         self.come_home(f"{who}'s word")
 
     def call_off(self) -> None:
         """The way home is not flown on."""
         self.why = None
-        self._by_word = False
+        self._by_request = False
 
     def objection(self) -> str | None:
         """Why its way home cannot be called off; None if it may."""
-        if self._context.state is State.HOME and self._by_word:
+        if self._context.state is State.HOME and self._by_request:
             return self._due(self._context.heard)
         return self.why
 
@@ -129,16 +117,13 @@ class ReturnState:
 
     def no_route(self, refusal: str) -> None:
         """Wait where it is."""
-        if not self._context.schedule.retrying:
-            self._gate.wait_here(refusal)
+        self._gate.wait_for_way(refusal)
 
     def retry(self) -> None:
         """By another way, perhaps."""
         self._go()
 
-    def replan(self) -> None:
-        """By a way planned anew."""
-        self._go()
+    replan = retry
 
     def _go(self) -> None:
         self._gate.fly_to(Goal(self._context.mission.home, HOME_NODE))
@@ -153,39 +138,5 @@ class ReturnState:
         near = known and all(math.dist(place, home) <= near_m for place in places)
         if near and not under_way:
             self._context.signal(Signal.ARRIVED)
-        elif not (self._gate.commanded_mode.pending or self._context.schedule.retrying):
-            self._context.schedule.retry_in(RETRY_S)
-
-
-class LandState:
-    """Descends at home.
-
-    Args:
-        context: Whether something waits to be tried again.
-        gate: Lands it.
-    """
-
-    def __init__(self, context: MissionContext, gate: CommandGate) -> None:
-        self._context = context
-        self._gate = gate
-
-    def begin(self) -> None:
-        """Descend."""
-        self._gate.command(LandHere())
-
-    def arrived(self) -> None:
-        """It is above home already."""
-
-    def no_route(self, refusal: str) -> None:
-        """It stays above home."""
-        if not self._context.schedule.retrying:
-            self._gate.wait_here(refusal)
-
-    def retry(self) -> None:
-        """It did not descend."""
-        self.begin()
-
-    def replan(self) -> None:
-        """Descend, unless it does."""
-        if not isinstance(self._gate.commanded_mode.last, LandHere):
-            self.begin()
+        elif not (self._gate.commanded_mode.pending or self._context.retrying):
+            self._context.retry_in(RETRY_S)

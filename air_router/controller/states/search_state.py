@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Final
 
-from air_router.controller.model.behaviour import Signal, State
 from air_router.controller.model.events import RobotPath, RobotPose, RobotSought
-from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.mission_context import MissionContext, StateHandler
+from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Progress
 from air_router.controller.targets.exploration import Exploration
@@ -21,7 +22,8 @@ SEEK_AGAIN_S: Final = 10.0
 """Pause before the robots are gone through again when none of them could be sought."""
 
 
-class SearchState:
+@dataclass(slots=True, eq=False)
+class SearchState(StateHandler):
     """Chooses a robot, flies to where it should be, and follows what is heard of it.
 
     Args:
@@ -35,23 +37,14 @@ class SearchState:
         robot: Who is sought or hovered over; None while no robot is.
     """
 
-    def __init__(
-        self,
-        context: MissionContext,
-        gate: CommandGate,
-        search: Search,
-        exploration: Exploration | None,
-        *,
-        name: str,
-    ) -> None:
-        self.robot: str | None = None
-        self._context = context
-        self._gate = gate
-        self._search = search
-        self._exploration = exploration
-        self._name = name
-        self._wanted: str | None = None
-        self._asked_for: str | None = None
+    _context: MissionContext
+    _gate: CommandGate
+    _search: Search
+    _exploration: Exploration | None
+    _name: str
+    robot: str | None = None
+    _wanted: str | None = None
+    _asked_for: str | None = None
 
     @property
     def sought(self) -> str | None:
@@ -62,10 +55,6 @@ class SearchState:
         """The operator asks for this robot."""
         self._wanted = robot
         self._context.signal(Signal.SEEK)
-
-    def forget(self) -> None:
-        """The vehicle does something else."""
-        self.robot = None
 
     # The flight itself.
 
@@ -93,8 +82,8 @@ class SearchState:
 
     def arrived(self) -> None:
         """Wait for it here."""
-        if not self._context.schedule.running:
-            self._context.schedule.start()
+        if not self._context.timer_runs:
+            self._context.start_timer()
             self._context.say(f"at the search position of {self.robot}")
 
     def no_route(self, refusal: str) -> None:
@@ -127,7 +116,7 @@ class SearchState:
             self._context.signal(Signal.NO_TARGET)
         else:
             self._gate.hold("no robot can be sought from here")
-            self._context.schedule.retry_in(SEEK_AGAIN_S)
+            self._context.retry_in(SEEK_AGAIN_S)
 
     def follow(self, *, force: bool = False) -> None:
         """Hover over the robot's newest position once it has moved away, or search ahead of it."""

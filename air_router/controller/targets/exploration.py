@@ -30,32 +30,38 @@ class Exploration:
     here: Point | None = None
     began_s: float | None = None
     _next: int = 0
-    _barred: frozenset[int] = frozenset()
+    _skipped: frozenset[int] = frozenset()
     _passed_s: dict[int, float] = field(default_factory=dict)
 
     @property
     def remaining(self) -> int:
         """How many waypoints are still to be visited."""
-        return sum(w.number not in self._barred for w in self.waypoints[self._next :])
+        return sum(w.number not in self._skipped for w in self.waypoints[self._next :])
 
     @property
-    def goal(self) -> Goal:
-        """The waypoint whose turn it is; only while some remain."""
-        waypoint = self.waypoints[self._turn]
+    def goal(self) -> Goal | None:
+        """The waypoint whose turn it is; None when none is left."""
+        turn = self._turn
+        if turn == len(self.waypoints):
+            return None
+        waypoint = self.waypoints[turn]
         return Goal(waypoint.position, waypoint.number)
 
     @property
     def _turn(self) -> int:
-        later = range(self._next, len(self.waypoints))
-        return next(index for index in later if self.waypoints[index].number not in self._barred)
+        """Whose turn it is in the operator's order; as many as there are when none is left."""
+        turn = self._next
+        while turn < len(self.waypoints) and self.waypoints[turn].number in self._skipped:
+            turn += 1
+        return turn
 
-    def bar(self, numbers: Collection[int]) -> tuple[list[int], list[int]]:
-        """Leave these waypoints out from now on, and no others; which are new, and which are back.
+    def skip(self, numbers: Collection[int]) -> tuple[list[int], list[int]]:
+        """Skip these waypoints from now on, and no others; which are new, and which are back.
 
         One that is back is visited if its turn is still to come.
         """
-        before, self._barred = self._barred, frozenset(numbers)
-        return sorted(self._barred - before), sorted(before - self._barred)
+        before, self._skipped = self._skipped, frozenset(numbers)
+        return sorted(self._skipped - before), sorted(before - self._skipped)
 
     def visited(self) -> None:
         """The waypoint whose turn it was is done."""
@@ -103,6 +109,6 @@ class Exploration:
             away_m = min((math.dist(waypoint.position, p) for p in passed), default=0.0)
             return self._passed_s.get(waypoint.number, -math.inf), -away_m
 
-        open_to_us = [w for w in self.waypoints if w.number not in self._barred]
+        open_to_us = [w for w in self.waypoints if w.number not in self._skipped]
         waypoint = min(open_to_us or self.waypoints, key=rank)
         return Goal(waypoint.position, waypoint.number)

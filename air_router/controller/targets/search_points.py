@@ -6,17 +6,16 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.navigator import Goal
 from air_router.controller.targets.exploration import Exploration
 from air_router.controller.targets.seeking import Outlook, policy_of
 from air_router.controller.targets.target_list import SearchPlace, TargetList
-from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
-from air_router.routing.return_planner import Pace, Way
-from air_router.routing.router import NoRoute, Router
+from air_router.routing.return_planner import Way
+from air_router.routing.router import NoRoute
 from geo.airspace.airspace import FENCE
 from geo.frame import Point
-from geo.paths.shortest import shortest_paths
 from mocha_link.links.metrics import ContactBegan, ContactEnded, SyncEnded, SyncStarted
 
 RadioEvent = ContactBegan | ContactEnded | SyncStarted | SyncEnded
@@ -44,38 +43,31 @@ class Search:
     """Knows the robots, and the places from which to look for them.
 
     Args:
-        mission: Its airspace.
+        context: The airspace, and how long the vehicle would fly.
         seek: Names of the robots to seek, in order.
-        exploration: Tells where the vehicle is, and where a robot may be that was never heard.
-        router: Tells how long the vehicle would fly.
+        exploration: Where the vehicle is, and where a robot may be that was never heard.
         explore: Whether it explores between two searches.
+
+    Attributes:
+        targets: The robots, and what is known of each.
+        foresees: A robot is sought where it will be, so that news of its path matters too.
     """
 
     def __init__(
         self,
-        mission: Mission,
+        context: MissionContext,
         seek: tuple[str, ...],
         exploration: Exploration,
-        router: Router,
         *,
         explore: bool = True,
     ) -> None:
         self.targets = TargetList(seek)
-        self._policy = policy_of(mission.seek_policy)
+        self._policy = policy_of(context.mission.seek_policy)
+        self.foresees = self._policy.foresees
+        self._context = context
         self._exploration = exploration
-        self._router = router
-        self._pace = Pace.of(mission)
-        timers = mission.timers
+        timers = context.mission.timers
         self._round_s = timers.search_s + timers.communicate_s + explore * timers.explore_s
-        self._airspace = mission.planning_airspace
-        self._paths = shortest_paths(mission.planning_airspace)
-        self._home = mission.home
-
-    def renew(self, mission: Mission, router: Router) -> None:
-        """Zones and fences are others now."""
-        self._router = router
-        self._airspace = mission.planning_airspace
-        self._paths = shortest_paths(mission.planning_airspace)
 
     def heard(self, event: RadioEvent, now_s: float) -> None:
         """A robot's radio was heard: it is near."""
@@ -93,11 +85,6 @@ class Search:
         """Where one of the robots would be sought now."""
         return self._aim(self._policy.place(robot, self.targets, self._outlook(now_s)))
 
-    @property
-    def foresees(self) -> bool:
-        """Whether a robot is sought where it will be, so that news of its path matters too."""
-        return self._policy.foresees
-
     def _outlook(self, now_s: float) -> Outlook:
         exploration = self._exploration
         began_s = now_s if exploration.began_s is None else exploration.began_s
@@ -113,10 +100,10 @@ class Search:
         here = self._exploration.here
         if here is None:
             return 0.0
-        route = self._router.route(here, self._hover_point(place))
+        route = self._context.router.route(here, self._hover_point(place))
         if isinstance(route, NoRoute):
             return math.inf
-        return self._pace.time_s(Way(route.length_m, len(route.legs)))
+        return self._context.pace.time_s(Way(route.length_m, len(route.legs)))
 
     def _aim(self, place: SearchPlace) -> SearchPoint:
         robot = place.robot
@@ -147,15 +134,17 @@ class Search:
 
     def _hover_point(self, position: Point) -> Point:
         """The place itself, or the nearest clear one that a clear way leads to from home."""
-        place = self._paths.nearest(position, reachable_from=self._home)
+        context = self._context
+        place = context.router.graph.paths.nearest(position, reachable_from=context.mission.home)
         return place or position  # the router says why not
 
     def _why_not_there(self, position: Point) -> str:
-        holders = self._airspace.holders(position)
+        airspace = self._context.mission.planning_airspace
+        holders = airspace.holders(position)
         if FENCE in holders:
             return "it is outside of the fence"
         if holders:
             return f"it is inside {names_of(holders)}"
-        if self._airspace.point_clear(position):
+        if airspace.point_clear(position):
             return "no clear way leads there"
-        return f"it is too close to {names_of((self._airspace.spare_m(position)[1],))}"
+        return f"it is too close to {names_of((airspace.spare_m(position)[1],))}"

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from html import escape
 from typing import Final, NamedTuple
 
-from air_router.controller.model.behaviour import State
+from air_router.controller.model.states import State
 from air_router.report.flight.flight_summary import FlightSummary
 from air_router.report.flight.svg import (
     BOTTOM,

@@ -13,7 +13,6 @@ from typing import Any, Final
 
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import Announce, CommandAck, Finish, Seeking, StateChanged
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import (
     AirspaceChanged,
     CommandFailed,
@@ -21,6 +20,7 @@ from air_router.controller.model.events import (
     RobotPose,
 )
 from air_router.controller.model.requests import Asked, GoTo, SeekNow
+from air_router.controller.model.states import State
 from air_router.errors import AirRouterError, ExitCode
 from air_router.flight.flight_stats import TRACK_STEP_M
 from air_router.mission.mission import Mission

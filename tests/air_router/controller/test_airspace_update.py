@@ -15,9 +15,9 @@ from air_router.controller.model.actions import (
     ReadAgain,
     RenewPlan,
 )
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed, RobotPose, RobotSought
 from air_router.controller.model.requests import GoOn, HoldNow, Reload, SeekNow
+from air_router.controller.model.states import State
 from air_router.mission.flight_plan import FlightPlan
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -71,9 +71,7 @@ def test_what_it_may_reach_while_it_brakes_it_is_to_leave_and_not_in_breach_of(
     stops_m = speed * (flight.controller.navigator.reaction_s + speed / 4.0)
     zone = Zone("new", Circle(Point(*ahead(flight, share * stops_m + 20.0)), 20.0))
     now = before.with_areas(before.fences, (*before.zones, zone))
-    found = flight.controller._parts.airspace_update._reached(
-        before, now, flight.controller.telemetry
-    )
+    found = flight.controller.airspace_update._reached(before, now, flight.controller.telemetry)
     assert (zone.name in found) is reached
 
 
@@ -313,7 +311,7 @@ def test_wherever_zones_appear_what_has_been_left_is_not_entered_again(pretend, 
                 due = flight.now_s + chance.uniform(0.5, 5.0)
         if boarding(flight) and due is not None and flight.now_s > due:
             flight.give(PlanRenewed())
-            due = None if flight.controller._parts.airspace_update.phase is None else due
+            due = None if flight.controller.airspace_update.phase is None else due
         for zone in zones:
             far_m = Airspace(None, [zone], 0.0).distance_m(flight.position)
             if far_m >= 5.0:
@@ -515,9 +513,7 @@ def walled_in(pretend, **changes):
     for zone in walls(flight.position):
         drawn.append(zone)
         change(flight, *drawn)
-        flight.fly_until(
-            lambda: flight.controller._parts.airspace_update.phase is Phase.BOARDING, 10.0
-        )
+        flight.fly_until(lambda: flight.controller.airspace_update.phase is Phase.BOARDING, 10.0)
         flight.give(PlanRenewed())
         flight.step()
         if flight.controller.walled_in:  # what the mission has beside it is a wall too

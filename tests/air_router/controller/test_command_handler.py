@@ -15,7 +15,6 @@ from air_router.controller.model.actions import (
     Refusal,
     RenewPlan,
 )
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import (
     AirspaceChanged,
     CommandFailed,
@@ -24,6 +23,7 @@ from air_router.controller.model.events import (
     RobotSought,
 )
 from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
+from air_router.controller.model.states import State
 from air_router.vehicle.vehicle import Ages, FlightMode, LinkSilent
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
@@ -536,7 +536,7 @@ def test_a_way_home_that_the_pilot_interrupted_says_nothing_of_the_next(in_state
     flight.pilot_chooses(FlightMode.HOLD)
     assert ask(flight, GoOn())[0].accepted
     flight.give(CommandFailed(flight.motions[-1], "lost"))
-    flight.controller._parts.return_state.come_home("the climb does not go on")
+    flight.controller.return_state.come_home("the climb does not go on")
     assert ask(flight, ExploreNow())[0].code is Refusal.COMING_HOME
 
 

@@ -4,9 +4,9 @@ import pytest
 
 from air_router.controller.control_authority import COMPARED_S
 from air_router.controller.model.actions import FlyToNode, HoldHere, Taker
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import RobotPose
 from air_router.controller.model.requests import ComeHome, GoOn, HoldNow
+from air_router.controller.model.states import State
 from air_router.vehicle.vehicle import FlightMode, PlanCompared, PlanReplaced
 from geo.frame import Point
 from tests.air_router.conftest import CORNERS
@@ -78,7 +78,7 @@ def test_armed_and_disarmed_again_without_a_take_off(pretend):
 
 
 def test_a_pilot_who_arms_and_lets_it_disarm_again_may_arm_again(pretend):
-    flight = pretend(patient=True)
+    flight = pretend(pilot_arms=True)
     for armed in (True, False):
         flight.armed = armed
         flight.step()

@@ -12,9 +12,9 @@ from air_router.controller.model.actions import (
     LandHere,
     PublishMap,
 )
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import RobotPose
 from air_router.controller.model.requests import ComeHome
+from air_router.controller.model.states import State
 from air_router.controller.targets.search_points import Search
 from air_router.mission.mission import Waypoint
 from air_router.vehicle.vehicle import FlightMode, ItemReached, LinkSilent
@@ -242,7 +242,7 @@ def test_a_place_from_which_no_waypoint_is_reached_costs_none_of_them(pretend):
     flight.velocity, flight.target, here = (0.0, 0.0), None, flight.position
     flight.position = Point(0.0, 5000.0)  # a glitch of the position, far outside of the fence
     flight.controller.navigator.go(flight.controller.exploration.goal, flight.telemetry())
-    flight.controller._parts.gate.advance(None)
+    flight.controller.gate.advance(None)
     assert flight.controller.exploration.remaining >= 34
     flight.position = here
     flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 2000.0)

@@ -4,9 +4,9 @@ import itertools
 import math
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import CommandConfirmed, CommandFailed, RobotPose
 from air_router.controller.model.requests import ComeHome
+from air_router.controller.model.states import State
 from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanReplaced
 from geo.frame import Point
 from tests.air_router.conftest import CORNERS

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from air_router.controller.model.actions import RenewPlan, StateChanged
-from air_router.controller.model.behaviour import Signal, State
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
+from air_router.controller.model.states import Signal, State
 from air_router.flight.flight_stats import FlightStats, RobotStats
 from air_router.gossip.mapper import Mapper
 from air_router.report.report import table

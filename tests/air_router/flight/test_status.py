@@ -1,7 +1,7 @@
 import dataclasses
 import io
 
-from air_router.controller.model.behaviour import State
+from air_router.controller.model.states import State
 from air_router.flight.status import PLAIN_REFRESH_S, StatusLine, flight_line
 from air_router.live.scene import Scene
 from air_router.vehicle.height_frame import HomeMove

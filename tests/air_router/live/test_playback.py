@@ -9,7 +9,7 @@ import pytest
 
 from air_router.cli.cli import main
 from air_router.controller.flight_setup import FlightSetup
-from air_router.controller.model.behaviour import State
+from air_router.controller.model.states import State
 from air_router.errors import ExitCode, RefusedError
 from air_router.live.page_address import Web
 from air_router.live.playback import Film, Playback

@@ -15,9 +15,9 @@ import pytest
 from air_router.cli.cli import main
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import Announce, FlyToNode, RenewPlan
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import AirspaceChanged, CommandConfirmed, PlanRenewed
 from air_router.controller.model.requests import ComeHome, GoOn
+from air_router.controller.model.states import State
 from air_router.record.log import Entry, Log, Note, read
 from air_router.record.recorder import Recorder
 from air_router.record.recording import default_folder

@@ -15,9 +15,9 @@ from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
 from air_router.controller.model.actions import CommandAck, FlyToNode, StateChanged
-from air_router.controller.model.behaviour import Signal, State
 from air_router.controller.model.events import AirspaceChanged, CommandFailed, RobotPose
 from air_router.controller.model.requests import ComeHome
+from air_router.controller.model.states import Signal, State
 from air_router.mission.loading import load_mission
 from air_router.record import codec
 from air_router.record.codec import CodecError, decoder, recorded_name

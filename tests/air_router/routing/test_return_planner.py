@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from air_router.controller.model.behaviour import State
+from air_router.controller.model.states import State
 from air_router.mission.loading import load_mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.return_planner import (
@@ -183,41 +183,45 @@ def telemetry(mission, position, time_s=1.0, battery=0.5):
 
 class CountingRouter:
     def __init__(self, mission):
-        self.router = Router(WaypointGraph(mission))
+        self.graph = WaypointGraph(mission)
+        self.router = Router(self.graph)
         self.asked = 0
+        self.finds_none = False
 
     def route(self, *arguments):
         self.asked += 1
-        return self.router.route(*arguments)
+        return None if self.finds_none else self.router.route(*arguments)
 
 
 def test_in_flight_the_way_home_is_planned_now_and_then(tmp_path):
     mission = made(tmp_path, endurance_s=1000)
     router = CountingRouter(mission)
-    way = WayHome(mission, router)
-    assert way.need(telemetry(mission, Point(80, 80))) > way.need(
-        telemetry(mission, Point(80, 0), 2.0)
+    way = WayHome()
+    assert way.need(telemetry(mission, Point(80, 80)), router) > way.need(
+        telemetry(mission, Point(80, 0), 2.0), router
     )
     assert router.asked == 2
     for tenth in range(30):
-        way.need(telemetry(mission, Point(80, 0.01 * tenth), 2.0 + tenth / 10))
+        way.need(telemetry(mission, Point(80, 0.01 * tenth), 2.0 + tenth / 10), router)
     assert router.asked == 2
-    way.need(telemetry(mission, Point(80, 0.3), 8.0))
+    way.need(telemetry(mission, Point(80, 0.3), 8.0), router)
     assert router.asked == 3
+    among_other_zones = CountingRouter(mission)
+    way.need(telemetry(mission, Point(80, 0.3), 8.0), among_other_zones)
+    assert among_other_zones.asked == 1
 
 
 def test_without_a_way_the_last_one_counts_and_the_distance_since(tmp_path):
     mission = made(tmp_path, endurance_s=1000)
-    way = WayHome(mission, Router(WaypointGraph(mission)))
-    assert way.need(telemetry(mission, Point(40, 40))) is not None  # inside the barn: it gets out
-    way = WayHome(mission, Router(WaypointGraph(mission)))
-    before = way.need(telemetry(mission, Point(80, 0)))
+    here = telemetry(mission, Point(40, 40))
+    assert WayHome().need(here, CountingRouter(mission)) is not None  # inside the barn: it gets out
+    way, router = WayHome(), CountingRouter(mission)
+    before = way.need(telemetry(mission, Point(80, 0)), router)
     lost = telemetry(mission, Point(80, -5000), 2.0)
-    router_says_no = type("No", (), {"route": lambda *_: None})()
-    way._router = router_says_no
-    assert way.need(lost) == pytest.approx(before + 1000 / 1000, abs=0.01)
-    assert WayHome(mission, router_says_no).need(lost) is None
-    assert WayHome(made(tmp_path), CountingRouter(mission)).need(lost) is None
+    router.finds_none = True
+    assert way.need(lost, router) == pytest.approx(before + 1000 / 1000, abs=0.01)
+    assert WayHome().need(lost, router) is None
+    assert WayHome().need(lost, CountingRouter(made(tmp_path))) is None
 
 
 def test_the_vehicle_turns_when_the_charge_is_needed_for_the_way_home(pretend):

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from air_router.controller.model.actions import HoldHere
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.requests import ComeHome
+from air_router.controller.model.states import State
 from air_router.vehicle.input_limits import LIMITS
 from air_router.vehicle.vehicle import Ages, FlightMode
 from tests.air_router.conftest import STEP_S

@@ -6,8 +6,8 @@ import math
 import pytest
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.requests import HoldNow
+from air_router.controller.model.states import State
 from air_router.controller.monitor.deviations import FAST_S, OFF_HOME_S, OFF_S
 from air_router.routing.departure import names_of
 from air_router.vehicle.height_frame import HomeMove

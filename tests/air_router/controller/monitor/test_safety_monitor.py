@@ -1,6 +1,7 @@
 import pytest
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.monitor.safety_monitor import STRANGE_S, EventKind, SafetyMonitor
 from air_router.controller.motion.commanded_mode import CommandedMode
 from air_router.mission.flight_plan import FlightPlan
@@ -18,7 +19,10 @@ def plan(pennovation):
 @pytest.fixture
 def watched(pennovation, plan):
     """Gives a motion, confirmed, and looks at what the vehicle shows afterwards."""
-    monitor, commanded_mode = SafetyMonitor(pennovation, plan), CommandedMode()
+    monitor, commanded_mode = (
+        SafetyMonitor(MissionContext(pennovation, None), plan),
+        CommandedMode(),
+    )
 
     def look(motion, seconds, **shown):
         if commanded_mode.last is not motion:

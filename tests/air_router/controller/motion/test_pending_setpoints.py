@@ -5,9 +5,10 @@ import random
 import pytest
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.requests import ExploreNow, GoTo
+from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Goal, Navigator
 from air_router.controller.motion.pending_setpoints import PendingSetpoints
 from air_router.routing.departure import PendingSetpoint
@@ -86,7 +87,7 @@ def bend(pretend, pennovation):
 
 
 def test_a_jump_that_might_arrive_late_is_held_for_first(bend):
-    navigator = Navigator(bend.mission, bend.router)
+    navigator = Navigator(MissionContext(bend.mission, bend.router))
     way = FlyToPoint(Point(100.0, 0.0), 40.0)
     navigator.setpoints.sent(way)
     navigator.setpoints.confirmed(way)
@@ -103,7 +104,7 @@ def test_a_jump_that_might_arrive_late_is_held_for_first(bend):
 
 
 def test_a_jump_that_may_arrive_late_is_given_at_once(bend):
-    navigator = Navigator(bend.mission, bend.router)
+    navigator = Navigator(MissionContext(bend.mission, bend.router))
     way = FlyToPoint(Point(100.0, 0.0), 40.0)
     navigator.setpoints.sent(way)
     moving = at(15.0, 0.0, velocity_m_s=(3.5, 0.0))
@@ -228,7 +229,7 @@ def test_what_may_come_late_is_held_for_where_it_would_not_show(pretend):
 
 
 def test_a_leg_is_swept_for_as_long_as_the_position_is_old(bend):
-    navigator = Navigator(bend.mission, bend.router, reaction_s=2.0)
+    navigator = Navigator(MissionContext(bend.mission, bend.router), reaction_s=2.0)
     moving = at(22.0, 0.0, velocity_m_s=(3.5, 0.0))
     down = FlyToPoint(Point(22.0, -60.0), 40.0)
     assert navigator.objection(down, moving, moving.time_s) is None

@@ -4,6 +4,7 @@ import json
 import math
 from types import SimpleNamespace
 
+from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.navigator import Goal
 from air_router.controller.targets.search_points import Search
 from air_router.mission.loading import load_mission
@@ -36,7 +37,7 @@ def searching(folder, zones):
         here=mission.home, began_s=0.0, longest_unseen=lambda: Goal(mission.home)
     )
     router = Router(WaypointGraph(mission))
-    return mission, Search(mission, ("io",), exploration, router)
+    return mission, Search(MissionContext(mission, router), ("io",), exploration)
 
 
 def aim_at(search, place):

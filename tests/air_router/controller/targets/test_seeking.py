@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from air_router.controller.model.actions import StateChanged
-from air_router.controller.model.behaviour import State
 from air_router.controller.model.events import RobotPath, RobotPose
+from air_router.controller.model.states import State
 from air_router.controller.targets.seeking import EARLY_SHARE, MEETING_M, Outlook, meet, policy_of
 from air_router.controller.targets.target_list import LOST_AFTER_S, TargetList
 from air_router.controller.targets.target_track import USUAL_SPEED_M_S, PredictedPath, TargetTrack

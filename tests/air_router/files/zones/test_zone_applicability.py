@@ -6,7 +6,8 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from air_router.cli.cli import main
-from air_router.controller.model.behaviour import State
+from air_router.controller.model.mission_context import MissionContext
+from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Goal, Navigator, Progress
 from air_router.errors import ExitCode, MissionFileError
 from air_router.files.altitudes import Altitudes, HomeAltitudeError, Limit, Reference
@@ -214,10 +215,10 @@ def test_below_the_cruise_altitudes_no_leg_crosses_a_low_zone(tmp_path):
     mission = load(tmp_path, LOW)
     router = PretendFlight(mission).router
     beyond = Goal(Point(50.0, 90.0))
-    navigator = Navigator(mission, router)
+    navigator = Navigator(MissionContext(mission, router))
     assert navigator.go(beyond, telemetry(36.0)) is not None
     assert navigator.progress is Progress.FLYING
-    navigator = Navigator(mission, router)
+    navigator = Navigator(MissionContext(mission, router))
     assert navigator.go(beyond, telemetry(20.0)) is None
     assert navigator.progress is Progress.NO_ROUTE
     assert navigator.refusal.reason == (
@@ -245,7 +246,7 @@ def test_in_a_low_zone_is_a_breach_only_when_it_is_low(tmp_path):
 def test_above_the_cruise_altitudes_no_leg_crosses_a_high_zone(tmp_path):
     mission = load(tmp_path, zone([50, 40], "altitude: {lower_m: 80}"))
     assert heeded(mission) == (False, False)
-    navigator = Navigator(mission, PretendFlight(mission).router)
+    navigator = Navigator(MissionContext(mission, PretendFlight(mission).router))
     beyond = Goal(Point(50.0, 90.0))
     assert navigator.go(beyond, telemetry(64.0)) is not None
     assert navigator.go(beyond, telemetry(100.0)) is None

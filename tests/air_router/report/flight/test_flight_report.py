@@ -21,7 +21,6 @@ from air_router.controller.model.actions import (
     Seeking,
     StateChanged,
 )
-from air_router.controller.model.behaviour import Signal, State
 from air_router.controller.model.events import (
     AirspaceChanged,
     CommandFailed,
@@ -29,6 +28,7 @@ from air_router.controller.model.events import (
     RobotPose,
 )
 from air_router.controller.model.requests import ComeHome, GoTo, HoldNow, SeekNow
+from air_router.controller.model.states import Signal, State
 from air_router.flight.flight_stats import FlightStats
 from air_router.gossip.mapper import Mapper
 from air_router.record.log import Entry, Note

@@ -14,7 +14,7 @@ import pytest
 
 import air_router.controller.flight_setup
 from air_router.controller.controller import Controller
-from air_router.controller.model.behaviour import State
+from air_router.controller.model.states import State
 from air_router.files.settings import Timers
 from geo.frame import Geodetic, LocalFrame, Point
 from sitl.experiment.channels import paper as channel_paper

@@ -1,0 +1,97 @@
+"""The words of the state machine: states, signals, and what a row of its table says of a state.
+
+INIT, SEARCH, COMM and EXPL are those of the paper (its figure "State machine describing the
+communication-aware exploration"); the others take the vehicle off the ground, bring it home and
+give it away. The table itself, `STATES`, stands in `controller.controller`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+
+class State(Enum):
+    """What the mission is doing."""
+
+    READY = "on the ground or climbing, until the vehicle hovers above home"
+    INIT = "exploring the waypoints for the first time"
+    SEARCH = "going where a robot should be"
+    COMM = "hovering over a robot while data are exchanged"
+    EXPL = "exploring on where exploration stopped"
+    GOTO = "flying to requested points"
+    HOLD = "hovering on request"
+    HOME = "flying home along the graph"
+    LAND = "landing at home"
+    DONE = "landed and disarmed"
+    PASSIVE = "the pilot or a failsafe flies: hands off"
+
+
+class Signal(Enum):
+    """What can happen to a mission."""
+
+    AIRBORNE = "the vehicle hovers above home"
+    TIMER = "the state's time is over"
+    EXPLORED = "every waypoint has been visited"
+    FOUND = "the robot that is sought was heard"
+    SYNCED = "both directions have synced"
+    NO_TARGET = "no robot can be sought now"
+    COME_HOME = "duration, battery reserve or the operator's word"
+    ARRIVED = "above home"
+    GROUNDED = "landed and disarmed"
+    TAKEN_OVER = "the pilot or the autopilot changed the mode"
+    RESUMED = "the operator asks to go on"
+    HOLD = "asked to hold"
+    SEEK = "asked to seek a robot"
+    EXPLORE = "asked to explore"
+    GOTO = "asked to fly to points"
+    NO_WAY = "no clear way to the points that are left"
+    YIELDED = "another UAV seeks the same robot"
+
+
+class From(Enum):
+    """When the timer of a state begins."""
+
+    ENTRY = "when the state is entered"
+    ARRIVAL = "when the vehicle has arrived where the state sends it"
+
+
+class Requests(Enum):
+    """What may be asked of a vehicle in a state."""
+
+    ANY = "it may be sent anywhere"
+    CALL_OFF = "it may be sent elsewhere if its way home may be called off"
+    NOT_YET = "the mission has not begun in the air yet"
+    NOT_OURS = "the pilot or a failsafe has the vehicle"
+    OVER = "the flight is over"
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """All that is true of one state.
+
+    Attributes:
+        handler: Class of what is flown in it; the controller has one instance of each.
+        on: Which state follows a signal. One that is not here changes nothing.
+        requests: What may be asked of the vehicle.
+        timer: The field of the mission's `timers` that says how long it lasts; None: no limit.
+        timer_from: When that begins.
+        keeps_target: The robot that was sought is remembered.
+        explores: It flies the waypoints in order.
+        cruises: It flies at the mission's altitude, so deviations from that are looked for.
+        puts_off: Points that came by gossip wait for the state's end instead of being refused.
+        ours: We command the vehicle.
+    """
+
+    handler: type[Any] = object
+    on: Mapping[Signal, State] = field(default_factory=dict)
+    requests: Requests = Requests.ANY
+    timer: str | None = None
+    timer_from: From = From.ENTRY
+    keeps_target: bool = False
+    explores: bool = False
+    cruises: bool = False
+    puts_off: bool = False
+    ours: bool = True

@@ -1,0 +1,197 @@
+"""The table of states: the controller driven through it, and drawn as the docs have it."""
+
+from pathlib import Path
+
+import pytest
+
+from air_router.controller.controller import STATES, next_state
+from air_router.controller.model.actions import CommandAck, Refusal, StateChanged
+from air_router.controller.model.requests import ExploreNow, GoTo, HoldNow, SeekNow
+from air_router.controller.model.states import From, Requests, Signal, State
+from geo.frame import Point
+
+PAPER = {
+    (State.INIT, Signal.TIMER): State.SEARCH,
+    (State.SEARCH, Signal.FOUND): State.COMM,
+    (State.SEARCH, Signal.TIMER): State.EXPL,
+    (State.COMM, Signal.SYNCED): State.EXPL,
+    (State.COMM, Signal.TIMER): State.EXPL,
+    (State.EXPL, Signal.TIMER): State.SEARCH,
+}
+TRANSITIONS = {(s, signal): t for s, spec in STATES.items() for signal, t in spec.on.items()}
+WAYS = {
+    State.READY: (),
+    State.INIT: (),
+    State.SEARCH: (Signal.TIMER,),
+    State.COMM: (Signal.TIMER, Signal.FOUND),
+    State.EXPL: (Signal.EXPLORE,),
+    State.GOTO: (Signal.GOTO,),
+    State.HOLD: (Signal.HOLD,),
+    State.HOME: (Signal.COME_HOME,),
+    State.LAND: (Signal.COME_HOME, Signal.ARRIVED),
+    State.PASSIVE: (Signal.TAKEN_OVER,),
+    State.DONE: (Signal.GROUNDED,),
+}
+REQUESTS = {
+    HoldNow(): State.HOLD,
+    SeekNow("europa"): State.SEARCH,
+    ExploreNow(): State.EXPL,
+    GoTo((Point(-60.0, 0.0),)): State.GOTO,
+}
+
+
+def in_state(pretend, state):
+    """A flight whose controller was led there, signal by signal."""
+    flight = pretend()
+    if state is State.READY:
+        flight.step()
+    else:
+        flight.take_off()
+    for signal in WAYS[state]:
+        signalled(flight, signal)
+    assert flight.controller.state is state
+    return flight
+
+
+def signalled(flight, signal):
+    """What a signal makes of a controller in a state of its own, without an event around it."""
+    context = flight.controller._context
+    context.begin(flight.now_s)
+    context.signal(signal)
+    return context.actions
+
+
+@pytest.mark.parametrize("signal", Signal)
+@pytest.mark.parametrize("state", State)
+def test_the_controller_enters_what_the_table_says_and_nothing_else(pretend, state, signal):
+    flight = in_state(pretend, state)
+    controller, told = flight.controller, (flight.controller.robot, flight.controller.time_left_s)
+    entered = [a for a in signalled(flight, signal) if isinstance(a, StateChanged)]
+    if signal not in STATES[state].on:
+        assert entered == []
+        assert controller.state is state
+        assert (controller.robot, controller.time_left_s) == told
+        return
+    target = STATES[state].on[signal]
+    assert (entered[0].source, entered[0].signal, entered[0].target) == (state, signal, target)
+    spec = STATES[controller.state]
+    if spec.timer is not None:
+        limit_s = getattr(flight.mission.timers, spec.timer)
+        waits = spec.timer_from is From.ARRIVAL
+        assert controller.time_left_s == (None if waits else limit_s)
+    if not spec.keeps_target:
+        assert controller.robot is None
+
+
+@pytest.mark.parametrize("state", State)
+@pytest.mark.parametrize("request_", REQUESTS, ids=lambda request: type(request).__name__)
+def test_what_may_be_asked_in_a_state(pretend, state, request_):
+    flight = in_state(pretend, state)
+    if state in {State.HOME, State.LAND}:
+        flight.controller.return_state.why = "2 s of mission are over"  # not to be called off
+    acts = flight.controller.handle(request_, flight.now_s)
+    ack = next(action for action in acts if isinstance(action, CommandAck))
+    refused = {
+        Requests.ANY: None,
+        Requests.CALL_OFF: Refusal.COMING_HOME,
+        Requests.NOT_YET: Refusal.NOT_FLYING,
+        Requests.NOT_OURS: Refusal.NOT_OURS,
+        Requests.OVER: Refusal.FLIGHT_OVER,
+    }[STATES[state].requests]
+    assert ack.code is refused
+    explores = state in {State.INIT, State.EXPL} and isinstance(request_, ExploreNow)
+    stays = refused is not None or explores
+    assert flight.controller.state is (state if stays else REQUESTS[request_])
+
+
+def test_the_paper_s_transitions():
+    assert TRANSITIONS.items() >= PAPER.items()
+
+
+def test_every_state_is_reachable_and_only_done_is_final():
+    reached = {State.READY}
+    while fresh := {t for (s, _), t in TRANSITIONS.items() if s in reached} - reached:
+        reached |= fresh
+    assert reached == set(State)
+    assert [state for state in State if not STATES[state].on] == [State.DONE]
+
+
+def test_in_the_air_the_pilot_can_always_take_over_and_the_mission_always_be_ended():
+    for state, spec in STATES.items():
+        if spec.ours:
+            assert spec.on[Signal.TAKEN_OVER] is State.PASSIVE
+            assert spec.on[Signal.GROUNDED] is State.DONE
+            bound_home = spec.requests is Requests.CALL_OFF
+            assert bound_home or spec.on[Signal.COME_HOME] is State.HOME, state
+
+
+def test_a_vehicle_that_only_searches_never_explores_unless_it_is_asked_to():
+    left_out = {Signal.NO_TARGET, Signal.EXPLORE}  # it has nothing to explore, and says so
+    reached = {State.READY}
+    while (
+        fresh := {
+            next_state(state, signal, explores=False)
+            for state, signal in TRANSITIONS
+            if state in reached and signal not in left_out
+        }
+        - reached
+    ):
+        reached |= fresh
+    assert reached == set(State) - {State.INIT, State.EXPL}
+
+
+# The diagrams of docs/state-machine.md.
+
+ASKED_OR_ENDED = {
+    *(Signal.COME_HOME, Signal.TAKEN_OVER, Signal.GROUNDED),
+    *(Signal.HOLD, Signal.SEEK, Signal.EXPLORE, Signal.GOTO),
+}
+FROM_THE_AIR = {
+    (s, signal): t
+    for (s, signal), t in TRANSITIONS.items()
+    if signal in ASKED_OR_ENDED and STATES[s].cruises
+}
+"""Transitions that nearly all states in the air have: drawn once."""
+
+
+def arrows(table):
+    return [f"    {s.name} --> {t.name}: {signal.value}" for (s, signal), t in table.items()]
+
+
+def diagram():
+    own = {key: t for key, t in TRANSITIONS.items() if key not in FROM_THE_AIR}
+    common = dict.fromkeys((signal, t) for (_, signal), t in FROM_THE_AIR.items())
+    return [
+        "stateDiagram-v2",
+        '    state "any state in the air" as AIR',
+        "    [*] --> READY",
+        *arrows(own),
+        *(f"    AIR --> {t.name}: {signal.value}" for signal, t in common),
+        "    DONE --> [*]",
+    ]
+
+
+def from_the_air():
+    sources = {}
+    for (source, signal), target in FROM_THE_AIR.items():
+        sources.setdefault((signal, target), []).append(source.name)
+    return ["| when | in | leads to |", "|---|---|---|"] + [
+        f"| {signal.value} | {', '.join(names)} | {target.name} |"
+        for (signal, target), names in sources.items()
+    ]
+
+
+def searcher_diagram():
+    others = {
+        (s, signal): State.SEARCH
+        for (s, signal), t in TRANSITIONS.items()
+        if next_state(s, signal, explores=False) is not t
+        and signal not in {Signal.NO_TARGET, Signal.EXPLORE}
+    }
+    return ["stateDiagram-v2", *arrows(others)]
+
+
+@pytest.mark.parametrize("drawn", [diagram, from_the_air, searcher_diagram])
+def test_the_diagrams_in_the_docs_are_those_drawn_from_the_table(drawn):
+    page = Path(__file__).parents[3] / "docs" / "state-machine.md"
+    assert "\n".join(drawn()) in page.read_text(encoding="utf-8")
