@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from mocha_link.node.actions import Action
     from mocha_link.team.team import Team
 
+EXPLORE = os.environ.get("HYPOTHESIS_PROFILE") == "explore"  # take the time that it takes
 HEAD_BYTES = ID_BYTES + CODE_BYTES
 CODES = (GHEAD, GDATA, DENDT, SYNC1, SYNCF, SYNCC, b"SYNC2", b"SERRM", b"\xff\xfe\x80\0\x01")
 NUMBERS = (0, 1, 2, 127, 128, 255, 65_535, 65_536, 2**31 - 1, 2**31, 2**32 - 1, 2**47, 2**64 - 1)
@@ -71,7 +73,7 @@ def record(team: Team, asker: str, asked: str, now_s: float, seed: int = 0) -> R
             recorder = Recorder(changed, now_s)
             recorder.deaf = datagrams and not original
             nodes = [recorder.boot(name, datagrams=datagrams) for name in (asker, asked)]
-            for number in range(14):
+            for number in range(8):
                 for node in nodes:
                     for topic in changed.topics_of(node.me.name):
                         for _ in range(rng.choice((0, 1, topic.history))):
@@ -79,9 +81,9 @@ def record(team: Team, asker: str, asked: str, now_s: float, seed: int = 0) -> R
                             node.publish(topic, data, recorder.now(node.me.name), at_once=True)
                 recorder.wait(rng.uniform(1, 100))
                 recorder.meet(asker, asked, cut=rng.choice((None, 4, 9, 30)))
-                if number % 5 == 4:
+                if number % 3 == 2:
                     nodes[0] = recorder.boot(asker, datagrams=datagrams)
-                if number == 7:
+                if number == 4:
                     nodes[1] = recorder.boot(asked, datagrams=datagrams)
             everything.requests += recorder.requests
             everything.replies += recorder.replies

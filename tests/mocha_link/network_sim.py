@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import itertools
 from dataclasses import dataclass, field
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from mocha_link.clock import Instant
@@ -12,12 +13,13 @@ from mocha_link.node.actions import Connect, Disconnect, Reply, ReplyDatagram, S
 from mocha_link.node.gossip import Gossip
 from mocha_link.store import payload
 from mocha_link.store.record import Header, as_ms
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from mocha_link.node.actions import Action
-    from mocha_link.team.team import Team
 
 T = 1_795_175_900.0
 NAMES = ("callisto", "io", "titan")
@@ -27,6 +29,19 @@ LIMIT_S = 120.0
 BUSY = 20
 
 Path = Literal["zmq", "udp"]
+
+
+def pair_of(topics: int) -> Team:
+    """io and titan, with so many topics each, `/t0` and so on."""
+    listed = ", ".join(f"{{name: /t{topic}, type: a/B}}" for topic in range(topics))
+    text = f"""\
+robots:
+  io: {{kind: rover, address: a, base_port: 10, clients: [titan]}}
+  titan: {{kind: rover, address: b, base_port: 10, clients: [io]}}
+kinds:
+  rover: {{topics: [{listed}]}}
+"""
+    return Team.from_document(Document.from_text(text, FilePath("team.yaml")))
 
 
 class Carried(NamedTuple):

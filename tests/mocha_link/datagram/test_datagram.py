@@ -179,25 +179,20 @@ def contacts(mbit, rtt_s, contact_s, *, count=4, **faults):
 
 
 @pytest.mark.parametrize(
-    ("mbit", "rtt_s", "contact_s", "first", "others"),
+    ("mbit", "rtt_s", "contact_s", "queue_packets", "first", "others"),
     [
-        (0.25, 0.005, 1, 0.93, 0.93),
-        (0.25, 0.05, 3, 0.94, 0.94),
-        (0.25, 0.3, 1, 0.6, 0.9),
-        (1, 0.005, 3, 0.94, 0.95),
-        (1, 0.05, 1, 0.93, 0.94),
-        (1, 0.05, 10, 0.95, 0.95),
-        (1, 0.3, 1, 0.5, 0.93),
-        (1, 0.3, 3, 0.8, 0.93),
-        (10, 0.005, 1, 0.9, 0.92),
-        (10, 0.05, 1, 0.85, 0.9),
-        (10, 0.05, 3, 0.9, 0.92),
-        (10, 0.3, 3, 0.6, 0.9),
+        (0.25, 0.005, 1, 20, 0.93, 0.93),
+        (0.25, 0.3, 1, 160, 0.6, 0.9),
+        (1, 0.05, 1, 160, 0.93, 0.94),
+        (1, 0.05, 10, 20, 0.95, 0.95),
+        (1, 0.3, 1, 20, 0.5, 0.93),
+        (10, 0.005, 1, 160, 0.9, 0.92),
+        (10, 0.05, 1, 20, 0.85, 0.9),
+        (10, 0.3, 3, 160, 0.6, 0.9),
     ],
 )
-@pytest.mark.parametrize("queue_packets", [20, 160])
 def test_a_contact_is_used(  # noqa: PLR0913, PLR0917 - the columns of the table above
-    mbit, rtt_s, contact_s, first, others, queue_packets
+    mbit, rtt_s, contact_s, queue_packets, first, others
 ):
     shares = contacts(mbit, rtt_s, contact_s, count=3, queue_bytes=queue_packets * 1220)
     assert shares[0] >= first
@@ -211,17 +206,14 @@ def test_short_contacts_over_a_long_way_become_better():
     assert shares[-1] > 0.8
 
 
-@pytest.mark.parametrize(
-    ("loss", "share"), [(0.01, 0.93), (0.05, 0.86), (0.1, 0.79), (0.2, 0.65), (0.3, 0.5)]
-)
+@pytest.mark.parametrize(("loss", "share"), [(0.01, 0.93), (0.1, 0.79), (0.3, 0.5)])
 def test_losses_cost_little_more_than_what_is_lost(loss, share):
     shares = [s for seed in range(3) for s in contacts(1, 0.05, 10, count=2, loss=loss, seed=seed)]
     assert sum(shares) / len(shares) >= share
 
 
-@pytest.mark.parametrize(("loss", "share"), [(0.05, 0.86), (0.2, 0.62)])
-def test_losses_on_a_fast_link(loss, share):
-    assert contacts(10, 0.05, 4, count=2, loss=loss)[1] >= share
+def test_losses_on_a_fast_link():
+    assert contacts(10, 0.05, 4, count=2, loss=0.2)[1] >= 0.62
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.05, 0.2, 0.5])
@@ -312,10 +304,14 @@ def test_a_poke_of_a_link_that_works_is_one_small_packet():
 
 
 @pytest.mark.parametrize(
-    ("mbit", "rtt_s", "queue_bytes"),
-    [(1, 0.05, 24_400), (1, 0.05, 125_000), (10, 0.05, 24_400), (10, 0.005, 24_400)],
+    ("mbit", "rtt_s", "queue_bytes", "known"),
+    [
+        (1, 0.05, 24_400, True),
+        (1, 0.05, 125_000, False),
+        (1, 0.05, 125_000, True),
+        (10, 0.05, 24_400, False),
+    ],
 )
-@pytest.mark.parametrize("known", [False, True])
 def test_two_flows_share_a_link(mbit, rtt_s, queue_bytes, known):
     world, there, back = link(mbit * MBIT, rtt_s, queue_bytes=queue_bytes)
     memory = {"rate_bytes_s": mbit * MBIT, "rtt_s": rtt_s} if known else {}

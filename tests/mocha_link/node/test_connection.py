@@ -399,6 +399,28 @@ def test_what_a_peer_does_not_read_waits(line, peer):
     assert got[HELLO_BYTES + 11 :] == body
 
 
+PINGS = b"\4\x07\4PING\0\0" * 20_000
+
+
+def test_answers_that_a_peer_does_not_read_do_not_fill_the_memory(line, peer):
+    """It asks for heartbeats as fast as it can, and never reads one."""
+    line.turn(100.0)
+    connection = peer.accept()
+    connection.sendall(GREETING + READY)
+    connection.setblocking(False)
+    unsent = memoryview(PINGS * 400)  # 72 MB
+
+    def done() -> bool:
+        nonlocal unsent
+        with contextlib.suppress(BlockingIOError, ConnectionResetError):
+            unsent = unsent[connection.send(unsent[: 1 << 20]) :]
+        assert len(line._out) < 16_000_000
+        return line.failure is not None
+
+    turn_until(line, done, 100.0)
+    assert line.failure == "the peer does not read the answers that it asks for"
+
+
 def test_closing_is_at_once_and_closes(peer):
     line = TcpConnection(HOST, peer.port)
     line.send(b"one")

@@ -17,6 +17,7 @@ from mocha_link.links.metrics import (
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.node.actions import Connect, Disconnect, Send
 from mocha_link.team.team import UnknownRobotError
+from tests.mocha_link.fuzz import EXPLORE
 from tests.mocha_link.network_sim import NAMES, NetworkSim, T
 
 WAYS = ("zmq", "udp", "both", "original", "mixed")
@@ -192,7 +193,10 @@ STEPS = st.lists(
 
 
 @pytest.mark.parametrize("way", WAYS)
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # the team never changes
+@settings(
+    max_examples=1000 if EXPLORE else 8,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],  # the team never changes
+)
 @given(steps=STEPS)
 def test_whatever_is_cut_everything_arrives_in_the_end(team, way, steps):
     net = make(team, way)

@@ -7,16 +7,13 @@ import shutil
 import sqlite3
 import threading
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 
 import pytest
 
 from mocha_link.links.metrics import Direction, MessageStored, StorageFailed, SyncEnded
-from mocha_link.node import node as node_module
 from mocha_link.node.node import Node
 from mocha_link.radios import ManualRadio
-from mocha_link.store import storage_file
 from mocha_link.store.database import Database
 from mocha_link.store.storage import Storage
 from mocha_link.team.document import Document
@@ -227,51 +224,6 @@ def test_a_file_that_cannot_be_used_is_told_and_done_without(field, file, spoil)
         assert pull(io, io_saw, "titan").messages == 1
     if content is not None:
         assert path.read_bytes() == content  # what is there is left as it is
-
-
-class Disk:
-    """A disk that can be full, or slow."""
-
-    def __init__(self) -> None:
-        self.full = False
-        self.free = threading.Event()
-        self.free.set()
-
-    def connect(self, path: Path) -> sqlite3.Connection:
-        disk = self
-
-        class Connection(sqlite3.Connection):
-            def commit(self) -> None:
-                disk.free.wait(60)
-                if disk.full:
-                    raise sqlite3.OperationalError("database or disk is full")
-                super().commit()
-
-            def execute(self, sql: str, *args: object) -> sqlite3.Cursor:
-                if sql.lstrip().upper().startswith("COMMIT"):
-                    disk.free.wait(60)
-                if disk.full and sql.lstrip().upper().startswith(("INSERT", "COMMIT", "REPLACE")):
-                    raise sqlite3.OperationalError("database or disk is full")
-                return super().execute(sql, *args)
-
-            def executemany(self, sql: str, *args: object) -> sqlite3.Cursor:
-                if disk.full:
-                    raise sqlite3.OperationalError("database or disk is full")
-                return super().executemany(sql, *args)
-
-        real = storage_file.connect(path)
-        real.close()
-        return sqlite3.connect(
-            path, factory=Connection, check_same_thread=False, isolation_level=None
-        )
-
-
-@pytest.fixture
-def disk(monkeypatch) -> Disk:
-    disk = Disk()
-    quick = partial(Storage, connect=disk.connect, retry_s=0.01)
-    monkeypatch.setattr(node_module, "Storage", quick)
-    return disk
 
 
 def test_a_node_that_cannot_be_made_gives_up_its_file(field, file):

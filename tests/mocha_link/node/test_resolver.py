@@ -110,6 +110,25 @@ def test_what_is_not_known_says_why_and_is_asked_for_again(names, time_s):
     assert names.asked["titan.local"] == 2
 
 
+def test_an_address_that_was_good_stays_while_the_name_server_is_out_of_reach(names, time_s):
+    names.known["titan.local"] = "10.0.0.4"
+    resolver = Woken()
+    resolver.address("titan.local")
+    resolver.wait()
+    del names.known["titan.local"]
+    for _ in range(3):
+        time_s[0] += FRESH_S + 1
+        assert resolver.address("titan.local") == "10.0.0.4"
+        resolver.wait()
+        assert resolver.address("titan.local") == "10.0.0.4"
+        assert resolver.failure("titan.local") is None
+    names.known["titan.local"] = "10.0.0.5"
+    time_s[0] += RETRY_S + 1  # asked for again sooner than if all were well
+    resolver.address("titan.local")
+    resolver.wait()
+    assert resolver.address("titan.local") == "10.0.0.5"
+
+
 @pytest.mark.parametrize("host", ["", "a..b", "x" * 300, "\udcff", "ü" * 70, "1.2.3", "a\0b"])
 def test_names_that_cannot_be(host):
     """Whatever the name is, there is an answer, and the thread ends."""

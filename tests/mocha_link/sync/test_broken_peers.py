@@ -1,7 +1,7 @@
 """What a peer gets that breaks the rules: docs/protocol.md sums it up.
 
 Here the peer is a new node. What an original one gets: test_original.py; its bodies, one by one:
-test_payload.py; random and mutated frames: test_hostile.py.
+test_payload.py; what is refused of them: test_sync_receiver.py; mutated frames: test_hostile.py.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import pytest
 from mocha_link.store import payload
 from mocha_link.store.config_hash import config_hash_of
 from mocha_link.store.payload import STAMPS_MS
-from mocha_link.store.record import WRAP_MS
 from mocha_link.sync.frames import DONE, HELLO, WHOLE, chunks_parts, message_frame, message_id_of
 from mocha_link.sync.protocol import ID_BYTES
 from mocha_link.sync.sync_messages import Done, Hello
@@ -79,17 +78,10 @@ def done(frames: int = 1) -> bytes:
 
 
 GOOD = payload.pack(3, 3, b"good")
-BOMB = b"\3\3" + lz4.frame.compress(bytes(payload.MAX_BYTES + 1))
 SLY_BOMB = b"\3\3" + lz4.frame.compress(bytes(payload.MAX_BYTES + 1), store_size=False)
 BROKEN = {
-    "a bomb": (whole(IO, POSE, T_MS, BOMB), "unpacks to more than 67108864 bytes"),
     "a sly bomb": (whole(IO, POSE, T_MS, SLY_BOMB), "unpacks to more than 67108864 bytes"),
     "an unknown robot": (whole(77, POSE, T_MS, GOOD), "no such robot or topic"),
-    "an unknown topic": (whole(IO, 77, T_MS, GOOD), "no such robot or topic"),
-    "an empty payload": (whole(IO, POSE, T_MS, b"\3\3"), "holds no message"),
-    "no payload": (whole(IO, POSE, T_MS, b""), "a message of 0 bytes"),
-    "another type": (whole(IO, POSE, T_MS, b"\x09" + GOOD[1:]), "type id 9"),
-    "the time that stops original nodes": (whole(IO, POSE, WRAP_MS, GOOD), "impossible time"),
     "the last time of all": (
         whole(TITAN, MAP, STAMPS_MS - 1, payload.pack(0, 3, b"what comes after?")),
         "impossible time",

@@ -4,37 +4,22 @@ from __future__ import annotations
 
 import pytest
 
-from mocha_link.datagram.datagram import Flow
 from mocha_link.links.metrics import SyncEnded, SyncStarted
-from mocha_link.store.database import Database
 from mocha_link.sync.frames import END, message_frames
-from mocha_link.sync.server import Server
 from mocha_link.sync.sync_messages import Reception
 from tests.mocha_link.sync.test_server import (
     OTHER,
     PLENTY,
     ROUTE,
-    TOPICS,
     Asker,
-    PeerState,
     all_of,
     at,
+    database,
     reception,
-    record,
+    server,
 )
 
-
-@pytest.fixture
-def database() -> Database:
-    database = Database()
-    for topic_id in range(TOPICS):
-        database.insert(record(topic_id), at(0).unix_s)
-    return database
-
-
-@pytest.fixture
-def server(database) -> Server:
-    return Server("io", database, PeerState(5))
+__all__ = ["database", "server"]  # fixtures
 
 
 def test_a_peer_that_is_gone_after_its_end_is_not_called_for_ever(server):
@@ -63,9 +48,7 @@ def test_an_older_pull_that_was_replaced_does_not_come_back(server, database):
     new.open(route=OTHER)
     server.take()
     assert old.ask(b"SYNC1" + PLENTY + old.opening) is None
-    old.outbox.append(old.opening)
-    old.flow = Flow(old.id, lambda _: old.outbox.pop(0) if old.outbox else None)
-    (packet,) = old.flow.transmit(at(0).steady_s)
+    (packet,) = old.openings(at(0))
     assert not server.packet(packet, at(0))
     assert server.take() == []
     new.read()
@@ -89,9 +72,7 @@ def test_only_an_opening_begins_a_sync(server, by_datagram):
     io = Asker(server)
     (io.opening,) = message_frames(END, 0, b"", 1100)
     if by_datagram:
-        io.outbox.append(io.opening)
-        io.flow = Flow(io.id, lambda _: io.outbox.pop(0) if io.outbox else None)
-        (packet,) = io.flow.transmit(at(0).steady_s)
+        (packet,) = io.openings(at(0))
         assert not server.packet(packet, at(0))
     else:
         assert reception(io.open()) is Reception.UNREADABLE

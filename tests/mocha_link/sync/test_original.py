@@ -170,9 +170,8 @@ def test_an_original_node_never_gets_an_error_for_what_it_was_offered(field, old
     assert lists(io, titan) == [newest]
 
 
-@pytest.mark.parametrize("length", [1, 5, 7, 6 * 100 + 3])
-def test_a_list_that_is_no_list(mixed, old, length):
-    io = old("io", override=lambda code, _: bytes(length) if code == b"GHEAD" else None)
+def test_a_list_that_is_no_list(mixed, old):
+    io = old("io", override=lambda code, _: bytes(7) if code == b"GHEAD" else None)
     titan, _, saw = mixed.node("titan")
     io.publish("/pose", SMALL)
     titan.sync("io")
@@ -183,7 +182,7 @@ def test_a_list_that_is_no_list(mixed, old, length):
     assert titan.links()["io"].refused == 1
 
 
-@pytest.mark.parametrize("body", [b"", b"\0", b"\0\0", b"\3\3", b"\3\3no LZ4", b"Ack", JUNK, b"R"])
+@pytest.mark.parametrize("body", [b"", b"\3\3no LZ4", JUNK])
 def test_a_body_that_is_none(mixed, old, body):
     """Empty data stop the original's channel; for us the message is not there."""
     io = old("io")
@@ -249,18 +248,18 @@ def test_an_original_node_whose_database_is_locked(mixed, old):
     io.put(bytes([1, 0, 0, 0, 0, 0]), body_of(mixed, "io", "/pose", SMALL))
     io.header_list()
     assert io.stopped
-    titan, _, saw = mixed.node("titan", timeout_s=2)
+    titan, _, saw = mixed.node("titan", timeout_s=1)
     callisto.publish("/pose", SMALL)
     titan.sync("io")
     assert pull(titan, saw, "callisto").messages == 1
     saw.wait(SyncTimedOut, peer="io", direction=IN)
 
 
-@pytest.mark.parametrize("mute", [b"GHEAD", b"GDATA", b"DENDT"])
+@pytest.mark.parametrize("mute", [b"GDATA", b"DENDT"])
 def test_a_peer_that_falls_silent(field, old, mute):
     field.team = field.team.with_robots({"io": {"original": True}})
     callisto = old("callisto")
-    titan, _, saw = field.node("titan", timeout_s=2)
+    titan, _, saw = field.node("titan", timeout_s=1)
     callisto.publish("/pose", SMALL)
     sent = SMALL
     with Original(
@@ -385,7 +384,7 @@ def test_thousands_of_messages_in_one_topic(field, old):
     titan, _, saw = field.node("titan")
     start_s = field.clock.now_s() - 100
     body = body_of(field, "io", "/pose", SMALL)
-    for number in range(36_000):
+    for number in range(9_000):
         io.put(original.header(1, 0, start_s + number / 1000), body)
     assert pull(titan, saw, "io").messages == 1
     for _ in range(2000):
@@ -419,7 +418,7 @@ def test_nothing_that_we_ask_kills_an_original_node(mixed, old):
     """Its thread dies of a code that is not UTF-8 and of a second part; it has neither from us."""
     io = old("io")
     titan, _, saw = mixed.node("titan")
-    for number in range(30):
+    for number in range(10):
         titan.publish("/map", b"%d" % number)
         mixed.clock.time_s += 1
         io.publish("/pose", random.Random(number).randbytes(200))

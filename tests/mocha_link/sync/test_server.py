@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import struct
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -26,23 +25,11 @@ from mocha_link.sync.server import Server
 from mocha_link.sync.sync_messages import Have, Hello, Open, Reception
 from mocha_link.sync.sync_receiver import SyncReceiver
 from mocha_link.sync.sync_sender import MIN_ROOM
-from mocha_link.team.document import Document
-from mocha_link.team.team import Team
+from tests.mocha_link.network_sim import pair_of
 
 NOW_S = 1_795_175_900.0
 TOPICS = 100
-TEAM = Team.from_document(
-    Document.from_text(
-        "robots:\n"
-        "  io: {kind: rover, address: a, base_port: 10, clients: [titan]}\n"
-        "  titan: {kind: rover, address: b, base_port: 10, clients: [io]}\n"
-        "kinds:\n"
-        "  rover:\n"
-        "    topics:\n"
-        + "".join(f"      - {{name: /t{topic}, type: a/B}}\n" for topic in range(TOPICS)),
-        Path("team.yaml"),
-    )
-)
+TEAM = pair_of(TOPICS)
 ROUTE, OTHER = (b"\0\0\0\1", b""), (b"\0\0\0\2", b"")
 PLENTY = GRANT.pack(1 << 40, 65_536)
 OUT = Direction.OUT
@@ -123,6 +110,12 @@ class Asker:
         )
         self.flow.on_contact(now.steady_s)
         self.pass_on(now)
+
+    def openings(self, now: Instant) -> list[bytes]:
+        """The datagrams that begin, which are for the test to pass on."""
+        self.outbox.append(self.opening)
+        self.flow = Flow(self.id, lambda _: self.outbox.pop(0) if self.outbox else None)
+        return self.flow.transmit(now.steady_s)
 
     def pass_on(self, now: Instant) -> None:
         for packet in self.flow.transmit(now.steady_s):
@@ -546,11 +539,7 @@ def test_an_opening_that_comes_late_is_no_new_sync(server, io, database):
     io.read()
     assert io.got == all_of(database)
     server.take()
-    late = Asker(server)
-    late.outbox.append(late.opening)
-    late.flow = Flow(b"ididid", lambda _: late.outbox.pop(0) if late.outbox else None)
-    late.flow.on_contact(1000.0)
-    for packet in late.flow.transmit(at(1).steady_s):
+    for packet in Asker(server).openings(at(1)):
         server.packet(packet, at(1))
     assert server.take() == []
     assert server.transmit(at(1)) == []
@@ -601,7 +590,8 @@ def test_whatever_a_peer_says_the_next_pull_succeeds(steps, rng):
         elif what == "packet":
             server.packet(b"\x51ididid" + rest, now)
         elif what == "open":
-            server.packet(opened(asker.opening, rng), now)
+            caster = Asker(server, rng.choice((b"ididid", b"casted")))
+            server.packet(caster.openings(at(0))[0], now)
         elif what == "supply":
             server.supply()
             server.transmit(now)
@@ -620,24 +610,13 @@ def test_whatever_a_peer_says_the_next_pull_succeeds(steps, rng):
     assert ended <= started + 1  # one that was given up may still end
 
 
-def opened(opening: bytes, rng: random.Random) -> bytes:
-    """A datagram that opens a sync."""
-    outbox = [opening]
-    flow = Flow(rng.choice((b"ididid", b"casted")), lambda _: outbox.pop() if outbox else None)
-    flow.on_contact(1000.0)
-    return flow.transmit(1000.0)[0]
-
-
 def test_acknowledgements_cannot_be_guessed():
     """Who opens in the peer's name gets the first flight sent there, and a few probes, no more."""
     database = Database()
     for topic in range(TOPICS):
         database.insert(record(topic, 20_000), NOW_S)
     server = Server("io", database, PeerState(9))
-    asker = Asker(server, b"forged")
-    asker.outbox.append(asker.opening)
-    opener = Flow(asker.id, lambda _: asker.outbox.pop(0) if asker.outbox else None)
-    (opening,) = opener.transmit(at(0).steady_s)
+    (opening,) = Asker(server, b"forged").openings(at(0))
     server.packet(opening, at(0))
     sent = 0
     for step in range(600):
@@ -652,10 +631,7 @@ def test_datagrams_without_an_answer_open_nothing_for_a_while():
     server = Server("io", Database(), PeerState(9))
     taken = []
     for number in range(5):
-        asker = Asker(server, b"open %d" % number)
-        asker.outbox.append(asker.opening)
-        opener = Flow(asker.id, lambda _, box=asker.outbox: box.pop(0) if box else None)
-        (opening,) = opener.transmit(at(number).steady_s)
+        (opening,) = Asker(server, b"open %d" % number).openings(at(number))
         taken.append(server.packet(opening, at(number)))
     assert taken == [True, True, True, True, False]
 
@@ -664,12 +640,7 @@ def test_an_old_opening_does_not_end_a_sync_that_goes_well():
     database = Database()
     database.insert(record(0, 20_000), NOW_S)
     server = Server("io", database, PeerState(9))
-    packets = []
-    for token in (b"first.", b"second"):
-        asker = Asker(server, token)
-        asker.outbox.append(asker.opening)
-        opener = Flow(asker.id, lambda _, box=asker.outbox: box.pop(0) if box else None)
-        packets += opener.transmit(at(0).steady_s)
-    assert server.packet(packets[0], at(0))
-    assert not server.packet(packets[1], at(0.3))
-    assert server.packet(packets[1], at(0.9))
+    first, second = (Asker(server, token).openings(at(0))[0] for token in (b"first.", b"second"))
+    assert server.packet(first, at(0))
+    assert not server.packet(second, at(0.3))
+    assert server.packet(second, at(0.9))
