@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import math
+import sys
+from collections.abc import Callable
 from datetime import UTC, datetime
 
 from geo.frame import Geodetic
@@ -23,6 +26,32 @@ def add_uav(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--uav", metavar="NAME", help="whose mission, if it is for several UAVs (`uavs`)"
     )
+
+
+def number(what: str, lowest: float, highest: float) -> Callable[[str], float]:
+    """The type of an argument that is a number from `lowest` to `highest`.
+
+    Args:
+        what: What the text is not, if it is none: "a speed between 0.1 and 100".
+        lowest: The least; `MORE_THAN_0` where 0 is too little.
+        highest: The largest; `ANY_FINITE` where none is too large.
+    """
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not lowest <= value <= highest:
+            raise argparse.ArgumentTypeError(f"{text} is not {what}")
+        return value
+
+    return read
+
+
+MORE_THAN_0, ANY_FINITE = sys.float_info.min, sys.float_info.max
+speed_factor = number("a speed between 0.1 and 100", 0.1, 100.0)
+"""Of a simulation or a recorded flight, times real time."""
 
 
 def place(text: str) -> Geodetic:

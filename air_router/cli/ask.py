@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import math
 import sys
 
+from air_router.cli.arguments import MORE_THAN_0, number
+from air_router.cli.command_line import print_json
 from air_router.control.command_request import MODELS, spoken
 from air_router.control.control import ControlClient
 from air_router.control.control_server import endpoint_of
@@ -48,7 +49,11 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     parser.add_argument("--by", metavar="WHO", help="who asks, for the flight's record")
     parser.add_argument(
-        "--timeout", type=_seconds, default=5.0, metavar="S", help="for an answer (default 5 s)"
+        "--timeout",
+        type=number("a number of seconds", MORE_THAN_0, 3600.0),
+        default=5.0,
+        metavar="S",
+        help="for an answer (default 5 s)",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.set_defaults(run=run)
@@ -73,8 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             answer = client.request(values)
     if arguments.json:
-        json.dump(answer, sys.stdout)
-        sys.stdout.write("\n")
+        print_json(answer)
     elif "accepted" not in answer:
         for key, value in answer.items():
             if key not in {"ok", "id"}:
@@ -90,13 +94,3 @@ def _tell(answer: dict[str, object]) -> None:
     points = answer.get("points")
     for point in points if isinstance(points, list) else ():
         sys.stdout.write(f"  {','.join(map(str, point))}\n")
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 < value <= 3600:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of seconds")
-    return value

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
-from typing import Any
 
 from air_router.cli.arguments import add_start, add_uav
+from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode, MissionFileError
 from air_router.files.mission_document import MissionDocument
 from air_router.mission.loading import choose, judge, read_draft
@@ -67,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise refusal
     findings = Survey(WaypointGraph(mission))
     if arguments.json:
-        _print_json(facts_of(findings))
+        print_json(facts_of(findings))
     else:
         sys.stdout.write("\n".join(summary(findings)) + "\n")
     if arguments.png is not None:
@@ -97,15 +96,10 @@ def _print_problems(
     problems: tuple[Problem, ...], notes: tuple[Problem, ...] | list[Problem], *, as_json: bool
 ) -> None:
     if as_json:
-        _print_json(
+        print_json(
             {
                 "valid": False,
                 "problems": [problem.as_json() for problem in problems],
                 "notes": [note.as_json() for note in notes],
             }
         )
-
-
-def _print_json(answer: dict[str, Any]) -> None:
-    json.dump(answer, sys.stdout)
-    sys.stdout.write("\n")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 import re
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from air_router.errors import EXPECTED, ExitCode, exit_code, told
 from mocha_link.cli.command_help import (
@@ -83,6 +85,13 @@ class Program:
         except KeyboardInterrupt:
             print("interrupted", file=sys.stderr)
             return ExitCode.INTERRUPTED
+
+
+def print_json(facts: Any) -> None:
+    """What `--json` prints: one object on a line of its own, at once."""
+    json.dump(facts, sys.stdout)
+    sys.stdout.write("\n")
+    sys.stdout.flush()
 
 
 def _adjust(command: argparse.ArgumentParser) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from air_router.cli.arguments import place
+from air_router.cli.command_line import print_json
 from air_router.counted import counted
 from air_router.errors import ExitCode, MissionFileError, UsageError
 from air_router.files.conversion_warnings import ConversionWarnings
@@ -154,8 +154,7 @@ class _Report:
 
     def tell(self, *, as_json: bool) -> None:
         if as_json:
-            json.dump(self._facts(), sys.stdout)
-            sys.stdout.write("\n")
+            print_json(self._facts())
             return
         for note in self.notes:
             sys.stderr.write(f"note: {note}\n")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
-import math
 import sys
 from pathlib import Path
 from typing import Final
 
-from air_router.cli.arguments import place
+from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, place
+from air_router.cli.command_line import print_json
 from air_router.coverage.camera import CAMERAS, Camera, camera_of
 from air_router.coverage.cover_area import Terms, read_field
 from air_router.coverage.cover_facts import facts_of, lines_of, place_of
@@ -20,6 +19,7 @@ from geo.coverage.coverage import CoverageError, Swath, cover
 
 _OVERLAP, _SIDELAP = 70.0, 60.0
 _ACCELERATION_M_S2: Final = 2.0
+_positive = number("more than 0", MORE_THAN_0, ANY_FINITE)
 
 _EPILOG = f"""\
 AREA is a mission (.yaml, .plan: its own fence is covered) or one or more polygons (.geojson, .kml,
@@ -85,7 +85,12 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--zones", type=Path, action="append", default=[], metavar="F", help="without a mission"
     )
-    parser.add_argument("--clearance", type=_distance, metavar="M", help="without a mission")
+    parser.add_argument(
+        "--clearance",
+        type=number("within 0 to 1000 m", 0.0, 1000.0),
+        metavar="M",
+        help="without a mission",
+    )
     parser.add_argument("--inside", action="store_true", help="never fly beyond the area")
     parser.add_argument("--speed", type=_positive, metavar="M_S", help="cruise speed")
     parser.add_argument(
@@ -129,8 +134,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         places = [place_of(field, point) for point in waypoints]
         track = [place_of(field, point) for point in plan.track]
-        json.dump(facts | {"waypoints": places, "track": track}, sys.stdout)
-        sys.stdout.write("\n")
+        print_json(facts | {"waypoints": places, "track": track})
     elif arguments.out is not None:
         sys.stdout.write("\n".join(lines) + "\n")
     else:
@@ -161,39 +165,11 @@ def _swath(camera: Camera, height_m: float, sidelap_percent: float) -> Swath:
 
 
 def _percent(text: str) -> float:
-    value = _number(text)
+    value = number("within 0 to 95 percent", 0.0, 95.0)(text)
     if 0 < value < 1:
         raise argparse.ArgumentTypeError(f"{text}: write percent, {100 * value:g}")
-    if not 0 <= value <= 95:
-        raise argparse.ArgumentTypeError(f"{text} is not within 0 to 95 percent")
-    return value
-
-
-def _positive(text: str) -> float:
-    value = _number(text)
-    if not 0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is not more than 0")
-    return value
-
-
-def _distance(text: str) -> float:
-    value = _number(text)
-    if not 0 <= value <= 1000:
-        raise argparse.ArgumentTypeError(f"{text} is not within 0 to 1000 m")
     return value
 
 
 def _angle(text: str) -> float | None:
-    if text == "auto":
-        return None
-    value = _number(text)
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is not an angle")
-    return value % 180.0
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is not a number") from None
+    return None if text == "auto" else number("an angle", -ANY_FINITE, ANY_FINITE)(text) % 180.0

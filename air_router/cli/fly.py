@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import dataclasses
-import json
-import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,7 +12,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.cli.arguments import add_uav, moment
+from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, add_uav, moment, number
+from air_router.cli.command_line import print_json
 from air_router.control.control import CONTROL_NAME
 from air_router.control.control_server import endpoint_of
 from air_router.errors import RefusedError, UsageError
@@ -258,7 +257,7 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     parser.add_argument(
         "--duration",
-        type=_positive,
+        type=number("a positive number of seconds", MORE_THAN_0, ANY_FINITE),
         metavar="S",
         help="come home after so many seconds in the air, on the vehicle's clock",
     )
@@ -342,9 +341,7 @@ def finish(mission: Mission, result: FlightResult, arguments: argparse.Namespace
     if part and arguments.png is None and arguments.log_dir is None:
         picture = None
     if arguments.json:
-        json.dump(result.report, sys.stdout)
-        sys.stdout.write("\n")
-        sys.stdout.flush()
+        print_json(result.report)
     write_report(mission, result, picture, with_table=not part)
     return result.exit_code
 
@@ -358,16 +355,6 @@ def _confirmed(mission: Mission, ask: Callable[[], str] = input) -> bool:
         return ask().strip().lower() == "fly"
     except EOFError:
         return False
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number of seconds")
-    return value
 
 
 def _system_id(text: str) -> int:

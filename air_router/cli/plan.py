@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
-from air_router.cli.arguments import add_start, add_uav
+from air_router.cli.arguments import add_start, add_uav, place
+from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
@@ -65,8 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     for warning in route.warnings:
         sys.stderr.write(f"{warning}\n")
     if arguments.json:
-        json.dump(_facts(mission, arguments.start, arguments.end, route, start), sys.stdout)
-        sys.stdout.write("\n")
+        print_json(_facts(mission, arguments.start, arguments.end, route, start))
     else:
         sys.stdout.write("\n".join(_lines(mission, begin, route)) + "\n")
     if arguments.png is not None:
@@ -83,13 +82,10 @@ Stop = int | Geodetic
 
 def _stop(text: str) -> Stop:
     try:
-        if "," not in text:
-            return int(text)
-        latitude, longitude = map(float, text.split(","))
-    except ValueError:
+        return place(text) if "," in text else int(text)
+    except (ValueError, argparse.ArgumentTypeError):
         message = f"{text} is neither a waypoint's number nor LATITUDE,LONGITUDE"
         raise argparse.ArgumentTypeError(message) from None
-    return Geodetic(latitude, longitude)
 
 
 def _leg(stop: Stop, graph: WaypointGraph, option: str) -> Leg:

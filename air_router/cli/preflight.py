@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from air_router.cli.arguments import add_uav
+from air_router.cli.command_line import print_json
 from air_router.cli.fly import add_vehicle_arguments, load_flown, team_of
 from air_router.errors import ExitCode, NotConfirmedError, NoVehicleError, PlanRefusedError
 from air_router.mission.flight_plan import FlightPlan
@@ -74,8 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     card = asyncio.run(preflight(mission, options))
     if arguments.json:
-        json.dump(card.as_json(), sys.stdout)
-        sys.stdout.write("\n")
+        print_json(card.as_json())
     else:
         lines = card.lines(coloured=coloured(sys.stdout))
         sys.stdout.write("\n".join(lines) + "\n")

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 
+from air_router.cli.arguments import speed_factor
+from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode
 from air_router.live.page import add_web, show_record, web_of
 from air_router.record.log import Log
@@ -29,7 +30,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     add_web(parser)
     parser.add_argument(
-        "--speed", type=_speed, default=1.0, metavar="X", help="of --web: times real time"
+        "--speed", type=speed_factor, default=1.0, metavar="X", help="of --web: times real time"
     )
     parser.set_defaults(run=run)
 
@@ -44,8 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     result = replay(log)
     found = result.difference
     if arguments.json:
-        json.dump({**result.as_json(), "ending": log.ending}, sys.stdout)
-        sys.stdout.write("\n")
+        print_json({**result.as_json(), "ending": log.ending})
     else:
         if log.ending is not None:
             result.notes.append(f"the record is not whole: {log.ending}")
@@ -65,13 +65,3 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _say(text: str) -> None:
     print(f"{text}; Ctrl-C ends", file=sys.stderr, flush=True)
-
-
-def _speed(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.1 <= value <= 100:
-        raise argparse.ArgumentTypeError(f"{text} is not a speed between 0.1 and 100")
-    return value

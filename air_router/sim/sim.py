@@ -8,15 +8,14 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
-import json
-import math
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from air_router.cli.arguments import add_start
+from air_router.cli.arguments import add_start, speed_factor
+from air_router.cli.command_line import print_json
 from air_router.cli.fly import PART, add_flight_arguments, finish, fly, options_of
 from air_router.live.page import joint_page, shown_beside, web_of
 from air_router.live.page_address import PageAddress
@@ -39,7 +38,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     add_start(parser)
     parser.add_argument(
         "--speed",
-        type=_speed,
+        type=speed_factor,
         default=1.0,
         metavar="X",
         help="at most, times real time (default 1); the world waits for what falls behind",
@@ -119,8 +118,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Name
         }
     sys.stderr.write(several(report, {f.uav: f.exit_code for f in flights.flights}))
     if arguments.json:
-        json.dump(report, sys.stdout)
-        sys.stdout.write("\n")
+        print_json(report)
     return code
 
 
@@ -173,13 +171,3 @@ def _folder(log_dir: Path | None) -> Iterator[Path]:
         return
     with tempfile.TemporaryDirectory(prefix="air-router-") as folder:
         yield Path(folder)
-
-
-def _speed(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.1 <= value <= 100:
-        raise argparse.ArgumentTypeError(f"{text} is not a speed between 0.1 and 100")
-    return value
