@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import asyncio
 import os
-import signal
 import sys
 import webbrowser
-from collections.abc import Callable
 from pathlib import Path
 
 from air_router.editor.mission_text import MissionText
 from air_router.editor.session import Session
 from air_router.editor.starter import write_starter
-from air_router.errors import ExitCode, UsageError
-from air_router.web.backdrop import Backdrop
+from air_router.errors import ExitCode
+from air_router.web.serving import add_page_options, needs_server, page_port, show, web_of
 
 _DEFAULT_PORT = 8424
 
@@ -33,40 +30,26 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     parser.add_argument(
         "--port",
-        type=int,
+        dest="web",
+        type=page_port,
         default=_DEFAULT_PORT,
         metavar="P",
         help=f"where the page is served (default {_DEFAULT_PORT}, 0: any free port)",
     )
-    parser.add_argument(
-        "--host",
-        default="127.0.0.1",
-        metavar="ADDRESS",
-        help="address to serve on (default: this machine only; others get a token)",
-    )
+    add_page_options(parser, "")
     parser.add_argument(
         "--new", metavar="LAT,LON", help="begin a new mission there; MISSION must not exist yet"
     )
     parser.add_argument("--no-open", action="store_true", help="do not open a browser")
-    parser.add_argument(
-        "--image", type=Path, metavar="F", help="a picture or MBTiles under the map"
-    )
-    parser.add_argument(
-        "--image-bounds",
-        metavar="S,W,N,E",
-        help="where the picture lies, in degrees (default: the world file beside it)",
-    )
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C; its address goes to stdout."""
-    if not 0 <= arguments.port <= 65535:
-        raise UsageError(f"{arguments.port} is not a port; choose one from 1 to 65535, or 0")
-    if arguments.image is None and arguments.image_bounds is not None:
-        raise UsageError("--image-bounds belongs to an --image; add one")
-    image: Path | None = arguments.image
-    backdrop = None if image is None else Backdrop.of(image, arguments.image_bounds)
+    web = web_of(arguments)
+    assert web is not None  # noqa: S101 - there always is a port
+    with needs_server():
+        from air_router.editor.server import EditorServer  # noqa: PLC0415 - an extra
     if arguments.new is not None:
         write_starter(arguments.mission, arguments.new)
     file = MissionText(arguments.mission)
@@ -78,34 +61,11 @@ def run(arguments: argparse.Namespace) -> int:
         if not arguments.no_open and _has_screen():
             webbrowser.open(address)
 
-    asyncio.run(_serve(session, backdrop, arguments.host, arguments.port, ready))
+    show(EditorServer(session, web), ready)
     if session.dirty:
         kept = file.keep_aside(session.manuscript.text)
         _say(f"what was not saved is in {kept}")
     return ExitCode.DONE
-
-
-async def _serve(
-    session: Session,
-    backdrop: Backdrop | None,
-    host: str,
-    port: int,
-    ready: Callable[[str], None],
-) -> None:
-    try:
-        from air_router.editor.server import EditorServer, serve_until  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError as error:
-        if error.name != "aiohttp":
-            raise
-        raise UsageError(
-            "the edit page needs aiohttp, which is not installed; pip install 'air-router[web]'"
-        ) from None
-    end = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, end.set)
-    server = EditorServer(session, token=None, backdrop=backdrop)
-    await serve_until(server, host, port, ready, end)
 
 
 def _has_screen() -> bool:

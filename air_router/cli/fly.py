@@ -23,8 +23,7 @@ from air_router.flight.flight_result import FlightResult
 from air_router.flight.status import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
-from air_router.live.page import add_web, page_of, web_of
-from air_router.live.page_address import Web
+from air_router.live.page import add_web, page_of
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.preflight.preflight_survey import Survey
@@ -34,6 +33,7 @@ from air_router.report.report import write_report
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.pace import PaceClient, PaceSource
 from air_router.vehicle.px4.px4 import Px4Vehicle
+from air_router.web.serving import Web, web_of
 from mocha_link import ListenError, PortInUseError, RadioError, Team
 from mocha_link.team.keys import KeyFileError, KeyMismatchError, KeysUnavailableError
 
@@ -145,7 +145,14 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
                 rate=lambda: clock.rate,
             ),
         )
-        flight.page = page_of(options.web, mission, flight, gossip, mapper)
+        flight.page = page_of(
+            options.web,
+            mission,
+            flight.controller,
+            flight.commands,
+            gossip=gossip,
+            mapper=mapper,
+        )
         result = asyncio.run(flight.run())
     if recorder.path is not None:
         result.report["record"] = str(recorder.path)

@@ -8,10 +8,11 @@ import sys
 from air_router.cli.arguments import speed_factor
 from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode
-from air_router.live.page import add_web, show_record, web_of
+from air_router.live.page import add_web, show_record
 from air_router.record.log import Log
 from air_router.record.recording import add_record, record_of
 from air_router.record.replay import replay
+from air_router.web.serving import web_of
 
 
 def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

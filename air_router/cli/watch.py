@@ -6,8 +6,9 @@ import argparse
 import sys
 
 from air_router.errors import ExitCode, UsageError
-from air_router.live.page import add_joint_web, joint_page, show_flights, web_of
+from air_router.live.page import add_joint_web, joint_page
 from air_router.live.page_address import PageAddress
+from air_router.web.serving import show, web_of
 
 
 def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -44,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     page = joint_page(places, web)
     for flight in flights:
         page.found(flight.place, flight)
-    show_flights(page, _say)
+    show(page, _say)
     return ExitCode.DONE
 
 

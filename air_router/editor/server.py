@@ -6,20 +6,18 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import asynccontextmanager
 from typing import Any
 
 from air_router.editor.edits import EditError, read_edit
 from air_router.editor.mission_text import ChangedOnDiskError, SaveError
 from air_router.editor.session import Session, StaleError, UnconfirmedError
 from air_router.errors import AirRouterError
-from air_router.web.assets import Assets
 from air_router.web.audience import Audience
-from air_router.web.backdrop import Backdrop
-from air_router.web.guard import Guard
 from air_router.web.outbox import Outbox
+from air_router.web.serving import HERE, Say, Web
 from air_router.web.site import Site, as_json
 from mocha_link.team.document import DocumentError
 
@@ -39,42 +37,36 @@ _REFUSALS = {
 class EditorServer:
     """Serves one session to any number of pages; all of them see the same mission."""
 
-    def __init__(self, session: Session, *, token: str | None, backdrop: Backdrop | None) -> None:
+    def __init__(self, session: Session, web: Web = HERE) -> None:
         self._session = session
-        self._token = token
-        self._backdrop = backdrop
+        self._web = web
         self._requests: asyncio.Queue[tuple[Outbox, str]] = asyncio.Queue(_MOST_WAITING)
         self._changed_on_disk = False
         self._state = self._shown()
         self._audience = Audience(self._receive, self._welcome)
+        self._site = Site.of_page("air_router.editor", "edit", web)
+        self._site.add_socket("/socket", self._audience.converse)
 
-    async def run(self, host: str, port: int, ready: Callable[[str], None]) -> None:
-        """Serve until cancelled; `ready` is told the page's address.
+    @asynccontextmanager
+    async def serving(self, say: Say) -> AsyncIterator[str]:
+        """Serve while in the context; gives the page's address, and says it.
 
         Raises:
-            ServeError: the address cannot be served on.
+            ServeError: the address is taken, or none of this machine's.
         """
-        site = self._make_site(host)
         with ThreadPoolExecutor(1, "air-router edit") as worker:
-            async with site.serving(host, port) as address, asyncio.TaskGroup() as tasks:
-                ready(address)
-                tasks.create_task(self._work(worker))
-                tasks.create_task(self._watch(worker))
-
-    def _make_site(self, host: str) -> Site:
-        assets = Assets()
-        assets.add("air_router.web", "page", "/page/")
-        assets.add("air_router.editor", "page", "/edit/")
-        guard = Guard(host, self._token)
-        site = Site(guard, assets, "/edit/index.html")
-        site.add_socket("/socket", self._audience.converse)
-        if self._backdrop is not None:
-            site.lay_under(self._backdrop)
-        return site
+            async with self._site.serving(self._web) as address, asyncio.TaskGroup() as tasks:
+                say(address)
+                jobs = [tasks.create_task(job(worker)) for job in (self._work, self._watch)]
+                try:
+                    yield address
+                finally:
+                    for job in jobs:
+                        job.cancel()
 
     def _welcome(self, outbox: Outbox) -> None:
-        backdrop = self._backdrop.view() if self._backdrop else None
-        outbox.post("setting", as_json({"type": "setting", "backdrop": backdrop}))
+        setting = {"type": "setting", "backdrop": self._web.backdrop_view}
+        outbox.post("setting", as_json(setting))
         outbox.post("state", self._state)
         outbox.post("disk", as_json({"type": "disk", "changed": self._changed_on_disk}))
 
@@ -177,19 +169,3 @@ class EditorServer:
             case _:
                 raise EditError("the page asks for something that is not known; load it again")
         return {}
-
-
-async def serve_until(
-    server: EditorServer, host: str, port: int, ready: Callable[[str], None], end: asyncio.Event
-) -> None:
-    """Serve until the event is set. Raises ServeError."""
-    serving = asyncio.create_task(server.run(host, port, ready))
-    ending = asyncio.create_task(end.wait())
-    await asyncio.wait((serving, ending), return_when=asyncio.FIRST_COMPLETED)
-    ending.cancel()
-    if not serving.done():
-        serving.cancel()
-        with suppress(asyncio.CancelledError):
-            await serving
-    else:
-        await serving

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from typing import Any
 from urllib.parse import quote
@@ -11,9 +11,7 @@ from aiohttp import web
 
 from air_router.live.page_address import PageAddress
 from air_router.live.relay import Relay
-from air_router.web.assets import Assets
-from air_router.web.backdrop import Backdrop
-from air_router.web.guard import Guard
+from air_router.web.serving import HERE, Say, Web
 from air_router.web.site import Site
 
 
@@ -22,38 +20,23 @@ class JointPage:
 
     Args:
         names: What each flight is called until it says its name itself; each is called otherwise.
-        host: The address to serve on; anybody but this machine needs a token.
-        port: 0 takes a free one.
-        backdrop: A picture to lie under the map.
+        web: Where the page is served.
     """
 
-    def __init__(
-        self,
-        names: Iterable[str],
-        *,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        backdrop: Backdrop | None = None,
-    ) -> None:
+    def __init__(self, names: Iterable[str], web: Web = HERE) -> None:
         self._places: dict[str, PageAddress | None] = dict.fromkeys(names)
-        self._host, self._port = host, port
-        self._backdrop = backdrop
+        self._web = web
         self._relay: Relay
-        assets = Assets()
-        assets.add("air_router.web", "page", "/page/")
-        assets.add("air_router.live", "page", "/live/")
-        self._site = Site(Guard(host), assets, "/live/index.html")
+        self._site = Site.of_page("air_router.live", "live", web)
         self._site.add_values("/flights", self._flights)
         self._site.add_socket("/flights/{name}/socket", self._converse)
-        if backdrop is not None:
-            self._site.lay_under(backdrop)
 
     def found(self, name: str, address: PageAddress) -> None:
         """It is known where the flight's page is; may be called from any thread."""
         self._places[name] = address
 
     @asynccontextmanager
-    async def serving(self, say: Callable[[str], None]) -> AsyncIterator[str]:
+    async def serving(self, say: Say) -> AsyncIterator[str]:
         """Serve while in the context; gives the page's address, and says it.
 
         Raises:
@@ -61,7 +44,7 @@ class JointPage:
         """
         async with (
             Relay.opened() as self._relay,
-            self._site.serving(self._host, self._port) as address,
+            self._site.serving(self._web) as address,
         ):
             say(f"the flights are shown at {address}")
             yield address
@@ -73,7 +56,7 @@ class JointPage:
                 {"name": name, "socket": f"/flights/{quote(name, safe=':')}/socket"}
                 for name in self._places
             ],
-            "backdrop": self._backdrop.view() if self._backdrop else None,
+            "backdrop": self._web.backdrop_view,
         }
 
     async def _converse(self, request: web.Request, browser: web.WebSocketResponse) -> None:

@@ -8,21 +8,11 @@ from typing import Final
 from urllib.parse import parse_qs, urlsplit
 
 from air_router.errors import UsageError
-from air_router.web.backdrop import Backdrop
 
 SHOWN_AT: Final = "the flight is shown at "
 """What a flight says before its page's address."""
 
 DEFAULT_PORT: Final = 8425
-
-
-@dataclass(frozen=True, slots=True)
-class Web:
-    """Where a page is served, and the picture that lies under its map."""
-
-    host: str = "127.0.0.1"
-    port: int = 0
-    backdrop: Backdrop | None = None
 
 
 @dataclass(frozen=True, slots=True)

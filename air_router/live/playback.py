@@ -10,7 +10,8 @@ import asyncio
 import dataclasses
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import AsyncIterator, Iterable, Mapping
+from contextlib import asynccontextmanager
 from typing import Any, Final
 
 from air_router.control.command_request import CommandRequest, CommandRequestError
@@ -21,10 +22,10 @@ from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.errors import RefusedError
 from air_router.gossip.gossip import MAP_INTERVAL_S
 from air_router.gossip.mapper import Mapper
-from air_router.live.page_address import Web
 from air_router.live.server import TICK_S, LivePage
 from air_router.record.log import Entry
 from air_router.vehicle.vehicle import Telemetry
+from air_router.web.serving import Say, Web
 from mocha_link.links.metrics import LinkMetrics
 
 MOST_SPEED: Final = 100.0
@@ -146,31 +147,37 @@ class Playback:
             _Closed(),
             lambda: film.links,
             mapper=film.mapper,
-            host=web.host,
-            port=web.port,
-            backdrop=web.backdrop,
+            web=web,
         )
         self._page.steer = self._steer
 
-    async def run(self, say: Callable[[str], None]) -> None:
-        """Play until cancelled.
+    @asynccontextmanager
+    async def serving(self, say: Say) -> AsyncIterator[str]:
+        """Play while in the context; gives the page's address, and says it.
 
         Raises:
             ServeError: the address is taken, or none of this machine's.
         """
+        async with self._page.serving(say) as address, asyncio.TaskGroup() as tasks:
+            playing = tasks.create_task(self._play())
+            try:
+                yield address
+            finally:
+                playing.cancel()
+
+    async def _play(self) -> None:
         film, page = self._film, self._page
-        async with page.serving(say):
-            while True:
-                if self._wanted_s is not None and self._wanted_s < film.now_s:
-                    film.rewind()
-                    page.restart(film.controller, film.mapper)
-                step_s = 0.0 if self._paused else TICK_S * self._speed
-                until_s = film.now_s + step_s if self._wanted_s is None else self._wanted_s
-                if film.go_on(until_s, page):
-                    self._wanted_s = None
-                    self._tell()
-                    await asyncio.sleep(TICK_S)
-                await asyncio.sleep(0)
+        while True:
+            if self._wanted_s is not None and self._wanted_s < film.now_s:
+                film.rewind()
+                page.restart(film.controller, film.mapper)
+            step_s = 0.0 if self._paused else TICK_S * self._speed
+            until_s = film.now_s + step_s if self._wanted_s is None else self._wanted_s
+            if film.go_on(until_s, page):
+                self._wanted_s = None
+                self._tell()
+                await asyncio.sleep(TICK_S)
+            await asyncio.sleep(0)
 
     def _tell(self) -> None:
         film = self._film

@@ -20,11 +20,9 @@ from air_router.live.page_address import SHOWN_AT
 from air_router.live.scene import Scene
 from air_router.live.scenery import scenery
 from air_router.mission.mission import Mission
-from air_router.web.assets import Assets
 from air_router.web.audience import Audience
-from air_router.web.backdrop import Backdrop
-from air_router.web.guard import Guard
 from air_router.web.outbox import Outbox
+from air_router.web.serving import HERE, Say, Web
 from air_router.web.site import Site, as_json
 from mocha_link.links.metrics import LinkMetrics
 
@@ -63,9 +61,7 @@ class LivePage:
         command_service: Takes what the page asks for.
         links: What the gossip node measures now.
         mapper: The map that the UAV paints; it is only read.
-        host: The address to serve on; anybody but this machine needs a token.
-        port: 0 takes a free one.
-        backdrop: A picture to lie under the map.
+        web: Where the page is served.
     """
 
     def __init__(  # noqa: PLR0913 - what a page shows comes from many places
@@ -76,30 +72,22 @@ class LivePage:
         links: Links,
         *,
         mapper: Mapper,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        backdrop: Backdrop | None = None,
+        web: Web = HERE,
     ) -> None:
         self._name = mission.uav or "UAV"
         self._commands = command_service
         self._links = links
-        self._host, self._port = host, port
+        self._web = web
         self._told: dict[str, str] = {}
         self._ticks = self._faults = 0
         self._begin(controller, mapper)
         self.steer: Steer | None = None
         self._requests = Budget(REQUESTS_PER_S, REQUESTS_AT_ONCE)
         self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)
-        assets = Assets()
-        assets.add("air_router.web", "page", "/page/")
-        assets.add("air_router.live", "page", "/live/")
         self._audience = Audience(self._receive, self._welcome, pause_s=READ_EVERY_S)
-        self._site = Site(Guard(host), assets, "/live/index.html")
+        self._site = Site.of_page("air_router.live", "live", web)
         self._site.add_socket("/socket", self._audience.converse)
         self._site.add_values("/flights", self._flights)
-        self._backdrop = backdrop
-        if backdrop is not None:
-            self._site.lay_under(backdrop)
 
     @contextmanager
     def _harmless(self) -> Iterator[None]:
@@ -142,13 +130,13 @@ class LivePage:
             self.scene.action(action, now_s)
 
     @asynccontextmanager
-    async def serving(self, say: Callable[[str], None]) -> AsyncIterator[str]:
+    async def serving(self, say: Say) -> AsyncIterator[str]:
         """Serve while in the context; gives the page's address, and says it.
 
         Raises:
             ServeError: the address is taken, or none of this machine's.
         """
-        async with self._site.serving(self._host, self._port) as address:
+        async with self._site.serving(self._web) as address:
             say(f"{SHOWN_AT}{address}")
             ticking = asyncio.create_task(self._run())
             try:
@@ -219,8 +207,7 @@ class LivePage:
 
     def _greeting(self) -> Iterator[tuple[str, str]]:
         """All that a page has to know that knows nothing."""
-        backdrop = self._backdrop.view() if self._backdrop else None
-        yield "welcome", as_json({"type": "welcome", "backdrop": backdrop})
+        yield "welcome", as_json({"type": "welcome", "backdrop": self._web.backdrop_view})
         yield "scenery", self._scenery
         yield "map", as_json({"type": "map", **self._ground.whole()})
         yield "track", self._track(0)

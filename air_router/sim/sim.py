@@ -17,13 +17,14 @@ from typing import Any
 from air_router.cli.arguments import add_start, speed_factor
 from air_router.cli.command_line import print_json
 from air_router.cli.fly import PART, add_flight_arguments, finish, fly, options_of
-from air_router.live.page import joint_page, shown_beside, web_of
+from air_router.live.page import joint_page
 from air_router.live.page_address import PageAddress
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.report.report import several
 from air_router.sim.flights import Flights
 from air_router.sim.sim_world import Seat, SimOptions, World
+from air_router.web.serving import shown_beside, web_of
 
 
 def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

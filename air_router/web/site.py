@@ -16,6 +16,7 @@ from air_router.web.assets import Assets
 from air_router.web.backdrop import Backdrop
 from air_router.web.connections import ConnectionLimit
 from air_router.web.guard import TOKEN, Guard, Handler, add_headers
+from air_router.web.serving import HERE, Web
 from air_router.web.tile_service import TileService
 
 MAX_MESSAGE_BYTES = 64 * 1024
@@ -50,6 +51,17 @@ class Site:
         self.app.on_shutdown.append(self._hang_up)
         self.app.add_routes([web.get("/", self._index), *assets.routes()])
 
+    @classmethod
+    def of_page(cls, package: str, name: str, where: Web) -> Site:
+        """The site of the page in a package's folder `page`, with its picture under the map."""
+        assets = Assets()
+        assets.add("air_router.web", "page", "/page/")
+        assets.add(package, "page", f"/{name}/")
+        site = cls(Guard(where.host, where.token), assets, f"/{name}/index.html")
+        if where.backdrop is not None:
+            site.lay_under(where.backdrop)
+        return site
+
     def add_socket(self, path: str, talk: Talk) -> None:
         """Converse with browsers there; before the serving begins."""
 
@@ -80,12 +92,13 @@ class Site:
         self.app.add_routes([web.get("/backdrop", picture)])
 
     @asynccontextmanager
-    async def serving(self, host: str, port: int) -> AsyncIterator[str]:
-        """Serve while in the context; gives the page's address. Port 0 takes a free one.
+    async def serving(self, where: Web = HERE) -> AsyncIterator[str]:
+        """Serve while in the context; gives the page's address.
 
         Raises:
             ServeError: the address is taken, or none of this machine's.
         """
+        host, port = where.host, where.port
         runner = web.AppRunner(
             self.app,
             access_log=None,

@@ -20,6 +20,7 @@ from air_router.errors import ExitCode, UsageError
 from air_router.web import connections
 from air_router.web.backdrop import Backdrop
 from air_router.web.guard import cookie_of
+from air_router.web.serving import Web
 from air_router.web.site import MAX_MESSAGE_BYTES, ServeError
 from air_router.web.tile_file import TileFile
 from mocha_link.loopback import is_loopback
@@ -82,16 +83,9 @@ def visit(path, talk, *, host="127.0.0.1", token=None, backdrop=None):
     """Run a conversation with a server of its own."""
 
     async def run():
-        addresses = asyncio.Queue()
-        server = EditorServer(Session(MissionText(path)), token=token, backdrop=backdrop)
-        serving = asyncio.create_task(server.run(host, 0, addresses.put_nowait))
-        try:
-            address = await addresses.get()
-            async with aiohttp.ClientSession() as client:
-                await talk(Page(client, address))
-        finally:
-            serving.cancel()
-            await asyncio.gather(serving, return_exceptions=True)
+        server = EditorServer(Session(MissionText(path)), Web(host, 0, backdrop, token))
+        async with server.serving(lambda _: None) as address, aiohttp.ClientSession() as client:
+            await talk(Page(client, address))
 
     asyncio.run(asyncio.wait_for(run(), LIMIT_S))
 
@@ -438,10 +432,9 @@ def test_where_a_picture_lies_must_be_known(tmp_path):
 def test_a_taken_port_is_said(path):
     async def talk(page):
         port = int(page.address.rstrip("/").rpartition(":")[2])
+        taken = EditorServer(Session(MissionText(path)), Web(port=port)).serving(print)
         with pytest.raises(ServeError, match="another port"):
-            await EditorServer(Session(MissionText(path)), token=None, backdrop=None).run(
-                "127.0.0.1", port, print
-            )
+            await contextlib.AsyncExitStack().enter_async_context(taken)
 
     visit(path, talk)
 
@@ -461,4 +454,4 @@ def test_wrong_usage_and_unreadable_files_end_the_command(path, capsys):
 
 
 def test_all_messages_to_the_page_are_json(path):
-    assert json.loads(EditorServer(Session(MissionText(path)), token=None, backdrop=None)._state)
+    assert json.loads(EditorServer(Session(MissionText(path)))._state)

@@ -14,13 +14,14 @@ from air_router.cli import watch as watch_command
 from air_router.cli.cli import main
 from air_router.errors import ExitCode, UsageError
 from air_router.live.joint import JointPage
-from air_router.live.page import joint_page, shown_beside
-from air_router.live.page_address import PageAddress, Web
+from air_router.live.page import joint_page
+from air_router.live.page_address import PageAddress
 from air_router.live.relay import MOST_BYTES
 from air_router.web.assets import Assets
 from air_router.web.audience import Audience
 from air_router.web.backdrop import Backdrop
 from air_router.web.guard import Guard
+from air_router.web.serving import Web, shown_beside
 from air_router.web.site import MAX_MESSAGE_BYTES, ServeError, Site
 
 LIMIT_S = 60
@@ -46,7 +47,7 @@ class FlightPage:
     async def serving(self, port=0):
         site = Site(Guard("127.0.0.1", self._token), Assets(), "/")
         site.add_socket("/socket", self.audience.converse)
-        async with site.serving("127.0.0.1", port) as address:
+        async with site.serving(Web(port=port)) as address:
             yield PageAddress.of(address)
 
 
@@ -242,7 +243,7 @@ def test_a_page_that_says_too_much_is_let_go_and_no_other():
 def test_only_who_knows_the_token_of_the_joint_page_reaches_the_flights():
     async def look():
         titan = FlightPage("titan")
-        page = JointPage(["titan"], host="0.0.0.0")
+        page = JointPage(["titan"], Web("0.0.0.0"))
         async with (
             titan.serving() as place,
             page.serving(lambda _: None) as printed,
@@ -276,7 +277,7 @@ def test_the_picture_under_the_map_is_the_joint_page_s_own(tmp_path):
             async with session.get(f"{address}backdrop") as answer:
                 return told, answer.status
 
-    told, status = asyncio.run(look(JointPage(["titan"], backdrop=picture)))
+    told, status = asyncio.run(look(JointPage(["titan"], Web(backdrop=picture))))
     assert (told["bounds"], status) == ([1.0, 2.0, 3.0, 4.0], 200)
     assert asyncio.run(look(JointPage(["titan"]))) == (None, 404)
 

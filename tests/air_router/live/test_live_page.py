@@ -17,9 +17,10 @@ from air_router.errors import UsageError
 from air_router.flight.command_service import CommandService
 from air_router.gossip.mapper import Mapper
 from air_router.live.ground import Ground
-from air_router.live.page import add_web, web_of
+from air_router.live.page import add_web
 from air_router.live.scene import MOST_NEWS, Scene
 from air_router.live.server import LivePage
+from air_router.web.serving import Web, web_of
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
@@ -40,7 +41,7 @@ class Shown:
             self.commands,
             self.links,
             mapper=self.mapper,
-            port=port,
+            web=Web(port=port),
         )
         self._told = [len(flight.events), len(flight.actions)]
 
@@ -173,7 +174,7 @@ def test_a_picture_lies_under_the_map(flight, tmp_path):
         web_of(arguments.parse_args(options))
     with pytest.raises(UsageError, match="add --web"):
         web_of(arguments.parse_args(options[2:]))
-    with pytest.raises(UsageError, match="belongs to a --web-image"):
+    with pytest.raises(UsageError, match="no picture; add one"):
         web_of(arguments.parse_args([*options[:2], "--web-image-bounds", "1,2,3,4"]))
     web = web_of(arguments.parse_args([*options, "--web-image-bounds", "1,2,3,4"]))
     shown = Shown(flight)
@@ -183,9 +184,7 @@ def test_a_picture_lies_under_the_map(flight, tmp_path):
         shown.commands,
         shown.links,
         mapper=shown.mapper,
-        host=web.host,
-        port=web.port,
-        backdrop=web.backdrop,
+        web=web,
     )
 
     async def look():

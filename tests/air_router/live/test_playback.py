@@ -11,10 +11,10 @@ from air_router.cli.cli import main
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.states import State
 from air_router.errors import ExitCode, RefusedError
-from air_router.live.page_address import Web
 from air_router.live.playback import Film, Playback
 from air_router.live.server import LivePage
 from air_router.record.log import Entry, Note
+from air_router.web.serving import Web
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.links.metrics import LinkMetrics
@@ -97,10 +97,8 @@ def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
     playback = Playback(film, Web(), speed=100.0)
 
     async def look():
-        said = asyncio.Queue()
-        playing = asyncio.create_task(playback.run(said.put_nowait))
-        address = (await said.get()).rpartition(" ")[2]
-        async with aiohttp.ClientSession() as browser:
+        serving = playback.serving(lambda _: None)
+        async with serving as address, aiohttp.ClientSession() as browser:
             socket = await browser.ws_connect(f"{address}socket")
 
             async def until(condition):
@@ -128,8 +126,6 @@ def test_the_viewer_steers_the_film_and_asks_for_nothing_else(record):
             back = await until(lambda m: m["type"] == "playback")
             vehicle = await until(lambda m: m["type"] == "vehicle")
             await socket.close()
-        playing.cancel()
-        await asyncio.gather(playing, return_exceptions=True)
         return ended, refused, back, vehicle
 
     ended, refused, back, vehicle = asyncio.run(look())

@@ -1,0 +1,180 @@
+"""Where a page is served, for how long, and with which picture under its map; no server itself."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import AbstractAsyncContextManager, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Thread
+from typing import Any, Final, Protocol
+
+from air_router.errors import UsageError
+from air_router.web.backdrop import Backdrop
+
+_MISSING: Final = "the page needs aiohttp, which is not installed; pip install 'air-router[web]'"
+
+_END_S: Final = 5.0
+"""A page that has not ended by then ends with the program."""
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Web:
+    """Where a page is served, and the picture that lies under its map.
+
+    Attributes:
+        host: The address to serve on; any machine but this one needs a token.
+        port: 0 takes a free one.
+        backdrop: The picture.
+        token: What other machines must know; None: one is made up.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 0
+    backdrop: Backdrop | None = None
+    token: str | None = None
+
+    @property
+    def backdrop_view(self) -> dict[str, Any] | None:
+        """The picture, as the page is told of it."""
+        return None if self.backdrop is None else self.backdrop.view()
+
+
+HERE: Final = Web()
+"""On this machine only, at any free port."""
+
+
+class Served(Protocol):
+    """A page with a server of its own."""
+
+    def serving(self, say: Say) -> AbstractAsyncContextManager[object]:
+        """Serve while in the context; `say` is told where.
+
+        Raises:
+            ServeError: the address is taken, or none of this machine's.
+        """
+
+
+def add_page_options(parser: argparse.ArgumentParser, prefix: str) -> None:
+    """Add `--host`, `--image` and `--image-bounds`, with a prefix such as "web-" in each."""
+    parser.add_argument(
+        f"--{prefix}host",
+        dest="web_host",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help="address of the page (default: this machine only; others get a token)",
+    )
+    parser.add_argument(
+        f"--{prefix}image",
+        dest="web_image",
+        type=Path,
+        metavar="F",
+        help="a picture or MBTiles under its map",
+    )
+    parser.add_argument(
+        f"--{prefix}image-bounds",
+        dest="web_image_bounds",
+        metavar="S,W,N,E",
+        help="where the picture lies, in degrees (default: the world file beside it)",
+    )
+
+
+def web_of(arguments: argparse.Namespace) -> Web | None:
+    """Where the page is served; None without a port, `arguments.web`.
+
+    Raises:
+        UsageError: the picture under the map is none, lies nowhere, or is for no page.
+    """
+    image, bounds = arguments.web_image, arguments.web_image_bounds
+    if arguments.web is None:
+        if image is not None:
+            raise UsageError("--web-image lies under the map of a page; add --web")
+        return None
+    if image is None and bounds is not None:
+        raise UsageError("the bounds of a picture are given, and no picture; add one")
+    backdrop = None if image is None else Backdrop.of(image, bounds)
+    return Web(arguments.web_host, arguments.web, backdrop)
+
+
+def page_port(text: str) -> int:
+    """The port of a page, for `argparse`."""
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"{text} is not a port; choose 1 to 65535, or 0")
+    return int(text)
+
+
+@contextmanager
+def needs_server() -> Iterator[None]:
+    """Where what serves pages is imported; raises UsageError if it is not installed."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name != "aiohttp":
+            raise
+        raise UsageError(_MISSING) from None
+
+
+def show(page: Served, say: Say) -> None:
+    """Serve a page until Ctrl-C, or until it ends by itself.
+
+    Raises:
+        ServeError: the address is taken, or none of this machine's.
+    """
+
+    async def serve() -> None:
+        async with page.serving(say):
+            await asyncio.Event().wait()
+
+    async def until_interrupted() -> None:
+        loop, end = asyncio.get_running_loop(), asyncio.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, end.set)
+        working, ending = loop.create_task(serve()), loop.create_task(end.wait())
+        await asyncio.wait((working, ending), return_when=asyncio.FIRST_COMPLETED)
+        ending.cancel()
+        if working.done():
+            working.result()
+        working.cancel()
+        await asyncio.gather(working, return_exceptions=True)
+
+    asyncio.run(until_interrupted())
+
+
+@contextmanager
+def shown_beside(page: Served, say: Say) -> Iterator[None]:
+    """Serve a page from a thread of its own, while in the context.
+
+    Raises:
+        ServeError: the address is taken, or none of this machine's.
+    """
+    started: Future[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = Future()
+
+    async def serve() -> None:
+        end = asyncio.Event()
+        async with page.serving(say):
+            started.set_result((asyncio.get_running_loop(), end))
+            await end.wait()
+
+    def work() -> None:
+        try:
+            asyncio.run(serve())
+        except Exception as error:
+            if started.done():
+                raise
+            started.set_exception(error)
+
+    thread = Thread(target=work, name="page", daemon=True)
+    thread.start()
+    loop, end = started.result()
+    try:
+        yield
+    finally:
+        with suppress(RuntimeError):  # it has ended by itself, and said why
+            loop.call_soon_threadsafe(end.set)
+        thread.join(_END_S)
