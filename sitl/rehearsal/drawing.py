@@ -80,24 +80,39 @@ class MissionFile:
         if math.dist(place, home) - radius_m < HOME_CLEAR_M:
             return None
         shape = {"circle": {"centre": self._degrees(place), "radius_m": radius_m}}
-        return self._draw(f"added {len(self._document['no_fly_zones'])}", shape)
+        return self._draw({f"added {len(self._document['no_fly_zones'])}": shape})
 
     def wall(self, vehicle: Point, side: int, home: Point) -> str | None:
         """Draw one of four walls around where the vehicle was at the first of them."""
         self._middle = vehicle if self._middle is None else self._middle
+        shape = self._wall(self._middle, side, home)
+        if shape is None:
+            return None
+        self._walls.append(f"wall {side}")
+        return self._draw({self._walls[-1]: shape})
+
+    def enclose(self, vehicle: Point, home: Point) -> str | None:
+        """Draw all four walls at once: nothing leads out, home least of all."""
+        shapes = [self._wall(vehicle, side, home) for side in range(len(_SIDES))]
+        named = {f"wall {side}": shape for side, shape in enumerate(shapes) if shape is not None}
+        inside = max(abs(home[axis] - vehicle[axis]) for axis in (0, 1)) <= _WALL_M
+        if inside or len(named) < len(_SIDES):
+            return None
+        self._walls = list(named)
+        return self._draw(named)
+
+    def _wall(self, around: Point, side: int, home: Point) -> dict[str, Any] | None:
+        """One wall around a place; None where it would be refused."""
         east, north = _SIDES[side]
         out_m, along_m = _WALL_M + _THICK_M / 2, _WALL_M + _THICK_M
-        middle = self._middle[0] + east * out_m, self._middle[1] + north * out_m
+        middle = around[0] + east * out_m, around[1] + north * out_m
         half = (_THICK_M / 2, along_m) if east else (along_m, _THICK_M / 2)
         away = [max(abs(home[axis] - middle[axis]) - half[axis], 0.0) for axis in (0, 1)]
         if math.hypot(*away) < HOME_CLEAR_M:
             return None
-        ring = [
-            self._degrees(Point(middle[0] + e * half[0], middle[1] + n * half[1]))
-            for e, n in ((-1, -1), (1, -1), (1, 1), (-1, 1))
-        ]
-        self._walls.append(f"wall {side}")
-        return self._draw(self._walls[-1], {"polygon": ring})
+        corners = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        ring = [Point(middle[0] + e * half[0], middle[1] + n * half[1]) for e, n in corners]
+        return {"polygon": [self._degrees(corner) for corner in ring]}
 
     def open(self) -> bool:
         """Take away the wall that was drawn last."""
@@ -113,11 +128,13 @@ class MissionFile:
         """The last change was not taken: the file is again as it is flown."""
         self._write(self._before)
 
-    def _draw(self, name: str, shape: dict[str, Any]) -> str:
+    def _draw(self, shapes: dict[str, dict[str, Any]]) -> str:
         changed = copy.deepcopy(self._document)
-        changed["no_fly_zones"].append({"name": name, "crosses_fence": True, **shape})
+        changed["no_fly_zones"] += [
+            {"name": name, "crosses_fence": True, **shape} for name, shape in shapes.items()
+        ]
         self._write(changed)
-        return name
+        return next(iter(shapes))
 
     def _write(self, document: dict[str, Any]) -> None:
         self._before, self._document = self._document, document

@@ -191,12 +191,12 @@ def lie(dice: random.Random) -> Happen:
 
 
 def walls(dice: random.Random) -> Happen:
-    """Walls on all sides; in half of the flights one of them is taken away again."""
+    """Walls on all sides, one after the other or at once; perhaps one is taken away again."""
     happen = [Misfortune(0.0, "battery", dice.uniform(250.0, 500.0))]
-    happen += [Misfortune(6.0 * again, "wall", again) for again in range(4)]
-    if dice.randrange(2):
-        happen.append(Misfortune(dice.uniform(40.0, 120.0), "open"))
-    return happen
+    walls = [Misfortune(6.0 * again, "wall", again) for again in range(4)]
+    opened = [Misfortune(dice.uniform(40.0, 120.0), "open")] if dice.randrange(2) else []
+    enclosed = [Misfortune(0.0, "enclose")] if dice.randrange(2) else walls
+    return happen + enclosed + opened
 
 
 def on_board(what: str, value: Callable[[random.Random], Any], *, back: float = 0.5) -> Course:

@@ -95,6 +95,7 @@ class Script:
             "mad": self._mad,
             "reload": self._reload,
             "wall": self._wall,
+            "enclose": lambda _: self._enclose(),
             "open": lambda _: self._open(),
             "request": self._request,
             "deaf": haste.deaf,
@@ -381,6 +382,10 @@ class Script:
         """The operator walls the vehicle in, zone by zone."""
         home, place = self._stage.mission.home, self._stage.place
         self._change(lambda: self._stage.file.wall(place, side, home))
+
+    def _enclose(self) -> None:
+        home, place = self._stage.mission.home, self._stage.place
+        self._change(lambda: self._stage.file.enclose(place, home))
 
     def _open(self) -> None:
         self._change(lambda: "" if self._stage.file.open() else None)

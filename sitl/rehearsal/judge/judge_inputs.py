@@ -19,7 +19,7 @@ import shapely
 
 from sitl.rehearsal.judge.evidence import What, WireMessage
 from sitl.rehearsal.judge.judge_heard import INPUTS, Input, announcements, news, spans
-from sitl.rehearsal.judge.judge_space import same_area, sky_areas
+from sitl.rehearsal.judge.judge_space import leads_home, same_area, sky_areas
 from sitl.rehearsal.judge.judge_track import LAND_MODE, By, Floats, Sky, Track, Violation, number
 from sitl.rehearsal.judge.mission_reader import Area, MissionFileError
 
@@ -244,6 +244,9 @@ class InputJudge:
             return  # home is not flown without position or mode
         if not self._answers(since_s, due_s):
             return
+        there = track.at(due_s)
+        if not leads_home(track.sky(due_s), track.east_m[there], track.north_m[there]):
+            return  # it hovers, and says so
         if all(self._cruises(index) for index in range(track.at(since_s), track.at(due_s))):
             self._add(due_s, "home", f"did not land within {due_s - since_s:.0f} s, though {what}")
 

@@ -27,6 +27,9 @@ DRIFT_M: Final = 2.0
 BESIDE_HOME_M: Final = 3.0
 """So far beyond the acceptance radius it may climb, and begin to land."""
 
+_FAR_M: Final = 50_000.0
+"""Where no fence is drawn, no way is longer."""
+
 _PART: Final = 25
 
 
@@ -154,6 +157,24 @@ def sky_areas(sky: Sky) -> list[tuple[Area, bool]]:
     """The zones and fences of a mission file, and whether each is a fence."""
     mission = sky.mission
     return [(zone, False) for zone in mission.zones] + [(fence, True) for fence in mission.fences]
+
+
+def leads_home(sky: Sky, east_m: float, north_m: float) -> bool:
+    """Whether zones and fences, and what is to be kept from them, leave a way home from there.
+
+    Those with limits of altitude or time count as no obstacle.
+    """
+    free = shapely.box(-_FAR_M, -_FAR_M, _FAR_M, _FAR_M)
+    for area, fence in sky_areas(sky):
+        if area.periods or math.isfinite(area.lower_m) or math.isfinite(area.upper_m):
+            continue
+        if fence:
+            free = free.intersection(area.polygon.buffer(-area.clearance_m))
+        else:
+            free = free.difference(area.polygon.buffer(area.clearance_m))
+    parts = [part for part in shapely.get_parts(free) if part.area > 0.0]
+    here, home = shapely.Point(east_m, north_m), shapely.Point(0.0, 0.0)
+    return bool(parts) and min(parts, key=here.distance) is min(parts, key=home.distance)
 
 
 def same_area(area: Area, other: Area) -> bool:

@@ -163,6 +163,18 @@ def test_at_the_reserve_it_says_so_and_comes_home():
     assert found(flight(track(ROUND), spoil, said=said)) == set()
 
 
+@pytest.mark.parametrize("gap", [False, True])
+def test_only_where_zones_leave_a_way_home_is_it_to_be_flown(gap):
+    south = [[32, 32], [70 if gap else 90, 32], [70 if gap else 90, 35], [32, 35]]
+    walls = [[[32, 85], [90, 85], [90, 88], [32, 88]], south]
+    walls += [[[east, 32], [east + 3, 32], [east + 3, 88], [east, 88]] for east in (32, 87)]
+    text = TEXT + "".join(f"  - {{name: wall {n}, polygon: {w}}}\n" for n, w in enumerate(walls))
+    enclosed = Happening(60.0, What.MISSION_FILE, text)
+    spoil = between(65.0, 300.0, "SYS_STATUS", battery_remaining=24)
+    hovers = [*FLOWN[:900], *[(60, 60, 40.0, True, False, MISSION)] * 3000]
+    assert ("home" in found(flight(hovers, spoil, happenings=(enclosed,)))) == gap
+
+
 def test_a_breach_is_said_also_to_the_pilot_who_flies_it():
     states, taken = track(THROUGH, speed=2.0), (Happening(15.0, What.PILOT, "POSCTL"),)
     breach = flight(states, faults=("PILOT",), happenings=taken, code=6)
