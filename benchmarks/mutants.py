@@ -187,7 +187,7 @@ MUTANTS = (
     _row("amplification", "mocha_link.datagram", "RETURN = 3  #", "RETURN = 300  #",
          "datagram forged_openings"),
     _row("stalled pull lives", "mocha_link.gossip", "now.steady_s - pull.alive_s <= STALLED_S:",
-         "now.steady_s - pull.alive_s <= 100 * STALLED_S:", "gossip new_pull pull_moves"),
+         "now.steady_s - pull.alive_s <= 100 * STALLED_S:", "gossip new_pull"),
 )  # fmt: skip
 """The mistakes that a reviewer tried, thirty more, and what is to notice each."""
 

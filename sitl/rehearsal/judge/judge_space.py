@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from sitl.rehearsal.judge.judge_track import LAND_MODE, By, Floats, Sky, Track, Violation
 from sitl.rehearsal.judge.mission_reader import Area
@@ -164,7 +165,7 @@ def leads_home(sky: Sky, east_m: float, north_m: float) -> bool:
 
     Those with limits of altitude or time count as no obstacle.
     """
-    free = shapely.box(-_FAR_M, -_FAR_M, _FAR_M, _FAR_M)
+    free: BaseGeometry = shapely.box(-_FAR_M, -_FAR_M, _FAR_M, _FAR_M)
     for area, fence in sky_areas(sky):
         if area.periods or math.isfinite(area.lower_m) or math.isfinite(area.upper_m):
             continue
