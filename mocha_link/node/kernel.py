@@ -8,6 +8,8 @@ import socket
 import struct
 from collections.abc import Iterator
 
+DATAGRAM_BYTES = 1500
+
 # Of struct tcp_info, linux/tcp.h (since 4.6): u64, u32 us, 2**32 - 1 while there is none.
 _RECEIVED_AT, _MIN_RTT_AT = 128, 148
 _BACKLOG = 100  # as libzmq has it
@@ -106,7 +108,36 @@ def early_listener(address: str, port: int) -> socket.socket:
     return listener
 
 
-def let_parts_be_made(datagrams: socket.socket) -> None:
-    """Have datagrams cut in parts where a link takes less than their size, not thrown away."""
-    with contextlib.suppress(OSError):  # not Linux: its own way is as good
-        datagrams.setsockopt(socket.IPPROTO_IP, _IP_MTU_DISCOVER, _IP_PMTUDISC_DONT)
+def datagram_socket(listen: str, number: int = 0, buffer_bytes: int = 0) -> socket.socket:
+    """A socket for datagrams, at a port of an address (``*``: all) or at any free one.
+
+    The address need not be there yet. Datagrams are cut in parts where a link takes less than their
+    size, not thrown away. Raises OSError.
+    """
+    datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        if buffer_bytes:
+            datagrams.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer_bytes)
+        with contextlib.suppress(OSError):  # not Linux: its own way is as good
+            datagrams.setsockopt(socket.IPPROTO_IP, _IP_MTU_DISCOVER, _IP_PMTUDISC_DONT)
+        if listen != "*":
+            with contextlib.suppress(OSError):  # not Linux; then the address was there
+                let_address_come_later(datagrams)
+        datagrams.bind(("" if listen == "*" else listen, number))
+        datagrams.setblocking(False)
+    except OSError:
+        datagrams.close()
+        raise
+    return datagrams
+
+
+def received(datagrams: socket.socket, limit: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
+    """The datagrams that have come, up to so many, and where from."""
+    for _ in range(limit):
+        try:
+            packet, source = datagrams.recvfrom(DATAGRAM_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            continue  # an ICMP error of an earlier datagram
+        yield packet, source

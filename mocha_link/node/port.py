@@ -26,7 +26,6 @@ QUEUE_REPLIES = 16  # to one connection that does not read
 QUEUE_REQUESTS = 256  # of one whose replies do not fit in that; further ones are dropped
 IGNORED = 256  # messages in a row that are not for the node
 DEAD_PEER_S = 60
-DATAGRAM_BYTES = 1500
 DATAGRAM_BUFFER_BYTES = 1024 * 1024
 
 LOG = logging.getLogger("mocha_link")
@@ -134,14 +133,7 @@ class Port:
 
     def packets(self, limit: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
         """The datagrams that have come, and where from."""
-        for _ in range(limit if self._datagrams else 0):
-            try:
-                packet, source = self._datagrams.recvfrom(DATAGRAM_BYTES)  # type: ignore[union-attr]
-            except BlockingIOError:
-                return
-            except OSError:
-                continue  # an ICMP error of an earlier datagram
-            yield packet, source
+        return kernel.received(self._datagrams, limit) if self._datagrams else iter(())
 
     def reply(self, route: Route, frame: bytes) -> None:
         """Send a reply, or keep it until the connection takes it; if that is gone, it goes, too."""
@@ -212,20 +204,11 @@ def _bind(router: zmq.Socket[bytes], me: Robot, number: int) -> None:
 
 def _datagram_socket(me: Robot, number: int) -> socket.socket | None:
     """None if the port is taken: then all goes over ZeroMQ."""
-    datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        datagrams.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER_BYTES)
-        kernel.let_parts_be_made(datagrams)
-        if me.listen != "*":
-            with contextlib.suppress(OSError):  # not Linux; then the address was there
-                kernel.let_address_come_later(datagrams)
-        datagrams.bind(("" if me.listen == "*" else me.listen, number))
-        datagrams.setblocking(False)
+        return kernel.datagram_socket(me.listen, number, DATAGRAM_BUFFER_BYTES)
     except OSError as error:
-        datagrams.close()
         LOG.warning("no datagrams on port %d of %s: %s", number, me.name, error.strerror)
         return None
-    return datagrams
 
 
 def _listen_error(

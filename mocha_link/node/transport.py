@@ -38,7 +38,6 @@ OBSERVE_S = 0.25
 BURST = 64  # frames of one peer in a row, so that no peer starves the others
 CLOSE_S = 0.9
 PATIENT_S = 300.0
-DATAGRAM_BYTES = 1500
 
 LOG = logging.getLogger("mocha_link")
 
@@ -245,13 +244,7 @@ class Transport:
                 self._gossip.refused(refusal.peer, f"a client came {refusal.why}")
 
     def _catch(self, datagram_socket: socket.socket) -> None:
-        for _ in range(BURST):
-            try:
-                packet, source = datagram_socket.recvfrom(DATAGRAM_BYTES)
-            except BlockingIOError:
-                return
-            except OSError:
-                continue  # an ICMP error of an earlier datagram
+        for packet, source in kernel.received(datagram_socket, BURST):
             peer = self._peers_at.get(source)
             if peer is None:
                 continue
@@ -386,16 +379,8 @@ class Transport:
 
 def _datagram_socket(listen: str) -> socket.socket | None:
     """The socket from which our datagrams go; None if there can be none."""
-    datagram_socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        kernel.let_parts_be_made(datagram_socket)
-        if listen != "*":
-            with contextlib.suppress(OSError):  # not Linux; then the address was there
-                kernel.let_address_come_later(datagram_socket)
-        datagram_socket.bind(("" if listen == "*" else listen, 0))
-        datagram_socket.setblocking(False)
+        return kernel.datagram_socket(listen)
     except OSError as error:
-        datagram_socket.close()
         LOG.warning("no datagrams: %s", error)
         return None
-    return datagram_socket

@@ -10,26 +10,25 @@ from typing import Any
 
 from mocha_link.errors import RadioError
 from mocha_link.links.reading import Reading, Unit
-from mocha_link.radios.port import Report, ReportSink
+from mocha_link.radios.port import Report
 from mocha_link.radios.streams import bound, datagrams
-from mocha_link.radios.worker import Worker
+from mocha_link.radios.thread_radio import ThreadRadio
 from mocha_link.team.url import RadioUrl
 
 UNKNOWN = 255
 STATUS_NAMES = ("RADIO_STATUS", "RADIO")  # RADIO: the same fields, from old SiK firmware
 
 
-class MavlinkRadio:
+class MavlinkRadio(ThreadRadio):
     """Listens for RADIO_STATUS at ``mavlink://host:port?peer=io``; the radio links to one peer.
 
     A MAVLink router or a ground station can forward the radio's messages there.
     """
 
     def __init__(self, url: RadioUrl, peer: str) -> None:
+        super().__init__()
         self._url = url
         self._peer = peer
-        self._desk = ReportSink()
-        self._worker = Worker()
         self._socket: socket.socket | None = None
 
     @property
@@ -46,16 +45,16 @@ class MavlinkRadio:
             try:
                 readings = parse_radio_status(raw)
             except RadioError as error:
-                self._desk.refuse(error)
+                self.refuse(error)
                 return
             for reading in readings:
-                self._desk.pass_on(report, self._peer, reading)
+                self.pass_on(report, self._peer, reading)
 
-        self._worker.start(lambda stopped: datagrams(receiver, stopped, take))
+        self._begin(lambda stopped: datagrams(receiver, stopped, take))
 
     def close(self) -> None:
         """Stop listening."""
-        self._worker.close()
+        super().close()
         self._socket = None
 
 

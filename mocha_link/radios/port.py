@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from typing import Protocol
 
-from mocha_link.errors import MochaLinkError
 from mocha_link.links.reading import Reading
-
-LOG = logging.getLogger("mocha_link")
 
 Report = Callable[[str, Reading | float | None], None]
 """Takes a peer and how it is heard: a reading, a bare number in dBm, or None (not heard)."""
@@ -54,23 +50,3 @@ class ManualRadio:
         """
         if self._report:
             self._report(peer, reading)
-
-
-class ReportSink:
-    """Passes reports on to a node, and counts what was refused instead of failing over it."""
-
-    def __init__(self) -> None:
-        self.refused = 0
-
-    def pass_on(self, report: Report, peer: str, reading: Reading | None) -> None:
-        """Report to the node; what it does not accept is refused."""
-        try:
-            report(peer, reading)
-        except MochaLinkError as error:
-            self.refuse(error)
-
-    def refuse(self, error: MochaLinkError) -> None:
-        """Count a report that is none; the first one is logged for people, the rest for debug."""
-        level = logging.DEBUG if self.refused else logging.WARNING
-        self.refused += 1
-        LOG.log(level, "radio report refused: %s", error)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import logging
 import os
 import select
 import socket
@@ -13,20 +12,18 @@ from collections.abc import Mapping
 
 from mocha_link.errors import RadioError
 from mocha_link.links.reading import Reading
-from mocha_link.radios.port import Report, ReportSink
+from mocha_link.radios.port import Report
 from mocha_link.radios.rajant_monitor import Monitor
 from mocha_link.radios.reports import Lines
-from mocha_link.radios.worker import Worker, pause, pump
+from mocha_link.radios.thread_radio import LOG, ThreadRadio, pause, pump
 from mocha_link.team.url import RadioUrl
 
 MAX_LINE_BYTES = 64 * 1024  # a published dictionary is one line
 RETRY_S = 2.0
 CONNECT_S = 5.0
 
-LOG = logging.getLogger("mocha_link")
 
-
-class RajantRadio:
+class RajantRadio(ThreadRadio):
     """Reports what a monitor prints.
 
     ``rajant://10.229.221.1?jar=/usr/lib/monitor.jar`` runs ``java -jar JAR ADDRESS``, as MOCHA
@@ -47,17 +44,11 @@ class RajantRadio:
         retry_s: float = RETRY_S,
         command: tuple[str, ...] = ("java", "-jar"),
     ) -> None:
+        super().__init__()
         self._url = url
         self._peers = peers
         self._retry_s = retry_s
         self._command = (*command, url.options.get("jar", ""), url.host)
-        self._desk = ReportSink()
-        self._worker = Worker()
-
-    @property
-    def refused(self) -> int:
-        """How many reports the node did not accept, and how often the monitor lost its radio."""
-        return self._desk.refused
 
     def start(self, report: Report) -> None:
         """Begin to listen; the monitor may come up later.
@@ -67,16 +58,12 @@ class RajantRadio:
         jar = self._url.options.get("jar")
         if jar is not None and not os.access(jar, os.R_OK):
             raise RadioError(f"no Rajant monitor at {jar}; correct 'radio' in the team file")
-        self._worker.start(lambda stopped: self._listen(stopped, report))
-
-    def close(self) -> None:
-        """Stop listening, and the monitor if it was started here."""
-        self._worker.close()
+        self._begin(lambda stopped: self._listen(stopped, report))
 
     def _listen(self, stopped: socket.socket, report: Report) -> None:
         complaint = ""
         while True:
-            session = _Session(self._peers, self._desk, report)
+            session = _Session(self._peers, self, report)
             try:
                 run = self._run if "jar" in self._url.options else self._read
                 if run(stopped, session):
@@ -122,10 +109,10 @@ class RajantRadio:
 class _Session:
     """One run of the monitor, from its first line to its last."""
 
-    def __init__(self, peers: Mapping[str, str], desk: ReportSink, report: Report) -> None:
+    def __init__(self, peers: Mapping[str, str], radio: ThreadRadio, report: Report) -> None:
         self.lines_seen = False
         self._peers = peers
-        self._desk = desk
+        self._radio = radio
         self._report = report
         self._lines = Lines(MAX_LINE_BYTES)
         self._monitor = Monitor()
@@ -135,7 +122,7 @@ class _Session:
             self.lines_seen = True
             found = self._monitor.feed(raw.decode("utf-8", "replace"), time.monotonic())
             for peer, reading in self._by_peer(found).items():
-                self._desk.pass_on(self._report, peer, reading)
+                self._radio.pass_on(self._report, peer, reading)
 
     def _by_peer(self, found: Mapping[str, Reading | None]) -> dict[str, Reading | None]:
         peers: dict[str, Reading | None] = {}

@@ -10,30 +10,24 @@ from collections.abc import Callable, Iterable
 from typing import ClassVar, Protocol
 
 from mocha_link.errors import RadioError
-from mocha_link.radios.port import LOG, Report, ReportSink
-from mocha_link.radios.reports import MAX_LINE_BYTES, Lines, parse_report
-from mocha_link.radios.worker import READ_BYTES, Worker, pause, pump
+from mocha_link.radios.port import Report
+from mocha_link.radios.reports import MAX_LINE_BYTES, Lines
+from mocha_link.radios.thread_radio import LOG, READ_BYTES, ThreadRadio, pause, pump
 from mocha_link.team.url import RadioUrl
 
 MAX_PROGRAMS = 8
 RETRY_S = 0.1
 
 
-class _Listening:
+class _Listening(ThreadRadio):
     """What radios that listen on a port of their own have in common."""
 
     SCHEME: ClassVar[str]
 
     def __init__(self, url: str) -> None:
+        super().__init__()
         self._url = RadioUrl.parse(url, scheme=self.SCHEME)
-        self._desk = ReportSink()
-        self._worker = Worker()
         self._socket: socket.socket | None = None
-
-    @property
-    def refused(self) -> int:
-        """How many reports were none, or not about a peer."""
-        return self._desk.refused
 
     @property
     def port(self) -> int:
@@ -42,7 +36,7 @@ class _Listening:
 
     def close(self) -> None:
         """Stop listening, and hang up on connected programs."""
-        self._worker.close()
+        super().close()
         self._socket = None
 
 
@@ -61,9 +55,9 @@ class UdpRadio(_Listening):
         receiver = self._socket = bound(self._url, socket.SOCK_DGRAM)
 
         def take(raw: bytes) -> None:
-            accept(self._desk, report, raw, "udp")
+            self.accept(report, raw, "udp")
 
-        self._worker.start(lambda stopped: datagrams(receiver, stopped, take))
+        self._begin(lambda stopped: datagrams(receiver, stopped, take))
 
 
 class TcpRadio(_Listening):
@@ -79,7 +73,7 @@ class TcpRadio(_Listening):
         """Begin to listen. Raises RadioError if the port is taken or the host is not ours."""
         listener = self._socket = bound(self._url, socket.SOCK_STREAM)
         listener.listen(MAX_PROGRAMS)
-        self._worker.start(lambda stopped: self._serve(listener, stopped, report))
+        self._begin(lambda stopped: self._serve(listener, stopped, report))
 
     def _serve(self, listener: socket.socket, stopped: socket.socket, report: Report) -> None:
         programs: dict[socket.socket, Lines] = {}
@@ -113,7 +107,7 @@ class TcpRadio(_Listening):
         except OSError:  # gone again, or we have no socket left
             return False
         if len(programs) >= MAX_PROGRAMS:
-            self._desk.refuse(RadioError(f"more than {MAX_PROGRAMS} programs connected"))
+            self.refuse(RadioError(f"more than {MAX_PROGRAMS} programs connected"))
             program.close()
             return True
         program.setblocking(False)
@@ -129,7 +123,7 @@ class TcpRadio(_Listening):
         except OSError:
             return False
         for line in lines.feed(data):
-            accept(self._desk, report, line, "tcp")
+            self.accept(report, line, "tcp")
         return bool(data)
 
 
@@ -138,18 +132,12 @@ class _Readable(Protocol):
         """The file descriptor."""
 
 
-class StdinRadio:
+class StdinRadio(ThreadRadio):
     """Receives reports as lines on standard input (``stdin:``), as `TcpRadio` does."""
 
     def __init__(self, file: _Readable | None = None) -> None:
+        super().__init__()
         self._file = file
-        self._desk = ReportSink()
-        self._worker = Worker()
-
-    @property
-    def refused(self) -> int:
-        """How many lines were no reports, or not about a peer."""
-        return self._desk.refused
 
     def start(self, report: Report) -> None:
         """Begin to read. Raises RadioError if there is no standard input."""
@@ -157,32 +145,18 @@ class StdinRadio:
             fd = (self._file or sys.stdin).fileno()
         except (AttributeError, OSError, ValueError):
             raise RadioError("there is no standard input to read radio reports from") from None
-        self._worker.start(lambda stopped: self._listen(fd, stopped, report))
-
-    def close(self) -> None:
-        """Stop reading; the file stays open."""
-        self._worker.close()
+        self._begin(lambda stopped: self._listen(fd, stopped, report))
 
     def _listen(self, fd: int, stopped: socket.socket, report: Report) -> None:
         lines = Lines()
 
         def take(data: bytes) -> None:
             for line in lines.feed(data):
-                accept(self._desk, report, line, "stdin")
+                self.accept(report, line, "stdin")
 
         if not pump(fd, stopped, take):
             take(b"\n")  # the last line may lack its end
             LOG.warning("standard input has ended: no more radio reports, no peer is heard")
-
-
-def accept(desk: ReportSink, report: Report, raw: bytes, source: str) -> None:
-    """Pass one report on to the node, or refuse it."""
-    try:
-        peer, reading = parse_report(raw, source)
-    except RadioError as error:
-        desk.refuse(error)
-    else:
-        desk.pass_on(report, peer, reading)
 
 
 def bound(url: RadioUrl, kind: socket.SocketKind) -> socket.socket:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import re
 import shutil
 import socket
@@ -13,16 +12,14 @@ from dataclasses import dataclass
 
 from mocha_link.errors import RadioError
 from mocha_link.links.reading import Reading, Unit
-from mocha_link.radios.port import Report, ReportSink
-from mocha_link.radios.worker import Worker, pause
+from mocha_link.radios.port import Report
+from mocha_link.radios.thread_radio import LOG, ThreadRadio, pause
 from mocha_link.team.url import RadioUrl
 
 POLL_S = 1.0
 TIMEOUT_S = 5.0
 INACTIVE_S = 10.0  # a station that has been silent for longer is not heard
 MAX_OUTPUT_LETTERS = 1024 * 1024
-
-LOG = logging.getLogger("mocha_link")
 
 _STATION = re.compile(r"Station ((?:[0-9a-f]{2}:){5}[0-9a-f]{2})\b", re.IGNORECASE)
 _SIGNAL = re.compile(r"\s*(signal(?: avg)?):\s*(-?\d{1,4}) (?:\[[-\d, ]{0,80}\] )?dBm\b")
@@ -73,7 +70,7 @@ def parse_station_dump(text: str) -> dict[str, Reading]:
     return {mac: reading for mac, reading in readings.items() if reading}
 
 
-class WifiRadio:
+class WifiRadio(ThreadRadio):
     """Asks `iw` about an interface (``wifi://wlan0``) once a second.
 
     Args:
@@ -91,11 +88,10 @@ class WifiRadio:
         poll_s: float = POLL_S,
         command: tuple[str, ...] = ("iw",),
     ) -> None:
+        super().__init__()
         self._command = (*command, "dev", url.host, "station", "dump")
         self._peers = peers
         self._poll_s = poll_s
-        self._desk = ReportSink()
-        self._worker = Worker()
         self._lock = threading.Lock()
         self._process: subprocess.Popen[str] | None = None
         self._closed = False
@@ -105,7 +101,7 @@ class WifiRadio:
         """Begin to ask. Raises RadioError if `iw` is not installed."""
         if shutil.which(self._command[0]) is None:
             raise RadioError(f"no program {self._command[0]}; install it (Debian/Ubuntu: iw)")
-        self._worker.start(lambda stopped: self._watch(stopped, report))
+        self._begin(lambda stopped: self._watch(stopped, report))
 
     def close(self) -> None:
         """Stop asking."""
@@ -113,14 +109,14 @@ class WifiRadio:
             self._closed = True
             if self._process:
                 self._process.kill()
-        self._worker.close()
+        super().close()
 
     def _watch(self, stopped: socket.socket, report: Report) -> None:
         heard: set[str] = set()
         while True:
             readings = self._readings()
             for peer in sorted(readings.keys() | heard):
-                self._desk.pass_on(report, peer, readings.get(peer))
+                self.pass_on(report, peer, readings.get(peer))
             heard = set(readings)
             if pause(stopped, self._poll_s):
                 return

@@ -18,8 +18,8 @@ from mocha_link.errors import ListenError, PortInUseError
 from mocha_link.links.metrics import Direction, SyncEnded
 from mocha_link.node import port as port_module
 from mocha_link.node.curve import CurveUnavailableError
+from mocha_link.node.kernel import DATAGRAM_BYTES
 from mocha_link.node.port import (
-    DATAGRAM_BYTES,
     MAX_REQUEST_BYTES,
     QUEUE_REPLIES,
     QUEUE_REQUESTS,
