@@ -81,13 +81,13 @@ class Broadcast:
 
     def subscribe(self, callback: Callable[[LinkEvent], None]) -> Callable[[], None]:
         """Call back for every event from now on; the answer ends it."""
-        ticket = object()
+        key = object()
         with self._lock:
-            self._callbacks[ticket] = callback
+            self._callbacks[key] = callback
 
         def unsubscribe() -> None:
             with self._lock:
-                self._callbacks.pop(ticket, None)
+                self._callbacks.pop(key, None)
 
         return unsubscribe
 

@@ -77,7 +77,7 @@ class ZapHandler:
     port) go into the poller of the ports' thread; call `serve` when one of them is readable.
 
     Args:
-        context: of the ports; a context has one gatekeeper at most.
+        context: of the ports; a context has one handler at most.
         allowed: the key that opens the port for a peer, by the peer's name.
     """
 

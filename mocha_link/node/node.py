@@ -107,7 +107,7 @@ class Node(Startable):
         self._settling = True  # no subscriber to tell yet
         self._peer_keys = _peer_keys(team, robot) if self._secret else {}
         self._storage = (
-            Storage(Path(storage), terms=TeamConfig.of(team), on_fault=self._fault)
+            Storage(Path(storage), config=TeamConfig.of(team), on_fault=self._fault)
             if storage
             else None
         )

@@ -4,7 +4,7 @@ libzmq waits for the other side before it sends each part of its handshake: the 
 four round trips, which eat a short contact. The protocol does not ask for that. This end sends its
 whole handshake at once; so the first answer costs three, or two when requests follow without
 waiting for the other side's READY. A libzmq that reads them together with the handshake closes
-the connection; so they have to come a moment later (see `line`).
+the connection; so they have to come a moment later (see `connection`).
 
 https://rfc.zeromq.org/spec/37/ describes the protocol.
 """

@@ -69,7 +69,7 @@ class Database:
         return self._storage
 
     def take_parts(self) -> list[StoredFragment]:
-        """Once, for a `Shelf`: what was kept of messages that have not come whole."""
+        """Once, for a `ReassemblyBuffer`: what was kept of messages that have not come whole."""
         parts, self._parts = self._parts, []
         return parts
 
@@ -304,7 +304,7 @@ class Database:
             for number, kept in self._by_number.items():
                 if number not in same:
                     storage.put(number, kept.record)
-            for part in found.parts:  # the shelf knows nothing of them
+            for part in found.parts:  # the reassembly buffer knows nothing of them
                 storage.drop_parts(part.message_id, part.total)
             for peer, known in found.knowledge.items():
                 self._knowledge.setdefault(peer, replace(known, own_sequence=0))

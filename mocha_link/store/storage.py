@@ -63,7 +63,7 @@ class Storage:
 
     Args:
         path: the file; it is made if there is none, its directory is not.
-        terms: of the team. Of a file from under other terms only those messages are taken whose
+        config: of the team. Of a file from under another one only those messages are taken whose
             ids mean the same; the others go.
         on_fault: called with what is wrong when the file cannot be used, and with None when it
             can again; mostly on the storage's thread.
@@ -75,13 +75,13 @@ class Storage:
         self,
         path: Path,
         *,
-        terms: TeamConfig | None = None,
+        config: TeamConfig | None = None,
         on_fault: Callable[[StorageError | None], None] | None = None,
         retry_s: float = RETRY_S,
         connect: Callable[[Path], sqlite3.Connection] = storage_file.connect,
     ) -> None:
         self.path = Path(path)
-        self._terms = terms
+        self._config = config
         self._on_fault = on_fault
         self._retry_s = retry_s
         self._connect = connect
@@ -148,13 +148,13 @@ class Storage:
             self._tell()
 
     def keep_part(self, part: StoredFragment) -> None:
-        """For the shelf: a part of a message that has not come whole."""
+        """For the reassembly buffer: a part of a message that has not come whole."""
         with self._changed:
             self._pending.parts.append(part)
             self._tell()
 
     def drop_parts(self, message_id: int, total: int) -> None:
-        """For the shelf: the parts of a message that need not be kept any longer."""
+        """For the reassembly buffer: the parts of a message that need not be kept any longer."""
         with self._changed:
             self._pending.part_drops.add((message_id, total))
             self._pending.parts = [p for p in self._pending.parts if p[:2] != (message_id, total)]
@@ -269,7 +269,7 @@ class Storage:
         self._file = StorageFile(self.path, self._connect)
         self._inode = (self._state() or (0,))[0]
         self._file.read(found)
-        gone = self._file.adopt(self._terms, found) if self._terms else 0
+        gone = self._file.adopt(self._config, found) if self._config else 0
         if gone:
             what = "1 message is" if gone == 1 else f"{gone} messages are"
             LOG.warning("%s: %s gone: under this team file the ids mean others", self.path, what)

@@ -8,7 +8,7 @@ Tables (schema 1; `PRAGMA user_version` has its number, `application_id` is "MOC
     about      epoch of the database (8 bytes), one row
     part       of a message that has not come whole: message id (8 bytes), size of the whole,
                offset, checksum, data
-    terms      what the ids stand for (JSON) and a digest of the terms of the team, at most one row
+    terms      what the ids stand for (JSON) and a digest of the team's configuration, one row
 
 The journal is a write-ahead log next to the file (`-wal`) and every commit is synchronised, so what
 was committed survives `kill -9` and a loss of power. The pages of deleted rows are used again; when
@@ -190,30 +190,30 @@ class StorageFile:
         """Write whose file it is; shows that it can be written."""
         self._connection.execute("INSERT OR REPLACE INTO about VALUES (1, ?)", (_u64(epoch),))
 
-    def adopt(self, terms: TeamConfig, contents: Contents) -> int:
-        """Go on under the terms of a team; how many messages had to go, as their ids mean others.
+    def adopt(self, config: TeamConfig, contents: Contents) -> int:
+        """Go on under a team's configuration; how many messages went, as their ids mean others.
 
-        What peers have offered was judged by the earlier terms, so it is not known any more.
+        What peers have offered was judged by the earlier one, so it is not known any more.
         """
         run = self._connection.execute
         row = run("SELECT mark, names FROM terms").fetchone()
-        if row and row[0] == terms.mark:
+        if row and row[0] == config.mark:
             return 0
         contents.knowledge.clear()
-        earlier = TeamConfig.read(row[1]) if row else terms.names
-        void = [n for n, r in contents.records.items() if not terms.keeps(r.header, earlier or {})]
+        earlier = TeamConfig.read(row[1]) if row else config.names
+        void = [n for n, r in contents.records.items() if not config.keeps(r.header, earlier or {})]
         for number in void:
             del contents.records[number]
         strange = {
             (part.message_id, part.total)
             for part in contents.parts
-            if not terms.keeps(_header_of(part.message_id), earlier or {})
+            if not config.keeps(_header_of(part.message_id), earlier or {})
         }
         contents.parts = [p for p in contents.parts if (p.message_id, p.total) not in strange]
         if earlier is None:
-            raise StorageDamagedError(_damaged(self._path, "its terms are altered"))
+            raise StorageDamagedError(_damaged(self._path, "its configuration is altered"))
         run("BEGIN IMMEDIATE")
-        run("INSERT OR REPLACE INTO terms VALUES (1, ?, ?)", (terms.mark, terms.text))
+        run("INSERT OR REPLACE INTO terms VALUES (1, ?, ?)", (config.mark, config.text))
         run("DELETE FROM knowledge")
         self._connection.executemany("DELETE FROM record WHERE number = ?", ((n,) for n in void))
         self._drop_parts(strange)

@@ -28,12 +28,12 @@ MAX_CHUNKS = 65_535  # of each sort in one frame
 LARGE_BYTES = 32_768  # data from this size on are parts of their own, where frames have parts
 MAX_LARGE = 48  # of them in one frame
 
-_LETTER = struct.Struct(">BIBII")  # kind, checksum, round, offset, total
+_MESSAGE = struct.Struct(">BIBII")  # kind, checksum, round, offset, total
 _CHUNKS = struct.Struct(">BIBIHH")  # kind, checksum, round, number, whole messages, pieces
 _COVERED = 5  # the checksum is over what follows it
 WHOLE = struct.Struct(">QI")  # message id, size
 PIECE = struct.Struct(">QIII")  # message id, size of the whole, offset, size of the piece
-MESSAGE_HEADER_BYTES, CHUNKS_BYTES = _LETTER.size, _CHUNKS.size
+MESSAGE_HEADER_BYTES, CHUNKS_BYTES = _MESSAGE.size, _CHUNKS.size
 
 Frame = bytes | memoryview
 
@@ -87,7 +87,7 @@ class MessageAssembler:
         """Take in a frame; the message if this completes it. Raises SyncFrameError."""
         if len(frame) < MESSAGE_HEADER_BYTES:
             raise SyncFrameError(f"a frame of {len(frame)} bytes")
-        kind, checksum, round_, offset, total = _LETTER.unpack_from(frame)
+        kind, checksum, round_, offset, total = _MESSAGE.unpack_from(frame)
         if kind not in self._kinds:
             raise SyncFrameError(f"a frame of kind {kind}")
         view = memoryview(frame)

@@ -44,7 +44,7 @@ class PathStats:
     rtt_s: float | None = None
     rate_bytes_s: float | None = None
     udp_misses: int = 0
-    cut: dict[int, int] = field(default_factory=dict)  # see `client.Past`
+    cut: dict[int, int] = field(default_factory=dict)  # see `client.PathHistory`
 
     @property
     def is_near(self) -> bool:

@@ -237,7 +237,9 @@ class SyncSender:
         """The peer has got a message from another node, or a newer one."""
         self._peer.holds(message_id)
         if self._missing.pop(message_id, None):
-            rank = next(rank for rank in self._queue if rank & _BEGUN and _long(rank) == message_id)
+            rank = next(
+                rank for rank in self._queue if rank & _BEGUN and _message_id(rank) == message_id
+            )
             self._queue.remove(rank)
             del self._records[rank]
 
@@ -273,7 +275,7 @@ class SyncSender:
         top = max((rank for rank in self._queue if rank & _BEGUN), default=None)
         if top is None:
             return
-        rest = sum(end - start for start, end in self._missing[_long(top)])
+        rest = sum(end - start for start, end in self._missing[_message_id(top)])
         urgent = top // (_FIRST << 1)
         new = [r for r in self._queue if not r & _BEGUN and r // (_FIRST << 1) == urgent]
         least = min(new, key=lambda rank: (len(self._records[rank].body), -rank), default=None)
@@ -316,7 +318,7 @@ class SyncSender:
             rank = self._queue[-1]
             record = self._records[rank]
             body = record.body
-            message_id = _long(rank)
+            message_id = _message_id(rank)
             if not rank & _BEGUN:
                 if self._sequence != self._opened_at and self._replaced(record):
                     self._pop()
@@ -387,5 +389,5 @@ def _rank(message_id: int, priority: int, *, begun: bool) -> int:
     )
 
 
-def _long(rank: int) -> int:
+def _message_id(rank: int) -> int:
     return (rank & 0xFFFF) << 48 | rank >> 16 & payload.STAMP_MASK

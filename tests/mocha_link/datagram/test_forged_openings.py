@@ -98,7 +98,7 @@ def test_a_ticket_is_good_for_a_few_syncs():
     assert known.next_token != address_token
 
 
-def test_only_syncs_that_got_through_use_tickets_up(server):
+def test_only_syncs_that_got_through_use_tokens_up(server):
     address_token = server._peer_state.next_token
     for number in range(TOKENS + 1):
         io = Asker(server, number.to_bytes(6))

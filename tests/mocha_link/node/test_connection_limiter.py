@@ -111,7 +111,7 @@ def test_a_node_counts_whom_it_sent_away(field, monkeypatch):
             pass
 
 
-def test_a_port_with_a_doorman_closes(titan):
+def test_a_port_with_a_limiter_closes(titan):
     context = zmq.Context()
     port = Port(context, titan, "io", None)
     with dial(titan):

@@ -120,7 +120,7 @@ def test_each_port_has_its_own_key(hall, caplog):
     assert len([m for m in caplog.messages if m.startswith("refused")]) == 1  # told once
 
 
-def test_a_port_whose_peer_the_gatekeeper_does_not_know_stays_shut(hall):
+def test_a_port_whose_peer_the_zap_handler_does_not_know_stays_shut(hall):
     hall.refused(hall.dial(hall.open("stranger"), holding(IO)))
     assert set(hall.refusals) == {Refusal("stranger", "with a wrong key")}
 
@@ -135,13 +135,13 @@ def test_many_at_once_with_wrong_keys(hall):
     assert hall.ask(client) == b"io hears you"
 
 
-def test_a_context_has_one_gatekeeper(hall):
+def test_a_context_has_one_zap_handler(hall):
     with pytest.raises(zmq.ZMQError):
         ZapHandler(hall.context, {})
 
 
 def test_closing_in_either_order():
-    for first in ("gatekeeper", "door"):
+    for first in ("handler", "door"):
         with contextlib.closing(Hall()) as hall:
             hall.open("io")
             if first == "door":

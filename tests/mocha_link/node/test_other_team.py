@@ -225,7 +225,7 @@ def hello(*fields: object) -> bytes:
         (Reception.CONFIG_MISMATCH, 12345),
     ],
 )
-def test_who_says_other_terms_hands_us_nothing(said):
+def test_who_says_another_config_hash_hands_us_nothing(said):
     """Not even if it goes on as if they were ours."""
     field = Field(TEAM)
     publisher = NetworkSim(TEAM, names=("a", "b"))

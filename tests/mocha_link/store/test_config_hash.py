@@ -67,7 +67,7 @@ def test_what_was_refused_before_is_asked_for_again(field_of, file):
         assert titan.latest("io", "/cloud").data == b"of points"
 
 
-def test_the_same_terms_change_nothing(field, file):
+def test_the_same_configuration_changes_nothing(field, file):
     io, _, _ = field.node("io")
     io.publish("/cloud", b"of points")
     with running(field, "titan", storage=file) as (titan, saw):
@@ -77,20 +77,20 @@ def test_the_same_terms_change_nothing(field, file):
         assert titan._gossip.database.knowledge("io") == known
 
 
-def test_a_file_whose_terms_are_altered(field, file):
+def test_a_file_whose_configuration_is_altered(field, file):
     with running(field, "titan", storage=file) as (titan, _):
         titan.publish("/map", b"grid")
     with contextlib.closing(sqlite3.connect(file)) as connection:
         connection.execute("UPDATE terms SET mark = x'00', names = '{'")
         connection.commit()
     with running(field, "titan", storage=file) as (titan, saw):
-        assert "its terms are altered" in saw.wait(StorageFailed).reason
+        assert "its configuration is altered" in saw.wait(StorageFailed).reason
         assert titan.messages() == []
         titan.publish("/map", b"grid")
         assert titan.latest("titan", "/map").data == b"grid"
 
 
-def test_what_counts_as_terms():
+def test_what_counts_as_configuration():
     team = team_of(TEAM)
     assert TeamConfig.of(team).mark == TeamConfig.of(team_of(TEAM + "trust: relays\n")).mark
     assert TeamConfig.of(team).mark != TeamConfig.of(team_of(TEAM + "trust: signed\n")).mark

@@ -41,7 +41,7 @@ class Notes:
         self.parts = [part for part in self.parts if part[:2] != (message_id, total)]
 
 
-# --- the shelf
+# --- the reassembly buffer
 
 
 @given(
@@ -145,8 +145,8 @@ class Meetings(NetworkSim):
         self.publish("titan", "/map", LARGE)
 
     def boot(self, team: Team | None = None) -> None:
-        terms = TeamConfig.of(team or self.team)
-        self.storage = Storage(self.path, terms=terms, retry_s=3600)
+        config = TeamConfig.of(team or self.team)
+        self.storage = Storage(self.path, config=config, retry_s=3600)
         self.restart("io", database=Database(storage=self.storage))
 
     def die(self) -> None:
@@ -253,7 +253,7 @@ def test_under_another_team_file_parts_of_what_has_moved_go(field_of, team, path
     meetings.nodes["io"].save(meetings.now)
     meetings.die()
     later = field_of(TEAM.replace("/map, type: grid/SemanticMap", "/map, type: grid/Other")).team
-    storage = Storage(path, terms=TeamConfig.of(later))
+    storage = Storage(path, config=TeamConfig.of(later))
     database = Database(storage=storage)
     assert database.take_parts() == []
     assert storage.close(30)
@@ -294,21 +294,3 @@ def test_a_file_that_is_out_of_reach_for_a_while_forgets_the_parts_from_before(t
     meetings.die()
     with closing(sqlite3.connect(path)) as file:
         assert file.execute("SELECT count(*) FROM part").fetchone() == (0,)
-
-
-KILLED = """
-import sys, time
-from mocha_link.store.database import Database
-from mocha_link.store.reassembly_buffer import SAVE_BYTES, Shelf
-from mocha_link.store.storage import Storage
-storage = Storage(sys.argv[1])
-database = Database(storage=storage)
-shelf = Shelf(keeper=database.keeper, saved=database.take_parts())
-data = memoryview(bytes(range(256)) * (SAVE_BYTES // 64))
-for start in range(0, 3 * SAVE_BYTES, 10_000):
-    shelf.add(int(sys.argv[2]), len(data), start, data[start:start + 10_000])
-    shelf.save(0.0)
-assert storage.wait(60)
-print("saved", flush=True)
-sys.stdin.read()
-"""

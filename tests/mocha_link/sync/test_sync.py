@@ -62,7 +62,7 @@ def test_an_open_says_what_it_is_told(opening):
 
 
 @given(U64, U64, st.integers(0, 2**32 - 1), st.booleans(), st.sampled_from(Reception))
-def test_small_letters(epoch, sequence, frames, flag, reception):
+def test_small_messages(epoch, sequence, frames, flag, reception):
     done = Done(epoch, sequence, frames, flag)
     assert Done.decode(done.encode()) == done
     hello = Hello(reception, epoch, address_token=sequence)
@@ -81,7 +81,7 @@ def test_answers(robot_id, groups, rest):
     assert sync_messages.decode_answers(sync_messages.encode_answers(answers)) == answers
 
 
-def test_an_answer_that_is_too_long_for_a_letter_leaves_some_out():
+def test_an_answer_that_is_too_long_for_a_message_leaves_some_out():
     answers = [Answer(robot, 0xFFFF, [robot << 56] * 2_000) for robot in range(256)]
     content = sync_messages.encode_answers(answers)
     assert len(content) <= sync.MAX_SYNC_MESSAGE_BYTES
@@ -91,7 +91,7 @@ def test_an_answer_that_is_too_long_for_a_letter_leaves_some_out():
 
 
 @given(st.binary(max_size=3_000), st.integers(300, 2_000), st.randoms(use_true_random=False))
-def test_letters_come_together_in_any_order(content, room, rng):
+def test_messages_come_together_in_any_order(content, room, rng):
     frames = sync.message_frames(sync.OPEN, 3, content, room)
     assert all(len(frame) <= room for frame in frames)
     collector = sync.MessageAssembler(sync.OPEN)
@@ -101,7 +101,7 @@ def test_letters_come_together_in_any_order(content, room, rng):
     assert found == [sync.SyncMessage(sync.OPEN, 3, content)]
 
 
-def test_a_letter_of_an_earlier_round_is_void():
+def test_a_message_of_an_earlier_round_is_void():
     collector = sync.MessageAssembler(sync.OPEN, sync.END)
     assert collector.take(sync.message_frames(sync.OPEN, 1, b"new", 300)[0])
     assert collector.take(sync.message_frames(sync.OPEN, 0, b"old", 300)[0]) is None
@@ -129,7 +129,7 @@ def test_a_new_round_does_not_wait_for_the_old_one():
         sync.message_frames(sync.OPEN, 0, b"abc", 300)[0][:-1],
     ],
 )
-def test_frames_that_are_no_letters(frame):
+def test_frames_that_are_no_messages(frame):
     with pytest.raises(SyncFrameError):
         sync.MessageAssembler(sync.OPEN).take(frame)
 
@@ -217,7 +217,7 @@ def test_impossible_chunks(wholes, pieces, size):
         [(n * 2, n * 2 + 1) for n in range(17)],
     ],
 )
-def test_impossible_wishes(missing):
+def test_impossible_requests(missing):
     opening = Open(1, 0, Have(()), [FragmentRequest(1, 100, missing)])
     with pytest.raises(SyncFrameError):
         Open.decode(opening.encode())

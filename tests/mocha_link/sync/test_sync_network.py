@@ -52,7 +52,7 @@ class World:
     def settle(self, *, clean: bool = True) -> None:
         """Every node pulls from every other one, uncut, until all must hold all; checks it.
 
-        Unless `clean` there may be damaged parts on the shelves.
+        Unless `clean` there may be damaged parts in reassembly buffers.
         """
         expected = self.newest()
         for _ in self.nodes:

@@ -32,7 +32,7 @@ LONG = sync.message_id_of(3, 4, START_MS)
 
 
 class Asking:
-    """An intake whose peer says what the test wants."""
+    """A receiver whose peer says what the test wants."""
 
     def __init__(self, node: Node | None = None, **options: object) -> None:
         self.node = node or Node("asker")
@@ -481,7 +481,7 @@ def serving_frames() -> list[bytes]:
 
 
 @given(st.integers(0, 2**32))
-def test_whatever_comes_an_intake_keeps_only_good_messages(seed):
+def test_whatever_comes_an_receiver_keeps_only_good_messages(seed):
     rng = random.Random(seed)
     said = serving_frames()
     node = Node("asker")

@@ -27,7 +27,7 @@ from tests.mocha_link.network import START_MS, Node, Pull, mutated
 
 
 class Served:
-    """A feed whose peer says what the test wants."""
+    """A sender whose peer says what the test wants."""
 
     def __init__(self, node: Node, knowledge=None, *, requests=(), budget=0, peer=None) -> None:
         self.node = node
@@ -434,7 +434,7 @@ def asking_frames(seed: int) -> tuple[Node, list[bytes]]:
 
 
 @given(st.integers(0, 2**32))
-def test_whatever_comes_a_feed_only_raises_frame_errors(seed):
+def test_whatever_comes_a_sender_only_raises_frame_errors(seed):
     rng = random.Random(seed)
     server, said = asking_frames(0)
     sender = SyncSender(server.database, server.peer("asker"))
