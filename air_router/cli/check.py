@@ -13,7 +13,7 @@ from air_router.files.mission_document import MissionDocument
 from air_router.mission.loading import choose, judge, read_draft
 from air_router.mission.mission import Mission
 from air_router.preflight.check_facts import facts_of, summary
-from air_router.preflight.survey import Survey
+from air_router.preflight.survey import MissionSurvey
 from air_router.routing.graph import WaypointGraph
 from mocha_link.team.document import DocumentError, Problem
 
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.png is not None and mission is not None:
             _draw_wrong(draft, mission, arguments.png)
         raise refusal
-    findings = Survey(WaypointGraph(mission))
+    findings = MissionSurvey(WaypointGraph(mission))
     if arguments.json:
         print_json(facts_of(findings))
     else:

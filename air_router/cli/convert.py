@@ -29,7 +29,7 @@ from air_router.files.maps.kml_write import kml_text
 from air_router.files.mission_document import MissionDocument
 from air_router.files.qgc.qgc_items import NOT_FLOWN
 from air_router.files.qgc.qgc_write import areas_of, plan_of, tell_settings
-from air_router.files.text.source import Source, spliced
+from air_router.files.text.source import TextSource, spliced
 from air_router.files.whole_file import write_whole
 from air_router.files.yaml.mission_write import mission_text
 from air_router.files.yaml.sim_plan import SUFFIX, sim_plan_draft
@@ -249,7 +249,7 @@ def _written(
 
 def _with_zones(plan: JsonDocument, more: dict[str, list[Any]]) -> str:
     """The text of a plan, which stays what it is and gets more zones."""
-    source = Source(plan.text, plan.node(), json=True)
+    source = TextSource(plan.text, plan.node(), json=True)
     if not source.is_mapping("geoFence"):
         fence = {**more, "version": 2}
         return spliced(plan.text, source.add_key((), "geoFence", fence))

@@ -9,8 +9,8 @@ from typing import Final
 
 from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, place
 from air_router.cli.command_line import print_json
-from air_router.coverage.camera import CAMERAS, Camera, camera_of
-from air_router.coverage.cover_area import Terms, read_field
+from air_router.coverage.camera import CAMERAS, SurveyCamera, camera_of
+from air_router.coverage.cover_area import CoverOptions, read_field
 from air_router.coverage.cover_facts import facts_of, lines_of, place_of
 from air_router.coverage.cover_write import place_text, waypoints_of, written
 from air_router.errors import AirRouterError, ExitCode, UsageError
@@ -148,8 +148,8 @@ def run(arguments: argparse.Namespace) -> int:
     return ExitCode.DONE
 
 
-def _terms(arguments: argparse.Namespace) -> Terms:
-    return Terms(
+def _terms(arguments: argparse.Namespace) -> CoverOptions:
+    return CoverOptions(
         home=arguments.home,
         altitude_m=arguments.altitude,
         speed_m_s=arguments.speed,
@@ -159,7 +159,7 @@ def _terms(arguments: argparse.Namespace) -> Terms:
     )
 
 
-def _swath(camera: Camera, height_m: float, sidelap_percent: float) -> Swath:
+def _swath(camera: SurveyCamera, height_m: float, sidelap_percent: float) -> Swath:
     across_m, along_m = camera.footprint_m(height_m)
     return Swath(across_m, along_m, across_m * (1 - sidelap_percent / 100))
 

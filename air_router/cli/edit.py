@@ -9,7 +9,7 @@ import webbrowser
 from pathlib import Path
 
 from air_router.editor.mission_text import MissionText
-from air_router.editor.session import Session
+from air_router.editor.session import EditSession
 from air_router.editor.starter import write_starter
 from air_router.errors import ExitCode
 from air_router.web.serving import add_page_options, needs_server, page_port, show, web_of
@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.new is not None:
         write_starter(arguments.mission, arguments.new)
     file = MissionText(arguments.mission)
-    session = Session(file)
+    session = EditSession(file)
 
     def ready(address: str) -> None:
         print(address, flush=True)

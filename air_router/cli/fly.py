@@ -26,9 +26,9 @@ from air_router.gossip.mapper import Mapper
 from air_router.live.page import add_web, page_of
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
-from air_router.preflight.preflight_survey import Survey
+from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recorder import Recorder
-from air_router.record.recording import Recording, add_recording, recording_of
+from air_router.record.recording import RecordingOptions, add_recording, recording_of
 from air_router.report.report import write_report
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.pace import PaceClient, PaceSource
@@ -78,7 +78,7 @@ class FlyOptions:
     duration_s: float | None = None
     arm: bool = False
     resume: bool = False
-    recording: Recording = field(default_factory=Recording)
+    recording: RecordingOptions = field(default_factory=RecordingOptions)
     pace: PaceSource | None = None
 
 
@@ -136,7 +136,7 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             control=options.control,
             arm=options.arm,
             resume=options.resume,
-            survey=lambda router: Survey(
+            survey=lambda router: PreflightSurvey(
                 mission,
                 router,
                 team=team,

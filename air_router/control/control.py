@@ -50,7 +50,7 @@ class ControlUnreachableError(AirRouterError):
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class ControlAnswer:
     """What became of a request.
 
     Attributes:
@@ -103,30 +103,30 @@ class ControlClient(Asker):
         """See `Asker`."""
         return ControlUnreachableError(message)
 
-    def hold(self) -> Answer:
+    def hold(self) -> ControlAnswer:
         """Stop and hover."""
         return self._answer("hold")
 
-    def resume(self, *, upload: bool = False) -> Answer:
+    def resume(self, *, upload: bool = False) -> ControlAnswer:
         """Go on with what was held, or take the flight back from the pilot.
 
         `upload`: another plan may be on board; the mission's is put there first.
         """
         return self._answer("resume", upload=upload)
 
-    def seek(self, robot: str) -> Answer:
+    def seek(self, robot: str) -> ControlAnswer:
         """Seek this robot next, at once."""
         return self._answer("seek", robot=robot)
 
-    def explore(self) -> Answer:
+    def explore(self) -> ControlAnswer:
         """Explore on."""
         return self._answer("explore")
 
-    def home(self) -> Answer:
+    def home(self) -> ControlAnswer:
         """End the mission: come home, and land."""
         return self._answer("home")
 
-    def reload(self, *, wait_s: float = 60.0) -> Answer:
+    def reload(self, *, wait_s: float = 60.0) -> ControlAnswer:
         """Read the mission file again: its zones and fences have changed.
 
         Waits until it was read: `accepted` says whether the flight keeps to what it says now.
@@ -148,7 +148,7 @@ class ControlClient(Asker):
             time.sleep(_LOOK_S)
         return answer
 
-    def goto(self, points: Iterable[Place], *, hold_s: float | None = None) -> Answer:
+    def goto(self, points: Iterable[Place], *, hold_s: float | None = None) -> ControlAnswer:
         """Fly to points, one after the other, and hover at the last for `hold_s`."""
         return self._answer("goto", points=[list(point) for point in points], hold_s=hold_s)
 
@@ -160,10 +160,10 @@ class ControlClient(Asker):
         """Send a request as it is; returns the answer as it came."""
         return self.ask(values)[0]
 
-    def _answer(self, request: str, **fields: Any) -> Answer:
+    def _answer(self, request: str, **fields: Any) -> ControlAnswer:
         values = self.request({"request": request, "by": self._by, **fields})
         try:
-            return Answer(
+            return ControlAnswer(
                 accepted=values["accepted"] is True,
                 why=str(values["why"]),
                 code=None if values["code"] is None else str(values["code"]),

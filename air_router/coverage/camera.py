@@ -13,7 +13,7 @@ from air_router.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True)
-class Camera:
+class SurveyCamera:
     """A camera with its longer side across the direction of flight.
 
     Attributes:
@@ -29,10 +29,10 @@ class Camera:
     pixels: tuple[int, int] | None = None
 
     @property
-    def turned(self) -> Camera:
+    def turned(self) -> SurveyCamera:
         """The same camera with its longer side along the direction of flight."""
         pixels = None if self.pixels is None else self.pixels[::-1]
-        return Camera(self.name, self.along, self.across, pixels)
+        return SurveyCamera(self.name, self.along, self.across, pixels)
 
     def footprint_m(self, height_m: float) -> tuple[float, float]:
         """What a picture from so high above the ground shows (across, along), in metres."""
@@ -43,9 +43,9 @@ class Camera:
         return None if self.pixels is None else self.across * height_m / self.pixels[0]
 
 
-def _lens(name: str, sensor_mm: tuple[float, float], focal_mm: float, *pixels: int) -> Camera:
+def _lens(name: str, sensor_mm: tuple[float, float], focal_mm: float, *pixels: int) -> SurveyCamera:
     across, along = (side / focal_mm for side in sensor_mm)
-    return Camera(name, across, along, (pixels[0], pixels[1]) if pixels else None)
+    return SurveyCamera(name, across, along, (pixels[0], pixels[1]) if pixels else None)
 
 
 CAMERAS: Final = MappingProxyType(
@@ -80,7 +80,7 @@ _SENSOR = re.compile(rf"{_NUMBER}x{_NUMBER}/{_NUMBER}(?:@(\d+)x(\d+))?")
 _ANGLES = re.compile(rf"{_NUMBER}x{_NUMBER}deg")
 
 
-def camera_of(text: str) -> Camera:
+def camera_of(text: str) -> SurveyCamera:
     """A camera by its name, by sensor and focal length, or by its angles of view.
 
     `13.2x8.8/10.4` is a sensor of 13.2 mm x 8.8 mm behind a lens of 10.4 mm, `@5472x3648` after it
@@ -99,7 +99,7 @@ def camera_of(text: str) -> Camera:
     if match := _ANGLES.fullmatch(text):
         across, along = (math.tan(math.radians(float(angle)) / 2) * 2 for angle in match.groups())
         if all(0 < float(angle) < 170 for angle in match.groups()):
-            return Camera(text, across, along)
+            return SurveyCamera(text, across, along)
     close = difflib.get_close_matches(text, CAMERAS, n=1)
     hint = f"did you mean {close[0]}? " if close else ""
     raise UsageError(

@@ -32,7 +32,7 @@ _FAR_M = 50_000.0
 
 
 @dataclass(frozen=True, slots=True)
-class Terms:
+class CoverOptions:
     """What a coverage that has no mission goes by; `inside`: the area is the fence as well."""
 
     home: Geodetic | None
@@ -64,7 +64,7 @@ class Field:
     altitude_m: float
 
 
-def read_field(area: Path, mission: Path | None, terms: Terms) -> Field:
+def read_field(area: Path, mission: Path | None, terms: CoverOptions) -> Field:
     """The area of a file, in a mission's airspace (or in that of the zones that are named).
 
     Raises:
@@ -98,7 +98,7 @@ def _is_mission(path: Path) -> bool:
     return isinstance(data, dict) and bool(_MISSION_KEYS & data.keys())
 
 
-def _of_mission(path: Path, area: Path | None, terms: Terms) -> Field:
+def _of_mission(path: Path, area: Path | None, terms: CoverOptions) -> Field:
     told = {"--home": terms.home, "--clearance": terms.clearance_m, "--zones": terms.zones or None}
     for option, value in told.items():
         if value is not None:
@@ -131,7 +131,7 @@ def _of_mission(path: Path, area: Path | None, terms: Terms) -> Field:
     return Field(shape, draft, draft.frame, airspace, mission.home, altitude_m)
 
 
-def _of_area(path: Path, terms: Terms) -> Field:
+def _of_area(path: Path, terms: CoverOptions) -> Field:
     if terms.altitude_m is None:
         raise UsageError("without a mission give the height above home: --altitude M")
     zones = _drawn(path)

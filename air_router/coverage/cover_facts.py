@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from air_router.coverage.camera import Camera
+from air_router.coverage.camera import SurveyCamera
 from air_router.coverage.cover_area import Field
 from air_router.routing.return_planner import Pace, Way
 from geo.coverage.coverage import Coverage, Swath
@@ -13,7 +13,7 @@ from geo.frame import Point
 
 
 def facts_of(
-    field: Field, plan: Coverage, camera: Camera, swath: Swath, overlap_percent: float
+    field: Field, plan: Coverage, camera: SurveyCamera, swath: Swath, overlap_percent: float
 ) -> dict[str, Any]:
     """What `--json` prints of a coverage, without its waypoints."""
     speed_m_s = field.draft.speed_m_s

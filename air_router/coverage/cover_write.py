@@ -12,7 +12,7 @@ import numpy as np
 from air_router.coverage.cover_area import Field
 from air_router.errors import AirRouterError, MissionFileError, UsageError
 from air_router.files.mission_document import MissionPoint
-from air_router.files.text.source import Source, spliced
+from air_router.files.text.source import TextSource, spliced
 from air_router.files.yaml.mission_file import read_mission
 from air_router.files.yaml.mission_write import mission_text
 from air_router.mission.loading import judge
@@ -85,11 +85,11 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
     return mission_text(draft, folder)
 
 
-def _mission_text(path: Path) -> Source | None:
+def _mission_text(path: Path) -> TextSource | None:
     """The text of a YAML mission whose waypoints stand on lines of their own; None of any other."""
     if path.suffix.lower() not in {".yaml", ".yml"}:
         return None
-    source = Source.of_yaml(path.read_text(encoding="utf-8"), path)
+    source = TextSource.of_yaml(path.read_text(encoding="utf-8"), path)
     return source if source.stands_on_lines("waypoints") else None
 
 

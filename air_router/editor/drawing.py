@@ -16,7 +16,7 @@ from air_router.files.text.rendering import (
     degrees,
     metres,
 )
-from air_router.files.text.source import Source, Splice
+from air_router.files.text.source import Splice, TextSource
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 
 _LEAST_CORNERS = 3
@@ -31,7 +31,7 @@ class Drawing(ABC):
 
     settable: ClassVar[bool]
 
-    def __init__(self, source: Source, sketch: Sketch) -> None:
+    def __init__(self, source: TextSource, sketch: Sketch) -> None:
         self.source = source
         self.sketch = sketch
         self._handles = {handle.keys: handle for handle in sketch.handles()}

@@ -29,7 +29,7 @@ _MOST_WORK = 4_000
 very many waypoints needs more, the other legs are only said to lead around."""
 
 
-class Way(StrEnum):
+class LegKind(StrEnum):
     """How the operator's leg from one waypoint to the next is flown."""
 
     STRAIGHT = "straight"
@@ -43,7 +43,7 @@ class OperatorLeg:
 
     start: int
     end: int
-    way: Way
+    way: LegKind
     points: tuple[Point, ...]
 
 
@@ -80,7 +80,7 @@ class Judgement:
 
     def length_m(self) -> float:
         """Of all legs that can be flown."""
-        flown = (leg.points for leg in self.legs if leg.way is not Way.BLOCKED)
+        flown = (leg.points for leg in self.legs if leg.way is not LegKind.BLOCKED)
         return sum(math.dist(a, b) for points in flown for a, b in pairwise(points))
 
 
@@ -118,16 +118,16 @@ def _legs(
     for index, (start, end) in enumerate(pairwise(nodes)):
         ends = graph.position(start), graph.position(end)
         if not (legal[index] and legal[index + 1]):
-            yield OperatorLeg(start, end, Way.BLOCKED, ends)
+            yield OperatorLeg(start, end, LegKind.BLOCKED, ends)
         elif straight[index]:
-            yield OperatorLeg(start, end, Way.STRAIGHT, ends)
+            yield OperatorLeg(start, end, LegKind.STRAIGHT, ends)
         elif routes <= 0:
-            yield OperatorLeg(start, end, Way.AROUND, ends)
+            yield OperatorLeg(start, end, LegKind.AROUND, ends)
         else:
             routes -= 1
             route = router.route(ends[0], end)
             if isinstance(route, Route):
                 points = (ends[0], *(leg.to for leg in route.legs))
-                yield OperatorLeg(start, end, Way.AROUND, points)
+                yield OperatorLeg(start, end, LegKind.AROUND, points)
             else:
-                yield OperatorLeg(start, end, Way.BLOCKED, ends)
+                yield OperatorLeg(start, end, LegKind.BLOCKED, ends)

@@ -19,7 +19,7 @@ from air_router.editor.sketch import Handle, Region, as_number
 from air_router.files.qgc.qgc_items import MavCommand
 from air_router.files.qgc.qgc_write import simple_item
 from air_router.files.text.rendering import METRE_DECIMALS, Digits, metres
-from air_router.files.text.source import Source, Splice
+from air_router.files.text.source import Splice, TextSource
 from mocha_link.team.document import Document
 
 _RELATIVE_FRAMES = (3, 6)
@@ -33,7 +33,7 @@ class PlanDrawing(Drawing):
 
     def __init__(self, text: str, document: Document) -> None:
         self._data = document.data
-        super().__init__(Source(text, document.node(), json=True), sketch_plan(document.data))
+        super().__init__(TextSource(text, document.node(), json=True), sketch_plan(document.data))
 
     def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:
         """Insert a simple item behind the waypoint before it, at the same altitude."""

@@ -13,10 +13,10 @@ from typing import Any
 
 from air_router.editor.edits import EditError, read_edit
 from air_router.editor.mission_text import ChangedOnDiskError, SaveError
-from air_router.editor.session import Session, StaleError, UnconfirmedError
+from air_router.editor.session import EditSession, StaleError, UnconfirmedError
 from air_router.errors import AirRouterError
 from air_router.web.audience import Audience
-from air_router.web.outbox import Outbox
+from air_router.web.outbox import PageOutbox
 from air_router.web.serving import HERE, Say, Web
 from air_router.web.site import Site, as_json
 from mocha_link.team.document import DocumentError
@@ -37,10 +37,10 @@ _REFUSALS = {
 class EditorServer:
     """Serves one session to any number of pages; all of them see the same mission."""
 
-    def __init__(self, session: Session, web: Web = HERE) -> None:
+    def __init__(self, session: EditSession, web: Web = HERE) -> None:
         self._session = session
         self._web = web
-        self._requests: asyncio.Queue[tuple[Outbox, str]] = asyncio.Queue(_MOST_WAITING)
+        self._requests: asyncio.Queue[tuple[PageOutbox, str]] = asyncio.Queue(_MOST_WAITING)
         self._changed_on_disk = False
         self._state = self._shown()
         self._audience = Audience(self._receive, self._welcome)
@@ -64,13 +64,13 @@ class EditorServer:
                     for job in jobs:
                         job.cancel()
 
-    def _welcome(self, outbox: Outbox) -> None:
+    def _welcome(self, outbox: PageOutbox) -> None:
         setting = {"type": "setting", "backdrop": self._web.backdrop_view}
         outbox.post("setting", as_json(setting))
         outbox.post("state", self._state)
         outbox.post("disk", as_json({"type": "disk", "changed": self._changed_on_disk}))
 
-    def _receive(self, outbox: Outbox, text: str) -> None:
+    def _receive(self, outbox: PageOutbox, text: str) -> None:
         try:
             self._requests.put_nowait((outbox, text))
         except asyncio.QueueFull:

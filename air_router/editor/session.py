@@ -34,7 +34,7 @@ class _Step:
     gesture: str | None
 
 
-class Session:
+class EditSession:
     """The mission as it is now, and how it came to be.
 
     Not for several threads at a time.

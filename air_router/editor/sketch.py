@@ -37,7 +37,7 @@ class Handle:
 
 
 @dataclass(frozen=True, slots=True)
-class Round:
+class CircleHandle:
     """A circle: its centre, and where its radius stands."""
 
     keys: Keys
@@ -62,7 +62,7 @@ class Region:
     name: str
     is_fence: bool
     rings: tuple[Corners, ...] = ()
-    circle: Round | None = None
+    circle: CircleHandle | None = None
     entry: Keys | None = None
 
 
@@ -147,7 +147,7 @@ def ring_of(value: Any, keys: Keys) -> Corners | None:
     return Corners(keys, known) if len(known) == len(value) else None
 
 
-def round_of(value: Any, keys: Keys, *, centre: str, radius: str) -> Round | None:
+def round_of(value: Any, keys: Keys, *, centre: str, radius: str) -> CircleHandle | None:
     """A circle, its parts under these names."""
     if not isinstance(value, dict):
         return None
@@ -155,7 +155,7 @@ def round_of(value: Any, keys: Keys, *, centre: str, radius: str) -> Round | Non
     radius_m = as_number(value.get(radius))
     if handle is None or radius_m is None:
         return None
-    return Round(keys, handle, (*keys, radius), radius_m)
+    return CircleHandle(keys, handle, (*keys, radius), radius_m)
 
 
 def _items(data: dict[Any, Any], name: str) -> list[Any]:

@@ -10,7 +10,7 @@ from air_router.editor.edits import EditError
 from air_router.editor.sketch import Handle, Region, sketch_yaml
 from air_router.files.mission_document import Keys
 from air_router.files.text.rendering import METRE_DECIMALS, metres
-from air_router.files.text.source import Source, Splice
+from air_router.files.text.source import Splice, TextSource
 from mocha_link.team.document import Document
 
 _SETTINGS: dict[str, Keys] = {
@@ -28,7 +28,7 @@ class YamlDrawing(Drawing):
     settable: ClassVar[bool] = True
 
     def __init__(self, text: str, document: Document) -> None:
-        super().__init__(Source(text, document.node(), json=False), sketch_yaml(document.data))
+        super().__init__(TextSource(text, document.node(), json=False), sketch_yaml(document.data))
 
     def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:
         """Insert a bare pair: it flies at the mission's altitude."""

@@ -21,7 +21,7 @@ _WORDS = {Reference.HOME: "home", Reference.AMSL: "the sea", Reference.GROUND: "
 
 
 @dataclass(frozen=True, slots=True)
-class Limit:
+class AltitudeLimit:
     """An altitude, in metres above a reference."""
 
     metres: float
@@ -54,8 +54,8 @@ class HomeAltitudeError(ValueError):
 class Altitudes:
     """From a lower to an upper limit; None: from the ground up, or without end."""
 
-    lower: Limit | None = None
-    upper: Limit | None = None
+    lower: AltitudeLimit | None = None
+    upper: AltitudeLimit | None = None
 
     def band(self, home_amsl_m: float | None, terrain_relief_m: float) -> Band:
         """The band above home that is sure to hold these altitudes.

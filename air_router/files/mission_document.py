@@ -33,7 +33,7 @@ _EARTH_M = 2e7
 """No two places are farther from each other."""
 
 
-class Source(Protocol):
+class DocumentSource(Protocol):
     """The file that a draft is made from: it knows where its values stand."""
 
     @property
@@ -44,7 +44,7 @@ class Source(Protocol):
         """A problem with the value at these keys."""
 
 
-class Place(NamedTuple):
+class FilePlace(NamedTuple):
     """A place in a file; line and column count from 1."""
 
     path: Path
@@ -105,14 +105,14 @@ class Area:
     clearance_m: float | None = None
     altitudes: Altitudes | None = None
     validity: Validity | None = None
-    place: Place | None = None
+    place: FilePlace | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", sanitize(self.name))
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class RefusedRing:
     """A ring that bounds no area, for pictures; `place` is where its border is wrong."""
 
     name: str
@@ -133,7 +133,7 @@ class MissionDocument:
     from because of the others; `uav` and `explore` are those of the one that is meant.
     """
 
-    document: Source
+    document: DocumentSource
     name: str = ""
     frame: LocalFrame | None = None
     in_metres: bool = False
@@ -164,7 +164,7 @@ class MissionDocument:
     unread: set[str] = field(default_factory=set)
     problems: list[Problem] = field(default_factory=list)
     notes: list[Problem] = field(default_factory=list)
-    refused: list[Refused] = field(default_factory=list)
+    refused: list[RefusedRing] = field(default_factory=list)
 
     def complain(self, keys: Keys, message: str, code: str) -> None:
         """Note a problem with the value at these keys."""
@@ -222,7 +222,7 @@ class MissionDocument:
             where = "" if error.place is None else f" near {self._words(error.place)}"
             message = f"{name} cannot be an area: {error}{where}; draw it again"
             self.complain(holes_keys if "hole" in str(error) else keys, message, error.code)
-            self.refused.append(Refused(name, ring, error.place))
+            self.refused.append(RefusedRing(name, ring, error.place))
             return None
 
     def circle(

@@ -16,7 +16,7 @@ from air_router.control.command_request import CommandRequest, CommandRequestErr
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import CommandAck, Refusal
 from air_router.controller.model.requests import OPERATOR, AnyRequest
-from air_router.flight.mission_reloader import Reading
+from air_router.flight.mission_reloader import ReloadReport
 from geo.frame import LocalFrame, Point
 
 _DIGITS = 8
@@ -38,7 +38,7 @@ class CommandService:
         frame: LocalFrame,
         controller: Controller,
         deliver: Callable[[AnyRequest], None],
-        reading: Callable[[], Reading | None] = lambda: None,
+        reading: Callable[[], ReloadReport | None] = lambda: None,
     ) -> None:
         self._reading = reading
         self._frame = frame

@@ -50,7 +50,7 @@ from air_router.live.page import NoPage, Page
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.preflight.preflight import Card, PreflightRefusedError
-from air_router.preflight.preflight_survey import Survey
+from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recorder import PREFLIGHT, Recorder
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -109,7 +109,7 @@ class Flight:
         camera: str | None = None,
         control: str | None = None,
         arm: bool = False,
-        survey: Callable[[Router], Survey] | None = None,
+        survey: Callable[[Router], PreflightSurvey] | None = None,
         resume: bool = False,
     ) -> None:
         self._mission = mission
@@ -124,7 +124,7 @@ class Flight:
         self._resume = resume
         self._plan = FlightPlan.of(mission)
         self.router = Router(WaypointGraph(mission))
-        self._survey = Survey(mission, self.router) if survey is None else survey(self.router)
+        self._survey = (survey or partial(PreflightSurvey, mission))(self.router)
         setup = FlightSetup(
             mission,
             seek,

@@ -95,7 +95,7 @@ def changed_areas(mission: Mission) -> AirspaceChanged:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ReloadReport:
     """What became of the latest reading of the mission file.
 
     Attributes:
@@ -135,7 +135,7 @@ class MissionReloader:
         self._vehicle = vehicle
         self._deliver = deliver
         self._say = say
-        self.latest: Reading | None = None
+        self.latest: ReloadReport | None = None
         self._reading = self._once_more = False
         self._on_board = FlightPlan.of(controller.mission)
         self._uploaded, self._idle = asyncio.Event(), asyncio.Event()
@@ -155,7 +155,7 @@ class MissionReloader:
         self._at_work += 1
         self._idle.clear()
         if isinstance(action, ReadAgain):
-            self.latest = Reading()
+            self.latest = ReloadReport()
             return self._done_when(self.read())
         return self._done_when(self.board())
 
@@ -182,7 +182,7 @@ class MissionReloader:
         finally:
             self._reading = False
 
-    async def _read(self) -> Reading:
+    async def _read(self) -> ReloadReport:
         try:
             event, router = await asyncio.to_thread(_read, self._controller.mission)
         except AirRouterError as error:
@@ -194,14 +194,16 @@ class MissionReloader:
         self._deliver(event)
         now = self._controller.mission
         if (now.fences, now.zones) != (event.fences, event.zones):
-            return Reading(under_way=False, why="not reloaded: the flight did not take the zones")
-        return Reading(
+            return ReloadReport(
+                under_way=False, why="not reloaded: the flight did not take the zones"
+            )
+        return ReloadReport(
             under_way=False, good=True, why="the flight keeps to the changed fences and zones"
         )
 
-    def _failed(self, why: str) -> Reading:
+    def _failed(self, why: str) -> ReloadReport:
         self._say(why)
-        return Reading(under_way=False, why=why)
+        return ReloadReport(under_way=False, why=why)
 
     async def board(self) -> None:
         """Put the changed plan on board; if that fails, what was there before."""

@@ -10,7 +10,7 @@ from urllib.parse import quote
 from aiohttp import web
 
 from air_router.live.page_address import PageAddress
-from air_router.live.relay import Relay
+from air_router.live.relay import PageRelay
 from air_router.web.serving import HERE, Say, Web
 from air_router.web.site import Site
 
@@ -26,7 +26,7 @@ class JointPage:
     def __init__(self, names: Iterable[str], web: Web = HERE) -> None:
         self._places: dict[str, PageAddress | None] = dict.fromkeys(names)
         self._web = web
-        self._relay: Relay
+        self._relay: PageRelay
         self._site = Site.of_page("air_router.live", "live", web)
         self._site.add_values("/flights", self._flights)
         self._site.add_socket("/flights/{name}/socket", self._converse)
@@ -43,7 +43,7 @@ class JointPage:
             ServeError: the address is taken, or none of this machine's.
         """
         async with (
-            Relay.opened() as self._relay,
+            PageRelay.opened() as self._relay,
             self._site.serving(self._web) as address,
         ):
             say(f"the flights are shown at {address}")

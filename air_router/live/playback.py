@@ -23,7 +23,7 @@ from air_router.errors import RefusedError
 from air_router.gossip.gossip import MAP_INTERVAL_S
 from air_router.gossip.mapper import Mapper
 from air_router.live.server import TICK_S, LivePage
-from air_router.record.log import Entry
+from air_router.record.log import RecordEntry
 from air_router.vehicle.vehicle import Telemetry
 from air_router.web.serving import Say, Web
 from mocha_link.links.metrics import LinkMetrics
@@ -55,7 +55,7 @@ class Film:
         RefusedError: the record has no setup, or no event.
     """
 
-    def __init__(self, entries: Iterable[Entry]) -> None:
+    def __init__(self, entries: Iterable[RecordEntry]) -> None:
         self._entries = [
             entry
             for entry in entries
@@ -100,7 +100,7 @@ class Film:
             self._take(entry, page)
         return False
 
-    def _take(self, entry: Entry, page: LivePage) -> None:
+    def _take(self, entry: RecordEntry, page: LivePage) -> None:
         match entry.kind:
             case "event" if not self._left:
                 self._decide(entry, page)
@@ -116,7 +116,7 @@ class Film:
             case "patch":
                 self.mapper.paint(entry.value)
 
-    def _decide(self, entry: Entry, page: LivePage) -> None:
+    def _decide(self, entry: RecordEntry, page: LivePage) -> None:
         event = entry.value
         page.event(event, entry.t)
         if isinstance(event, CommandConfirmed | CommandFailed):

@@ -41,7 +41,7 @@ class GoneError(AirRouterError):
     """The flight's page cannot be reached; the page says the message behind the flight's name."""
 
 
-class Relay:
+class PageRelay:
     """Reaches the pages of flights."""
 
     def __init__(self, session: aiohttp.ClientSession) -> None:
@@ -49,7 +49,7 @@ class Relay:
 
     @classmethod
     @asynccontextmanager
-    async def opened(cls) -> AsyncIterator[Relay]:
+    async def opened(cls) -> AsyncIterator[PageRelay]:
         """One that is closed in the end."""
         # Neither their cookies nor where they send us to are of interest.
         async with aiohttp.ClientSession(

@@ -42,7 +42,7 @@ class _Robot:
     way: tuple[Point, ...] = ()
 
 
-class Scene:
+class LiveScene:
     """The vehicle, the robots, the links, the news.
 
     Args:

@@ -17,11 +17,11 @@ from air_router.controller.model.events import Event
 from air_router.gossip.mapper import Mapper
 from air_router.live.ground import Ground
 from air_router.live.page_address import SHOWN_AT
-from air_router.live.scene import Scene
+from air_router.live.scene import LiveScene
 from air_router.live.scenery import scenery
 from air_router.mission.mission import Mission
 from air_router.web.audience import Audience
-from air_router.web.outbox import Outbox
+from air_router.web.outbox import PageOutbox
 from air_router.web.serving import HERE, Say, Web
 from air_router.web.site import Site, as_json
 from mocha_link.links.metrics import LinkMetrics
@@ -101,7 +101,7 @@ class LivePage:
 
     def _begin(self, controller: Controller, mapper: Mapper) -> None:
         mission = controller.mission
-        self.scene = Scene(mission, controller, self._name)
+        self.scene = LiveScene(mission, controller, self._name)
         self._ground = Ground(mapper, mission.frame)
         self._controller = controller
         self._draw_scenery()
@@ -214,15 +214,15 @@ class LivePage:
         yield "news", self._news(0)
         yield from self._told.items()
 
-    def _welcome(self, outbox: Outbox) -> None:
+    def _welcome(self, outbox: PageOutbox) -> None:
         for kind, text in self._greeting():
             outbox.post(kind, text)
 
-    def _receive(self, outbox: Outbox, text: str) -> None:
+    def _receive(self, outbox: PageOutbox, text: str) -> None:
         # A fault in a decision ends the flight, as it does wherever else a request comes from.
         asyncio.get_running_loop().call_soon(self._respond, outbox, text)
 
-    def _respond(self, outbox: Outbox, text: str) -> None:
+    def _respond(self, outbox: PageOutbox, text: str) -> None:
         answer = self._answer(text)
         outbox.post(f"answer {answer['id']}", as_json(answer))
 

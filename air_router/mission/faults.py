@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from air_router.files.mission_document import MissionDocument, MissionPoint, Refused
+from air_router.files.mission_document import MissionDocument, MissionPoint, RefusedRing
 from air_router.mission.mission import Mission
 from geo.airspace.zone import Shape
 from geo.frame import Point
@@ -37,7 +37,7 @@ class Faults:
     spots: tuple[MissionPoint, ...]
     legs: tuple[tuple[Point, Point], ...]
     shapes: tuple[Shape, ...]
-    refused: tuple[Refused, ...]
+    refused: tuple[RefusedRing, ...]
     off_sheet: tuple[str, ...] = ()
 
 

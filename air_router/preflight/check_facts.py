@@ -11,7 +11,7 @@ from air_router.counted import counted
 from air_router.mission.fence_plan import FENCE_POINTS
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
-from air_router.preflight.survey import Step, Survey
+from air_router.preflight.survey import MissionSurvey, SurveyedLeg
 from air_router.routing.return_planner import LANDING_MARGIN, Pace, Way
 from air_router.routing.straight_return import StraightReturn, straight_returns
 
@@ -23,7 +23,7 @@ _MOST_STOPS = 8
 _MOST_RUNS = 24
 
 
-def summary(findings: Survey) -> list[str]:
+def summary(findings: MissionSurvey) -> list[str]:
     """A person's view of a mission that was found to be in order."""
     mission, planner = findings.mission, findings.mission.planner
     margin = (
@@ -101,7 +101,7 @@ def _layers(mission: Mission) -> list[str]:
     ]
 
 
-def _coming_home(findings: Survey) -> list[str]:
+def _coming_home(findings: MissionSurvey) -> list[str]:
     mission, homeward = findings.mission, findings.homeward
     lines = []
     worst = homeward.worst_waypoint
@@ -151,7 +151,7 @@ def _charge(mission: Mission, pace: Pace, way: Way) -> str:
     )
 
 
-def facts_of(findings: Survey) -> dict[str, Any]:
+def facts_of(findings: MissionSurvey) -> dict[str, Any]:
     """The same as one JSON object; docs/commands.md lists its keys."""
     mission = findings.mission
     tightest = findings.tightest(_TIGHTEST)
@@ -198,7 +198,7 @@ def facts_of(findings: Survey) -> dict[str, Any]:
     }
 
 
-def _home_facts(findings: Survey) -> dict[str, Any]:
+def _home_facts(findings: MissionSurvey) -> dict[str, Any]:
     mission, homeward = findings.mission, findings.homeward
     worst = homeward.worst_waypoint
     need = None if worst is None else homeward.pace.need(worst[1])
@@ -222,7 +222,7 @@ def _home_facts(findings: Survey) -> dict[str, Any]:
     }
 
 
-def _tight(step: Step) -> dict[str, Any]:
+def _tight(step: SurveyedLeg) -> dict[str, Any]:
     return {
         "from": step.start,
         "to": step.end,
@@ -257,7 +257,7 @@ def _names(zones: Iterable[str], comma: str = ", ") -> str:
     return comma.join(names)
 
 
-def _way(step: Step) -> str:
+def _way(step: SurveyedLeg) -> str:
     via = [leg.node for leg in step.route.legs[:-1]]
     stops: list[str] = []
     for corner, nodes in groupby(via, key=lambda node: node is None):

@@ -45,7 +45,7 @@ LEAST_DISK_B: Final = 50_000_000
 GOOD_DISK_B: Final = 500_000_000
 
 
-class Verdict(Enum):
+class CheckVerdict(Enum):
     """How a line of the card stands."""
 
     GOOD = "ok"
@@ -58,7 +58,7 @@ class Check:
     """One line: what was looked at, how it stands, what was found, what to do."""
 
     name: str
-    verdict: Verdict
+    verdict: CheckVerdict
     found: str
     advice: str = ""
 
@@ -75,7 +75,7 @@ class Card:
     @property
     def bad(self) -> tuple[Check, ...]:
         """The lines for which nothing takes off."""
-        return tuple(check for check in self.checks if check.verdict is Verdict.BAD)
+        return tuple(check for check in self.checks if check.verdict is CheckVerdict.BAD)
 
     @property
     def ready(self) -> bool:
@@ -85,13 +85,13 @@ class Card:
     @property
     def summary(self) -> str:
         """How many lines are good, in words."""
-        good = sum(check.verdict is Verdict.GOOD for check in self.checks)
+        good = sum(check.verdict is CheckVerdict.GOOD for check in self.checks)
         others = "; none of the others stops the flight" if good < len(self.checks) else ""
         return f"{good} of {len(self.checks)} lines are good{others}"
 
     def lines(self, *, coloured: bool = False, all_of_them: bool = True) -> list[str]:
         """The card as text, one line each; `all_of_them`: also the good ones."""
-        shown = [c for c in self.checks if all_of_them or c.verdict is not Verdict.GOOD]
+        shown = [c for c in self.checks if all_of_them or c.verdict is not CheckVerdict.GOOD]
         width = max((len(check.name) for check in shown), default=0)
         return [_line(check, width, coloured=coloured) for check in shown]
 
@@ -120,10 +120,10 @@ class PreflightRefusedError(RefusedError):
         super().__init__(f"not ready to fly:\n{reasons}")
 
 
-_COLOURS: Final[Mapping[Verdict, str]] = {
-    Verdict.GOOD: "\x1b[32m",
-    Verdict.LOOK: "\x1b[33m",
-    Verdict.BAD: "\x1b[31m",
+_COLOURS: Final[Mapping[CheckVerdict, str]] = {
+    CheckVerdict.GOOD: "\x1b[32m",
+    CheckVerdict.LOOK: "\x1b[33m",
+    CheckVerdict.BAD: "\x1b[31m",
 }
 _PLAIN: Final = "\x1b[0m"
 
@@ -145,23 +145,25 @@ def vehicle(info: VehicleInfo) -> Check:
     match = re.match(r"(\d+)\.(\d+)", info.version)
     version = (int(match[1]), int(match[2])) if match else None
     if version is None:
-        return Check("vehicle", Verdict.LOOK, found, "its version is not known: 1.17 is flown")
+        return Check("vehicle", CheckVerdict.LOOK, found, "its version is not known: 1.17 is flown")
     if version < OLDEST:
-        return Check("vehicle", Verdict.BAD, found, "too old: install PX4 1.17 or newer")
+        return Check("vehicle", CheckVerdict.BAD, found, "too old: install PX4 1.17 or newer")
     if version not in FLOWN:
-        return Check("vehicle", Verdict.LOOK, found, "not flown with this version: 1.17 is")
-    return Check("vehicle", Verdict.GOOD, found)
+        return Check("vehicle", CheckVerdict.LOOK, found, "not flown with this version: 1.17 is")
+    return Check("vehicle", CheckVerdict.GOOD, found)
 
 
 def standing(telemetry: Telemetry) -> Check:
     """Whether it is on the ground and disarmed."""
     if telemetry.in_air:
         advice = "land it, then start the mission; --resume goes on with one under way"
-        return Check("state", Verdict.BAD, f"the vehicle is flying ({_mode(telemetry)})", advice)
+        return Check(
+            "state", CheckVerdict.BAD, f"the vehicle is flying ({_mode(telemetry)})", advice
+        )
     if telemetry.armed:
         advice = "disarm it, then start the mission"
-        return Check("state", Verdict.BAD, "the vehicle is armed", advice)
-    return Check("state", Verdict.GOOD, f"on the ground, disarmed ({_mode(telemetry)})")
+        return Check("state", CheckVerdict.BAD, "the vehicle is armed", advice)
+    return Check("state", CheckVerdict.GOOD, f"on the ground, disarmed ({_mode(telemetry)})")
 
 
 def _mode(telemetry: Telemetry) -> str:
@@ -174,7 +176,7 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
     if away_m > HOME_TOLERANCE_M:
         return Check(
             "place",
-            Verdict.BAD,
+            CheckVerdict.BAD,
             f"the vehicle stands {_far(away_m)} from the mission's home",
             "bring it there, or put home where it stands",
         )
@@ -182,27 +184,31 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
     if len(mission.layers) > 1 and away_m > nearest_m:
         return Check(
             "place",
-            Verdict.BAD,
+            CheckVerdict.BAD,
             f"the vehicle stands {away_m:.1f} m from the home of '{mission.uav}'",
             f"put it within {nearest_m:g} m: the other UAVs keep away from the column above home",
         )
     if not router.check_leg(telemetry.position, mission.home):
         return Check(
             "place",
-            Verdict.BAD,
+            CheckVerdict.BAD,
             "the way up from where the vehicle stands to home is not clear",
             "put it on the mission's home",
         )
     if info.home is None:
-        return Check("place", Verdict.LOOK, "the vehicle has no home position yet", "wait for GPS")
+        return Check(
+            "place", CheckVerdict.LOOK, "the vehicle has no home position yet", "wait for GPS"
+        )
     if not mission.airspace.point_clear(info.home):
         return Check(
             "place",
-            Verdict.BAD,
+            CheckVerdict.BAD,
             "the vehicle's home is outside the fence, in a no-fly zone or too close to one",
             "PX4 ignores a fence that does not contain home: move it, or draw the fence wider",
         )
-    return Check("place", Verdict.GOOD, f"{away_m:.1f} m from the mission's home, inside the fence")
+    return Check(
+        "place", CheckVerdict.GOOD, f"{away_m:.1f} m from the mission's home, inside the fence"
+    )
 
 
 def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[Check]:
@@ -216,7 +222,7 @@ def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[
         return [
             Check(
                 "altitude",
-                Verdict.BAD,
+                CheckVerdict.BAD,
                 f"the vehicle's home is {abs(up_m):.0f} m {side} where it stands",
                 "its plan would be flown so much off: set home to where it stands (DO_SET_HOME)",
             )
@@ -232,10 +238,10 @@ def altitude(mission: Mission, info: VehicleInfo, telemetry: Telemetry) -> list[
         "correct 'altitude_amsl_m' of home"
     )
     if off_m > WRONG_ALTITUDE_M:
-        return [Check("altitude", Verdict.BAD, found, advice)]
+        return [Check("altitude", CheckVerdict.BAD, found, advice)]
     if off_m > max(mission.planner.vertical_margin_m, GPS_ALTITUDE_M):
-        return [Check("altitude", Verdict.LOOK, found, advice)]
-    return [Check("altitude", Verdict.GOOD, found)]
+        return [Check("altitude", CheckVerdict.LOOK, found, advice)]
+    return [Check("altitude", CheckVerdict.GOOD, found)]
 
 
 def _far(distance_m: float) -> str:
@@ -246,48 +252,56 @@ def health(inspection: Inspection) -> list[Check]:
     """The autopilot's own checks."""
     if not inspection.healthy:
         problems = inspection.problems or ("it does not say why; see the ground station",)
-        return [Check("health", Verdict.BAD, "not ready to arm", "; ".join(problems))]
+        return [Check("health", CheckVerdict.BAD, "not ready to arm", "; ".join(problems))]
     if inspection.warnings:
         found = "ready to arm, with warnings"
-        return [Check("health", Verdict.LOOK, found, "; ".join(inspection.warnings))]
-    return [Check("health", Verdict.GOOD, "ready to arm")]
+        return [Check("health", CheckVerdict.LOOK, found, "; ".join(inspection.warnings))]
+    return [Check("health", CheckVerdict.GOOD, "ready to arm")]
 
 
 def gps(fix: GpsFix | None) -> Check:
     """The satellite receiver."""
     if fix is None:
-        return Check("GPS", Verdict.LOOK, "no word of a receiver", "is GPS_RAW_INT on this link?")
+        return Check(
+            "GPS", CheckVerdict.LOOK, "no word of a receiver", "is GPS_RAW_INT on this link?"
+        )
     satellites = "" if fix.satellites is None else f", {fix.satellites} satellites"
     accuracy = "" if fix.accuracy_m is None else f", good to {fix.accuracy_m:.1f} m"
     if not fix.good:
-        return Check("GPS", Verdict.BAD, f"no fix{satellites}", "wait, with a free view of the sky")
+        return Check(
+            "GPS", CheckVerdict.BAD, f"no fix{satellites}", "wait, with a free view of the sky"
+        )
     found = f"fix{satellites}{accuracy}"
     if fix.satellites is not None and fix.satellites < FEWEST_SATELLITES:
-        return Check("GPS", Verdict.BAD, found, f"wait for {GOOD_SATELLITES} satellites")
+        return Check("GPS", CheckVerdict.BAD, found, f"wait for {GOOD_SATELLITES} satellites")
     if (fix.satellites or GOOD_SATELLITES) < GOOD_SATELLITES or (
         fix.accuracy_m or 0.0
     ) > WORST_ACCURACY_M:
-        return Check("GPS", Verdict.LOOK, found, "better to wait: routes reckon with 1.5 m")
-    return Check("GPS", Verdict.GOOD, found)
+        return Check("GPS", CheckVerdict.LOOK, found, "better to wait: routes reckon with 1.5 m")
+    return Check("GPS", CheckVerdict.GOOD, found)
 
 
 def wind(wind_m_s: tuple[float, float] | None) -> Check:
     """The wind, if the vehicle tells it; on the ground most do not."""
     if wind_m_s is None:
         advice = "go by the forecast; in flight PX4 estimates it where EKF2_DRAG_CTRL is set up"
-        return Check("wind", Verdict.LOOK, "the vehicle does not tell it", advice)
+        return Check("wind", CheckVerdict.LOOK, "the vehicle does not tell it", advice)
     if math.hypot(*wind_m_s) >= STRONG_M_S:
         advice = "gusts may take it nearer to zones than their clearance: better to wait"
-        return Check("wind", Verdict.LOOK, wind_words(wind_m_s), advice)
-    return Check("wind", Verdict.GOOD, wind_words(wind_m_s))
+        return Check("wind", CheckVerdict.LOOK, wind_words(wind_m_s), advice)
+    return Check("wind", CheckVerdict.GOOD, wind_words(wind_m_s))
 
 
 def clock(inspection: Inspection, unix_s: float, *, hours: bool = False) -> Check:
     """Whether our clock is right: gossip and the `hours` of no-fly zones (if any) go by it."""
     if unix_s < LEAST_UNIX_S:
-        return Check("clock", Verdict.BAD, "this computer does not know the date", "set its clock")
+        return Check(
+            "clock", CheckVerdict.BAD, "this computer does not know the date", "set its clock"
+        )
     if inspection.unix_s is None:
-        return Check("clock", Verdict.LOOK, "the vehicle does not know the time", "wait for GPS")
+        return Check(
+            "clock", CheckVerdict.LOOK, "the vehicle does not know the time", "wait for GPS"
+        )
     off_s = abs(unix_s - inspection.unix_s)
     if off_s > CLOCK_S:
         found = f"this computer and the vehicle's GPS differ by {off_s:.0f} s"
@@ -295,20 +309,22 @@ def clock(inspection: Inspection, unix_s: float, *, hours: bool = False) -> Chec
         advice = "synchronise it (chrony); simulated time runs"
         if wrong:
             advice = "no-fly zones apply at certain hours: synchronise it (chrony)"
-        return Check("clock", Verdict.BAD if wrong else Verdict.LOOK, found, advice)
-    return Check("clock", Verdict.GOOD, f"within {off_s:.1f} s of GPS")
+        return Check("clock", CheckVerdict.BAD if wrong else CheckVerdict.LOOK, found, advice)
+    return Check("clock", CheckVerdict.GOOD, f"within {off_s:.1f} s of GPS")
 
 
 def disk(free_bytes: int | None) -> Check:
     """Room for the log."""
     if free_bytes is None:
-        return Check("disk", Verdict.LOOK, "no log is kept", "leave out --no-record to keep one")
+        return Check(
+            "disk", CheckVerdict.LOOK, "no log is kept", "leave out --no-record to keep one"
+        )
     found = f"{free_bytes / 1e9:.1f} GB free for the log"
     if free_bytes < LEAST_DISK_B:
-        return Check("disk", Verdict.BAD, found, "make room, or log elsewhere (--log-dir)")
+        return Check("disk", CheckVerdict.BAD, found, "make room, or log elsewhere (--log-dir)")
     if free_bytes < GOOD_DISK_B:
-        return Check("disk", Verdict.LOOK, found, "make room: an hour can take 200 MB")
-    return Check("disk", Verdict.GOOD, found)
+        return Check("disk", CheckVerdict.LOOK, found, "make room: an hour can take 200 MB")
+    return Check("disk", CheckVerdict.GOOD, found)
 
 
 def notes(mission: Mission) -> list[Check]:
@@ -316,7 +332,7 @@ def notes(mission: Mission) -> list[Check]:
     return [
         Check(
             "mission",
-            Verdict.BAD if note.code == FENCE_TOO_LONG else Verdict.LOOK,
+            CheckVerdict.BAD if note.code == FENCE_TOO_LONG else CheckVerdict.LOOK,
             note.message,
             f"see {note.path.name}:{note.line}",
         )
@@ -327,12 +343,16 @@ def notes(mission: Mission) -> list[Check]:
 def peers(reachable: Mapping[str, bool]) -> Check:
     """Who of the team answers now; out of range they need not."""
     if not reachable:
-        return Check("team", Verdict.LOOK, "no peer to talk to", "give the UAV clients in the team")
+        return Check(
+            "team", CheckVerdict.LOOK, "no peer to talk to", "give the UAV clients in the team"
+        )
     away = [name for name, reached in reachable.items() if not reached]
     if not away:
-        return Check("team", Verdict.GOOD, f"{', '.join(reachable)}: reachable")
+        return Check("team", CheckVerdict.GOOD, f"{', '.join(reachable)}: reachable")
     found = f"{', '.join(away)}: not reachable now"
-    return Check("team", Verdict.LOOK, found, "fine if out of range; else is its node running?")
+    return Check(
+        "team", CheckVerdict.LOOK, found, "fine if out of range; else is its node running?"
+    )
 
 
 def card(checks: Iterable[Check]) -> Card:

@@ -23,7 +23,7 @@ DIAL_S: Final = 1.0
 """Wall-clock limit for a robot's node to take a connection."""
 
 
-class Survey:
+class PreflightSurvey:
     """What is looked at before a flight.
 
     Args:

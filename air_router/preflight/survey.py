@@ -18,7 +18,7 @@ from geo.frame import Point
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class SurveyedLeg:
     """The way from one node to another, as the mission would fly it."""
 
     start: int
@@ -29,7 +29,7 @@ class Step:
     straight_blockers: tuple[str, ...]
 
 
-class Survey:
+class MissionSurvey:
     """A mission, surveyed.
 
     Attributes:
@@ -83,17 +83,17 @@ class Survey:
         """About how long the steps take, with a stop at every corner; no climb, no landing."""
         return sum(route_time_s(step.route, self.mission.speed_m_s) for step in self.steps)
 
-    def tightest(self, count: int) -> list[Step]:
+    def tightest(self, count: int) -> list[SurveyedLeg]:
         """The steps that come closest to a zone or to the fence, closest first."""
         near = [step for step in self.steps if step.closest_to]
         return sorted(near, key=lambda step: step.closest_m)[:count]
 
     @property
-    def around(self) -> list[Step]:
+    def around(self) -> list[SurveyedLeg]:
         """The steps whose straight leg is not clear."""
         return [step for step in self.steps if step.straight_blockers]
 
-    def _steps(self) -> list[Step]:
+    def _steps(self) -> list[SurveyedLeg]:
         order = [HOME_NODE, *(waypoint.number for waypoint in self.mission.waypoints), HOME_NODE]
         legs = list(pairwise(order))
         ends = np.array([[self.graph.position(node) for node in leg] for leg in legs], dtype=float)
@@ -102,7 +102,7 @@ class Survey:
         steps = [self._step(*leg, clear=ok) for leg, ok in zip(legs, clear, strict=True)]
         return [step for step in steps if step is not None]
 
-    def _step(self, start: int, end: int, *, clear: bool) -> Step | None:
+    def _step(self, start: int, end: int, *, clear: bool) -> SurveyedLeg | None:
         here, there = self.graph.position(start), self.graph.position(end)
         blockers: tuple[str, ...] = ()
         route: Route | NoRoute = Route((Leg(there, end),), math.dist(here, there))
@@ -112,7 +112,7 @@ class Survey:
         if isinstance(route, NoRoute):
             return None
         closest_m, closest_to = closest_approach(self.mission, here, route)
-        return Step(start, end, route, closest_m, closest_to, blockers)
+        return SurveyedLeg(start, end, route, closest_m, closest_to, blockers)
 
 
 def closest_approach(mission: Mission, start: Point, route: Route) -> tuple[float, str]:

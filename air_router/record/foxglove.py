@@ -44,7 +44,7 @@ class Drawn(NamedTuple):
     message: dict[str, Any]
 
 
-class Drawing:
+class FoxgloveDrawing:
     """Draws one mission's flight. Times are Unix seconds on the vehicle's clock."""
 
     def __init__(self, mission: Mission) -> None:

@@ -55,7 +55,7 @@ class StoredFile(NamedTuple):
     data: bytes
 
 
-class Entry(NamedTuple):
+class RecordEntry(NamedTuple):
     """One thing in a record.
 
     Attributes:
@@ -86,7 +86,7 @@ class Log:
         self.damaged = False
         self._motions: deque[tuple[int | None, Motion]] = deque(maxlen=RECENT)
 
-    def __iter__(self) -> Iterator[Entry]:
+    def __iter__(self) -> Iterator[RecordEntry]:
         """Everything in the order in which it happened.
 
         Raises:
@@ -99,7 +99,7 @@ class Log:
         with file:
             yield from self._checked(self._messages(file))
 
-    def _checked(self, entries: Iterator[Entry]) -> Iterator[Entry]:
+    def _checked(self, entries: Iterator[RecordEntry]) -> Iterator[RecordEntry]:
         try:
             yield from entries
         except (TypeError, ValueError, RecursionError) as error:
@@ -110,7 +110,7 @@ class Log:
             return
         raise LogError(f"{self.path}: not written by this version of air_router: {why}")
 
-    def _messages(self, file: IO[bytes]) -> Iterator[Entry]:
+    def _messages(self, file: IO[bytes]) -> Iterator[RecordEntry]:
         topics: dict[int, str] = {}
         ours, count = False, [0, 0]
         for record in self._records(file):
@@ -118,7 +118,7 @@ class Log:
                 case Metadata(name=name) if name == LIBRARY:
                     self._check_format(record.metadata)
                     ours = True
-                    yield Entry(0.0, "about", record.metadata)
+                    yield RecordEntry(0.0, "about", record.metadata)
                 case Message() | Attachment() if not ours:
                     break
                 case Channel():
@@ -130,7 +130,7 @@ class Log:
                         yield self._entry(root, _object(record.data))
                 case Attachment():
                     count[1] += 1
-                    yield Entry(0.0, "file", StoredFile(record.name, record.data))
+                    yield RecordEntry(0.0, "file", StoredFile(record.name, record.data))
                 case Statistics() if count != [record.message_count, record.attachment_count]:
                     self.damaged = True
                     self.ending = "it is damaged: something of it cannot be found"
@@ -167,7 +167,7 @@ class Log:
             return "it was cut off: the program was ended from outside, or the disk failed"
         return f"it is damaged at byte {file.tell()}: {str(error) or type(error).__name__}"
 
-    def _entry(self, kind: str, data: dict[str, Any]) -> Entry:
+    def _entry(self, kind: str, data: dict[str, Any]) -> RecordEntry:
         t, order = _time_s(data.pop("t")), data.pop(ORDER_KEY, None)
         if kind not in _DECISIONS:
             return _READERS[kind](t, data)
@@ -176,7 +176,7 @@ class Log:
             self._motions.append((order, value))
         elif isinstance(value, CommandConfirmed | CommandFailed):
             value = dataclasses.replace(value, action=self._motion(order, value.action))
-        return Entry(t, kind, value)
+        return RecordEntry(t, kind, value)
 
     def _motion(self, order: int | None, like: Motion) -> Motion:
         """The motion that is meant: the very object, for there may be several alike."""
@@ -186,7 +186,7 @@ class Log:
         return like
 
 
-def read(path: Path) -> Iterator[Entry]:
+def read(path: Path) -> Iterator[RecordEntry]:
     """Everything in a record, in the order in which it happened; see `Log`."""
     return iter(Log(path))
 
@@ -210,21 +210,21 @@ def _time_s(plain: Any) -> float:
     return float(plain)
 
 
-def _note(t: float, data: dict[str, Any]) -> Entry:
+def _note(t: float, data: dict[str, Any]) -> RecordEntry:
     name = str(data.pop(TYPE_KEY))
     if name == "Setup":
-        return Entry(t, "setup", decoder(FlightSetup)(data["setup"]))
+        return RecordEntry(t, "setup", decoder(FlightSetup)(data["setup"]))
     for field, of in NOTES.get(name, {}).items():
         data[field] = decoder(of)(data[field])
-    return Entry(t, "note", Note(name, data))
+    return RecordEntry(t, "note", Note(name, data))
 
 
 _FOREIGN: Final = "an MCAP file, but not a flight's record"
 _MOTIONS: Final = get_args(Motion)
 _DECISIONS: Final = frozenset({"event", "action"})
-_READERS: Final[dict[str, Callable[[float, dict[str, Any]], Entry]]] = {
+_READERS: Final[dict[str, Callable[[float, dict[str, Any]], RecordEntry]]] = {
     "flight": _note,
-    "links": lambda t, data: Entry(t, "link", decoder(LinkMetrics)(data)),
-    "patches": lambda t, data: Entry(t, "patch", base64.b64decode(data["patch"])),
+    "links": lambda t, data: RecordEntry(t, "link", decoder(LinkMetrics)(data)),
+    "patches": lambda t, data: RecordEntry(t, "patch", base64.b64decode(data["patch"])),
 }
 """By the first part of a topic; what is drawn for Foxglove is in the record twice."""

@@ -47,7 +47,7 @@ FORMAT: Final = "1"
 """Of the record; it changes when older programs cannot read it any more."""
 
 
-class Channel(NamedTuple):
+class RecordChannel(NamedTuple):
     """A channel of messages in JSON: its topic, and the name and text of their JSON schema."""
 
     topic: str
@@ -56,7 +56,7 @@ class Channel(NamedTuple):
 
 
 class _Message(NamedTuple):
-    channel: Channel
+    channel: RecordChannel
     time_ns: int
     data: bytes
 
@@ -171,7 +171,7 @@ class LogFile:
         """Whether the file is not written any more."""
         return self._failed
 
-    def add(self, channel: Channel, time_ns: int, data: bytes) -> None:
+    def add(self, channel: RecordChannel, time_ns: int, data: bytes) -> None:
         """Write a message; times are Unix nanoseconds of the vehicle's clock."""
         self._put(_Message(channel, time_ns, data))
 
@@ -289,7 +289,7 @@ class LogFile:
             number, item.time_ns, item.data, item.time_ns, self._numbers[number] & 0xFFFFFFFF
         )
 
-    def _channel(self, channel: Channel) -> int:
+    def _channel(self, channel: RecordChannel) -> int:
         known = self._channels.get(channel.topic)
         if known is not None:
             return known

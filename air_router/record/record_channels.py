@@ -16,12 +16,12 @@ from typing import Any, Final, get_args, get_origin
 from air_router.controller.model.actions import Motion
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.record.codec import TYPE_KEY, fields_of, recorded_name
-from air_router.record.log_file import ORDER_KEY, Channel
+from air_router.record.log_file import ORDER_KEY, RecordChannel
 from mocha_link.links.metrics import LinkMetrics
 
 MOTIONS: Final = get_args(Motion)
 ABOUT_MOTIONS: Final = (CommandConfirmed, CommandFailed)
-PATCHES: Final = Channel(
+PATCHES: Final = RecordChannel(
     "/patches",
     "air_router.Patch",
     json.dumps(
@@ -47,10 +47,10 @@ _SCHEMAS: Final[dict[Any, dict[str, Any]]] = {
 
 
 @cache
-def channel_of(kind: str, of: Any) -> Channel:
+def channel_of(kind: str, of: Any) -> RecordChannel:
     """The channel of a class of events or actions."""
     name = recorded_name(of)
-    return Channel(f"/{kind}/{name}", f"air_router.{name}", _timed(schema_of(of)))
+    return RecordChannel(f"/{kind}/{name}", f"air_router.{name}", _timed(schema_of(of)))
 
 
 NOTES: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
@@ -66,18 +66,18 @@ NOTES: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
 
 
 @cache
-def note_channel(name: str) -> Channel:
+def note_channel(name: str) -> RecordChannel:
     """The channel of a note of the shell's."""
     properties = {"t": {"type": "number"}, TYPE_KEY: {"type": "string", "const": name}}
     properties |= {field: schema_of(of) for field, of in NOTES.get(name, {}).items()}
     text = json.dumps({"title": name, "type": "object", "properties": properties})
-    return Channel(f"/flight/{name}", f"air_router.flight.flight.{name}", text)
+    return RecordChannel(f"/flight/{name}", f"air_router.flight.flight.{name}", text)
 
 
 @cache
-def link_channel() -> Channel:
+def link_channel() -> RecordChannel:
     """The channel of the metrics of links."""
-    return Channel("/links", "air_router.LinkMetrics", _timed(schema_of(LinkMetrics)))
+    return RecordChannel("/links", "air_router.LinkMetrics", _timed(schema_of(LinkMetrics)))
 
 
 def _timed(schema: dict[str, Any]) -> str:

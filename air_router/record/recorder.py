@@ -22,8 +22,8 @@ from air_router.controller.flight_setup import FlightSetup
 from air_router.gossip.mapper import Mapper
 from air_router.record import serialization as journal
 from air_router.record.codec import TYPE_KEY, encode
-from air_router.record.foxglove import Drawing, Drawn, grid, schema_text
-from air_router.record.log_file import FORMAT, ORDER_KEY, RECENT, Channel, LogFile
+from air_router.record.foxglove import Drawn, FoxgloveDrawing, grid, schema_text
+from air_router.record.log_file import FORMAT, ORDER_KEY, RECENT, LogFile, RecordChannel
 from air_router.record.record_channels import (
     ABOUT_MOTIONS,
     MOTIONS,
@@ -103,8 +103,8 @@ class Recorder(Closeable):
         self._patch_bytes = 0
         self._unwritable: set[str] = set()
         self._flown = False
-        self._drawing: Drawing | None = None
-        self._drawn: dict[str, Channel] = {}
+        self._drawing: FoxgloveDrawing | None = None
+        self._drawn: dict[str, RecordChannel] = {}
         self._file: LogFile | None = None
         if folder is not None:
             try:
@@ -121,7 +121,7 @@ class Recorder(Closeable):
         """Record what the controller is made of, and how it is flown."""
         if self._file is None:
             return
-        self._drawing = Drawing(setup.mission)
+        self._drawing = FoxgloveDrawing(setup.mission)
         encoded = self._encoded(encode, setup)
         self.note("Setup", 0.0, {"setup": encoded})
         self.note("Options", 0.0, facts)
@@ -264,15 +264,15 @@ class Recorder(Closeable):
     def _draw(self, drawn: Iterable[Drawn]) -> None:
         for each in drawn:
             if each.topic not in self._drawn:
-                self._drawn[each.topic] = Channel(each.topic, each.schema, schema_text(each))
+                self._drawn[each.topic] = RecordChannel(each.topic, each.schema, schema_text(each))
             stamp = each.message.get("timestamp")
             time_ns = None if stamp is None else stamp["sec"] * 10**9 + stamp["nsec"]
             self._send(self._drawn[each.topic], time_ns, each.message)
 
-    def _add(self, channel: Channel, now_s: float, message: dict[str, Any]) -> None:
+    def _add(self, channel: RecordChannel, now_s: float, message: dict[str, Any]) -> None:
         self._send(channel, int(self._time_s(now_s) * 1e9), message)
 
-    def _send(self, channel: Channel, time_ns: int | None, message: dict[str, Any]) -> None:
+    def _send(self, channel: RecordChannel, time_ns: int | None, message: dict[str, Any]) -> None:
         if self._file is not None:
             self._last_ns = max(self._last_ns, time_ns or 0)
             self._file.add(channel, self._last_ns, json_of(message).encode("ascii"))

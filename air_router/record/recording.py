@@ -11,7 +11,7 @@ from air_router.errors import UsageError
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class RecordingOptions:
     """Where a flight is recorded.
 
     Attributes:
@@ -75,10 +75,10 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--no-record", action="store_true", help="do not record the flight")
 
 
-def recording_of(arguments: argparse.Namespace, stem: str = "flight") -> Recording:
+def recording_of(arguments: argparse.Namespace, stem: str = "flight") -> RecordingOptions:
     """What `add_recording`'s options say."""
     if arguments.no_record:
-        return Recording(None, stem)
+        return RecordingOptions(None, stem)
     if arguments.log_dir is not None:
-        return Recording(arguments.log_dir, stem, must=True)
-    return Recording(default_folder(), stem)
+        return RecordingOptions(arguments.log_dir, stem, must=True)
+    return RecordingOptions(default_folder(), stem)

@@ -18,7 +18,7 @@ from air_router.controller.controller import Controller
 from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.errors import AirRouterError, ExitCode
 from air_router.record import serialization as journal
-from air_router.record.log import Entry, Log, Note
+from air_router.record.log import Log, Note, RecordEntry
 from air_router.record.log_file import RECENT
 from air_router.vehicle.vehicle import Telemetry
 
@@ -41,7 +41,7 @@ class Told(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class ReplayDifference:
     """Where a replay first decides otherwise.
 
     Attributes:
@@ -80,7 +80,7 @@ class Replay:
     events: int = 0
     actions: int = 0
     until_s: float = 0.0
-    difference: Difference | None = None
+    difference: ReplayDifference | None = None
     notes: list[str] = field(default_factory=list)
 
     def as_json(self) -> dict[str, Any]:
@@ -104,7 +104,7 @@ class Replay:
         }
 
 
-def replay(entries: Iterable[Entry], controller: Controller | None = None) -> Replay:
+def replay(entries: Iterable[RecordEntry], controller: Controller | None = None) -> Replay:
     """Give a record's events to a fresh controller and compare what it does.
 
     Args:
@@ -119,7 +119,7 @@ def replay(entries: Iterable[Entry], controller: Controller | None = None) -> Re
     before: deque[Told] = deque(maxlen=CONTEXT)
     motions: deque[tuple[Any, Any]] = deque(maxlen=4 * RECENT)
     for step in _steps(entries):
-        if isinstance(step, Entry):
+        if isinstance(step, RecordEntry):
             controller = _prepared(step, controller, result)
             continue
         if controller is None:
@@ -130,7 +130,7 @@ def replay(entries: Iterable[Entry], controller: Controller | None = None) -> Re
         decided = _decide(controller, step, motions)
         if [*map(_comparable, decided)] != [*map(_comparable, step.actions)]:
             state = controller.state.name
-            result.difference = Difference(
+            result.difference = ReplayDifference(
                 step.t, step.event, step.actions, decided, state, tuple(before)
             )
             return result
@@ -145,7 +145,7 @@ def replay(entries: Iterable[Entry], controller: Controller | None = None) -> Re
     return result
 
 
-def _steps(entries: Iterable[Entry]) -> Iterator[Entry | Told]:
+def _steps(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | Told]:
     """Events with their actions, and what else the controller was told, up to where it was left.
 
     The last event of a record that was cut off is left out: not all that followed may be there.
@@ -173,7 +173,9 @@ def _steps(entries: Iterable[Entry]) -> Iterator[Entry | Told]:
         yield current
 
 
-def _prepared(entry: Entry, controller: Controller | None, result: Replay) -> Controller | None:
+def _prepared(
+    entry: RecordEntry, controller: Controller | None, result: Replay
+) -> Controller | None:
     """What the shell did to the controller beside handing it events."""
     if entry.kind == "setup":
         return controller if controller is not None else entry.value.controller()

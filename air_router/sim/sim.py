@@ -23,7 +23,7 @@ from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.report.report import several
 from air_router.sim.flights import Flights
-from air_router.sim.sim_world import Seat, SimOptions, World
+from air_router.sim.sim_world import Seat, SimOptions, SimWorld
 from air_router.web.serving import shown_beside, web_of
 
 
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     with (
         _folder(arguments.log_dir) as folder,
-        World(arguments.mission, options, folder) as world,
+        SimWorld(arguments.mission, options, folder) as world,
     ):
         (seat,) = world.seats
         result = fly(
@@ -105,7 +105,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Name
     with (
         _folder(arguments.log_dir) as folder,
         contextlib.nullcontext() if page is None else shown_beside(page, _say),
-        World(arguments.mission, options, folder, mission.layers) as world,
+        SimWorld(arguments.mission, options, folder, mission.layers) as world,
     ):
         commands = {
             seat.uav: _command(seat, index, world, arguments)
@@ -123,7 +123,9 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Name
     return code
 
 
-def _command(seat: Seat, index: int, world: World, arguments: argparse.Namespace) -> Sequence[str]:
+def _command(
+    seat: Seat, index: int, world: SimWorld, arguments: argparse.Namespace
+) -> Sequence[str]:
     """What flies one of several UAVs; each has ports of its own, behind those of the one before."""
     command = ["fly", str(arguments.mission), "--uav", seat.uav, "--arm", "--yes", "--json", PART]
     command += ["--connect", seat.url, "--sysid", str(seat.system_id)]

@@ -149,7 +149,7 @@ class Child:
             self._process.stdout.close()
 
 
-class World(Closeable):
+class SimWorld(Closeable):
     """The simulated vehicles and the team as child processes.
 
     Args:

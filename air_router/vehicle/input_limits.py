@@ -33,7 +33,7 @@ class Stop(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Limit:
+class InputLimit:
     """One row of the table; times in seconds on the vehicle's clock.
 
     Attributes:
@@ -80,7 +80,7 @@ class Limit:
 
 
 LIMITS: Final = (
-    Limit(
+    InputLimit(
         "position",
         "GLOBAL_POSITION_INT",
         "position_s",
@@ -91,7 +91,7 @@ LIMITS: Final = (
         home_without=False,
         why="legs are checked from where the vehicle is: home is flown once it is known again",
     ),
-    Limit(
+    InputLimit(
         "flight mode",
         "HEARTBEAT, CURRENT_MODE",
         "mode_s",
@@ -101,7 +101,7 @@ LIMITS: Final = (
         home_s=None,
         why="a pilot may have taken the vehicle",
     ),
-    Limit(
+    InputLimit(
         "heartbeat",
         "HEARTBEAT",
         "armed_s",
@@ -109,7 +109,7 @@ LIMITS: Final = (
         home_s=30.0,
         why="neither disarming nor a failsafe may show; on the ground it counts as disarmed",
     ),
-    Limit(
+    InputLimit(
         "GPS status",
         "GPS_RAW_INT",
         "fix_s",
@@ -119,7 +119,7 @@ LIMITS: Final = (
         home_s=30.0,
         why="the fix may be lost; home is flown by the positions, which still come",
     ),
-    Limit(
+    InputLimit(
         "battery",
         "SYS_STATUS",
         "battery_s",
@@ -127,7 +127,7 @@ LIMITS: Final = (
         home_s=30.0,
         why="the reserve cannot be watched",
     ),
-    Limit(
+    InputLimit(
         "plan item",
         "MISSION_CURRENT",
         "item_s",
@@ -135,7 +135,7 @@ LIMITS: Final = (
         home_s=60.0,
         why="a jump does not show: after four, legs are flown as points",
     ),
-    Limit(
+    InputLimit(
         "landed state",
         "EXTENDED_SYS_STATE",
         "landed_s",
@@ -147,14 +147,14 @@ LIMITS: Final = (
 """Every input that a flight rests on; the gravest first."""
 
 
-class News(NamedTuple):
+class InputNews(NamedTuple):
     """What to announce: what is missing, and what is done about it."""
 
     what: str
     then: str
 
 
-class Outlook(NamedTuple):
+class InputOutlook(NamedTuple):
     """What the inputs allow now.
 
     Attributes:
@@ -168,7 +168,7 @@ class Outlook(NamedTuple):
     why: str
     back: bool
     home_why: str | None
-    news: tuple[News, ...]
+    news: tuple[InputNews, ...]
 
 
 class InputWatch:
@@ -185,15 +185,15 @@ class InputWatch:
             return _NO_FIX
         return next(iter(self._stopped), None)
 
-    def look(self, telemetry: Telemetry) -> Outlook:
+    def look(self, telemetry: Telemetry) -> InputOutlook:
         """Take the next telemetry in."""
         missing: dict[str, Stop] = {}
-        news: list[News] = []
+        news: list[InputNews] = []
         home_why = None
         if not telemetry.fix:
             missing[_NO_FIX] = Stop.HOLD
             if _NO_FIX not in self._stopped:
-                news.append(News("GPS has lost its fix", Stop.HOLD.value))
+                news.append(InputNews("GPS has lost its fix", Stop.HOLD.value))
         stopped = tuple(self._stopped)
         for limit in LIMITS:
             age_s = getattr(telemetry.ages, limit.age)
@@ -209,11 +209,11 @@ class InputWatch:
         back = self._back(missing, telemetry.told_s) and bool(stopped)
         if back and home_why is None:
             fix = "GPS has its fix again" if _NO_FIX in stopped else "all of it is heard again"
-            news.append(News(fix, "going on"))
+            news.append(InputNews(fix, "going on"))
         stops = self._stopped.values()
         stop = Stop.SILENT if Stop.SILENT in stops else Stop.HOLD if stops else Stop.NONE
         why = next(iter(missing), next(iter(self._stopped), ""))
-        return Outlook(stop, why, back, home_why, tuple(news))
+        return InputOutlook(stop, why, back, home_why, tuple(news))
 
     def _back(self, missing: dict[str, Stop], now_s: float) -> bool:
         """Whether nothing stops it any more: what did has come again for some time."""
@@ -228,14 +228,14 @@ class InputWatch:
         self._stopped.clear()
         return True
 
-    def _told_of(self, limit: Limit, age_s: float, now_s: float) -> list[News]:
+    def _told_of(self, limit: InputLimit, age_s: float, now_s: float) -> list[InputNews]:
         """At once, when it stops the vehicle, and now and then; and when it comes again."""
         if age_s < limit.told_s:
             told = self._told.pop(limit.words, None)
-            return [News(f"{limit.words} heard again", "")] if told else []
+            return [InputNews(f"{limit.words} heard again", "")] if told else []
         stops = limit.stop_at(age_s) is not Stop.NONE
         before, told_s = self._told.get(limit.words, (False, -math.inf))
         if stops <= before and now_s < told_s + TOLD_AGAIN_S:
             return []
         self._told[limit.words] = (stops or before, now_s)
-        return [News(f"{limit.words} not heard for {age_s:.0f} s", limit.then(age_s))]
+        return [InputNews(f"{limit.words} not heard for {age_s:.0f} s", limit.then(age_s))]

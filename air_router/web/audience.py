@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 from aiohttp import WSMsgType, web
 
-from air_router.web.outbox import Outbox
+from air_router.web.outbox import PageOutbox
 
-Receive = Callable[[Outbox, str], None]
+Receive = Callable[[PageOutbox, str], None]
 """Takes what a page has sent."""
 
 
@@ -21,12 +21,12 @@ class Audience:
     """
 
     def __init__(
-        self, receive: Receive, welcome: Callable[[Outbox], None], *, pause_s: float = 0.0
+        self, receive: Receive, welcome: Callable[[PageOutbox], None], *, pause_s: float = 0.0
     ) -> None:
         self._receive = receive
         self._welcome = welcome
         self._pause_s = pause_s
-        self._outboxes: set[Outbox] = set()
+        self._outboxes: set[PageOutbox] = set()
 
     def tell_all(self, kind: str, text: str) -> None:
         """Send a text to every page; one of its kind that still waits is replaced."""
@@ -36,7 +36,7 @@ class Audience:
     async def converse(self, request: web.Request, socket: web.WebSocketResponse) -> None:
         """Talk with a page until it has left."""
         del request
-        outbox = Outbox(socket)
+        outbox = PageOutbox(socket)
         self._outboxes.add(outbox)
         sending = asyncio.create_task(outbox.run())
         try:

@@ -10,7 +10,7 @@ from aiohttp import ClientConnectionResetError, web
 _MOST_WAITING = 1_000
 
 
-class Outbox:
+class PageOutbox:
     """Sends texts to a page, in order; one that waits is replaced by a newer one of its kind."""
 
     def __init__(self, socket: web.WebSocketResponse) -> None:

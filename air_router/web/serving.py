@@ -70,15 +70,16 @@ def add_page_options(parser: argparse.ArgumentParser, prefix: str) -> None:
         metavar="ADDRESS",
         help="address of the page (default: this machine only; others get a token)",
     )
+    image = f"--{prefix}image"
     parser.add_argument(
-        f"--{prefix}image",
+        image,
         dest="web_image",
         type=Path,
         metavar="F",
         help="a picture or MBTiles under its map",
     )
     parser.add_argument(
-        f"--{prefix}image-bounds",
+        f"{image}-bounds",
         dest="web_image_bounds",
         metavar="S,W,N,E",
         help="where the picture lies, in degrees (default: the world file beside it)",

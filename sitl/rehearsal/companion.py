@@ -15,7 +15,7 @@ from air_router.flight.status import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
 from air_router.mission.loading import load_mission
-from air_router.preflight.preflight_survey import Survey
+from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recorder import Recorder
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.px4.px4 import Px4Vehicle
@@ -89,7 +89,7 @@ class Companion:
             status=_Status(self._told, self._loop.time),
             arm=not resume,
             resume=resume,
-            survey=lambda router: Survey(mission, router, uav=uav, unix=self._unix_s),
+            survey=lambda router: PreflightSurvey(mission, router, uav=uav, unix=self._unix_s),
         )
 
     def run(self) -> None:

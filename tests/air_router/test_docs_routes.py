@@ -12,7 +12,7 @@ from air_router.cli.cover import register
 from air_router.coverage.camera import CAMERAS
 from air_router.mission.loading import load_mission
 from air_router.preflight.check_facts import facts_of
-from air_router.preflight.survey import Survey
+from air_router.preflight.survey import MissionSurvey
 from air_router.routing.graph import WaypointGraph
 
 ROOT = Path(__file__).parents[2]
@@ -50,7 +50,7 @@ def test_every_camera_is_named():
 def test_every_key_is_documented(capsys):
     text = (ROOT / "docs" / "commands.md").read_text()
     mission = load_mission(ROOT / "missions" / "pennovation" / "mission.yaml")
-    facts = facts_of(Survey(WaypointGraph(mission)))
+    facts = facts_of(MissionSurvey(WaypointGraph(mission)))
     assert json.loads(json.dumps(facts)) == facts
     for key in (*facts, *facts["home"], *facts["tightest_leg"]):
         if key != "endurance_s":

@@ -13,7 +13,7 @@ from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import StateChanged
 from air_router.controller.model.states import Signal, State
 from air_router.mission.loading import load_mission
-from air_router.record.log import Entry, Note
+from air_router.record.log import Note, RecordEntry
 from air_router.report.flight.flight_summary import summary_of
 from air_router.report.flight.page import page_of
 from air_router.vehicle.vehicle import Telemetry
@@ -31,14 +31,14 @@ OPTIONS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-backgro
 
 
 def entries():
-    yield Entry(0.0, "setup", FlightSetup(load_mission(MISSION), ("io",), name="titan"))
-    yield Entry(0.0, "action", StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None))
+    yield RecordEntry(0.0, "setup", FlightSetup(load_mission(MISSION), ("io",), name="titan"))
+    yield RecordEntry(0.0, "action", StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None))
     for t in range(100):
         place = Point(0.4 * t, 0.0)
         told = Telemetry(float(t), place, 40.0, armed=True, in_air=True, battery=1 - t / 200)
-        yield Entry(t, "event", told)
-        yield Entry(t, "event", SyncEnded("io", 1.7e9 + t, Direction.OUT, 1, 1000 * t, 0.1))
-        yield Entry(t, "note", Note("Map", {"known_cells": 10 * t}))
+        yield RecordEntry(t, "event", told)
+        yield RecordEntry(t, "event", SyncEnded("io", 1.7e9 + t, Direction.OUT, 1, 1000 * t, 0.1))
+        yield RecordEntry(t, "note", Note("Map", {"known_cells": 10 * t}))
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import re
 import xml.etree.ElementTree as ET
 from typing import Any, Final
 
-from air_router.files.altitudes import Limit, Reference
+from air_router.files.altitudes import AltitudeLimit, Reference
 from air_router.files.maps.feature_set import FeatureSet, Line, MapArea, MapPoint, counterclockwise
 from air_router.files.maps.geojson_write import terms_properties
 from air_router.files.zones.reading import MapCircle, MapRing
@@ -86,7 +86,7 @@ def _area(folder: ET.Element, kind: str, area: MapArea, feature_set: FeatureSet)
         _ring(_add(polygon, "innerBoundaryIs"), counterclockwise(hole), altitude_m)
 
 
-def _height(upper: Limit, feature_set: FeatureSet) -> tuple[str, float] | None:
+def _height(upper: AltitudeLimit, feature_set: FeatureSet) -> tuple[str, float] | None:
     """How high a zone is drawn; None: it would not stand above the ground."""
     mode, metres = "relativeToGround", upper.metres
     if upper.reference is Reference.AMSL:

@@ -48,7 +48,7 @@ def spliced(text: str, splices: Iterable[Splice]) -> str:
     return "".join([*parts, text[done:]])
 
 
-class Source:
+class TextSource:
     """A text, and how to change it.
 
     Attributes:
@@ -65,7 +65,7 @@ class Source:
         self._unit = unit[1] if unit else "    "
 
     @classmethod
-    def of_yaml(cls, text: str, path: Path) -> Source:
+    def of_yaml(cls, text: str, path: Path) -> TextSource:
         """Of YAML; `path` only names it in messages. Raises DocumentError: it is none."""
         return cls(text, Document.from_text(text, path).node(), json=False)
 

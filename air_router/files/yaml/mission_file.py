@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from air_router.files.altitudes import Altitudes, Limit
+from air_router.files.altitudes import AltitudeLimit, Altitudes
 from air_router.files.mission_document import Area, Keys, MissionDocument, Uav
 from air_router.files.settings import PlannerSettings, Timers
 from air_router.files.yaml.mission_form import (
@@ -272,7 +272,7 @@ def _zone(form: ZoneForm, name: str, shape: Shape, keys: Keys) -> Area:
 
 def _altitudes(form: AltitudeForm) -> Altitudes:
     lower, upper = (
-        None if metres is None else Limit(metres, reference or form.reference)
+        None if metres is None else AltitudeLimit(metres, reference or form.reference)
         for metres, reference in (
             (form.lower_m, form.lower_reference),
             (form.upper_m, form.upper_reference),

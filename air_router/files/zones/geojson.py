@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from air_router.files.json_document import JsonDocument
 from air_router.files.mission_document import Keys
-from air_router.files.zones.properties import Terms, terms_of
+from air_router.files.zones.properties import ZoneTerms, terms_of
 from air_router.files.zones.reading import JsonReader, MapCircle, MapOutline, ZoneReading
 
 Shapes = list[tuple[Keys, MapOutline | MapCircle]]
@@ -113,7 +113,7 @@ class _Reader(GeometryReader):
         def complain(key: str, message: str, code: str) -> None:
             self.reading.complain((*properties_keys, key), message, code)
 
-        terms: Terms = terms_of(properties, complain)
+        terms: ZoneTerms = terms_of(properties, complain)
         self.reading.add(
             name,
             self.shapes(keys),

@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, TypeGuard
 
-from air_router.files.altitudes import Altitudes, Limit, Reference
+from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
 from air_router.files.xml_document import Element, XmlSource, parse_xml
-from air_router.files.zones.properties import Terms, terms_of
+from air_router.files.zones.properties import ZoneTerms, terms_of
 from air_router.files.zones.reading import (
     MAX_ALTITUDE_M,
     MAX_RADIUS_M,
@@ -85,10 +85,10 @@ class _Reader:
             place = next((e for e in _data_elements(element) if e.attributes["name"] == key), None)
             self.reading.complain((place or element).keys, message, code)
 
-        terms: Terms = terms_of(data, complain)
+        terms: ZoneTerms = terms_of(data, complain)
         circle = self._circle(element, data)
         shapes: Shapes = []
-        heights: list[Limit | None] = []
+        heights: list[AltitudeLimit | None] = []
         if circle is not None:
             shapes = [(element.keys, circle)]
         else:
@@ -200,7 +200,7 @@ class _Reader:
             return None
         return places
 
-    def _height(self, polygon: Element) -> Limit | None:
+    def _height(self, polygon: Element) -> AltitudeLimit | None:
         """Where an extruded polygon ends; None: it has no limit."""
         reference = _REFERENCES.get(polygon.text_of("altitudeMode"))
         coordinates = polygon.child("outerBoundaryIs", "LinearRing", "coordinates")
@@ -214,7 +214,7 @@ class _Reader:
             message = "an area that is not extruded from the ground: read as without altitude limit"
             self.reading.note(polygon.keys, message, "no-height")
             return None
-        return Limit(min(highest_m, MAX_ALTITUDE_M), reference)
+        return AltitudeLimit(min(highest_m, MAX_ALTITUDE_M), reference)
 
 
 def _data_elements(placemark: Element) -> Iterator[Element]:
@@ -269,7 +269,7 @@ def _distance_m(start: Geodetic, end: Geodetic) -> float:
     return 2 * _EARTH_M * math.asin(min(math.sqrt(chord), 1.0))
 
 
-def _highest(limits: list[Limit | None]) -> Limit | None:
+def _highest(limits: list[AltitudeLimit | None]) -> AltitudeLimit | None:
     """The limit of several polygons of one zone: the highest, none if one has none."""
     known = [limit for limit in limits if limit is not None]
     if not known or len(known) < len(limits) or len({limit.reference for limit in known}) > 1:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from air_router.files.altitudes import Altitudes, Limit, Reference
+from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
 from air_router.files.zones.reading import MAX_ALTITUDE_M
 from air_router.files.zones.schedule import days_of, hours_of, period_of
 from geo.validity import Hours, Period, Validity
@@ -21,7 +21,7 @@ _MAX_CLEARANCE_M = 1_000.0
 
 
 @dataclass(frozen=True, slots=True)
-class Terms:
+class ZoneTerms:
     """How far, how high and when a zone is to be kept away from."""
 
     clearance_m: float | None = None
@@ -29,7 +29,7 @@ class Terms:
     validity: Validity | None = None
 
 
-def terms_of(properties: Mapping[str, Any], complain: Complain) -> Terms:
+def terms_of(properties: Mapping[str, Any], complain: Complain) -> ZoneTerms:
     """The terms in these properties; what is wrong with one is complained of."""
     clearance_m = _number(properties, "clearance_m", 0.0, _MAX_CLEARANCE_M, complain)
     limits = [
@@ -37,7 +37,7 @@ def terms_of(properties: Mapping[str, Any], complain: Complain) -> Terms:
         _limit(properties, ("upper_m", "upper"), "upper_reference", complain),
     ]
     altitudes = Altitudes(*limits) if any(limits) else None
-    return Terms(clearance_m, altitudes, _validity(properties.get("active"), complain))
+    return ZoneTerms(clearance_m, altitudes, _validity(properties.get("active"), complain))
 
 
 def active_of(validity: Validity | None) -> list[dict[str, Any]] | None:
@@ -65,7 +65,7 @@ _DAY_NAMES = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday"
 
 def _limit(
     properties: Mapping[str, Any], names: tuple[str, ...], own_reference: str, complain: Complain
-) -> Limit | None:
+) -> AltitudeLimit | None:
     name = next((name for name in names if properties.get(name) is not None), None)
     if name is None:
         return None
@@ -80,7 +80,7 @@ def _limit(
             key, f"'{key}' must be one of {choices}, found {word!r}; correct it", "unknown-word"
         )
         return None
-    return None if metres is None else Limit(metres, reference)
+    return None if metres is None else AltitudeLimit(metres, reference)
 
 
 def _number(

@@ -15,7 +15,7 @@ from typing import Any, TypeGuard
 
 from air_router.files.altitudes import Altitudes
 from air_router.files.json_document import JsonDocument, value_at
-from air_router.files.mission_document import Keys, Source
+from air_router.files.mission_document import DocumentSource, Keys
 from geo.frame import Geodetic
 from geo.validity import Validity
 from mocha_link.sanitize import sanitize
@@ -63,7 +63,7 @@ class FileZone:
 
     name: str
     shape: MapOutline | MapCircle
-    source: Source
+    source: DocumentSource
     keys: Keys
     clearance_m: float | None = None
     altitudes: Altitudes | None = None
@@ -86,7 +86,7 @@ class ZoneReading:
         zones: Its zones.
     """
 
-    source: Source
+    source: DocumentSource
     kind: str
     zones: list[FileZone] = field(default_factory=list)
     _problems: ProblemList = field(default_factory=ProblemList)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection
 from typing import Any, Final
 
 from air_router.counted import counted
-from air_router.files.altitudes import Altitudes, Limit, Reference
+from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
 from air_router.files.mission_document import Keys
 from air_router.files.zones.reading import MAX_ALTITUDE_M, JsonReader, ZoneReading
 from air_router.files.zones.schedule import days_of, hours_of, period_of
@@ -97,7 +97,9 @@ class GeozoneReader:
                 high = None
         return Altitudes(low, high) if low or high else None
 
-    def _limit(self, keys: Keys, reference_keys: Keys, metres_per_unit: float) -> Limit | None:
+    def _limit(
+        self, keys: Keys, reference_keys: Keys, metres_per_unit: float
+    ) -> AltitudeLimit | None:
         if self._json.at(*keys) is None:
             return None
         value = self._json.number(keys, "an altitude", -1e6, 1e9, in_text=True)
@@ -112,7 +114,7 @@ class GeozoneReader:
             self.reading.note(keys, message, "no-reference")
         if value is None or reference is None or value * metres_per_unit > MAX_ALTITUDE_M:
             return None  # what ends beyond all flight has no end
-        return Limit(value * metres_per_unit, reference)
+        return AltitudeLimit(value * metres_per_unit, reference)
 
     def validity(
         self, keys: Keys, always: Callable[[Keys], bool] = lambda _: False

@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from air_router.files.json_document import json_from_text
-from air_router.files.mission_document import Area, Keys, MissionDocument, Place
+from air_router.files.mission_document import Area, FilePlace, Keys, MissionDocument
 from air_router.files.whole_file import bytes_of, text_in
 from air_router.files.zones.ed269 import read_ed269, zones_key
 from air_router.files.zones.ed318 import is_ed318, read_ed318
@@ -178,7 +178,7 @@ def _place(
                 clearance_m=zone.clearance_m,
                 altitudes=zone.altitudes,
                 validity=zone.validity,
-                place=Place(zone.source.path, *zone.place),
+                place=FilePlace(zone.source.path, *zone.place),
             )
         )
     left = len(reading.zones) - len(placed)

@@ -28,7 +28,7 @@ BINS: Final = 240
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class ContactSpan:
     """A time in which a robot was heard well enough."""
 
     robot: str
@@ -61,7 +61,7 @@ class Exchanges:
 
     own: str = ""
     sought: tuple[str, ...] = ()
-    contacts: list[Contact] = field(default_factory=list)
+    contacts: list[ContactSpan] = field(default_factory=list)
     syncs: list[Sync] = field(default_factory=list)
     published: list[tuple[float, int]] = field(default_factory=list)
     signal: dict[str, list[tuple[float, float | None]]] = field(default_factory=dict)
@@ -194,7 +194,7 @@ class Exchanges:
         began_s = self._near.pop(peer, None)
         self._parted[peer] = t
         if began_s is not None:
-            self.contacts.append(Contact(peer, began_s, t))
+            self.contacts.append(ContactSpan(peer, began_s, t))
 
     def _done(self, peer: str, direction: Direction, t: float, what: tuple[int, int, str]) -> None:
         began_s = self._open.pop((peer, direction), t)

@@ -24,7 +24,7 @@ from air_router.controller.model.states import State
 from air_router.errors import AirRouterError, ExitCode
 from air_router.flight.flight_stats import TRACK_STEP_M
 from air_router.mission.mission import Mission
-from air_router.record.log import Entry, Note
+from air_router.record.log import Note, RecordEntry
 from air_router.report.flight.exchanges import Exchanges
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import Airspace
@@ -121,7 +121,7 @@ class FlightSummary:
     _airspaces: list[tuple[int, Airspace]] = field(default_factory=list)
     _changed: Mission | None = None
 
-    def take(self, entry: Entry) -> None:
+    def take(self, entry: RecordEntry) -> None:
         """Take in what is recorded next."""
         match entry.kind:
             case "about":
@@ -312,7 +312,7 @@ class FlightSummary:
         }
 
 
-def summary_of(entries: Iterable[Entry]) -> FlightSummary:
+def summary_of(entries: Iterable[RecordEntry]) -> FlightSummary:
     """The summary of a record; say `end` on it afterwards."""
     summary = FlightSummary()
     for entry in entries:

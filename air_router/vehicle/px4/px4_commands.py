@@ -135,7 +135,7 @@ Shown = Callable[[Sent], bool]
 """Whether the vehicle follows an order, by what it says and has acknowledged."""
 
 
-class Verdict(Enum):
+class OrderOutcome(Enum):
     """What has become of an order that left."""
 
     FOLLOWED = auto()
@@ -201,10 +201,10 @@ class Px4Commands:
         for attempt in range(attempts):
             self._leave(sent, attempt)
             verdict = await self._settled(sent, shown, more=attempt + 1 < attempts)
-            if verdict is not Verdict.AGAIN:
+            if verdict is not OrderOutcome.AGAIN:
                 break
             _log.info("%s: nothing shows and no other mode was chosen: again", order.words)
-        if verdict is not Verdict.FOLLOWED:
+        if verdict is not OrderOutcome.FOLLOWED:
             heard_s = self._telemetry.arrived_s("HEARTBEAT", "CURRENT_MODE")
             unseen = verdict is None and heard_s < sent.last_s + SETTLED_S
             error = NotShownError if unseen else NotConfirmedError
@@ -218,9 +218,9 @@ class Px4Commands:
         self._tried[sent.order.command].unanswered.append((sent.last_s, sent))
         self.send(sent.order.wire(attempt), sent.order.words)
 
-    async def _settled(self, sent: Sent, shown: Shown, *, more: bool) -> Verdict | None:
+    async def _settled(self, sent: Sent, shown: Shown, *, more: bool) -> OrderOutcome | None:
         """What became of it, None if nothing can be said in time."""
-        verdict: Verdict | None = None
+        verdict: OrderOutcome | None = None
 
         def judged() -> bool:
             nonlocal verdict
@@ -234,14 +234,14 @@ class Px4Commands:
             if left_s <= 0.0 or await self._telemetry.shows(judged, left_s):
                 return verdict
 
-    def _verdict(self, sent: Sent, shown: Shown, *, more: bool) -> Verdict | None:
+    def _verdict(self, sent: Sent, shown: Shown, *, more: bool) -> OrderOutcome | None:
         if shown(sent):
-            return Verdict.FOLLOWED
+            return OrderOutcome.FOLLOWED
         if self._telemetry.mode not in {sent.before.mode, sent.order.leads_to, *self._late_modes()}:
-            return Verdict.TAKEN
+            return OrderOutcome.TAKEN
         if sent.refusal is not None and not (more and sent.refusal == Result.TEMPORARILY_REJECTED):
-            return Verdict.REFUSED
-        return Verdict.AGAIN if more and self._no_other_chose(sent) else None
+            return OrderOutcome.REFUSED
+        return OrderOutcome.AGAIN if more and self._no_other_chose(sent) else None
 
     def _late_modes(self) -> set[FlightMode]:
         """The modes of orders that were called off, or did not show: they may show yet."""
@@ -266,9 +266,9 @@ class Px4Commands:
             and sent.before.same(Choices.of(telemetry))
         )
 
-    def _why_not(self, sent: Sent, verdict: Verdict | None) -> str:
+    def _why_not(self, sent: Sent, verdict: OrderOutcome | None) -> str:
         words, mode, said = sent.order.words, self._telemetry.mode.value, self._telemetry.said()
-        if verdict is Verdict.TAKEN:
+        if verdict is OrderOutcome.TAKEN:
             return f"{words} was asked for, and the pilot chose {mode} mode"
         if sent.refusal is not None:
             return f"{words}: {_name(sent.refusal)}{said}"

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 from air_router.controller.model.actions import Motion
 from air_router.record import serialization as journal
-from air_router.record.log import Entry
+from air_router.record.log import RecordEntry
 from air_router.record.log_file import ORDER_KEY, RECENT
 from air_router.record.replay import Replay
 from air_router.record.replay import replay as replay_flight
@@ -40,9 +40,9 @@ def replay(settings: RunSettings, lines: Iterable[str]) -> dict[str, Replay]:
     }
 
 
-def entries_of(lines: Iterable[str]) -> dict[str, list[Entry]]:
+def entries_of(lines: Iterable[str]) -> dict[str, list[RecordEntry]]:
     """A log's events and actions of each UAV, as a flight's record has them."""
-    entries: dict[str, list[Entry]] = {}
+    entries: dict[str, list[RecordEntry]] = {}
     motions: dict[str, deque[tuple[int, Motion]]] = {}
     for line in lines:
         data = json.loads(line)
@@ -58,5 +58,5 @@ def entries_of(lines: Iterable[str]) -> dict[str, list[Entry]]:
         elif order is not None:
             # Of motions that are alike the controller knows its own: the object counts.
             value = dataclasses.replace(value, action=dict(recent)[order])
-        entries.setdefault(uav, []).append(Entry(data["t"], kind, value))
+        entries.setdefault(uav, []).append(RecordEntry(data["t"], kind, value))
     return entries

@@ -37,7 +37,7 @@ from air_router.control.control_server import ControlServer, endpoint_of
 from air_router.controller.model.requests import GoTo, HoldNow
 from air_router.errors import ExitCode
 from air_router.flight.command_service import CommandService
-from air_router.flight.mission_reloader import Reading
+from air_router.flight.mission_reloader import ReloadReport
 from air_router.sim import sim
 from air_router.sim.sim_world import Seat
 from geo.frame import Point
@@ -355,9 +355,9 @@ def test_ask_as_a_command(served, capsys):
 
 def test_who_asks_for_a_reload_is_told_what_came_of_it(served, client, capsys):
     port = served.endpoint.rpartition(":")[2]
-    reading = Reading()
+    reading = ReloadReport()
     for good, code in ((True, ExitCode.DONE), (False, ExitCode.REFUSED)):
-        read = Reading(under_way=False, good=good, why=f"read, and {good}")
+        read = ReloadReport(under_way=False, good=good, why=f"read, and {good}")
         served.readings = [reading, reading, read]
         assert main(["ask", port, "reload"]) == code
         word = "accepted" if good else "refused [not-reloaded]"

@@ -11,9 +11,9 @@ from shapely import LineString, Polygon, make_valid
 
 from air_router.editor import edits
 from air_router.editor.edits import EditError, read_edit
-from air_router.editor.judgement import Way
+from air_router.editor.judgement import LegKind
 from air_router.editor.mission_text import ChangedOnDiskError, MissionText, SaveError
-from air_router.editor.session import Session, StaleError, UnconfirmedError
+from air_router.editor.session import EditSession, StaleError, UnconfirmedError
 from air_router.editor.starter import write_starter
 from air_router.errors import UsageError
 from mocha_link.team.document import DocumentError
@@ -31,13 +31,13 @@ def path(tmp_path):
 
 @pytest.fixture
 def session(path):
-    return Session(MissionText(path))
+    return EditSession(MissionText(path))
 
 
 @pytest.fixture
 def plan(tmp_path):
     shutil.copy(ROOT / "tests" / "data" / "pennovation.plan", tmp_path)
-    return Session(MissionText(tmp_path / "pennovation.plan"))
+    return EditSession(MissionText(tmp_path / "pennovation.plan"))
 
 
 def waypoint(number):
@@ -71,7 +71,7 @@ def test_a_waypoint_in_a_zone_is_a_problem_and_so_are_its_legs(session):
     assert problem["code"] == "waypoint-in-zone"
     assert problem["feature"] == list(waypoint(3))
     assert problem["at"] == [list(INSIDE_ZONE_8)]
-    blocked = [(leg["from"], leg["to"]) for leg in view["legs"] if leg["way"] == Way.BLOCKED]
+    blocked = [(leg["from"], leg["to"]) for leg in view["legs"] if leg["way"] == LegKind.BLOCKED]
     assert blocked == [(2, 3), (3, 4)]
     assert [place["index"] for place in view["places"] if place["wrong"]] == [3]
     assert changed_lines(before, session.manuscript.text) == [
@@ -193,7 +193,7 @@ def test_a_ring_keeps_three_corners_and_a_mission_one_waypoint(tmp_path):
         "home: [39.0, -75.0]\naltitude_m: 40\nwaypoints: [[39.0005, -75.0]]\nfence: null\n"
         "no_fly_zones: [[[39.001, -75.0], [39.001, -75.001], [39.002, -75.0]]]\n"
     )
-    session = Session(MissionText(path))
+    session = EditSession(MissionText(path))
     for keys in (("no_fly_zones", 0, "polygon", 1), waypoint(1)):
         with pytest.raises(EditError, match="needs"):
             session.edit(edits.Remove(do="remove", keys=keys))
@@ -212,7 +212,7 @@ def test_metres_are_edited_as_metres(tmp_path):
         "coordinates: local\nframe: {origin: [39.94, -75.2]}\nhome: [0, 0]\naltitude_m: 40\n"
         "waypoints:\n  - [10, 20]  # east, north\nfence: null\nno_fly_zones: []\n"
     )
-    session = Session(MissionText(path))
+    session = EditSession(MissionText(path))
     (place,) = [place for place in session.view()["places"] if place["kind"] == "waypoint"]
     latitude_deg, longitude_deg = place["at"]
     session.edit(move(waypoint(1), (latitude_deg + 1e-4, longitude_deg)))
@@ -226,7 +226,7 @@ def test_circles_of_other_files_are_shown_round(path):
         ' "geometry": {"type": "Point", "coordinates": [-75.2030, 39.9400]}}'
     )
     path.write_text(path.read_text() + "no_fly_files: [mast.geojson]\n")
-    mast = Session(MissionText(path)).view()["areas"][-1]
+    mast = EditSession(MissionText(path)).view()["areas"][-1]
     assert (mast["name"], mast["keys"]) == ("mast", None)
     ((ring,),) = mast["outline"]
     apart_deg = [abs(place[0] - 39.94) for place in ring]
@@ -242,7 +242,7 @@ def test_a_mission_on_the_antimeridian_is_drawn_in_one_place(tmp_path):
         "[-16.49, 179.99]]\n"
         "no_fly_zones:\n  - circle: {centre: [-16.4980, -179.9990], radius_m: 20}\n"
     )
-    session = Session(MissionText(path))
+    session = EditSession(MissionText(path))
     view = session.view()
     fence, zone = view["areas"]
     drawn = [place["at"] for place in view["places"]]
@@ -286,7 +286,7 @@ def test_a_plan_is_edited_in_place(plan):
     assert view["places"][1]["altitude_m"] == 31.5
     assert view["problems"] == []
     plan.save()
-    assert Session(MissionText(plan.manuscript.path)).view()["places"] == view["places"]
+    assert EditSession(MissionText(plan.manuscript.path)).view()["places"] == view["places"]
 
 
 def test_every_part_of_a_plan_can_be_taken_hold_of(plan):
@@ -325,7 +325,7 @@ def test_a_new_mission_has_no_problems_and_overwrites_nothing(tmp_path):
     for place in ("39.9421,-75.1998", "-77.85,166.7", "0,-180"):
         path.unlink(missing_ok=True)
         write_starter(path, place)
-        assert Session(MissionText(path)).view()["problems"] == []
+        assert EditSession(MissionText(path)).view()["problems"] == []
     with pytest.raises(UsageError, match="already"):
         write_starter(path, "1,2")
     for name, place in (
@@ -395,7 +395,7 @@ def test_an_unreadable_file_is_not_taken_over_and_not_overwritten(path, session)
 def test_line_breaks_and_marks_stay(path):
     text = path.read_text()
     path.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
-    session = Session(MissionText(path))
+    session = EditSession(MissionText(path))
     session.edit(edits.AddWaypoint(do="add_waypoint", index=39, at=FREE))
     session.save()
     raw = path.read_bytes()
@@ -406,7 +406,7 @@ def test_line_breaks_and_marks_stay(path):
 def test_a_link_stays_a_link(path):
     link = path.with_name("link.yaml")
     link.symlink_to(path)
-    session = Session(MissionText(link))
+    session = EditSession(MissionText(link))
     session.edit(move(waypoint(1), FREE))
     session.save()
     assert link.is_symlink()

@@ -14,7 +14,7 @@ from air_router.controller.model.requests import Reload
 from air_router.errors import MissionFileError, NotConfirmedError, PlanRefusedError
 from air_router.flight import mission_reloader as rereading
 from air_router.flight.flight import Flight
-from air_router.flight.mission_reloader import NotReloadedError, Reading, changed_areas
+from air_router.flight.mission_reloader import NotReloadedError, ReloadReport, changed_areas
 from air_router.flight.status import StatusLine
 from air_router.gossip.mapper import Mapper
 from air_router.mission.flight_plan import FlightPlan
@@ -221,13 +221,13 @@ def test_what_is_saved_while_the_file_is_read_is_read_once_more(file):
             controller = type("Controller", (), {"mission": mission})()
             reader = rereading.MissionReloader(controller, None, events.append, said.append)
             first = asyncio.ensure_future(reader.work(ReadAgain()))
-            assert reader.latest == Reading()
+            assert reader.latest == ReloadReport()
             await began.wait()
             await asyncio.gather(*(reader.work(ReadAgain()) for _ in range(3)))
             for gate in gates:
                 gate.set()
             await first
-            assert reader.latest == Reading(under_way=False, why="not reloaded: as they were")
+            assert reader.latest == ReloadReport(under_way=False, why="not reloaded: as they were")
         return said, events
 
     assert asyncio.run(script()) == (["not reloaded: as they were"] * 2, [])

@@ -3,7 +3,7 @@ import io
 
 from air_router.controller.model.states import State
 from air_router.flight.status import PLAIN_REFRESH_S, StatusLine, flight_line
-from air_router.live.scene import Scene
+from air_router.live.scene import LiveScene
 from air_router.vehicle.height_frame import HomeMove
 from mocha_link.links.metrics import LinkMetrics
 
@@ -80,5 +80,5 @@ def test_the_line_and_the_page_tell_the_wind_and_a_home_that_was_moved(pretend):
     assert "40 m |" in line
     assert "wind 6 m/s from west" in line
     assert "HOME MOVED" in line
-    vehicle = Scene(flight.mission, flight.controller, "titan").vehicle()
+    vehicle = LiveScene(flight.mission, flight.controller, "titan").vehicle()
     assert (vehicle["wind"], vehicle["home_moved"]) == ("6 m/s from west", True)

@@ -18,7 +18,7 @@ from air_router.flight.command_service import CommandService
 from air_router.gossip.mapper import Mapper
 from air_router.live.ground import Ground
 from air_router.live.page import add_web
-from air_router.live.scene import MOST_NEWS, Scene
+from air_router.live.scene import MOST_NEWS, LiveScene
 from air_router.live.server import LivePage
 from air_router.web.serving import Web, web_of
 from geo.frame import Point
@@ -142,7 +142,7 @@ def test_a_page_that_is_opened_late_is_told_everything_and_asks_at_the_desk(flig
 
 
 def test_the_scene_follows_events_and_forgets_old_news(flight):
-    scene = Scene(flight.mission, flight.controller, "titan")
+    scene = LiveScene(flight.mission, flight.controller, "titan")
     scene.links({"io": LinkMetrics("io", rssi_dbm=float("nan"))})
     scene.event(SyncStarted("io", 0.0, Direction.IN), 50.0)
     assert scene.link_lines()[0]["lit"]

@@ -13,7 +13,7 @@ from air_router.controller.model.states import State
 from air_router.errors import ExitCode, RefusedError
 from air_router.live.playback import Film, Playback
 from air_router.live.server import LivePage
-from air_router.record.log import Entry, Note
+from air_router.record.log import Note, RecordEntry
 from air_router.web.serving import Web
 from geo.frame import Point
 from geo.grid import GridPatch, Terrain
@@ -45,16 +45,16 @@ def record(pretend):
     flight.robots = {"callisto": Point(-90.0, 60.0), "io": Point(30.0, 0.0)}
     handle = flight.controller.handle
     entries = [
-        Entry(0.0, "about", {}),
-        Entry(0.0, "setup", FlightSetup(flight.mission, SEEK)),
-        Entry(100.0, "note", Note("Reaction", {"reaction_s": 0.6})),
-        Entry(101.0, "link", LinkMetrics("io", rssi_dbm=-55.0)),
+        RecordEntry(0.0, "about", {}),
+        RecordEntry(0.0, "setup", FlightSetup(flight.mission, SEEK)),
+        RecordEntry(100.0, "note", Note("Reaction", {"reaction_s": 0.6})),
+        RecordEntry(101.0, "link", LinkMetrics("io", rssi_dbm=-55.0)),
     ]
 
     def recorded(event, now_s):
         actions = handle(event, now_s)
-        entries.append(Entry(now_s, "event", event))
-        entries.extend(Entry(now_s, "action", action) for action in actions)
+        entries.append(RecordEntry(now_s, "event", event))
+        entries.extend(RecordEntry(now_s, "action", action) for action in actions)
         return actions
 
     flight.controller.handle = recorded
@@ -62,7 +62,7 @@ def record(pretend):
     flight.fly_until(lambda: flight.finished is not None)
     grid = Film(entries).mapper.grid
     patch = GridPatch(grid.west_m, grid.south_m, 1.0, np.full((2, 3), Terrain.ROAD, np.uint8))
-    return [*entries[:200], Entry(entries[199].t, "patch", patch.encode()), *entries[200:]]
+    return [*entries[:200], RecordEntry(entries[199].t, "patch", patch.encode()), *entries[200:]]
 
 
 def test_a_film_decides_what_the_flight_decided_and_can_begin_again(record):

@@ -15,7 +15,7 @@ from air_router.files.yaml.mission_write import mission_text
 from air_router.mission.fence_plan import fence_plan
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.loading import judge, load_mission, read_draft
-from air_router.preflight.preflight import Verdict, altitude, place
+from air_router.preflight.preflight import CheckVerdict, altitude, place
 from air_router.preflight.preflight_parameters import parameters
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -252,8 +252,8 @@ def test_a_return_of_the_autopilot_stays_below_the_layer_above(tmp_path):
         for value in (30.0, 48.0, 50.5, 90.0)
     }
     assert verdicts["atlas", 48.0] == set()
-    assert verdicts["atlas", 30.0] == {Verdict.BAD}  # the mission file does not accept it
-    assert verdicts["atlas", 50.5] == {Verdict.BAD}
+    assert verdicts["atlas", 30.0] == {CheckVerdict.BAD}  # the mission file does not accept it
+    assert verdicts["atlas", 50.5] == {CheckVerdict.BAD}
     assert verdicts["titan", 90.0] == set()
 
 
@@ -267,9 +267,9 @@ def test_a_vehicle_that_stands_beside_its_home_does_not_take_off(tmp_path):
         return place(mission, router, info, told).verdict
 
     assert [verdict(away_m) for away_m in (0.0, 4.9, 5.1)] == [
-        Verdict.GOOD,
-        Verdict.GOOD,
-        Verdict.BAD,
+        CheckVerdict.GOOD,
+        CheckVerdict.GOOD,
+        CheckVerdict.BAD,
     ]
 
 
@@ -306,8 +306,8 @@ def test_layers_rest_on_the_heights_of_the_homes(tmp_path):
         return [check.verdict for check in altitude(mission, info, telemetry)]
 
     assert [verdicts(mission, m) for m in (552.0, 565.0, 620.0)] == [
-        [Verdict.GOOD],
-        [Verdict.LOOK],
-        [Verdict.BAD],
+        [CheckVerdict.GOOD],
+        [CheckVerdict.LOOK],
+        [CheckVerdict.BAD],
     ]
     assert verdicts(lone, 620.0) == []

@@ -3,7 +3,7 @@ import dataclasses
 import pytest
 
 from air_router.preflight.energy import CLIMB_M_S, battery
-from air_router.preflight.preflight import Verdict
+from air_router.preflight.preflight import CheckVerdict
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.return_planner import LANDING_MARGIN, ReturnPlanner
 from air_router.routing.router import Router
@@ -24,7 +24,7 @@ def test_what_is_good_on_the_ground_reaches_the_farthest_waypoint_in_flight(penn
     out_s = pennovation.altitude_above_home_m / CLIMB_M_S + homeward.pace.time_s(way)
     for reserve in (0.0, 0.25):
         turning = max(reserve, homeward.pace.home_s(way) / 1500 + LANDING_MARGIN)
-        for spare, verdict in ((0.001, Verdict.GOOD), (-0.001, Verdict.BAD)):
+        for spare, verdict in ((0.001, CheckVerdict.GOOD), (-0.001, CheckVerdict.BAD)):
             charge = turning + out_s / 1500 + spare
             wanted = {"endurance_s": 1500.0, "duration_s": None, "battery_reserve": reserve}
             assert check(pennovation, router, charge, **wanted).verdict is verdict
@@ -33,18 +33,18 @@ def test_what_is_good_on_the_ground_reaches_the_farthest_waypoint_in_flight(penn
 @pytest.mark.parametrize(
     ("charge", "times", "verdict"),
     [
-        (None, (1500.0, None), Verdict.LOOK),
-        (0.9, (None, None), Verdict.LOOK),
-        (0.4, (None, None), Verdict.BAD),
-        (1.0, (1500.0, None), Verdict.GOOD),
-        (1.0, (1500.0, 600.0), Verdict.GOOD),
-        (1.0, (1500.0, 1400.0), Verdict.LOOK),
-        (0.3, (1500.0, None), Verdict.BAD),
-        (0.1, (1500.0, None), Verdict.BAD),
+        (None, (1500.0, None), CheckVerdict.LOOK),
+        (0.9, (None, None), CheckVerdict.LOOK),
+        (0.4, (None, None), CheckVerdict.BAD),
+        (1.0, (1500.0, None), CheckVerdict.GOOD),
+        (1.0, (1500.0, 600.0), CheckVerdict.GOOD),
+        (1.0, (1500.0, 1400.0), CheckVerdict.LOOK),
+        (0.3, (1500.0, None), CheckVerdict.BAD),
+        (0.1, (1500.0, None), CheckVerdict.BAD),
     ],
 )
 def test_the_charge_against_the_mission(pennovation, router, charge, times, verdict):
     endurance_s, duration_s = times
     found = check(pennovation, router, charge, endurance_s=endurance_s, duration_s=duration_s)
     assert found.verdict is verdict, found
-    assert found.advice or verdict is Verdict.GOOD
+    assert found.advice or verdict is CheckVerdict.GOOD

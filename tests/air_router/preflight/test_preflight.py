@@ -5,7 +5,7 @@ import pytest
 
 from air_router.files.settings import Accepted
 from air_router.preflight import preflight
-from air_router.preflight.preflight import Card, Check, PreflightRefusedError, Verdict
+from air_router.preflight.preflight import Card, Check, CheckVerdict, PreflightRefusedError
 from air_router.preflight.preflight_parameters import NAMES, parameters, straight_return
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -16,7 +16,7 @@ from geo.airspace.zone import Band, Circle, Zone
 from geo.frame import Point
 from mocha_link.team.document import Problem
 
-GOOD, LOOK, BAD = Verdict.GOOD, Verdict.LOOK, Verdict.BAD
+GOOD, LOOK, BAD = CheckVerdict.GOOD, CheckVerdict.LOOK, CheckVerdict.BAD
 WANTED = {
     "GF_ACTION": 2,
     "GF_SOURCE": 0,

@@ -18,7 +18,7 @@ from air_router.controller.model.actions import Announce, FlyToNode, RenewPlan
 from air_router.controller.model.events import AirspaceChanged, CommandConfirmed, PlanRenewed
 from air_router.controller.model.requests import ComeHome, GoOn
 from air_router.controller.model.states import State
-from air_router.record.log import Entry, Log, Note, read
+from air_router.record.log import Log, Note, RecordEntry, read
 from air_router.record.recorder import Recorder
 from air_router.record.recording import default_folder
 from air_router.record.replay import CONTEXT, ReplayError, replay
@@ -197,14 +197,14 @@ def test_of_two_motions_alike_the_right_one_is_confirmed(tmp_path):
 
 
 def test_an_exception_in_a_decision_is_a_difference(pennovation):
-    setup = Entry(0.0, "setup", FlightSetup(pennovation))
-    broken = Entry(1.0, "event", CommandConfirmed("nothing"))
-    before = Entry(0.5, "note", Note("Reaction", {"reaction_s": 2.0}))
-    found = replay([setup, before, broken, Entry(1.0, "action", Announce("x"))]).difference
+    setup = RecordEntry(0.0, "setup", FlightSetup(pennovation))
+    broken = RecordEntry(1.0, "event", CommandConfirmed("nothing"))
+    before = RecordEntry(0.5, "note", Note("Reaction", {"reaction_s": 2.0}))
+    found = replay([setup, before, broken, RecordEntry(1.0, "action", Announce("x"))]).difference
     assert found.replayed != found.recorded
 
 
-@pytest.mark.parametrize("entries", [[], [Entry(1.0, "event", ComeHome())]])
+@pytest.mark.parametrize("entries", [[], [RecordEntry(1.0, "event", ComeHome())]])
 def test_without_a_setup_or_an_event_there_is_nothing_to_replay(entries, tmp_path):
     with pytest.raises(ReplayError):
         replay(entries)

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from air_router.files.altitudes import Altitudes, Limit, Reference
+from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
 from air_router.files.json_document import json_from_text
 from air_router.files.maps.feature_set import FeatureSet, MapArea, MapPoint, chart_of, corners_of
 from air_router.files.maps.geojson_write import geojson_of, geojson_text
@@ -64,7 +64,9 @@ periods = st.builds(
     st.lists(hours, max_size=2),
 )  # fmt: skip
 limits = st.none() | st.builds(
-    Limit, st.floats(-400, 9000).map(lambda x: round(x, 3)), st.sampled_from(list(Reference))
+    AltitudeLimit,
+    st.floats(-400, 9000).map(lambda x: round(x, 3)),
+    st.sampled_from(list(Reference)),
 )
 names = st.text(max_size=12).filter(str.strip).map(str.strip)
 places = st.builds(Geodetic, st.floats(-80, 80), st.floats(-175, 175)).map(

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from air_router.files.json_document import json_from_text
 from air_router.files.text.nodes import SourceError
 from air_router.files.text.rendering import Digits, like, word
-from air_router.files.text.source import Source, Splice, spliced
+from air_router.files.text.source import Splice, TextSource, spliced
 from mocha_link.team.document import Document
 
 PATH = Path("mission.yaml")
@@ -126,7 +126,7 @@ def loaded(text):
 
 
 def source_of(text):
-    return Source.of_yaml(text, PATH)
+    return TextSource.of_yaml(text, PATH)
 
 
 def remarks_of(text):
@@ -226,14 +226,14 @@ def test_a_key_is_added_behind_the_others(written):
 @given(written=plans(), pick=st.randoms(use_true_random=False))
 def test_json_stays_json(written, pick):
     data, text = written
-    source = Source(text, json_from_text(text, PATH).node(), json=True)
+    source = TextSource(text, json_from_text(text, PATH).node(), json=True)
     keys = pick.choice(list(lists_in(data)))
     index = pick.randint(0, len(at(data, keys)))
     after = spliced(text, source.insert(keys, index, list(NEW)))
     expected = copy.deepcopy(data)
     at(expected, keys).insert(index, NEW_ITEM)
     assert json.loads(after) == expected
-    again = Source(after, json_from_text(after, PATH).node(), json=True)
+    again = TextSource(after, json_from_text(after, PATH).node(), json=True)
     assert json.loads(spliced(after, again.remove((*keys, index)))) == data
     number = pick.choice(list(numbers_in(data)))
     at(data, number[:-1])[number[-1]] = 5.25

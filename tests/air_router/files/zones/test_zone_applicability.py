@@ -10,7 +10,7 @@ from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Goal, Navigator, Progress
 from air_router.errors import ExitCode, MissionFileError
-from air_router.files.altitudes import Altitudes, HomeAltitudeError, Limit, Reference
+from air_router.files.altitudes import AltitudeLimit, Altitudes, HomeAltitudeError, Reference
 from air_router.mission.airspaces import COMING_HOME, LAUNCH_WAIT, FlightWindow
 from air_router.mission.loading import load_mission
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -167,12 +167,12 @@ def test_altitudes_above_the_sea_need_home_s(tmp_path):
 
 
 def test_limits_may_lie_anywhere_within_what_is_not_known():
-    ground = Limit(50, Reference.GROUND)
+    ground = AltitudeLimit(50, Reference.GROUND)
     assert Altitudes(ground, ground).band(None, 20) == Band(30, 70)
     assert Altitudes().band(None, 20) == Band(-math.inf, math.inf)
-    assert Altitudes(Limit(500, Reference.AMSL), None).band(400, 20) == Band(100, math.inf)
+    assert Altitudes(AltitudeLimit(500, Reference.AMSL), None).band(400, 20) == Band(100, math.inf)
     with pytest.raises(HomeAltitudeError):
-        Altitudes(Limit(500, Reference.AMSL), None).band(None, 20)
+        Altitudes(AltitudeLimit(500, Reference.AMSL), None).band(None, 20)
 
 
 def test_a_zone_has_its_own_clearance(tmp_path):

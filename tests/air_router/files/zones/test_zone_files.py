@@ -14,7 +14,7 @@ from uas_standards import eurocae_ed318
 from uas_standards.eurocae_ed269 import ED269Schema
 
 from air_router.errors import MissionFileError
-from air_router.files.altitudes import Altitudes, Limit, Reference
+from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
 from air_router.files.mission_document import MissionDocument, MissionPoint
 from air_router.files.zones.reading import MapCircle, MapOutline
 from air_router.files.zones.schedule import days_of, hours_of
@@ -52,7 +52,7 @@ def test_geojson():
     assert (len(yard.shape.ring), len(yard.shape.holes), yard.clearance_m) == (4, 1, 8)
     assert yard.shape.ring[1] == Geodetic(47.0010, 8.0030)
     assert mast.shape == MapCircle(Geodetic(47.0, 8.0040), 25)
-    assert mast.altitudes == Altitudes(upper=Limit(60, GROUND))
+    assert mast.altitudes == Altitudes(upper=AltitudeLimit(60, GROUND))
     assert str(mast.validity) == "from 2026-11-01 00:00, mon fri 06:00-18:00 UTC"
     assert {type(zone.shape) for zone in (first, second)} == {MapOutline}
     assert codes(reading) == ["no-area", "not-a-zone"]
@@ -63,7 +63,7 @@ def test_kml():
     yard, first, second, mast = reading.zones
     assert (len(yard.shape.ring), len(yard.shape.holes), yard.clearance_m) == (4, 1, 8)
     assert (yard.altitudes, yard.place) == (None, (9, 9))
-    assert first.altitudes == second.altitudes == Altitudes(upper=Limit(20, GROUND))
+    assert first.altitudes == second.altitudes == Altitudes(upper=AltitudeLimit(20, GROUND))
     assert mast.name == "zones 3"
     assert mast.shape == MapCircle(Geodetic(47.0, 8.0040), 25)
     assert codes(reading) == ["no-area", "not-a-zone"]
@@ -81,10 +81,10 @@ def test_ed269():
     low, high, school = reading.zones
     assert low.name == "XXA001 Heliport, volume 1"
     assert low.shape == MapCircle(Geodetic(47.0, 8.0040), 250)
-    assert low.altitudes == Altitudes(Limit(0, GROUND), Limit(120, GROUND))
+    assert low.altitudes == Altitudes(AltitudeLimit(0, GROUND), AltitudeLimit(120, GROUND))
     assert low.validity is None
     assert high.altitudes.lower.metres == pytest.approx(457.2)
-    assert high.altitudes.upper == Limit(pytest.approx(762.0), AMSL)
+    assert high.altitudes.upper == AltitudeLimit(pytest.approx(762.0), AMSL)
     assert school.altitudes is None  # up to 0 m above ground: as good as nothing said
     assert str(school.validity) == (
         "from 2026-01-05 00:00 until 2026-12-18 22:59, mon sun 23:30-16:59 UTC"
@@ -96,9 +96,11 @@ def test_ed318():
     reading = read("geozones_ed318.json")
     heliport, low, high, owls = reading.zones
     assert heliport.name == "XXA001 Heliport"
-    assert heliport.altitudes.upper == Limit(pytest.approx(121.92), GROUND)
-    assert low.altitudes == Altitudes(lower=Limit(0, GROUND))  # above the ellipsoid: no limit
-    assert high.altitudes == Altitudes(Limit(450, AMSL), Limit(600, AMSL))
+    assert heliport.altitudes.upper == AltitudeLimit(pytest.approx(121.92), GROUND)
+    assert low.altitudes == Altitudes(
+        lower=AltitudeLimit(0, GROUND)
+    )  # above the ellipsoid: no limit
+    assert high.altitudes == Altitudes(AltitudeLimit(450, AMSL), AltitudeLimit(600, AMSL))
     assert high.validity.active_between(*(datetime(2026, 11, 3, h, tzinfo=UTC) for h in (8, 9)))
     assert not high.validity.active_between(*(datetime(2026, 11, 6, h, tzinfo=UTC) for h in (8, 9)))
     assert owls.validity is None  # from sunset to sunrise: read as always
@@ -182,7 +184,7 @@ def test_ed269_as_it_was_written_years_ago(tmp_path):
     reading = read_zones(path)
     assert reading.problems == reading.notes == []
     every, mondays = reading.zones
-    assert every.altitudes == Altitudes(lower=Limit(pytest.approx(30.48), GROUND))
+    assert every.altitudes == Altitudes(lower=AltitudeLimit(pytest.approx(30.48), GROUND))
     assert every.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
     assert not mondays.validity.active_between(*[datetime(2026, 11, 20, 12, tzinfo=UTC)] * 2)
 
@@ -193,7 +195,7 @@ def test_a_layer_counts_metres_unless_it_says_otherwise(tmp_path):
     document["features"][1]["geometry"]["geometries"][1]["layer"]["upper"] = 999_999
     path = tmp_path / "z.json"
     path.write_text(json.dumps(document))
-    assert read_zones(path).zones[0].altitudes.upper == Limit(400, GROUND)
+    assert read_zones(path).zones[0].altitudes.upper == AltitudeLimit(400, GROUND)
     assert read_zones(path).zones[2].altitudes.upper is None  # beyond all flight
 
 

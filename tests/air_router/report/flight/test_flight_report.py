@@ -31,7 +31,7 @@ from air_router.controller.model.requests import ComeHome, GoTo, HoldNow, SeekNo
 from air_router.controller.model.states import Signal, State
 from air_router.flight.flight_stats import FlightStats
 from air_router.gossip.mapper import Mapper
-from air_router.record.log import Entry, Note
+from air_router.record.log import Note, RecordEntry
 from air_router.record.recorder import Recorder
 from air_router.report.flight.exchanges import Exchanges
 from air_router.report.flight.flight_summary import NothingFlownError, summary_of
@@ -115,23 +115,27 @@ def things(robot="io"):
 
 
 def entries(mission, robot="io"):
-    yield Entry(0.0, "about", {"format": "1", "python": "3.11"})
-    yield Entry(0.0, "setup", FlightSetup(mission, (robot, "phantom"), name="titan"))
-    yield Entry(0.0, "note", Note("Vehicle", {"autopilot": "PX4", "version": "1.17.0"}))
-    yield Entry(0.0, "note", Note("Clock", {"unix_s": UNIX_S}))
+    yield RecordEntry(0.0, "about", {"format": "1", "python": "3.11"})
+    yield RecordEntry(0.0, "setup", FlightSetup(mission, (robot, "phantom"), name="titan"))
+    yield RecordEntry(0.0, "note", Note("Vehicle", {"autopilot": "PX4", "version": "1.17.0"}))
+    yield RecordEntry(0.0, "note", Note("Clock", {"unix_s": UNIX_S}))
     for t, value in things(robot):
         kind = (
             "action" if type(value).__module__ == "air_router.controller.model.actions" else "event"
         )
-        yield Entry(t, kind, value)
+        yield RecordEntry(t, kind, value)
         if isinstance(value, Telemetry) and t > 12:
             if t % 10 == 0:
-                yield Entry(t, "note", Note("MapPublished", {"known_cells": int(100 * t)}))
-            yield Entry(t, "note", Note("Map", {"known_cells": int(100 * t)}))
+                yield RecordEntry(t, "note", Note("MapPublished", {"known_cells": int(100 * t)}))
+            yield RecordEntry(t, "note", Note("Map", {"known_cells": int(100 * t)}))
     # It says that it has the second version, which another robot handed to it.
-    yield Entry(81.0, "note", Note("Held", {"peer": robot, "held": [["titan", "/map", MAP_S]]}))
-    yield Entry(81.0, "note", Note("Map", {"known_cells": 8000}))
-    yield Entry(80.0, "note", Note("Report", {"outcome": "done", "robots": {robot: {"found": 1}}}))
+    yield RecordEntry(
+        81.0, "note", Note("Held", {"peer": robot, "held": [["titan", "/map", MAP_S]]})
+    )
+    yield RecordEntry(81.0, "note", Note("Map", {"known_cells": 8000}))
+    yield RecordEntry(
+        80.0, "note", Note("Report", {"outcome": "done", "robots": {robot: {"found": 1}}})
+    )
 
 
 @pytest.fixture
@@ -215,7 +219,7 @@ def test_the_way_flown_is_as_long_as_the_flight_itself_says(pennovation):
         t, angle = step / 10, step / 6
         place = Point(4 * math.cos(angle), 4 * math.sin(angle))
         event = Telemetry(t, place, 40.0, armed=True, in_air=True, mode=FlightMode.MISSION)
-        told.take(Entry(t, "event", event))
+        told.take(RecordEntry(t, "event", event))
         stats.event(event, t)
     assert told.distance_m == pytest.approx(stats.distance_m)
     assert told.duration_s == pytest.approx(stats.duration_s)
