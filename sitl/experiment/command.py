@@ -16,16 +16,16 @@ from typing import Any
 from air_router.counted import counted
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.flight.status import StatusLine
-from sitl.experiment.analysis import table
+from sitl.experiment.analysis import tables
 from sitl.experiment.campaign import results
 from sitl.experiment.campaign.campaign import Campaign
 from sitl.experiment.campaign.plan import Experiment, Record, Task
 from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.process_pool import Failed, ProcessPool, Work
-from sitl.experiment.campaign.program import program
+from sitl.experiment.campaign.rows import chosen_rows
 from sitl.experiment.campaign.run_log import RunLog, read_runs
+from sitl.experiment.campaign.running import program
 from sitl.experiment.campaign.shipped import experiment_names
-from sitl.experiment.choice import chosen_rows
 
 _EPILOG = """\
 Every finished run is kept in DIR/runs.jsonl at once; the same command goes on where it was stopped,
@@ -169,18 +169,18 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
         return
     experiment = campaign.experiment
     tidy = results.tidy(records)
-    found = table.lines(experiment, records)
+    found = tables.lines(experiment, records)
     results.write_csv(tidy, folder / "results.csv")
-    text = table.as_text(experiment, found)
+    text = tables.as_text(experiment, found)
     (folder / "table.txt").write_text(text + "\n", encoding="utf-8")
-    (folder / "table.md").write_text(table.as_markdown(experiment, found) + "\n", encoding="utf-8")
+    (folder / "table.md").write_text(tables.as_markdown(experiment, found) + "\n", encoding="utf-8")
     from sitl.experiment.analysis.claims import claims_of  # noqa: PLC0415 - only with SciPy
 
     claims = claims_of(experiment, records)
     summary = {
         "experiment": experiment.name,
         "runs": len(records),
-        "rows": table.as_plain(found),
+        "rows": tables.as_plain(found),
         "claims": [{**dataclasses.asdict(claim), "answer": claim.answer} for claim in claims],
     }
     results.write_json(summary, folder / "summary.json")

@@ -15,13 +15,13 @@ from typing import Final
 
 from air_router.counted import counted
 from air_router.errors import UsageError
-from sitl.experiment.analysis import pairs, table
+from sitl.experiment.analysis import tables
 from sitl.experiment.analysis.claims import Claim, claims_of, near_paper, within_factor
 from sitl.experiment.analysis.paper import TABLE
-from sitl.experiment.analysis.table import Line
+from sitl.experiment.analysis.tables import Line
+from sitl.experiment.campaign.campaign import in_words
 from sitl.experiment.campaign.links import comparison, halves
 from sitl.experiment.campaign.plan import Experiment, Record
-from sitl.experiment.campaign.progress import in_words
 
 IMAGES: Final = Path("images") / "experiments"
 _END: Final = "<!-- end -->"
@@ -58,7 +58,7 @@ def facts_text(experiment: Experiment, found: Sequence[Line], records: Sequence[
         f"('{slowest.label}', '{quickest.label}'); "
         f"{max(record['peak_memory_MB'] for record in records)} MB per process."
     )
-    ratios = near_paper(records) if table.of_the_paper(experiment) else []
+    ratios = near_paper(records) if tables.of_the_paper(experiment) else []
     if len(ratios) == len(TABLE):
         low, high = (pick(ratios, key=lambda entry: entry[1]) for pick in (min, max))
         text += (
@@ -79,12 +79,12 @@ def links_text(records: Sequence[Record]) -> str:
 
 def blocks_of(experiment: Experiment, records: Sequence[Record]) -> dict[str, str]:
     """The text for each kind of block."""
-    found = table.lines(experiment, records)
+    found = tables.lines(experiment, records)
     links = [record for record in records if "links" in record["curves"]]
     return {
-        "pairs": pairs.as_markdown(pairs.compared(experiment, records)),
+        "pairs": tables.pairs_as_markdown(tables.compared(experiment, records)),
         "links": links_text(links) if all(halves(links)) else "",
-        "table": table.as_markdown(experiment, found),
+        "table": tables.as_markdown(experiment, found),
         "claims": claims_text(claims_of(experiment, records)),
         "facts": facts_text(experiment, found, records),
     }

@@ -21,9 +21,9 @@ from typing import Any, Final
 import numpy as np
 
 from sitl.experiment.analysis import paper
-from sitl.experiment.analysis.evidence import Evidence
-from sitl.experiment.analysis.trends import (
+from sitl.experiment.analysis.statistics import (
     LEVEL,
+    Evidence,
     Trend,
     above,
     fewer,

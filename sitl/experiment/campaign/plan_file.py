@@ -14,13 +14,13 @@ from pydantic import BaseModel, Field, create_model
 
 from mocha_link.team.document import Document, DocumentError, Problem
 from sitl.experiment.campaign.plan import Experiment, Row, varied
+from sitl.experiment.campaign.rows import phrase
 from sitl.experiment.campaign.shipped import (
     UnknownPlaceError,
     experiment_file,
     mission_file,
     town_file,
 )
-from sitl.experiment.campaign.wording import phrase
 from sitl.experiment.model.settings import ChannelKind, PlacedBy, ProtocolKind
 
 MOST_ROWS = 1000

@@ -16,7 +16,6 @@ from mocha_link.node.actions import Action, Connect, Disconnect, Reply, Send
 from mocha_link.store.record import Header
 from mocha_link.sync.protocol import ACK, CODE_BYTES, ID_BYTES, SYNC1
 from sitl.experiment.channels.channel import Change, Channel, Link, Load, Places, Stage
-from sitl.experiment.engine.airtime import AirtimeStats, ContactRow
 from sitl.experiment.engine.exchange import (
     Exchange,
     code_of,
@@ -26,7 +25,8 @@ from sitl.experiment.engine.exchange import (
     size_of,
     stage_of,
 )
-from sitl.experiment.model.event_queue import EventQueue
+from sitl.experiment.engine.statistics import AirtimeStats, ContactRow
+from sitl.experiment.model.events import EventQueue
 from sitl.experiment.robots.node import Node
 
 _REQUEST_TRIPS: Final = 4

@@ -23,12 +23,10 @@ from air_router.controller.motion.navigator import REACTION_S
 from geo.frame import Point
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from sitl.experiment.channels.by_name import channel_of
-from sitl.experiment.engine.airtime import AirtimeStats
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.result import GoalVisit, RunResult
-from sitl.experiment.engine.samples import Samples
-from sitl.experiment.model.event_log import EventLog
-from sitl.experiment.model.event_queue import EventQueue
+from sitl.experiment.engine.statistics import AirtimeStats, Samples
+from sitl.experiment.model.events import EventLog, EventQueue
 from sitl.experiment.model.settings import RunSettings
 from sitl.experiment.robots.base_station import BaseStation
 from sitl.experiment.robots.explorer import GroundRobot

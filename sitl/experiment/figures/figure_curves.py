@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from air_router.counted import counted
 from sitl.experiment.campaign.plan import Experiment, Record, Row
-from sitl.experiment.engine.measures import BIN_S, WAIT_EDGES_S
+from sitl.experiment.engine.result import BIN_S, WAIT_EDGES_S
 from sitl.experiment.figures.figure_sheet import (
     COLOURS,
     FAINT,

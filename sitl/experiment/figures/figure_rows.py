@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from air_router.counted import counted
-from sitl.experiment.analysis.intervals import Interval
-from sitl.experiment.analysis.table import Line, lines, of_the_paper
+from sitl.experiment.analysis.statistics import Interval
+from sitl.experiment.analysis.tables import Line, lines, of_the_paper
 from sitl.experiment.campaign.plan import Experiment, Record
-from sitl.experiment.campaign.wording import words
+from sitl.experiment.campaign.rows import words
 from sitl.experiment.figures.figure_sheet import COLOURS, FAINT, INK, panel_sheet, sheet
 
 _MEASURES: Final = (

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from air_router.errors import PictureError
 from sitl.experiment.campaign.plan import Experiment, Record, Row
-from sitl.experiment.campaign.wording import words
+from sitl.experiment.campaign.rows import words
 
 try:
     import matplotlib as mpl

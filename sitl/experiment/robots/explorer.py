@@ -17,16 +17,17 @@ from geo.grid import GridError, Terrain
 from sitl.experiment.model.lattice import Cell
 from sitl.experiment.model.settings import ExplorerSettings
 from sitl.experiment.model.ways import PASSABLE, Ways, length_m
-from sitl.experiment.robots.explorer_messages import (
+from sitl.experiment.robots.goal_book import GoalBook
+from sitl.experiment.robots.knowledge import Knowledge, read_map
+from sitl.experiment.robots.messages import (
     CLAIMS_TOPIC,
     OBJECTS_TOPIC,
     REACHABILITY_TOPIC,
     TARGETS_TOPIC,
+    ExplorerPost,
+    read_claims,
+    read_places,
 )
-from sitl.experiment.robots.explorer_post import ExplorerPost, read_claims, read_places
-from sitl.experiment.robots.goal_book import GoalBook
-from sitl.experiment.robots.knowledge import Knowledge
-from sitl.experiment.robots.map_reading import read_map
 from sitl.experiment.towns.town import Town
 
 PACE: Final = {

@@ -10,7 +10,7 @@ from typing import Any, Final
 from air_router.messages import POSE_TOPIC, SEEK_TOPIC
 from mocha_link.team.document import Document, as_yaml
 from mocha_link.team.team import Team
-from sitl.experiment.robots.explorer_messages import AERIAL_TOPICS, BASE_TOPICS, GROUND_TOPICS
+from sitl.experiment.robots.messages import AERIAL_TOPICS, BASE_TOPICS, GROUND_TOPICS
 
 BASE: Final = "base"
 _SEEK: Final = {"name": SEEK_TOPIC, "type": "json/Seek", "priority": "medium"}

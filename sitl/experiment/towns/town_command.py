@@ -112,8 +112,8 @@ def _facts(town: Town) -> dict[str, Any]:
 
 
 def _write(town: Town, folder: Path, *, new: bool, force: bool) -> None:
+    from sitl.experiment.towns.town_file import town_text  # noqa: PLC0415
     from sitl.experiment.towns.town_mission import mission_text  # noqa: PLC0415 - it is slow to load
-    from sitl.experiment.towns.town_write import town_text  # noqa: PLC0415
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

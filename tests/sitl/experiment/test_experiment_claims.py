@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sitl.experiment.analysis import claims, pairs, trends
+from sitl.experiment.analysis import claims, statistics, tables
 from sitl.experiment.analysis.paper import TABLE
 from sitl.experiment.campaign.links import BUILDINGS_M, DISTANCES_M, judged, seen_links
 from sitl.experiment.campaign.plan_file import load_experiment
@@ -18,31 +18,33 @@ def test_trends_are_kendalls():
     chance = np.random.default_rng(3)
     levels = np.repeat([3.0, 5.0, 10.0], 8)
     values = np.round(chance.normal(size=24) + 0.1 * levels, 1)  # with ties
-    ours = trends.growing([[(level, values[levels == level]) for level in (3.0, 5.0, 10.0)]])
+    ours = statistics.growing([[(level, values[levels == level]) for level in (3.0, 5.0, 10.0)]])
     theirs = stats.kendalltau(levels, values, method="asymptotic", alternative="greater")
     assert ours.tau == pytest.approx(theirs.statistic)
     assert ours.p == pytest.approx(theirs.pvalue)
-    flat = trends.growing([[(3.0, np.ones(4)), (5.0, np.ones(4))]])
+    flat = statistics.growing([[(3.0, np.ones(4)), (5.0, np.ones(4))]])
     assert np.isnan(flat.p)
 
 
 def test_differences_are_welchs_and_the_paired_t():
     chance = np.random.default_rng(4)
     a, b = chance.normal(1.0, 1.0, 9), chance.normal(0.0, 3.0, 14)
-    ours = trends.above(a, b)
+    ours = statistics.above(a, b)
     theirs = stats.ttest_ind(a, b, equal_var=False, alternative="greater")
     assert ours.p_greater == pytest.approx(theirs.pvalue)
     interval = stats.ttest_ind(a, b, equal_var=False).confidence_interval()
     assert (ours.low, ours.high) == pytest.approx(tuple(interval))
-    paired = trends.paired_above(a, b[:9])
+    paired = statistics.paired_above(a, b[:9])
     assert paired.p_less == pytest.approx(stats.ttest_rel(a, b[:9], alternative="less").pvalue)
-    same = trends.paired_above(a, a)
+    same = statistics.paired_above(a, a)
     assert (same.value, same.p_greater) == (0.0, 0.5)
 
 
 def test_holm_corrects_for_the_number_of_tests():
-    assert trends.holm([0.01, 0.04, 0.03, float("nan")])[:3] == pytest.approx([0.03, 0.06, 0.06])
-    low, high = trends.share_interval(1713, 1720)
+    assert statistics.holm([0.01, 0.04, 0.03, float("nan")])[:3] == pytest.approx(
+        [0.03, 0.06, 0.06]
+    )
+    low, high = statistics.share_interval(1713, 1720)
     assert low < 1713 / 1720 < high
 
 
@@ -187,13 +189,13 @@ def test_only_pairs_that_differ_alike_are_put_together(tmp_path):
     text = "".join(f"  - {{radius_m: {team}}}\n" for team in teams)
     path.write_text(f"name: mixed\ntitle: x\nrows:\n{text}", encoding="utf-8")
     experiment, _ = load_experiment(str(path))
-    measures = dict.fromkeys(pairs.MEASURES, 1.0)
+    measures = dict.fromkeys(tables.MEASURES, 1.0)
     records = [
         {"row": row.label, "number": number, "measures": measures}
         for row in experiment.rows
         for number in range(2)
     ]
-    assert [(one.row, one.base) for one in pairs.compared(experiment, records)] == [
+    assert [(one.row, one.base) for one in tables.compared(experiment, records)] == [
         ("5 m, rendezvous", "5 m, round robin"),
         ("30 m, rendezvous", "30 m, freshest"),
     ]
@@ -222,13 +224,13 @@ def test_rows_with_the_same_seeds_are_compared_run_by_run(tmp_path):
                 + luck[number]
                 + 2 * (row.settings["policy"] == "freshest")
                 + 0.5 * chance.normal()
-                for measure in pairs.MEASURES
+                for measure in tables.MEASURES
             },
         }
         for row in experiment.rows
         for number in range(8)
     ]
-    found = pairs.compared(experiment, records)
+    found = tables.compared(experiment, records)
     assert [(one.row, one.base, one.runs) for one in found] == [
         ("freshest, 5 m", "round robin, 5 m", 8),
         ("freshest, 30 m", "round robin, 30 m", 8),
@@ -236,7 +238,7 @@ def test_rows_with_the_same_seeds_are_compared_run_by_run(tmp_path):
     ]
     assert all(one.p["pose_age_mean_s"] < 0.01 for one in found)
     assert found[0].differences["wait_mean_s"].value == pytest.approx(2, abs=0.6)
-    assert "**+" in pairs.as_markdown(found)
+    assert "**+" in tables.pairs_as_markdown(found)
 
 
 def test_a_document_is_filled_between_its_marks(tmp_path):

@@ -12,9 +12,9 @@ from sitl.experiment.analysis.paper import TABLE
 from sitl.experiment.campaign import plan_file
 from sitl.experiment.campaign.plan import Task, seed_of
 from sitl.experiment.campaign.plan_file import load_experiment
+from sitl.experiment.campaign.rows import NoSuchRowError, chosen_rows
 from sitl.experiment.campaign.running import OtherFilesError, put_together, run_settings
 from sitl.experiment.campaign.shipped import UnknownPlaceError, experiment_names
-from sitl.experiment.choice import NoSuchRowError, chosen_rows
 from sitl.experiment.model.settings import (
     ExplorerSettings,
     PaperModel,

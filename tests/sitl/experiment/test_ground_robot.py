@@ -17,17 +17,19 @@ from geo.grid import SemanticGrid, Terrain
 from sitl.experiment.model.settings import ExplorerSettings
 from sitl.experiment.model.ways import PASSABLE, Ways
 from sitl.experiment.robots.explorer import GroundRobot
-from sitl.experiment.robots.explorer_messages import (
+from sitl.experiment.robots.goal_book import Claim, GoalBook, Status
+from sitl.experiment.robots.knowledge import read_map
+from sitl.experiment.robots.messages import (
     CLAIMS_TOPIC,
     OBJECTS_TOPIC,
     REACHABILITY_TOPIC,
     TARGETS_TOPIC,
     ClaimedGoal,
     ClaimedGoalsMessage,
+    read_claims,
+    read_places,
+    target_goals,
 )
-from sitl.experiment.robots.explorer_post import read_claims, read_places, target_goals
-from sitl.experiment.robots.goal_book import Claim, GoalBook, Status
-from sitl.experiment.robots.map_reading import read_map
 from sitl.experiment.towns.town_file import load_town
 from sitl.experiment.towns.town_generator import generate
 

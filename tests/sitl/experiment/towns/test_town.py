@@ -18,10 +18,9 @@ from sitl.cli import cli
 from sitl.experiment.model.lattice import Bounds, Lattice, coarse
 from sitl.experiment.model.ways import PASSABLE, Ways
 from sitl.experiment.robots.painter import Painter
-from sitl.experiment.towns.town_file import load_town
+from sitl.experiment.towns.town_file import load_town, town_text
 from sitl.experiment.towns.town_generator import APART_M, drawn_starts, generate, scatter
 from sitl.experiment.towns.town_mission import mission_over
-from sitl.experiment.towns.town_write import town_text
 from sitl.world.camera import Camera
 from sitl.world.world_file import load_world
 

@@ -1,0 +1,143 @@
+"""What is counted while a run goes on: transmissions, contacts, places, how old knowledge is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from air_router.messages import MAP_TOPIC, POSE_TOPIC
+from sitl.experiment.channels.channel import Places
+from sitl.experiment.engine.exchange import Exchange
+from sitl.experiment.engine.result import CONTACT, TRANSMISSION
+from sitl.experiment.robots.node import Node
+
+Row = tuple[float, float, float, int, int, int, int, int, bool]
+"""A transmission, in the order of `result.TRANSMISSION`."""
+
+ContactRow = tuple[float, float, int, int]
+"""A contact, in the order of `result.CONTACT`."""
+
+_Table = np.ndarray[tuple[int], np.dtype[np.void]]
+
+
+class AirtimeStats:
+    """Notes transmissions, contacts and pulls.
+
+    Args:
+        told: Takes every transmission as it ends, for the event log.
+
+    Attributes:
+        complete: Pulls that came to their end.
+        broken: Pulls that were given up when contact was lost.
+    """
+
+    def __init__(self, told: Callable[[Row], None]) -> None:
+        self.complete = self.broken = 0
+        self._told = told
+        self._rows: list[Row] = []
+        self._contacts: list[ContactRow] = []
+
+    def sent(self, exchange: Exchange, end_s: float, part: float | None = None) -> None:
+        """A transmission of an exchange ends; `part`: it was cut, and so much of it had crossed."""
+        load, start_s, ready_s = exchange.load, exchange.start_s, exchange.ready_s
+        if load is None or start_s is None or ready_s is None:
+            raise AssertionError("a transmission begins before it ends")
+        row = (
+            round(ready_s, 6),
+            round(start_s, 6),
+            round(end_s, 6),
+            *exchange.link,
+            int(load.stage),
+            load.messages if part is None else 0,
+            load.size if part is None else int(load.size * part),
+            part is None,
+        )
+        self._rows.append(row)
+        self._told(row)
+
+    def parted(self, contact: ContactRow) -> None:
+        """A contact is over."""
+        self._contacts.append(contact)
+
+    def pulled(self, *, broken: bool) -> None:
+        """A pull is over."""
+        if broken:
+            self.broken += 1
+        else:
+            self.complete += 1
+
+    def transmissions(self) -> _Table:
+        """All transmissions so far, as `result.TRANSMISSION`."""
+        return np.array(self._rows, dtype=TRANSMISSION)
+
+    def contacts(self, lasting: Iterable[ContactRow]) -> _Table:
+        """All contacts so far, and those that last, as `result.CONTACT`."""
+        return np.array(sorted((*self._contacts, *lasting)), dtype=CONTACT)
+
+
+_Floats = npt.NDArray[np.float32]
+
+
+class Samples:
+    """Takes samples; every array has one row per sample.
+
+    Args:
+        nodes: In the order of their numbers.
+        mappers: Numbers of those that publish maps.
+    """
+
+    def __init__(self, nodes: Sequence[Node], mappers: Sequence[int]) -> None:
+        self._nodes = nodes
+        self._mappers = mappers
+        self._times_s: list[float] = []
+        self._places: list[_Floats] = []
+        self._pose_ages_s: list[_Floats] = []
+        self._map_ages_s: list[_Floats] = []
+        self._shares: list[float] = []
+
+    def take(self, now_s: float, places: Places, known_share: float) -> None:
+        """Look at everybody now."""
+        self._times_s.append(now_s)
+        self._places.append(places[:, :2].astype(np.float32))
+        self._shares.append(known_share)
+        count = len(self._nodes)
+        ages_s = np.zeros((count, count), dtype=np.float32)
+        maps_s = np.zeros(count, dtype=np.float32)
+        for node in self._nodes:
+            for other in self._nodes:
+                if other is not node:
+                    ages_s[node.number, other.number] = node.age_s(other.name, POSE_TOPIC)
+            if node.number not in self._mappers:
+                maps_s[node.number] = min(
+                    (node.age_s(self._nodes[each].name, MAP_TOPIC) for each in self._mappers),
+                    default=np.inf,
+                )
+        self._pose_ages_s.append(ages_s)
+        self._map_ages_s.append(maps_s)
+
+    @property
+    def times_s(self) -> npt.NDArray[np.float64]:
+        """When samples were taken."""
+        return np.array(self._times_s)
+
+    @property
+    def positions_m(self) -> _Floats:
+        """(samples, robots, 2)."""
+        return np.array(self._places, dtype=np.float32)
+
+    @property
+    def pose_age_s(self) -> _Floats:
+        """(samples, robots, robots)."""
+        return np.array(self._pose_ages_s, dtype=np.float32)
+
+    @property
+    def map_age_s(self) -> _Floats:
+        """(samples, robots)."""
+        return np.array(self._map_ages_s, dtype=np.float32)
+
+    @property
+    def known_share(self) -> _Floats:
+        """(samples,)."""
+        return np.array(self._shares, dtype=np.float32)
