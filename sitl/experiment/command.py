@@ -16,7 +16,6 @@ from typing import Any
 from air_router.counted import counted
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.flight.status import StatusLine
-from sitl.experiment.analysis import tables
 from sitl.experiment.campaign import results
 from sitl.experiment.campaign.campaign import Campaign
 from sitl.experiment.campaign.plan import Experiment, Record, Task
@@ -167,6 +166,9 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
         if arguments.only_evaluate:
             raise UsageError(f"{folder} has no finished run of these rows; leave --only-evaluate")
         return
+    from sitl.experiment.analysis import tables  # noqa: PLC0415 - only with SciPy
+    from sitl.experiment.analysis.claims import claims_of  # noqa: PLC0415
+
     experiment = campaign.experiment
     tidy = results.tidy(records)
     found = tables.lines(experiment, records)
@@ -174,7 +176,6 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
     text = tables.as_text(experiment, found)
     (folder / "table.txt").write_text(text + "\n", encoding="utf-8")
     (folder / "table.md").write_text(tables.as_markdown(experiment, found) + "\n", encoding="utf-8")
-    from sitl.experiment.analysis.claims import claims_of  # noqa: PLC0415 - only with SciPy
 
     claims = claims_of(experiment, records)
     summary = {

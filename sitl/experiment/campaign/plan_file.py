@@ -8,10 +8,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import GenericAlias
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, Final, get_type_hints
 
 from pydantic import BaseModel, Field, create_model
 
+from air_router.files.settings import Timers
 from mocha_link.team.document import Document, DocumentError, Problem
 from sitl.experiment.campaign.plan import Experiment, Row, varied
 from sitl.experiment.campaign.rows import phrase
@@ -21,13 +22,17 @@ from sitl.experiment.campaign.shipped import (
     mission_file,
     town_file,
 )
-from sitl.experiment.model.settings import ChannelKind, PlacedBy, ProtocolKind
+from sitl.experiment.model.settings import (
+    ExplorerSettings,
+    PaperModel,
+    PathLossModel,
+    Positive,
+    RunSettings,
+    TraceModel,
+)
 
 MOST_ROWS = 1000
 
-_Positive = Annotated[float, Field(gt=0, le=1e9)]
-_Share = Annotated[float, Field(ge=0, le=1e9)]
-_Level = Annotated[float, Field(ge=-300, le=300)]
 _Name = Annotated[
     str,
     Field(
@@ -35,110 +40,43 @@ _Name = Annotated[
         description="a short word of small letters, digits, - and _",
     ),
 ]
-
-
 _UNSET: Any = None
 """The default of what may be left out, and may not be `null`."""
 
 
-class _Timers(BaseModel):
-    init_s: _Positive = _UNSET
-    explore_s: _Positive = _UNSET
-    search_s: _Positive = _UNSET
-    communicate_s: _Positive = _UNSET
+def _model(name: str, kinds: Mapping[str, Any], base: type[BaseModel] = BaseModel) -> Any:
+    """A model of fields that may all be left out."""
+    fields: dict[str, Any] = {key: (kind, _UNSET) for key, kind in kinds.items()}
+    return create_model(name, __base__=base, **fields)
 
 
-class _Paper(BaseModel):
-    header_rate_1_s: _Positive = _UNSET
-    data_rate_1_s: _Positive = _UNSET
-    end_rate_1_s: _Positive = _UNSET
-    cut: Literal["timeout", "hold", "drop"] = _UNSET
-    timeout_s: _Positive = _UNSET
-    order: Literal["fixed", "arrival", "random"] = _UNSET
-    pull_every_s: _Positive | None = _UNSET
-    piece: Literal["message", "frame"] = _UNSET
+def _kinds(made: type, *but: str) -> dict[str, Any]:
+    """What a file may write for the fields of a dataclass."""
+    hints = get_type_hints(made, include_extras=True)
+    return {key: hint for key, hint in hints.items() if key not in but}
 
 
-class _PathLoss(BaseModel):
-    tx_power_dbm: _Level = _UNSET
-    reference_loss_db: _Share = _UNSET
-    path_loss_exponent: _Positive = _UNSET
-    ground_to_ground_loss_db: _Share = _UNSET
-    shadowing_db: _Share = _UNSET
-    shadowing_interval_s: _Positive = _UNSET
-    building_loss_db_m: _Share = _UNSET
-    most_building_db: _Share = _UNSET
-    trigger_dbm: _Level = _UNSET
-    hysteresis_db: _Share = _UNSET
-    carrier_dbm: _Level = _UNSET
-    rate_bytes_s: _Positive = _UNSET
-    least_rate_bytes_s: _Positive = _UNSET
-    round_trip_s: _Positive = _UNSET
-    pull_every_s: _Positive | None = _UNSET
+_SETTINGS: Final = _kinds(RunSettings, "keep_log") | {
+    "town": str,
+    "mission": str,
+    "base_goals": list[str],
+    "explorer": _model("Explorer", _kinds(ExplorerSettings)),
+    "paper": _model("Paper", _kinds(PaperModel)),
+    "path_loss": _model("PathLoss", _kinds(PathLossModel)),
+    "trace": create_model(
+        "Trace", __base__=_model("Links", _kinds(TraceModel, "path")), path=(str, ...)
+    ),
+    "timers": _model("Timers", dict.fromkeys(_kinds(Timers, "hold_s"), Positive)),
+}
+"""What a run is made of; the names and meanings are those of `settings.RunSettings`."""
 
-
-class _Trace(BaseModel):
-    path: str
-    trigger_dbm: _Level = _UNSET
-    rate_bytes_s: _Positive = _UNSET
-    round_trip_s: _Positive = _UNSET
-    pull_every_s: _Positive | None = _UNSET
-
-
-class _Explorer(BaseModel):
-    speed_m_s: _Positive = _UNSET
-    progress: Annotated[float, Field(gt=0, le=1)] = _UNSET
-    sight_m: _Positive = _UNSET
-    recognition_m: _Positive = _UNSET
-    same_goal_m: _Positive = _UNSET
-    arrival_m: _Positive = _UNSET
-    patience_s_m: _Positive = _UNSET
-    thinking_s: _Positive = _UNSET
-    idle: Literal["return", "explore"] = _UNSET
-    pose_interval_s: _Positive = _UNSET
-    reachability_interval_s: _Positive = _UNSET
-
-
-class SettingsModel(BaseModel):
-    """What a run is made of; the names and meanings are those of `settings.RunSettings`."""
-
-    town: str = _UNSET
-    mission: str = _UNSET
-    uavs: Annotated[int, Field(ge=0, le=50)] = _UNSET
-    ugvs: Annotated[int, Field(ge=0, le=200)] = _UNSET
-    base_station: bool = _UNSET
-    base_goals: list[str] = _UNSET
-    explorer: _Explorer = _UNSET
-    goals: PlacedBy = _UNSET
-    starts: PlacedBy = _UNSET
-    channel: ChannelKind = _UNSET
-    radius_m: _Positive = _UNSET
-    paper: _Paper = _UNSET
-    path_loss: _PathLoss = _UNSET
-    trace: _Trace = _UNSET
-    protocol: ProtocolKind = _UNSET
-    duration_s: _Positive = _UNSET
-    policy: Literal["round_robin", "freshest", "rendezvous"] = _UNSET
-    passive: bool = _UNSET
-    timers: _Timers = _UNSET
-    uav_speed_m_s: _Positive = _UNSET
-    uav_altitude_m: _Positive = _UNSET
-    uav_acceleration_m_s2: _Positive = _UNSET
-    uav_climb_m_s: _Positive = _UNSET
-    map_interval_s: _Positive = _UNSET
-    telemetry_s: _Positive = _UNSET
-    sample_s: _Positive = _UNSET
-
-
-class _RowModel(SettingsModel):
-    label: Annotated[str, Field(min_length=1, max_length=60)] = _UNSET
-
-
-_Axes: type[BaseModel] = create_model(
-    "_Axes",
-    **{  # type: ignore[call-overload]  # pydantic's own way to make models by name
-        name: (Annotated[GenericAlias(list, (kind,)), Field(min_length=1)], _UNSET)
-        for name, kind in get_type_hints(SettingsModel, include_extras=True).items()
+_Settings = _model("Settings", _SETTINGS)
+_Row = _model("Row", {"label": Annotated[str, Field(min_length=1, max_length=60)]}, base=_Settings)
+_Axes = _model(
+    "Axes",
+    {
+        name: Annotated[GenericAlias(list, (kind,)), Field(min_length=1)]
+        for name, kind in _SETTINGS.items()
     },
 )
 
@@ -148,9 +86,9 @@ class _Model(BaseModel):
     title: str
     question: str = ""
     seeds: Annotated[int, Field(ge=1, le=100_000)] = 30
-    settings: SettingsModel = SettingsModel()
+    settings: _Settings = _Settings()  # type: ignore[valid-type]  # made above
     cross: _Axes | None = None  # type: ignore[valid-type]
-    rows: Annotated[list[_RowModel], Field(min_length=1)] | None = None
+    rows: Annotated[list[_Row], Field(min_length=1)] | None = None  # type: ignore[valid-type]
     paired: list[str] = ["policy", "protocol", "passive"]
 
 
@@ -207,7 +145,7 @@ class _Reading:
         if (model.cross is None) == (model.rows is None):
             message = "write either 'rows' (a list) or 'cross' (lists of values to combine)"
             yield self.document.problem(("rows",), message, "one-rows-key")
-        known = set(SettingsModel.model_fields)
+        known = set(_SETTINGS)
         for index, name in enumerate(model.paired):
             if name not in known:
                 message = f"'{name}' is no setting; remove it"

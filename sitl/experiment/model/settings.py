@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import Field
 
 from air_router.files.settings import DEFAULT_SEEK_POLICY, SeekPolicy, Timers
 
@@ -21,6 +23,11 @@ ChannelKind = Literal["paper", "path_loss", "trace"]
 ProtocolKind = Literal["original", "ours"]
 """`original`: one request at a time (GHEAD, a GDATA per message, DENDT), as MOCHA does.
 `ours`: the sync between two nodes of `mocha_link`."""
+
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+AtLeastZero = Annotated[float, Field(ge=0, le=1e9)]
+Level = Annotated[float, Field(ge=-300, le=300)]
+"""What a file of an experiment may write where these stand."""
 
 PlacedBy = Literal["town", "seed"]
 """Whether places are those of the town's file, or others in every run."""
@@ -55,13 +62,13 @@ class PaperModel:
             `message`: every message takes its own time, as in the original. `frame`: a frame does.
     """
 
-    header_rate_1_s: float = 2.67
-    data_rate_1_s: float = 7.63
-    end_rate_1_s: float = 0.51
+    header_rate_1_s: Positive = 2.67
+    data_rate_1_s: Positive = 7.63
+    end_rate_1_s: Positive = 0.51
     cut: Literal["timeout", "hold", "drop"] = "timeout"
-    timeout_s: float = 5.0
+    timeout_s: Positive = 5.0
     order: Literal["fixed", "arrival", "random"] = "fixed"
-    pull_every_s: float | None = None
+    pull_every_s: Positive | None = None
     piece: Literal["message", "frame"] = "message"
 
 
@@ -91,21 +98,21 @@ class PathLossModel:
         pull_every_s: Pull again after so long in a contact; None: once per contact.
     """
 
-    tx_power_dbm: float = 20.0
-    reference_loss_db: float = 40.0
-    path_loss_exponent: float = 2.95
-    ground_to_ground_loss_db: float = 10.5
-    shadowing_db: float = 4.0
-    shadowing_interval_s: float = 10.0
-    building_loss_db_m: float = 1.0
-    most_building_db: float = 30.0
-    trigger_dbm: float = -75.0
-    hysteresis_db: float = 3.0
-    carrier_dbm: float = -85.0
-    rate_bytes_s: float = 1.0e6
-    least_rate_bytes_s: float = 3.0e4
-    round_trip_s: float = 0.01
-    pull_every_s: float | None = 10.0
+    tx_power_dbm: Level = 20.0
+    reference_loss_db: AtLeastZero = 40.0
+    path_loss_exponent: Positive = 2.95
+    ground_to_ground_loss_db: AtLeastZero = 10.5
+    shadowing_db: AtLeastZero = 4.0
+    shadowing_interval_s: Positive = 10.0
+    building_loss_db_m: AtLeastZero = 1.0
+    most_building_db: AtLeastZero = 30.0
+    trigger_dbm: Level = -75.0
+    hysteresis_db: AtLeastZero = 3.0
+    carrier_dbm: Level = -85.0
+    rate_bytes_s: Positive = 1.0e6
+    least_rate_bytes_s: Positive = 3.0e4
+    round_trip_s: Positive = 0.01
+    pull_every_s: Positive | None = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,10 +128,10 @@ class TraceModel:
     """
 
     path: Path
-    trigger_dbm: float = -75.0
-    rate_bytes_s: float = 1.0e6
-    round_trip_s: float = 0.01
-    pull_every_s: float | None = 10.0
+    trigger_dbm: Level = -75.0
+    rate_bytes_s: Positive = 1.0e6
+    round_trip_s: Positive = 0.01
+    pull_every_s: Positive | None = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,17 +155,17 @@ class ExplorerSettings:
         reachability_interval_s: It tells so often at most what its eyes have added to the maps.
     """
 
-    speed_m_s: float = 1.5
-    progress: float = 0.2
-    sight_m: float = 7.0
-    recognition_m: float = 7.0
-    same_goal_m: float = 17.85
-    arrival_m: float = 5.0
-    patience_s_m: float = 10.0
-    thinking_s: float = 5.0
+    speed_m_s: Positive = 1.5
+    progress: Annotated[float, Field(gt=0, le=1)] = 0.2
+    sight_m: Positive = 7.0
+    recognition_m: Positive = 7.0
+    same_goal_m: Positive = 17.85
+    arrival_m: Positive = 5.0
+    patience_s_m: Positive = 10.0
+    thinking_s: Positive = 5.0
     idle: Literal["return", "explore"] = "return"
-    pose_interval_s: float = 1.0
-    reachability_interval_s: float = 30.0
+    pose_interval_s: Positive = 1.0
+    reachability_interval_s: Positive = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,30 +205,30 @@ class RunSettings:
 
     town: Path
     mission: Path | None = None
-    uavs: int = 1
-    ugvs: int = 3
+    uavs: Annotated[int, Field(ge=0, le=50)] = 1
+    ugvs: Annotated[int, Field(ge=0, le=200)] = 3
     explorer: ExplorerSettings = field(default_factory=ExplorerSettings)
     goals: PlacedBy = "town"
     starts: PlacedBy = "town"
     base_station: bool = True
     base_goals: tuple[str, ...] = ()
     channel: ChannelKind = "paper"
-    radius_m: float = 30.0
+    radius_m: Positive = 30.0
     paper: PaperModel = field(default_factory=PaperModel)
     path_loss: PathLossModel = field(default_factory=PathLossModel)
     trace: TraceModel | None = None
     protocol: ProtocolKind = "original"
-    duration_s: float = 1800.0
+    duration_s: Positive = 1800.0
     policy: SeekPolicy = DEFAULT_SEEK_POLICY
     passive: bool = False
     timers: Timers = SIMULATION_TIMERS
-    uav_speed_m_s: float = 5.0
-    uav_altitude_m: float = 60.0
-    uav_acceleration_m_s2: float = 2.0
-    uav_climb_m_s: float = 1.5
-    map_interval_s: float = 10.0
-    telemetry_s: float = 0.5
-    sample_s: float = 10.0
+    uav_speed_m_s: Positive = 5.0
+    uav_altitude_m: Positive = 60.0
+    uav_acceleration_m_s2: Positive = 2.0
+    uav_climb_m_s: Positive = 1.5
+    map_interval_s: Positive = 10.0
+    telemetry_s: Positive = 0.5
+    sample_s: Positive = 10.0
     keep_log: bool = False
 
 

@@ -6,22 +6,14 @@ import re
 import pytest
 
 from air_router.errors import AirRouterError, ExitCode
-from air_router.files.settings import Timers
 from mocha_link.team.document import DocumentError
 from sitl.experiment.analysis.paper import TABLE
-from sitl.experiment.campaign import plan_file
 from sitl.experiment.campaign.plan import Task, seed_of
 from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.rows import NoSuchRowError, chosen_rows
 from sitl.experiment.campaign.running import OtherFilesError, put_together, run_settings
 from sitl.experiment.campaign.shipped import UnknownPlaceError, experiment_names
-from sitl.experiment.model.settings import (
-    ExplorerSettings,
-    PaperModel,
-    PathLossModel,
-    RunSettings,
-    TraceModel,
-)
+from sitl.experiment.model.settings import PaperModel, RunSettings
 
 PAIRED = """
 name: pair
@@ -106,20 +98,6 @@ def test_settings_reach_the_engine(tmp_path):
     usual = RunSettings.__dataclass_fields__["timers"].default
     assert settings.timers == dataclasses.replace(usual, init_s=99)
     assert settings.town.name == "town.yaml"
-
-
-def test_every_setting_of_the_engine_can_be_written(tmp_path):
-    pairs = (
-        (plan_file.SettingsModel, RunSettings),
-        (plan_file._Paper, PaperModel),
-        (plan_file._PathLoss, PathLossModel),
-        (plan_file._Trace, TraceModel),
-        (plan_file._Timers, Timers),
-        (plan_file._Explorer, ExplorerSettings),
-    )
-    for model, made in pairs:
-        fields = {field.name for field in dataclasses.fields(made)} - {"keep_log", "hold_s"}
-        assert set(model.model_fields) == fields, made
 
 
 def test_a_file_that_changed_under_way_is_not_mixed_in(tmp_path):
