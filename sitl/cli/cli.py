@@ -31,7 +31,9 @@ COMMANDS = (
         "sitl.rehearsal.command",
         "fly a mission hundreds of times while something goes wrong",
     ),
-    Command("experiment", "sitl.experiment.command", "run many simulated teams and compare them"),
+    Command(
+        "experiment", "sitl.cli.experiment_command", "run many simulated teams and compare them"
+    ),
     Command(
         "town", "sitl.experiment.towns.town_command", "check, draw or make a town for experiments"
     ),

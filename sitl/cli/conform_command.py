@@ -14,17 +14,20 @@ from urllib.parse import urlsplit
 
 from air_router.errors import ExitCode, UsageError
 from sitl.cli.vehicle_command import PX4_HOME, speed
-from sitl.conformance.beside import beside
-from sitl.conformance.case_files import conversations
-from sitl.conformance.conversation import Conversation, Outcome, Start, converse_all
+from sitl.conformance.conversation import (
+    Conversation,
+    Outcome,
+    Start,
+    beside,
+    conversations,
+    converse_all,
+)
 from sitl.conformance.frames import Frame
-from sitl.conformance.line import Line, Link, SilentVehicleError
-from sitl.conformance.local_line import LocalLine
-from sitl.conformance.udp_line import UdpLine
+from sitl.conformance.line import Line, Link, LocalLine, SilentVehicleError, UdpLine
 from sitl.mavlink.mavlink_vehicle import VehicleSettings
 from sitl.process.px4_install import Px4Install, find_px4
 from sitl.process.px4_process import Px4Process, Px4Settings
-from sitl.px4sim.state.px4_version import VERSIONS
+from sitl.px4sim.state.px4_modes import VERSIONS
 
 _EPOCH_S = 1.7e9
 _EPILOG = """\

@@ -26,7 +26,7 @@ from sitl.team.team import (
     roles_of,
     write_report,
 )
-from sitl.world.default_team import default_team
+from sitl.world.default_world import default_team
 from sitl.world.world_file import load_world
 
 _log = logging.getLogger(__name__)

@@ -23,7 +23,7 @@ from sitl.process.stop_signal import stop_signal
 from sitl.process.vehicle import Ports, VehicleProcess, px4_ports
 from sitl.px4sim.motion.wind import WindSettings
 from sitl.px4sim.state.parameters import DEFAULTS
-from sitl.px4sim.state.px4_version import VERSIONS
+from sitl.px4sim.state.px4_modes import VERSIONS
 from sitl.px4sim.state.situation import Place
 
 PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)

@@ -1,17 +1,28 @@
-"""One scripted conversation, and what became of it."""
+"""One scripted conversation, and what became of it; all of them, and two runs side by side.
+
+A file of `cases/` maps the name of each case to a list. First comes where the vehicle is when it
+starts, with PX4's fact, in brackets where that was recorded, and settings of a `Conversation` if it
+needs some; then its steps (see `interpreter`). A list within the list stands for its steps:
+`definitions` holds what several cases share.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cache
+from importlib.resources import files
+from itertools import zip_longest
+from typing import Any, Final
+
+import yaml
 
 from sitl.conformance.expecting import disarmed, same
 from sitl.conformance.interpreter import Step, play
 from sitl.conformance.line import Line, Link, SilentVehicleError
-from sitl.conformance.parameters import read_parameter, set_parameter
-from sitl.conformance.plans import KINDS, clear
 from sitl.conformance.session import GROUND_STATION, DepartureError, Session
+from sitl.conformance.transfers import KINDS, clear, read_parameter, set_parameter
 from sitl.px4sim.state.px4_modes import FlightMode
 
 _READY: int = 0x10000000  # SYS_STATUS: pre-arm check
@@ -227,3 +238,78 @@ def _set(session: Session, name: str, value: float) -> None:
 
 def _words(version: Sequence[int]) -> str:
     return f"{version[0]}.{version[1]}"
+
+
+_FILES: Final = (
+    *("commands", "modes", "missions", "flown_missions"),
+    *("fences", "offboard", "links", "failsafes"),
+)
+
+
+@cache
+def conversations() -> tuple[Conversation, ...]:
+    """All of them, in the order of their files."""
+    folder = files("sitl.conformance") / "cases"
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # five times as fast, where it is built
+    return tuple(
+        _conversation(name, *case)
+        for file in _FILES
+        for name, case in yaml.load((folder / f"{file}.yaml").read_text("utf-8"), loader).items()  # noqa: S506 - safe
+        if name != "definitions"
+    )
+
+
+def _conversation(name: str, start: dict[str, Any], *steps: Any) -> Conversation:
+    (where, said), *settings = start.items()
+    fact, _, recorded = said.removesuffix(")").rpartition(" (")
+    terms: dict[str, Any] = dict(settings)
+    terms["links"] = frozenset(map(Link, terms.get("links", [Link.API])))
+    return Conversation(name, fact, recorded, tuple(_flat(steps)), Start(where), **terms)
+
+
+def _flat(entries: Any) -> Iterator[Step]:
+    for entry in entries:
+        if isinstance(entry, list):
+            yield from _flat(entry)
+        else:
+            yield {entry: None} if isinstance(entry, str) else entry
+
+
+def beside(
+    conversations: Iterable[Conversation], ours: Iterable[Outcome], theirs: Iterable[Outcome]
+) -> str:
+    """The table: every conversation, its fact, how each run ended and what was seen differently."""
+    by_name = {outcome.name: outcome for outcome in theirs}
+    own = {outcome.name: outcome for outcome in ours}
+    lines = [
+        "| conversation | fact (recorded in) | ours | PX4 | seen otherwise: ours / PX4 |",
+        "|---|---|---|---|---|",
+    ]
+    for conversation in conversations:
+        mine, other = own[conversation.name], by_name.get(conversation.name)
+        cells = (
+            conversation.name,
+            f"{conversation.fact} ({conversation.recorded})",
+            _word(mine),
+            "not held" if other is None else _word(other),
+            _differences(mine, other),
+        )
+        lines.append(f"| {' | '.join(_cell(text) for text in cells)} |")
+    return "\n".join(lines)
+
+
+def _word(outcome: Outcome) -> str:
+    if outcome.held:
+        return "held"
+    return f"{'left out' if outcome.left_out else '**departs**'}: {outcome.departure}"
+
+
+def _differences(mine: Outcome, other: Outcome | None) -> str:
+    if other is None:
+        return "; ".join(mine.notes)
+    pairs = zip_longest(mine.notes, other.notes, fillvalue="nothing")
+    return "; ".join(f"{one} / {two}" for one, two in pairs if one != two)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")

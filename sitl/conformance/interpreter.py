@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
-from sitl.conformance import expecting, flying, parameters, plans, sending
+from sitl.conformance import expecting, sending, transfers
 from sitl.conformance.line import SilentVehicleError
 from sitl.conformance.session import DepartureError, Session
 
@@ -30,12 +30,12 @@ VERBS: Final[Mapping[str, Callable[..., None]]] = {
     "heartbeats": sending.heartbeats,
     "wait": sending.wait,
     "mark": sending.mark,
-    "upload": plans.upload,
-    "download": plans.download,
-    "clear": plans.clear,
-    "set parameter": parameters.set_parameter,
-    "parameter": parameters.parameter,
-    "all parameters": parameters.all_parameters,
+    "upload": transfers.upload,
+    "download": transfers.download,
+    "clear": transfers.clear,
+    "set parameter": transfers.set_parameter,
+    "parameter": transfers.parameter,
+    "all parameters": transfers.all_parameters,
     "expect": expecting.expect,
     "nothing": expecting.nothing,
     "count": expecting.count,
@@ -46,11 +46,11 @@ VERBS: Final[Mapping[str, Callable[..., None]]] = {
     "stays in": expecting.stays_in,
     "mission": expecting.mission,
     "disarmed": expecting.disarmed,
-    "arrives": flying.arrives,
-    "strays": flying.STRAYS,
-    "furthest north": flying.FURTHEST,
-    "speed": flying.SPEED,
-    "climb": flying.CLIMB,
+    "arrives": expecting.arrives,
+    "strays": expecting.STRAYS,
+    "furthest north": expecting.FURTHEST,
+    "speed": expecting.SPEED,
+    "climb": expecting.CLIMB,
 }
 
 

@@ -1,11 +1,22 @@
-"""Between a conversation and a vehicle: two MAVLink links and the vehicle's own time."""
+"""Between a conversation and a vehicle: two MAVLink links and the vehicle's own time.
+
+The vehicle is our own in this process, as fast as it can be computed and the same every time; or a
+PX4, or ours as a process, over UDP.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import select
+import socket
+import time
+from collections.abc import Mapping
 from enum import Enum
-from typing import Protocol
+from typing import Final, Protocol
 
-from sitl.conformance.frames import Frame
+from sitl.conformance.frames import Frame, frames
+from sitl.mavlink.mavlink_vehicle import MavlinkVehicle, VehicleSettings
+from sitl.mavlink.udp_link import PortInUseError
 
 
 class Link(Enum):
@@ -44,3 +55,125 @@ class Line(Protocol):
 
     def close(self) -> None:
         """Let go of it."""
+
+
+_NO_FRAMES: Final[list[tuple[Link, Frame]]] = []
+
+
+class LocalLine:
+    """A `Line` to a simulated vehicle of our own.
+
+    Args:
+        settings: What vehicle.
+    """
+
+    fresh = True
+
+    def __init__(self, settings: VehicleSettings) -> None:
+        self.vehicle = MavlinkVehicle(settings)
+        self._ends = {Link.API: self.vehicle.onboard}
+        if settings.ground_link:
+            self._ends[Link.GROUND] = self.vehicle.ground
+        self.links = frozenset(self._ends)
+
+    @property
+    def now_s(self) -> float:
+        """See `Line`."""
+        return self.vehicle.autopilot.time_s
+
+    def send(self, link: Link, frame: bytes) -> None:
+        """See `Line`."""
+        self.vehicle.receive(self._ends[link], frame)
+
+    def listen(self) -> list[tuple[Link, Frame]]:
+        """See `Line`: one step of the simulation."""
+        self.vehicle.step()
+        self.vehicle.truth.take_frames()
+        return [
+            (link, frame)
+            for link, end in self._ends.items()
+            for data in end.take_frames()
+            for frame in frames(data)
+        ]
+
+    def close(self) -> None:
+        """See `Line`."""
+
+
+_LARGEST: Final = 65535
+_BUFFER: Final = 4 << 20  # 900 parameters come at once
+_MOST_AT_ONCE: Final = 50
+_SILENCE_S: Final = 8.0  # a PX4 that is started says its first word after about a second
+_CLOCKS: Final = frozenset({"ATTITUDE", "LOCAL_POSITION_NED"})  # time_boot_ms comes first in both
+
+
+class UdpLine:
+    """A `Line` over UDP, to a vehicle that sends to ports of this machine.
+
+    Its simulated time is read from the ATTITUDE messages of the API link.
+
+    Args:
+        ports: Where the vehicle sends each link to.
+        fresh: See `Line`.
+
+    Raises:
+        PortInUseError: a port is taken.
+    """
+
+    def __init__(self, ports: Mapping[Link, int], *, fresh: bool) -> None:
+        self.links = frozenset(ports)
+        self.fresh = fresh
+        self.now_s = 0.0
+        self._sockets: dict[Link, socket.socket] = {}
+        self._partners: dict[Link, tuple[str, int]] = {}
+        self._heard_s = time.monotonic()
+        try:
+            for link, port in ports.items():
+                end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+                self._sockets[link] = end
+                end.setblocking(False)
+                end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+                end.bind(("127.0.0.1", port))
+        except OSError as error:
+            self.close()
+            raise PortInUseError(
+                f"cannot listen on UDP port {port}, where the vehicle sends its {link.value} link: "
+                f"{error.strerror}; end the ground station or the other `sitl conform` that has it"
+            ) from None
+
+    def send(self, link: Link, frame: bytes) -> None:
+        """See `Line`; lost while the vehicle has not said anything on that link."""
+        partner = self._partners.get(link)
+        if partner is not None:
+            self._sockets[link].sendto(frame, partner)
+
+    def listen(self) -> list[tuple[Link, Frame]]:
+        """See `Line`: waits for a datagram, not longer than 20 ms."""
+        heard: list[tuple[Link, Frame]] = []
+        ready = select.select(list(self._sockets.values()), [], [], 0.02)[0]
+        for link, end in self._sockets.items():
+            if end not in ready:
+                continue
+            heard += [(link, frame) for frame in self._receive(link, end)]
+        if time.monotonic() - self._heard_s > _SILENCE_S:
+            ports = ", ".join(str(end.getsockname()[1]) for end in self._sockets.values())
+            raise SilentVehicleError(f"no vehicle sends to UDP port {ports} of this machine")
+        return heard
+
+    def _receive(self, link: Link, end: socket.socket) -> list[Frame]:
+        heard: list[Frame] = []
+        with contextlib.suppress(BlockingIOError):
+            for _ in range(_MOST_AT_ONCE):
+                datagram, self._partners[link] = end.recvfrom(_LARGEST)
+                self._heard_s = time.monotonic()
+                heard += frames(datagram)
+        for frame in heard:
+            if frame.name in _CLOCKS and link is Link.API:
+                self.now_s = int.from_bytes(frame.payload[:4], "little") / 1e3
+        return heard
+
+    def close(self) -> None:
+        """See `Line`."""
+        for end in self._sockets.values():
+            end.close()
+        self._sockets.clear()

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl.px4sim.state.outgoing import Outgoing
+from sitl.px4sim.state.notice import Outgoing
 
 _MISSION_CURRENT: Final = ("seq", "total", "mission_state", "mission_mode")
 _PLAN_IDS: Final = ("mission_id", "fence_id", "rally_points_id")

@@ -11,21 +11,18 @@ from typing import Any, Final
 
 from sitl.mavlink.mavlink_codec import Receiver, Sender, message_name
 from sitl.mavlink.mission_protocol import MissionProtocol, Reply
-from sitl.mavlink.mission_reporter import MissionReporter
+from sitl.mavlink.reports import MissionReporter, TextChannel
 from sitl.mavlink.setpoint_messages import (
     RefusedSetpointError,
     global_setpoint,
     local_setpoint,
     sticks,
 )
-from sitl.mavlink.stream_schedule import StreamSchedule
-from sitl.mavlink.telemetry import Telemetry
-from sitl.mavlink.text_channel import TextChannel
+from sitl.mavlink.telemetry import StreamSchedule, Telemetry
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.commands import CommandRequest, CommandResult, Commands
-from sitl.px4sim.motion.direct_control import Direct
-from sitl.px4sim.state.notice import Notice
-from sitl.px4sim.state.outgoing import Outgoing
+from sitl.px4sim.motion.guidance import Direct
+from sitl.px4sim.state.notice import Notice, Outgoing
 from sitl.px4sim.state.parameters import DEFAULTS
 from sitl.px4sim.state.situation import Situation
 from sitl.px4sim.watchdog import GROUND_STATION

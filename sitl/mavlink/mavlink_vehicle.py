@@ -7,16 +7,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from sitl.mavlink.health_report import HealthReport
 from sitl.mavlink.mavlink_link import MavlinkLink
+from sitl.mavlink.reports import HealthReport
 from sitl.mavlink.telemetry import GROUND_RATES_HZ, ONBOARD_RATES_HZ, TRUTH_RATES_HZ, Telemetry
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.motion.wind import WindSettings
 from sitl.px4sim.own_commands import OwnCommands
-from sitl.px4sim.state.notice import Notice
-from sitl.px4sim.state.outgoing import Outgoing
+from sitl.px4sim.state.notice import Notice, Outgoing
 from sitl.px4sim.state.parameters import DEFAULTS, Parameters
-from sitl.px4sim.state.px4_version import VERSIONS, px4_version
+from sitl.px4sim.state.px4_modes import VERSIONS, px4_version
 from sitl.px4sim.state.situation import Place
 
 STEP_S: Final = 0.02

@@ -19,8 +19,7 @@ from sitl.px4sim.plan.mission_items import (
     stored_item,
 )
 from sitl.px4sim.plan.plan_store import CAPACITY, PlanStore
-from sitl.px4sim.state.notice import Notice, Severity
-from sitl.px4sim.state.outgoing import Outgoing
+from sitl.px4sim.state.notice import Notice, Outgoing, Severity
 
 RETRY_S: Final = 0.25
 TIMEOUT_S: Final = 5.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from sitl.px4sim.modes.sticks import Sticks
-from sitl.px4sim.motion.direct_control import Direct
+from sitl.px4sim.modes.direct_modes import Sticks
+from sitl.px4sim.motion.guidance import Direct
 from sitl.px4sim.state.notice import Notice, Severity
 from sitl.px4sim.state.situation import Situation
 

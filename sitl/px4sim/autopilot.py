@@ -11,9 +11,9 @@ from typing import Final
 
 from sitl.px4sim.ground_contact import GroundContact
 from sitl.px4sim.modes.auto_modes import go_to, stop_ahead
+from sitl.px4sim.modes.direct_modes import Sticks
 from sitl.px4sim.modes.flight_modes import FlightModes
 from sitl.px4sim.modes.mission_flight import MissionFlight
-from sitl.px4sim.modes.sticks import Sticks
 from sitl.px4sim.motion.battery import Battery
 from sitl.px4sim.motion.dynamics import Multirotor
 from sitl.px4sim.motion.estimator import EstimateErrors

@@ -11,8 +11,12 @@ from typing import Final
 
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state.notice import Severity
-from sitl.px4sim.state.px4_modes import FlightMode, UnsupportedAutoModeError, requested_mode
-from sitl.px4sim.state.px4_version import Px4Version
+from sitl.px4sim.state.px4_modes import (
+    FlightMode,
+    Px4Version,
+    UnsupportedAutoModeError,
+    requested_mode,
+)
 
 _log = logging.getLogger(__name__)
 

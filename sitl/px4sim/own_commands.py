@@ -9,7 +9,7 @@ import math
 from typing import Final
 
 from sitl.px4sim.autopilot import Autopilot
-from sitl.px4sim.state.outgoing import Outgoing
+from sitl.px4sim.state.notice import Outgoing
 from sitl.px4sim.state.px4_modes import FlightMode
 
 _GIMBAL_S: Final = 0.25

@@ -12,13 +12,12 @@ from air_router.messages import POSE_TOPIC, SEEK_TOPIC, SeekMessage
 from geo.frame import Point
 from sitl.px4sim.plan.mission_items import MissionType
 from sitl.px4sim.state.px4_modes import FlightMode
-from sitl.rehearsal.asking import request_of
 from sitl.rehearsal.companion import EPOCH_S
 from sitl.rehearsal.faults import PHASES, Scene
 from sitl.rehearsal.haste import Haste
+from sitl.rehearsal.inputs import prank_of, request_of, wrong_of
 from sitl.rehearsal.judge.evidence import What
 from sitl.rehearsal.misfortunes import Misfortune
-from sitl.rehearsal.nonsense import prank_of, wrong_of
 from sitl.rehearsal.stage import Stage
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 from sitl.rehearsal.stand_ins.team import pose

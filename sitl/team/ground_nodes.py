@@ -1,21 +1,64 @@
-"""The gossip nodes of the simulated ground robots, and what each has come to hold."""
+"""The gossip nodes of the simulated ground robots: their radios' readings, and what each holds."""
 
 from __future__ import annotations
 
+import contextlib
+import json
 import logging
 import queue
+import socket
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Final, Self
+from urllib.parse import urlsplit
 
 from geo.grid import GridError, SemanticGrid
 from mocha_link.clock import Clock
 from mocha_link.links.metrics import LinkEvent, LinkMetrics, MessageStored
 from mocha_link.node.node import Message, Node
 from mocha_link.team.team import Team
-from sitl.world.world import Publication
+from sitl.world.world import Publication, Reading
+
+
+class RadioReadings:
+    """Sends readings to each robot's `radio` endpoint; robots without one get none."""
+
+    def __init__(self, team: Team) -> None:
+        self._endpoints = {
+            robot.name: _endpoint(robot.radio)
+            for robot in team.robots.values()
+            if robot.radio is not None
+        }
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+
+    def tell(self, readings: Iterable[Reading]) -> None:
+        """Send readings; one that has no listener is lost, as on any radio."""
+        for reading in readings:
+            endpoint = self._endpoints.get(reading.robot)
+            if endpoint is None:
+                continue
+            data = json.dumps({"peer": reading.peer, "rssi_dbm": reading.rssi_dbm}).encode()
+            with contextlib.suppress(OSError):
+                self._socket.sendto(data, endpoint)
+
+    def close(self) -> None:
+        """Free the socket."""
+        self._socket.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _endpoint(url: str) -> tuple[str, int]:
+    parts = urlsplit(url)  # the team file has checked its form
+    return parts.hostname or "", parts.port or 0
+
 
 _log = logging.getLogger(__name__)
 

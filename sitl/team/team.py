@@ -23,10 +23,9 @@ from air_router.mission.mission import Mission
 from air_router.mission.validation import UAV_KIND
 from geo.frame import FrameError
 from mocha_link.team.team import Team
-from sitl.px4sim.motion.truth import TruthReceiver, VehicleState
+from sitl.mavlink.truth import TruthReceiver, VehicleState
 from sitl.team.clock import SimClock
-from sitl.team.ground_nodes import GroundNodes
-from sitl.team.radio_readings import RadioReadings
+from sitl.team.ground_nodes import GroundNodes, RadioReadings
 from sitl.team.relay import Relay, relayed_pairs
 from sitl.team.team_report import Holdings, report
 from sitl.world.terrain import Raster

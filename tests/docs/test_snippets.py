@@ -28,7 +28,7 @@ from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.channels.trace import read_trace
-from sitl.experiment.model.settings import TraceModel
+from sitl.experiment.settings import TraceModel
 from tests.docs.blocks import PAGES, PROGRAMS, ROOT, blocks, simple_commands
 
 ALL = {block.name: block for block in blocks()}

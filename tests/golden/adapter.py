@@ -36,10 +36,10 @@ from mocha_link.store.record import Header
 from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.running import run_settings
 from sitl.experiment.engine.engine import run
-from sitl.experiment.model.settings import RunSettings
 from sitl.experiment.robots.fleet import fleet_of
 from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.robots.uav import controllers_of
+from sitl.experiment.settings import RunSettings
 from sitl.rehearsal.faults import Fault, Scene
 from sitl.rehearsal.script import stage_of
 from tests.golden.plain import Tape, Tongue

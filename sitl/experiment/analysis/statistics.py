@@ -24,7 +24,7 @@ import numpy.typing as npt
 from scipy import stats
 
 from sitl.experiment.campaign.plan import Record
-from sitl.experiment.model.settings import value_of
+from sitl.experiment.settings import value_of
 
 Numbers = npt.NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from sitl.experiment.analysis.statistics import (
 from sitl.experiment.campaign.plan import Experiment, Record, Row, canonical
 from sitl.experiment.campaign.results import flat
 from sitl.experiment.campaign.rows import words
-from sitl.experiment.model.settings import value_of
+from sitl.experiment.settings import value_of
 
 _HEADS: Final = {
     "radius_m": "radius m",

@@ -20,9 +20,8 @@ from sitl.experiment.campaign.process_pool import (
     ProcessPool,
     Work,
 )
-from sitl.experiment.campaign.run_log import usable
-from sitl.experiment.campaign.running import program
-from sitl.experiment.model.settings import value_of
+from sitl.experiment.campaign.run_log import program, usable
+from sitl.experiment.settings import value_of
 
 _BAR = 24
 

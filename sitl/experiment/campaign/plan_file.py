@@ -22,7 +22,7 @@ from sitl.experiment.campaign.shipped import (
     mission_file,
     town_file,
 )
-from sitl.experiment.model.settings import (
+from sitl.experiment.settings import (
     ExplorerSettings,
     PaperModel,
     PathLossModel,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sitl.experiment.campaign.plan import Record
-from sitl.experiment.model.settings import value_of
+from sitl.experiment.settings import value_of
 
 _ALWAYS: Final = ("town", "radius_m", "uavs", "ugvs", "channel", "protocol", "policy", "passive")
 """Settings that have a column even where all rows agree."""

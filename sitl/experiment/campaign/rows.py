@@ -10,7 +10,7 @@ from air_router.counted import counted
 from air_router.errors import UsageError
 from sitl.experiment.campaign.plan import Experiment, Row, Settings
 from sitl.experiment.campaign.results import flat
-from sitl.experiment.model.settings import value_of
+from sitl.experiment.settings import value_of
 
 _UNITS: Final = {"radius_m": "radius {} m"}
 _COUNTS: Final = {"uavs": "UAVs", "ugvs": "UGVs"}

@@ -7,9 +7,12 @@ was cut by a power loss is the last one; it is taken off, and that run is made a
 from __future__ import annotations
 
 import fcntl
+import functools
+import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
@@ -18,6 +21,8 @@ from air_router.errors import AirRouterError, ExitCode, UsageError
 from sitl.experiment.campaign.plan import Experiment, Record, Row
 
 FILE_NAME = "runs.jsonl"
+_ROOT: Final = Path(__file__).parents[3]
+_PACKAGES: Final = ("air_router", "geo", "mocha_link", "sitl")
 _KEYS: Final = {"experiment", "row", "number", "seed", "fingerprint", "measures", "curves"}
 
 
@@ -144,3 +149,18 @@ def usable(records: list[Record], experiment: Experiment, folder: Path) -> dict[
             )
         found[row.label, number] = record
     return found
+
+
+@functools.cache
+def program() -> str:
+    """The version and a hash of the program's own sources: other code may make other runs."""
+    digest = hashlib.sha256()
+    for package in _PACKAGES:
+        for path in sorted((_ROOT / package).rglob("*.py")):
+            digest.update(path.relative_to(_ROOT).as_posix().encode())
+            digest.update(path.read_bytes())
+    try:
+        number = version("air-router")
+    except PackageNotFoundError:
+        number = "unknown"
+    return f"{number} {digest.hexdigest()[:12]}"

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import platform
 import resource
 import sys
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,35 +14,17 @@ from air_router.files.settings import Timers
 from sitl.experiment.campaign.links import seen_links
 from sitl.experiment.campaign.plan import Record, Task
 from sitl.experiment.campaign.plan_file import content_hash, files_of
+from sitl.experiment.campaign.run_log import program
 from sitl.experiment.engine.engine import Run, run
 from sitl.experiment.engine.result import RunResult, curves, measured
-from sitl.experiment.model.settings import (
+from sitl.experiment.robots.scenery import scenery_of
+from sitl.experiment.settings import (
     ExplorerSettings,
     PaperModel,
     PathLossModel,
     RunSettings,
     TraceModel,
 )
-from sitl.experiment.robots.scenery import scenery_of
-
-_ROOT: Final = Path(__file__).parents[3]
-_PACKAGES: Final = ("air_router", "geo", "mocha_link", "sitl")
-
-
-@functools.cache
-def program() -> str:
-    """The version and a hash of the program's own sources: other code may make other runs."""
-    digest = hashlib.sha256()
-    for package in _PACKAGES:
-        for path in sorted((_ROOT / package).rglob("*.py")):
-            digest.update(path.relative_to(_ROOT).as_posix().encode())
-            digest.update(path.read_bytes())
-    try:
-        number = version("air-router")
-    except PackageNotFoundError:
-        number = "unknown"
-    return f"{number} {digest.hexdigest()[:12]}"
-
 
 _PARTS: Final[dict[str, Callable[..., Any]]] = {
     "paper": PaperModel,

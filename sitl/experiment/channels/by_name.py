@@ -8,7 +8,7 @@ from sitl.experiment.channels.channel import Channel
 from sitl.experiment.channels.paper import PaperChannel
 from sitl.experiment.channels.path_loss import PathLossChannel
 from sitl.experiment.channels.trace import TraceChannel
-from sitl.experiment.model.settings import RunSettings
+from sitl.experiment.settings import RunSettings
 from sitl.experiment.towns.town import Town
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from sitl.experiment.channels.channel import Change, Link, Load, Places, Stage
-from sitl.experiment.model.settings import PaperModel
+from sitl.experiment.settings import PaperModel
 
 
 class PaperChannel:

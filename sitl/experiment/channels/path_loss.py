@@ -15,7 +15,7 @@ import numpy as np
 from geo.grid import Terrain
 from mocha_link.node.gossip import TIMEOUT_S
 from sitl.experiment.channels.channel import Change, Link, Load, Places
-from sitl.experiment.model.settings import PathLossModel
+from sitl.experiment.settings import PathLossModel
 from sitl.experiment.towns.town import Town
 from sitl.world.radio import Antenna, RadioModel
 from sitl.world.terrain import Raster

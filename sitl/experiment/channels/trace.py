@@ -29,7 +29,7 @@ from typing import Any, Final
 from air_router.errors import AirRouterError, ExitCode
 from mocha_link.node.gossip import TIMEOUT_S
 from sitl.experiment.channels.channel import Change, Link, Load, Places
-from sitl.experiment.model.settings import TraceModel
+from sitl.experiment.settings import TraceModel
 
 MOST_LINES: Final = 2_000_000
 MOST_TOLD: Final = 20

@@ -26,7 +26,7 @@ from sitl.experiment.engine.exchange import (
     stage_of,
 )
 from sitl.experiment.engine.statistics import AirtimeStats, ContactRow
-from sitl.experiment.model.events import EventQueue
+from sitl.experiment.events import EventQueue
 from sitl.experiment.robots.node import Node
 
 _REQUEST_TRIPS: Final = 4

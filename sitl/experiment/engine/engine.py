@@ -26,14 +26,14 @@ from sitl.experiment.channels.by_name import channel_of
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.result import GoalVisit, RunResult
 from sitl.experiment.engine.statistics import AirtimeStats, Samples
-from sitl.experiment.model.events import EventLog, EventQueue
-from sitl.experiment.model.settings import RunSettings
+from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.base_station import BaseStation
 from sitl.experiment.robots.explorer import GroundRobot
 from sitl.experiment.robots.fleet import fleet_of
 from sitl.experiment.robots.node import Node
 from sitl.experiment.robots.scenery import Scenery, scenery_of
 from sitl.experiment.robots.uav import COMMAND_S, Uav, controllers_of
+from sitl.experiment.settings import RunSettings
 from sitl.experiment.towns.town import Town
 from sitl.experiment.towns.town_generator import drawn_starts, scatter
 

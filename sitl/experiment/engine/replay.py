@@ -13,10 +13,10 @@ from air_router.record.log import RecordEntry
 from air_router.record.log_file import ORDER_KEY, RECENT
 from air_router.record.replay import Replay
 from air_router.record.replay import replay as replay_flight
-from sitl.experiment.model.settings import RunSettings
 from sitl.experiment.robots.fleet import fleet_of
 from sitl.experiment.robots.scenery import scenery_of
 from sitl.experiment.robots.uav import controllers_of
+from sitl.experiment.settings import RunSettings
 
 
 def replay(settings: RunSettings, lines: Iterable[str]) -> dict[str, Replay]:

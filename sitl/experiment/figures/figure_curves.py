@@ -24,7 +24,7 @@ from sitl.experiment.figures.figure_sheet import (
     sheet,
     styles,
 )
-from sitl.experiment.model.settings import value_of
+from sitl.experiment.settings import value_of
 
 Numbers = npt.NDArray[np.float64]
 

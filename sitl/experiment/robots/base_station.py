@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from air_router.messages import POSE_TOPIC, PoseMessage
-from sitl.experiment.model.events import EventQueue
+from sitl.experiment.events import EventQueue
 from sitl.experiment.robots.messages import TARGETS_TOPIC, degrees, target_goals
 from sitl.experiment.robots.node import EPOCH_S
 from sitl.experiment.towns.town import Town

@@ -14,9 +14,7 @@ from typing import Final, NamedTuple
 from air_router.messages import MAP_TOPIC, MessageError
 from geo.frame import FrameError, Point
 from geo.grid import GridError, Terrain
-from sitl.experiment.model.lattice import Cell
-from sitl.experiment.model.settings import ExplorerSettings
-from sitl.experiment.model.ways import PASSABLE, Ways, length_m
+from sitl.experiment.lattice import Cell
 from sitl.experiment.robots.goal_book import GoalBook
 from sitl.experiment.robots.knowledge import Knowledge, read_map
 from sitl.experiment.robots.messages import (
@@ -28,7 +26,9 @@ from sitl.experiment.robots.messages import (
     read_claims,
     read_places,
 )
+from sitl.experiment.settings import ExplorerSettings
 from sitl.experiment.towns.town import Town
+from sitl.experiment.ways import PASSABLE, Ways, length_m
 
 PACE: Final = {
     Terrain.ROAD: 1.0,

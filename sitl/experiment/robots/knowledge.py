@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from geo.frame import Geodetic, Point
 from geo.grid import Cells, GridError, SemanticGrid, Terrain
-from sitl.experiment.model.lattice import GRAIN_M, Cell, Lattice, coarse
+from sitl.experiment.lattice import GRAIN_M, Cell, Lattice, coarse
 
 LEAST_VEHICLE_M2: Final = 4.0
 """Less of a vehicle than this is not taken for one: the rest may not have been in the picture."""

@@ -15,7 +15,7 @@ from mocha_link.node.gossip import Gossip
 from mocha_link.store import payload
 from mocha_link.sync.protocol import ID_BYTES
 from mocha_link.team.team import Team
-from sitl.experiment.model.events import EventQueue
+from sitl.experiment.events import EventQueue
 
 EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
 """Unix seconds at the beginning of a run: no header's time wraps within 17 hours of it."""

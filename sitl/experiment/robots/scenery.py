@@ -17,7 +17,7 @@ from air_router.mission.loading import judge, read_draft
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
-from sitl.experiment.model.settings import RunSettings
+from sitl.experiment.settings import RunSettings
 from sitl.experiment.towns.town import Town
 from sitl.experiment.towns.town_file import load_town
 from sitl.experiment.towns.town_mission import mission_over

@@ -43,14 +43,14 @@ from air_router.messages import (
 from air_router.mission.mission import Mission
 from geo.frame import FrameError, Point
 from mocha_link.links.link_events import LinkEvent, MessageStored
-from sitl.experiment.model.events import EventLog, EventQueue
-from sitl.experiment.model.settings import RunSettings
+from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.fleet import Fleet
 from sitl.experiment.robots.flyer import Flyer
 from sitl.experiment.robots.messages import degrees
 from sitl.experiment.robots.node import EPOCH_S, Node
 from sitl.experiment.robots.painter import Painter
 from sitl.experiment.robots.scenery import Scenery
+from sitl.experiment.settings import RunSettings
 from sitl.world.camera import Camera
 
 COMMAND_S: Final = 0.05

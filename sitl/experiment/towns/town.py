@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from geo.frame import LocalFrame, Point
 from geo.grid import Cells, Terrain
-from sitl.experiment.model.lattice import GRAIN_M, Bounds, Cell, Lattice, coarse
+from sitl.experiment.lattice import GRAIN_M, Bounds, Cell, Lattice, coarse
 from sitl.world.terrain import VEHICLE_RADIUS_M, Raster, Road
 
 Ring = tuple[Point, ...]

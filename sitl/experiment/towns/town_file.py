@@ -15,10 +15,10 @@ from pydantic import BaseModel, Field
 from geo.airspace.zone import ZoneError, checked_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from mocha_link.team.document import Document, DocumentError, Problem
-from sitl.experiment.model.lattice import GRAIN_M, Bounds
-from sitl.experiment.model.settings import ExplorerSettings
-from sitl.experiment.model.ways import PASSABLE, Ways
+from sitl.experiment.lattice import GRAIN_M, Bounds
+from sitl.experiment.settings import ExplorerSettings
 from sitl.experiment.towns.town import RESOLUTION_M, Goal, Ring, Town
+from sitl.experiment.ways import PASSABLE, Ways
 from sitl.world.terrain import MAX_CELLS, Road
 
 Keys = tuple[str | int, ...]

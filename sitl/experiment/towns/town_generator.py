@@ -15,9 +15,9 @@ import shapely
 
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.grid import MAX_CELLS
-from sitl.experiment.model.lattice import GRAIN_M, Bounds
-from sitl.experiment.model.ways import Ways
+from sitl.experiment.lattice import GRAIN_M, Bounds
 from sitl.experiment.towns.town import RESOLUTION_M, Goal, Ring, Town
+from sitl.experiment.ways import Ways
 from sitl.world.terrain import Road
 
 APART_M: Final = 25.0

@@ -12,10 +12,8 @@ from sitl.px4sim.modes.auto_modes import (
     ReturnFlight,
     TakeoffFlight,
 )
+from sitl.px4sim.modes.direct_modes import OffboardFlight, OrbitFlight, Pilot, StickFlight
 from sitl.px4sim.modes.mission_flight import MissionFlight
-from sitl.px4sim.modes.offboard import OffboardFlight
-from sitl.px4sim.modes.orbit import OrbitFlight
-from sitl.px4sim.modes.sticks import Pilot, StickFlight
 from sitl.px4sim.safety.failsafe import Action
 from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.px4sim.state.situation import Situation

@@ -14,8 +14,7 @@ from typing import Final
 
 from sitl.px4sim.modes.auto_modes import go_to
 from sitl.px4sim.motion.guidance import Setpoint, SetpointKind
-from sitl.px4sim.plan.item_order import ItemOrder
-from sitl.px4sim.plan.mission_items import FRAME_RELATIVE, Command, MissionItem, positive
+from sitl.px4sim.plan.mission_items import FRAME_RELATIVE, Command, ItemOrder, MissionItem, positive
 from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.px4sim.state.situation import Situation
 

@@ -1,4 +1,4 @@
-"""Mission, fence and rally items: which PX4 takes, and what of them it keeps.
+"""Mission, fence and rally items: which PX4 takes, what it keeps of them, and their order.
 
 PX4 stores of an item only what its command means to it, so a download may differ from what was
 uploaded: unused parameters come back as zero, frames 0 and 3 as 5 and 6, yaw as 0 to 360 degrees.
@@ -264,3 +264,54 @@ def _whole(value: float) -> int:
     if not math.isfinite(value):
         return 0
     return int(max(-(2**31), min(2**31 - 1, round(value))))
+
+
+_MOST_JUMPS: Final = 10
+
+
+class ItemOrder:
+    """A list of items and the current one.
+
+    Attributes:
+        items: The mission.
+        index: The current item; kept within the list.
+    """
+
+    def __init__(self, items: tuple[MissionItem, ...], index: int) -> None:
+        self.items = items
+        self.index = max(0, min(index, len(items) - 1))
+        self._jumps_left = {
+            number: _index_of(item.params[1])
+            for number, item in enumerate(items)
+            if item.command == Command.DO_JUMP
+        }
+
+    @property
+    def at_last(self) -> bool:
+        """Whether the last item is the current one."""
+        return self.index + 1 == len(self.items)
+
+    def position_from(self, index: int) -> MissionItem | None:
+        """The first item with a position at or after an index."""
+        return next((item for item in self.items[index:] if item.has_position), None)
+
+    def advance(self) -> bool:
+        """Go to the next item, jumps taken; False, and nothing changed, at the end."""
+        index = self.index + 1
+        for _ in range(_MOST_JUMPS):
+            if index >= len(self.items):
+                return False
+            if self.items[index].command != Command.DO_JUMP:
+                self.index = index
+                return True
+            goal = _index_of(self.items[index].params[0])
+            if self._jumps_left.get(index, 0) > 0 and 0 <= goal < len(self.items):
+                self._jumps_left[index] -= 1
+                index = goal
+            else:
+                index += 1
+        return False
+
+
+def _index_of(value: float) -> int:
+    return int(value) if math.isfinite(value) and abs(value) < 2**31 else -1

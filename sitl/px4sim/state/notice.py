@@ -1,4 +1,4 @@
-"""What the autopilot says in words: a STATUSTEXT, an EVENT, or both.
+"""What the autopilot says: MAVLink messages, and words as a STATUSTEXT, an EVENT, or both.
 
 PX4 writes most of its texts twice: as a STATUSTEXT, which only ground stations are sent, and as
 an EVENT with a numeric id, which everybody gets. A text that has an event twin ends in a tab, so
@@ -7,9 +7,19 @@ that a ground station that shows events can leave it out.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final
+from typing import Any, Final
+
+
+@dataclass(frozen=True, slots=True)
+class Outgoing:
+    """Name and fields of one message, as in the MAVLink definitions."""
+
+    name: str
+    fields: Mapping[str, Any]
+
 
 _FNV_OFFSET: Final = 0x811C9DC5
 _FNV_PRIME: Final = 0x01000193

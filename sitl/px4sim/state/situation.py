@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from sitl.px4sim.motion.direct_control import Reach
-from sitl.px4sim.motion.guidance import Pace
+from sitl.px4sim.motion.guidance import Pace, Reach
 from sitl.px4sim.motion.projection import MapProjection
 from sitl.px4sim.state.notice import Notice, Severity
 from sitl.px4sim.state.parameters import Parameters

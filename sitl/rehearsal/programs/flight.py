@@ -30,8 +30,7 @@ from sitl.rehearsal.programs.processes import (
 from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import MEETINGS, STREAMS, Act, WireScene
-from sitl.rehearsal.programs.station import MODES, Station, items_of
-from sitl.rehearsal.programs.strangers import intrusion
+from sitl.rehearsal.programs.station import MODES, Station, intrusion, items_of
 
 SPEED: Final = 5.0
 DURATION_S, MEETING_S = 45, 200

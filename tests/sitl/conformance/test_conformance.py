@@ -8,13 +8,16 @@ import pytest
 
 from air_router.errors import ExitCode
 from sitl.cli import cli
-from sitl.conformance.beside import beside
-from sitl.conformance.case_files import conversations
-from sitl.conformance.conversation import Conversation, Outcome, Start, converse
+from sitl.conformance.conversation import (
+    Conversation,
+    Outcome,
+    Start,
+    beside,
+    conversations,
+    converse,
+)
 from sitl.conformance.interpreter import VERBS
-from sitl.conformance.line import Link, SilentVehicleError
-from sitl.conformance.local_line import LocalLine
-from sitl.conformance.udp_line import UdpLine
+from sitl.conformance.line import Link, LocalLine, SilentVehicleError, UdpLine
 from sitl.mavlink.mavlink_vehicle import VehicleSettings
 from sitl.mavlink.udp_link import PortInUseError
 from sitl.process.vehicle import Ports, VehicleProcess
@@ -102,7 +105,7 @@ class TestDepartures:
         assert "GCS" in outcome.departure
 
     def test_no_answer(self, monkeypatch):
-        monkeypatch.setattr("sitl.conformance.udp_line._SILENCE_S", 0.05)
+        monkeypatch.setattr("sitl.conformance.line._SILENCE_S", 0.05)
         silent = UdpLine({Link.API: 0}, fresh=True)
         try:
             outcome = converse(Conversation("test", "a fact", "here", ()), silent)

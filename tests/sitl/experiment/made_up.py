@@ -9,7 +9,7 @@ import numpy as np
 from geo.frame import Point
 from sitl.experiment.campaign.running import recorded, run_settings
 from sitl.experiment.engine.result import CONTACT, TRANSMISSION, GoalVisit, RunResult
-from sitl.experiment.model.settings import RunSettings
+from sitl.experiment.settings import RunSettings
 
 
 def made_up_result(settings: RunSettings, seed: int) -> RunResult:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from sitl.experiment.analysis import claims, statistics, tables
+from sitl.experiment.analysis.document_part import NoMarksError, fill
 from sitl.experiment.analysis.paper import TABLE
 from sitl.experiment.campaign.links import BUILDINGS_M, DISTANCES_M, judged, seen_links
 from sitl.experiment.campaign.plan_file import load_experiment
-from sitl.experiment.document_part import NoMarksError, fill
 from sitl.experiment.engine.result import CONTACT
 from sitl.world.terrain import Raster
 

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 
 from air_router.errors import PictureError, UsageError
-from sitl.experiment import command
+from sitl.cli import experiment_command as command
 from sitl.experiment.analysis import statistics, tables
+from sitl.experiment.analysis.document_part import NoMarksError
 from sitl.experiment.analysis.statistics import interval, ratio
 from sitl.experiment.campaign.campaign import Progress, in_words
 from sitl.experiment.campaign.plan_file import load_experiment
@@ -26,11 +27,11 @@ from sitl.experiment.campaign.run_log import (
     MixedRunsError,
     RunLog,
     RunLogError,
+    program,
     read_runs,
 )
-from sitl.experiment.campaign.running import UnfitSettingsError, program
-from sitl.experiment.document_part import NoMarksError
-from sitl.experiment.model.settings import RunSettings
+from sitl.experiment.campaign.running import UnfitSettingsError
+from sitl.experiment.settings import RunSettings
 
 ROOT = Path(__file__).parents[3]
 SMALL = """

@@ -13,7 +13,7 @@ from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.rows import NoSuchRowError, chosen_rows
 from sitl.experiment.campaign.running import OtherFilesError, put_together, run_settings
 from sitl.experiment.campaign.shipped import UnknownPlaceError, experiment_names
-from sitl.experiment.model.settings import PaperModel, RunSettings
+from sitl.experiment.settings import PaperModel, RunSettings
 
 PAIRED = """
 name: pair

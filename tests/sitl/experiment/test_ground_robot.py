@@ -14,8 +14,6 @@ from hypothesis import strategies as st
 from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC, PathMessage, PoseMessage
 from geo.frame import Geodetic, Point
 from geo.grid import SemanticGrid, Terrain
-from sitl.experiment.model.settings import ExplorerSettings
-from sitl.experiment.model.ways import PASSABLE, Ways
 from sitl.experiment.robots.explorer import GroundRobot
 from sitl.experiment.robots.goal_book import Claim, GoalBook, Status
 from sitl.experiment.robots.knowledge import read_map
@@ -30,8 +28,10 @@ from sitl.experiment.robots.messages import (
     read_places,
     target_goals,
 )
+from sitl.experiment.settings import ExplorerSettings
 from sitl.experiment.towns.town_file import load_town
 from sitl.experiment.towns.town_generator import generate
+from sitl.experiment.ways import PASSABLE, Ways
 
 URBAN = load_town(Path(__file__).parents[3] / "missions" / "urban" / "town.yaml")
 START = URBAN.starts[0]

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
 from sitl.mavlink.mavlink_codec import DEFINITIONS, Receiver, Sender
-from sitl.px4sim.state.notice import Notice, Severity
-from sitl.px4sim.state.outgoing import Outgoing
+from sitl.px4sim.state.notice import Notice, Outgoing, Severity
 from sitl.px4sim.state.parameters import Parameters, UnknownParameterError
 
 ACCEPTED, DENIED = 0, 2

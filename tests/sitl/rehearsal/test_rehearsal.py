@@ -7,14 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from sitl.rehearsal.command import fly
+from sitl.rehearsal.command import fly, table
 from sitl.rehearsal.faults import FLIGHTS, PHASES, Fault, Scene, scenes
 from sitl.rehearsal.judge.acceptance import ACCEPTED, End
 from sitl.rehearsal.judge.evidence import What
 from sitl.rehearsal.judge.judge_flight import Verdict
 from sitl.rehearsal.judge.judge_track import By, Violation
 from sitl.rehearsal.misfortunes import Misfortune
-from sitl.rehearsal.report import table
 from sitl.rehearsal.script import stage_of
 from sitl.rehearsal.stand_ins.loop import SimulatedLoop
 

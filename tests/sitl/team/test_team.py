@@ -24,7 +24,7 @@ from mocha_link.links.metrics import MessageStored
 from mocha_link.node.node import Node
 from mocha_link.team.team import Team
 from sitl.cli.cli import main
-from sitl.px4sim.motion.truth import VehicleState
+from sitl.mavlink.truth import VehicleState
 from sitl.team.free_ports import derive_team
 from sitl.team.team import Places, TeamSimulation, roles_of
 from sitl.world.world_file import load_world

@@ -5,9 +5,9 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from mocha_link.team.team import Team
-from sitl.px4sim.motion.truth import TruthError, TruthParser, TruthReceiver
+from sitl.mavlink.truth import TruthError, TruthParser, TruthReceiver
 from sitl.team.free_ports import NoFreePortsError, derive_team
-from sitl.team.radio_readings import RadioReadings
+from sitl.team.ground_nodes import RadioReadings
 from sitl.team.relay import relayed_pairs
 from sitl.world.world import Reading
 

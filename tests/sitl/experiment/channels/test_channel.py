@@ -11,7 +11,7 @@ from sitl.experiment.channels.channel import Link, Load, Stage
 from sitl.experiment.channels.paper import PaperChannel
 from sitl.experiment.channels.path_loss import PathLossChannel
 from sitl.experiment.channels.trace import TraceChannel, TraceError
-from sitl.experiment.model.settings import PaperModel, PathLossModel, TraceModel
+from sitl.experiment.settings import PaperModel, PathLossModel, TraceModel
 from sitl.experiment.towns.town_file import load_town
 
 TOWN = load_town(Path(__file__).parents[4] / "missions" / "urban" / "town.yaml")

@@ -9,7 +9,7 @@ from mocha_link.links.link_events import MessageStored, SyncEnded, SyncTimedOut
 from sitl.experiment.channels.channel import Change, Stage
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.statistics import AirtimeStats
-from sitl.experiment.model.events import EventQueue
+from sitl.experiment.events import EventQueue
 from sitl.experiment.robots.fleet import fleet_of
 from sitl.experiment.robots.node import Node
 

@@ -21,8 +21,8 @@ from sitl.experiment.channels import paper as channel_paper
 from sitl.experiment.engine.engine import Run, run
 from sitl.experiment.engine.replay import replay
 from sitl.experiment.engine.result import STAGES
-from sitl.experiment.model.settings import PaperModel, RunSettings, TraceModel
 from sitl.experiment.robots import explorer, uav
+from sitl.experiment.settings import PaperModel, RunSettings, TraceModel
 from sitl.world import camera
 
 ROOT = Path(__file__).parents[4]

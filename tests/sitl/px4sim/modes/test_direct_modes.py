@@ -6,8 +6,8 @@ import types
 import pytest
 
 from sitl.mavlink.setpoint_messages import local_setpoint, sticks
-from sitl.px4sim.modes.sticks import shaped
-from sitl.px4sim.motion.direct_control import Direct, Reach, direct_velocity
+from sitl.px4sim.modes.direct_modes import shaped
+from sitl.px4sim.motion.guidance import Direct, Reach, direct_velocity
 from sitl.px4sim.state.px4_modes import FlightMode
 
 

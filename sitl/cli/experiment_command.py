@@ -22,8 +22,7 @@ from sitl.experiment.campaign.plan import Experiment, Record, Task
 from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.process_pool import Failed, ProcessPool, Work
 from sitl.experiment.campaign.rows import chosen_rows
-from sitl.experiment.campaign.run_log import RunLog, read_runs
-from sitl.experiment.campaign.running import program
+from sitl.experiment.campaign.run_log import RunLog, program, read_runs
 from sitl.experiment.campaign.shipped import experiment_names
 
 _EPILOG = """\
@@ -194,7 +193,7 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
         for claim in claims:
             sys.stdout.write(f"\nclaim {claim.number}: {claim.text}\n  {claim.answer}\n")
     if arguments.docs is not None:
-        from sitl.experiment.document_part import blocks_of, fill  # noqa: PLC0415 - with SciPy
+        from sitl.experiment.analysis.document_part import blocks_of, fill  # noqa: PLC0415 - with SciPy
 
         fill(arguments.docs, experiment.name, blocks_of(experiment, records), figures)
     sys.stderr.write(f"results and {counted(len(figures), 'figures')} are in {folder}\n")
@@ -202,7 +201,7 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
 
 def _has_place(document: Path, experiment: Experiment) -> None:
     """Look before the runs whether there is something to fill afterwards."""
-    from sitl.experiment.document_part import blocks_in  # noqa: PLC0415 - only with SciPy
+    from sitl.experiment.analysis.document_part import blocks_in  # noqa: PLC0415 - only with SciPy
 
     blocks_in(document, experiment.name)
 

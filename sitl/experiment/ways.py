@@ -17,7 +17,7 @@ import numpy.typing as npt
 from air_router.errors import UsageError
 from geo.frame import Point
 from geo.grid import Cells, Terrain
-from sitl.experiment.model.lattice import GRAIN_M, Cell, Lattice
+from sitl.experiment.lattice import GRAIN_M, Cell, Lattice
 
 try:
     from scipy.sparse import csr_array

@@ -1,6 +1,6 @@
 import pytest
 
-from sitl.experiment.model.events import EventQueue
+from sitl.experiment.events import EventQueue
 
 
 def test_things_happen_in_order_of_time_and_then_of_asking():

@@ -1,0 +1,284 @@
+"""What the vehicle reports unasked: texts, where its mission stands, and its health.
+
+STATUSTEXT goes only to a ground station that is there, and is never old news. MISSION_CURRENT and
+MISSION_ITEM_REACHED are sent on each link, as PX4's mission manager does. A health report is a
+summary of the arming checks, one EVENT for each check that is not passed, and a summary of the
+components' health; it comes at most every two seconds, and when it is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from sitl.px4sim.autopilot import Autopilot
+from sitl.px4sim.plan.mission_items import MissionType
+from sitl.px4sim.state.notice import Notice, Outgoing, Severity
+from sitl.px4sim.state.px4_modes import FlightMode
+
+_WINDOW_S: Final = 2.5
+_AGE_S: Final = 5.0
+_CHUNK: Final = 50
+_MOST: Final = 50
+
+
+class TextChannel:
+    """Keeps texts for up to 5 s until a ground station's heartbeat was heard on the link.
+
+    Args:
+        time_scale: Simulated seconds per wall-clock second, in which heartbeats come.
+    """
+
+    def __init__(self, time_scale: float) -> None:
+        self._window_s = _WINDOW_S * time_scale
+        self._texts: deque[tuple[float, Notice]] = deque(maxlen=_MOST)
+        self._heard_s = -math.inf
+        self._identifier = 0
+
+    def heard_ground_station(self, now_s: float) -> None:
+        """A heartbeat of a ground station came in on the link."""
+        self._heard_s = now_s
+
+    def add(self, notice: Notice, now_s: float) -> None:
+        """Something was said."""
+        if notice.text:
+            self._texts.append((now_s, notice))
+
+    def take(self, now_s: float) -> list[Outgoing]:
+        """The messages to be sent now."""
+        if not self._texts or now_s - self._heard_s > self._window_s:
+            return []
+        messages: list[Outgoing] = []
+        for said_s, notice in self._texts:
+            if now_s - said_s <= _AGE_S:
+                messages.extend(self._chunks(notice))
+        self._texts.clear()
+        return messages
+
+    def _chunks(self, notice: Notice) -> list[Outgoing]:
+        data = notice.status_text.encode("ascii", "replace")
+        chunks = [data[start : start + _CHUNK] for start in range(0, len(data), _CHUNK)]
+        if len(data) % _CHUNK == 0:
+            chunks.append(b"")  # a text ends with the first chunk that is not full
+        identifier = self._identifier
+        self._identifier = (identifier + 1) & 0xFFFF
+        return [
+            Outgoing(
+                "STATUSTEXT",
+                {
+                    "severity": notice.severity,
+                    "text": chunk,
+                    "id": identifier,
+                    "chunk_seq": number,
+                },
+            )
+            for number, chunk in enumerate(chunks)
+        ]
+
+
+_NO_MISSION: Final = 1  # MISSION_STATE
+_NOT_STARTED: Final = 2
+_ACTIVE: Final = 3
+_PAUSED: Final = 4
+_COMPLETE: Final = 5
+_MODE_ACTIVE: Final = 1
+_MODE_SUSPENDED: Final = 2
+_ACTIVE_MODES: Final = frozenset(
+    {FlightMode.AUTO_MISSION, FlightMode.AUTO_TAKEOFF, FlightMode.AUTO_LAND}
+)
+_UNKNOWN_TOTAL: Final = 65535
+_REPEATS: Final = 10
+_PERIOD_S: Final = 1.0
+
+
+class MissionReporter:
+    """Once a second, and at once when the current item changes or an item is reached.
+
+    MISSION_ITEM_REACHED is repeated ten times after it was sent first.
+    """
+
+    def __init__(self, autopilot: Autopilot) -> None:
+        self._autopilot = autopilot
+        self._state = _NO_MISSION
+        self._current = 0
+        self._reached = -1
+        self._repeats = 0
+        self._next_s = -math.inf
+
+    def step(self, now_s: float) -> list[Outgoing]:
+        """What is to be sent now."""
+        result = self._autopilot.mission.result
+        messages: list[Outgoing] = []
+        if result.current != self._current:
+            self._current = result.current
+            messages.append(self._mission_current())
+        if result.reached != self._reached:
+            self._reached, self._repeats = result.reached, 0
+            if result.reached >= 0:
+                messages.append(_item_reached(result.reached))
+        if not messages and now_s >= self._next_s:
+            self._next_s = now_s + _PERIOD_S
+            messages.append(self._mission_current())
+            if self._reached >= 0 and self._repeats < _REPEATS:
+                self._repeats += 1
+                messages.append(_item_reached(self._reached))
+        return messages
+
+    def _mission_current(self) -> Outgoing:
+        plan = self._autopilot.plan
+        active = self._autopilot.mode in _ACTIVE_MODES
+        count = len(plan.items(MissionType.MISSION))
+        self._renew_state(count, active=active)
+        return Outgoing(
+            "MISSION_CURRENT",
+            {
+                "seq": self._current,
+                "total": count or _UNKNOWN_TOTAL,
+                "mission_state": self._state,
+                "mission_mode": _MODE_ACTIVE if active else _MODE_SUSPENDED,
+                "mission_id": plan.identifier(MissionType.MISSION),
+                "fence_id": plan.identifier(MissionType.FENCE),
+                "rally_points_id": plan.identifier(MissionType.RALLY),
+            },
+        )
+
+    def _renew_state(self, count: int, *, active: bool) -> None:
+        result = self._autopilot.mission.result
+        if count == 0 or not result.valid:
+            self._state = _NO_MISSION
+        elif result.finished:
+            self._state = _COMPLETE
+        elif active:
+            self._state = _ACTIVE
+        elif result.reached >= 0:
+            self._state = _PAUSED
+        elif result.current < 1:
+            self._state = _NOT_STARTED
+
+
+def _item_reached(sequence: int) -> Outgoing:
+    return Outgoing("MISSION_ITEM_REACHED", {"seq": sequence})
+
+
+_EVERY_S: Final = 2.05
+_LOOK_S: Final = 0.1  # PX4 runs its checks ten times a second
+_ATTITUDE_AFTER_S: Final = 2.5
+_POSITION_AFTER_S: Final = 4.2
+_FOR_PROGRAMS: Final = 8  # log level "protocol"
+_ALL_MODES: Final = 0xFFFFFFFF
+_USUAL_MODES: Final = 0x807F3AB0  # that a quadrotor with a position can fly
+_MISSION: Final = 1 << 3
+_OFFBOARD: Final = 1 << 14
+_STICKS: Final = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 10 | 1 << 15
+_WITHOUT_POSITION: Final = _USUAL_MODES & 0x80003A80 | 0x00010000
+
+# health_component_t
+_GLOBAL_POSITION: Final = 1 << 24
+_LOCAL_POSITION: Final = 1 << 17
+_ATTITUDE: Final = 1 << 16
+_SYSTEM: Final = 1 << 20
+_REMOTE_CONTROL: Final = 1 << 7
+_PRESENT: Final = 0x38021C0A
+
+
+@dataclass(frozen=True, slots=True)
+class _Check:
+    """A check that is not passed: its event, level, modes that it concerns, component's number."""
+
+    event: str
+    severity: Severity
+    modes: int
+    component: int
+
+
+_NO_ATTITUDE: Final = _Check("check_modes_attitude", Severity.CRITICAL, 0x007ED17E, 16)
+_NO_LOCAL: Final = _Check("check_modes_local_pos", Severity.ERROR, 0x007E007C, 17)
+_NO_GLOBAL: Final = _Check("check_modes_global_pos", Severity.ERROR, 0x00000038, 24)
+_MISSION_UNFIT: Final = _Check("check_modes_mission", Severity.INFO, _MISSION, 20)
+_NO_SETPOINTS: Final = _Check("check_modes_offboard_signal", Severity.ERROR, _OFFBOARD, 20)
+_NO_STICKS: Final = _Check("check_modes_manual_control", Severity.WARNING, _ALL_MODES, 7)
+_NO_STATION: Final = _Check("check_rc_dl_no_dllink", Severity.INFO, _ALL_MODES, 12)
+
+
+class HealthReport:
+    """Watches the checks of an autopilot."""
+
+    def __init__(self, autopilot: Autopilot) -> None:
+        self._autopilot = autopilot
+        self._told: tuple[tuple[_Check, ...], int] | None = None
+        self._next_s = _EVERY_S
+
+    def step(self) -> list[Notice]:
+        """The events of a report that is due; to be called after every step."""
+        now_s = self._autopilot.time_s
+        asked, self._autopilot.report_asked = self._autopilot.report_asked, False
+        if now_s < self._next_s and not asked:
+            return []
+        checks = self._checks(now_s)
+        modes = self._modes(checks)
+        if (checks, modes) == self._told and not asked:
+            self._next_s = now_s + _LOOK_S
+            return []
+        self._told, self._next_s = (checks, modes), now_s + _EVERY_S
+        errors = _SYSTEM  # PX4's simulator has it so, without a check that says why
+        for check in checks:
+            if check.severity <= Severity.ERROR and check.component != _MISSION_COMPONENT:
+                errors |= 1 << check.component
+        warnings = _REMOTE_CONTROL if _NO_STICKS in checks else 0
+        summary = struct.pack("<BIIII", 0, errors, warnings, self._can_arm(modes), modes)
+        return [
+            _notice("commander_arming_check_summary", _FOR_PROGRAMS, summary),
+            *(
+                _notice(
+                    check.event,
+                    check.severity,
+                    struct.pack("<IB", check.modes, check.component),
+                )
+                for check in checks
+            ),
+            _notice(
+                "commander_health_summary", _FOR_PROGRAMS, struct.pack("<BIII", 0, _PRESENT, 0, 0)
+            ),
+        ]
+
+    def _checks(self, now_s: float) -> tuple[_Check, ...]:
+        autopilot = self._autopilot
+        can_fly, situation = autopilot.modes.can_fly, autopilot.situation
+        lost = now_s < _POSITION_AFTER_S or not situation.position_valid
+        open_checks = {
+            _NO_ATTITUDE: now_s < _ATTITUDE_AFTER_S,
+            _NO_LOCAL: lost,
+            _NO_GLOBAL: lost,
+            _MISSION_UNFIT: not can_fly(FlightMode.AUTO_MISSION, situation),
+            _NO_SETPOINTS: not can_fly(FlightMode.OFFBOARD, situation),
+            _NO_STICKS: not can_fly(FlightMode.POSCTL, situation),
+            _NO_STATION: autopilot.watchdog.ground_station_lost,
+        }
+        return tuple(check for check, is_open in open_checks.items() if is_open)
+
+    def _can_arm(self, modes: int) -> int:
+        """The modes in which it may be armed; what forbids it forbids it in all of them."""
+        autopilot = self._autopilot
+        wanted = autopilot.parameters["NAV_DLL_ACT"] > 0
+        alone = wanted and autopilot.watchdog.ground_station_lost
+        return 0 if autopilot.guard.violated or autopilot.terminated or alone else modes
+
+    def _modes(self, checks: tuple[_Check, ...]) -> int:
+        modes = _WITHOUT_POSITION if _NO_LOCAL in checks else _USUAL_MODES
+        if _MISSION_UNFIT not in checks and _NO_LOCAL not in checks:
+            modes |= _MISSION
+        if _NO_SETPOINTS not in checks:
+            modes |= _OFFBOARD
+        if _NO_STICKS not in checks:
+            modes |= _STICKS
+        return modes
+
+
+_MISSION_COMPONENT: Final = 20
+
+
+def _notice(event: str, level: int, arguments: bytes) -> Notice:
+    return Notice(Severity.INFO, "", event, level, arguments)
