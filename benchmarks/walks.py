@@ -23,8 +23,8 @@ from typing import Any, Final, NamedTuple
 
 from air_router.live.server import LivePage
 from sitl.rehearsal.faults import Fault, Scene
+from sitl.rehearsal.scenario import Scenario, SceneOverError
 from sitl.rehearsal.script import Script
-from sitl.rehearsal.stage import SceneOverError, Stage
 from tests.golden.adapter import construction_of, controller_of
 from tests.golden.nodes import Node
 from tests.golden.streams import FOLDER, SUFFIX, Step, Stream, read
@@ -66,12 +66,12 @@ WALKS = (CRUISE, FOUND, SYNCED, BEGUN, HOLD, GOTO, MADE, FRAME)
 # Names of today.
 
 
-class AskingStage(Stage):
+class AskingScenario(Scenario):
     """A rehearsed flight with a live page, which asks in cruise for two things."""
 
     def __init__(self, asked: dict[Walk, Counts]) -> None:
         scene, mission = Scene(Fault.NONE, 0), ROOT / "missions" / "pennovation" / "mission.yaml"
-        super().__init__(scene, mission, lambda stage: Script(stage, scene.misfortunes()))
+        super().__init__(scene, mission, lambda scenario: Script(scenario, scene.schedule()))
         self._asked = asked
         self._page: LivePage | None = None
 
@@ -199,7 +199,7 @@ def of_frame() -> Counts:
 def of_page() -> dict[Walk, Counts]:
     """The ways of two requests."""
     asked: dict[Walk, Counts] = {}
-    AskingStage(asked).fly()
+    AskingScenario(asked).fly()
     return asked
 
 

@@ -22,8 +22,8 @@ from sitl.conformance.conversation import (
     conversations,
     converse_all,
 )
-from sitl.conformance.frames import Frame
 from sitl.conformance.line import Line, Link, LocalLine, SilentVehicleError, UdpLine
+from sitl.mavlink.mavlink_codec import Frame
 from sitl.mavlink.mavlink_vehicle import VehicleSettings
 from sitl.process.px4_install import Px4Install, find_px4
 from sitl.process.px4_process import Px4Process, Px4Settings

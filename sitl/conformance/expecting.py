@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sitl.conformance.frames import command_number, event_id, mode_name
 from sitl.conformance.line import Link
-from sitl.conformance.session import DepartureError, Heard, Session, Where
+from sitl.conformance.session import DepartureError, Heard, Session, Where, event_id, mode_name
+from sitl.mavlink.mavlink_codec import command_number
 
 Fields = dict[str, Any]
 _ARMED: Final = 128

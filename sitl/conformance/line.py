@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Final, Protocol
 
-from sitl.conformance.frames import Frame, frames
+from sitl.mavlink.mavlink_codec import Frame, frames
 from sitl.mavlink.mavlink_vehicle import MavlinkVehicle, VehicleSettings
 from sitl.mavlink.udp_link import PortInUseError
 
@@ -94,6 +94,7 @@ class LocalLine:
             for link, end in self._ends.items()
             for data in end.take_frames()
             for frame in frames(data)
+            if frame.name
         ]
 
     def close(self) -> None:
@@ -166,7 +167,7 @@ class UdpLine:
             for _ in range(_MOST_AT_ONCE):
                 datagram, self._partners[link] = end.recvfrom(_LARGEST)
                 self._heard_s = time.monotonic()
-                heard += frames(datagram)
+                heard += (frame for frame in frames(datagram) if frame.name)
         for frame in heard:
             if frame.name in _CLOCKS and link is Link.API:
                 self.now_s = int.from_bytes(frame.payload[:4], "little") / 1e3

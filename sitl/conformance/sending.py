@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any, Final
 
-from sitl.conformance.frames import command_number
 from sitl.conformance.line import Link
 from sitl.conformance.session import COMPANION, GROUND_STATION, DepartureError, Session, Stream
+from sitl.mavlink.mavlink_codec import command_number
 from sitl.px4sim.commands import CommandResult
 from sitl.px4sim.state.px4_modes import FlightMode
 

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
 
-from sitl.conformance.frames import Frame, Speaker
 from sitl.conformance.line import Line, Link
+from sitl.mavlink.mavlink_codec import Frame, Speaker
+from sitl.px4sim.state.notice import Notice, Severity
+from sitl.px4sim.state.px4_modes import FlightMode
 
 GROUND_STATION: Final = (6, 255, 190)  # MAV_TYPE, system id, component id
 COMPANION: Final = (18, 1, 191)
@@ -130,8 +132,11 @@ class Session:
             "target_system": self.vehicle_id,
             "target_component": _AUTOPILOT,
         }
-        known = {field: value for field, value in vehicle.items() if field in packer.fields(name)}
-        self.line.send(link, packer.pack(name, **(known | fields)))
+        names = packer.fields(name)
+        if unknown := fields.keys() - set(names):
+            raise KeyError(f"{name} has no field {', '.join(unknown)}")
+        known = {field: value for field, value in vehicle.items() if field in names}
+        self.line.send(link, packer.pack(name, known | fields))
 
     # Hearing
 
@@ -238,3 +243,16 @@ class Session:
             self.track.append(Where(self.now_s, north, east, -down))
         if frame.name not in _COUNTED_ONLY:
             self._heard.append(heard)
+
+
+def mode_name(custom_mode: int) -> str:
+    """The name of PX4's mode in a HEARTBEAT.custom_mode."""
+    for mode in FlightMode:
+        if mode.custom_mode == custom_mode:
+            return mode.name
+    return f"{custom_mode >> 16 & 0xFF}/{custom_mode >> 24 & 0xFF}"
+
+
+def event_id(name: str) -> int:
+    """The number by which EVENT names one of PX4's events, such as `commander_armed_by`."""
+    return Notice(Severity.INFO, event=name).event_id

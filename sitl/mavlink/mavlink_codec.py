@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import binascii
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -18,6 +18,7 @@ from sitl.px4sim.state.notice import Outgoing
 
 _MISSION_CURRENT: Final = ("seq", "total", "mission_state", "mission_mode")
 _PLAN_IDS: Final = ("mission_id", "fence_id", "rally_points_id")
+_MAGIC, _HEADER, _CHECKSUM, _SIGNATURE = 0xFD, 10, 2, 13  # MAVLink 2 framing, bytes
 _EVENT: Final = ("id", "event_time_boot_ms", "sequence", "destination_component")
 
 
@@ -133,6 +134,88 @@ def _checksum(data: bytes) -> bytes:
 _MIRRORED: Final = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
+class Speaker:
+    """Packs messages of a ground station or a companion from whatever fields are given."""
+
+    def __init__(self, system_id: int, component_id: int) -> None:
+        self.system_id = system_id
+        self.component_id = component_id
+        self._mavlink = mavlink.MAVLink(None, system_id, component_id)
+
+    @staticmethod
+    def fields(name: str) -> list[str]:
+        """The names of a message's fields."""
+        return list(mavlink.mavlink_map[DEFINITIONS[name].id].fieldnames)
+
+    def pack(self, name: str, fields: Mapping[str, Any]) -> bytes:
+        """A frame; fields that are not given are zero, a MAV_CMD may be given by its name."""
+        kind = mavlink.mavlink_map[DEFINITIONS[name].id]
+        values = []
+        for field, of in zip(kind.fieldnames, kind.fieldtypes, strict=True):
+            length = kind.array_lengths[kind.ordered_fieldnames.index(field)]
+            empty: Any = b"" if of == "char" else [0] * length if length else 0
+            value = fields.get(field, empty) or empty
+            if isinstance(value, str):
+                value = value.encode() if of == "char" else command_number(value)
+            elif not isinstance(value, list | tuple | bytes):
+                value = float(value) if of in {"float", "double"} else int(value)
+            values.append(value)
+        return bytes(kind(*values).pack(self._mavlink))
+
+
+def command_number(command: str | int) -> int:
+    """The number of a MAV_CMD by its name, such as `NAV_TAKEOFF`; a number stays itself."""
+    return command if isinstance(command, int) else int(getattr(mavlink, f"MAV_CMD_{command}"))
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One MAVLink 2 frame, not looked into yet.
+
+    Attributes:
+        number: Of the message.
+        system_id: The sender's.
+        component_id: The sender's.
+        data: All of it.
+    """
+
+    number: int
+    system_id: int
+    component_id: int
+    data: bytes
+
+    @property
+    def name(self) -> str:
+        """Of the message; empty: it is unknown."""
+        return _NAMES.get(self.number, "")
+
+    @property
+    def payload(self) -> bytes:
+        """The fields, as on the wire: zeros at the end may be missing."""
+        return self.data[_HEADER : _HEADER + self.data[1]]
+
+    def fields(self) -> dict[str, Any]:
+        """The fields by name; texts as str."""
+        own = _OWN.get(self.number)
+        if own is None:
+            message = mavlink.MAVLink(None).decode(bytearray(self.data))
+            return {name: getattr(message, name) for name in message.get_fieldnames()}
+        size = own.layout.size
+        values = own.layout.unpack(self.payload[:size].ljust(size, b"\0"))
+        return dict(zip(own.fields, values, strict=True))
+
+
+def frames(datagram: bytes) -> Iterator[Frame]:
+    """The MAVLink 2 frames in a datagram; what is none ends it."""
+    at = 0
+    while at + _HEADER <= len(datagram) and datagram[at] == _MAGIC:
+        signature = _SIGNATURE if datagram[at + 2] & 1 else 0
+        end = at + _HEADER + datagram[at + 1] + _CHECKSUM + signature
+        number = int.from_bytes(datagram[at + 7 : at + 10], "little")
+        yield Frame(number, datagram[at + 5], datagram[at + 6], datagram[at:end])
+        at = end
+
+
 class Receiver:
     """Parses the datagrams of one link."""
 
@@ -163,4 +246,5 @@ def message_name(identifier: int) -> str | None:
     return _NAMES.get(identifier)
 
 
+_OWN: Final = {definition.id: definition for definition in _BEYOND_PYMAVLINK}
 _NAMES: Final = {definition.id: name for name, definition in DEFINITIONS.items()}

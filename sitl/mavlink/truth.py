@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import socket
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 from urllib.parse import urlsplit
@@ -16,10 +15,10 @@ from urllib.parse import urlsplit
 from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.errors import AirRouterError
+from sitl.mavlink.mavlink_codec import frames
 
 _LARGEST_DATAGRAM: Final = 65535
 
-_MAGIC, _HEADER, _CHECKSUM, _SIGNATURE = 0xFD, 10, 2, 13  # MAVLink 2 framing, bytes
 _WANTED: Final = frozenset(
     {mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, mavlink.MAVLINK_MSG_ID_HIL_ACTUATOR_CONTROLS}
 )
@@ -58,9 +57,11 @@ class TruthParser:
     def parse(self, datagram: bytes) -> VehicleState | None:
         """The last valid state in a datagram, or None."""
         state: VehicleState | None = None
-        for frame in _frames(datagram, _WANTED):
+        for frame in frames(datagram):
+            if frame.number not in _WANTED:
+                continue
             try:
-                message = self._mavlink.decode(bytearray(frame))
+                message = self._mavlink.decode(bytearray(frame.data))
             except mavlink.MAVError:
                 continue
             if message.time_usec:
@@ -120,17 +121,6 @@ def _endpoint(url: str) -> tuple[str, int]:
     if parts.scheme != "udp" or not host or port is None:
         raise TruthError(f"'{url}' is not a place for the truth stream; write udp://HOST:PORT")
     return host, port
-
-
-def _frames(datagram: bytes, wanted: frozenset[int]) -> Iterator[bytes]:
-    """The MAVLink 2 frames with a wanted message id: of PX4's stream most are something else."""
-    at = 0
-    while at + _HEADER <= len(datagram) and datagram[at] == _MAGIC:
-        signature = _SIGNATURE if datagram[at + 2] & 1 else 0
-        end = at + _HEADER + datagram[at + 1] + _CHECKSUM + signature
-        if int.from_bytes(datagram[at + 7 : at + 10], "little") in wanted:
-            yield datagram[at:end]
-        at = end
 
 
 def _state(message: Any, time_s: float) -> VehicleState | None:

@@ -23,7 +23,7 @@ from sitl.rehearsal.judge.judge_flight import Verdict, judge
 from sitl.rehearsal.judge.judge_track import By, Violation
 from sitl.rehearsal.programs.flight import SPEED, RealFlight
 from sitl.rehearsal.programs.scenes import WireScene, wire_scenes
-from sitl.rehearsal.script import stage_of
+from sitl.rehearsal.script import scenario_of
 
 
 def table(verdicts: Iterable[tuple[str, Verdict]], words: Mapping[str, str]) -> str:
@@ -70,7 +70,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "rehearse",
         help="fly a mission hundreds of times while something goes wrong",
         description="Fly a mission with the real flight program and the simulated PX4 in one "
-        "process, faster than real time; each flight has its own misfortune. A judge that knows "
+        "process, faster than real time; in each something else goes wrong. A judge that knows "
         "only the true track, the messages and the mission file says how each went. Prints a "
         "table.",
         epilog="examples:\n"
@@ -148,7 +148,7 @@ def fly(path: Path, scene: Scene) -> Verdict:
     """Fly one scene of a mission, and judge it."""
     logging.disable(logging.ERROR)  # what goes wrong on purpose is not told a second time
     try:
-        return judge(stage_of(scene, path).fly())
+        return judge(scenario_of(scene, path).fly())
     except Exception as error:  # noqa: BLE001 - one flight must not lose the verdicts of the others
         where = traceback.extract_tb(error.__traceback__)[-1]
         text = f"{error!r} at {Path(where.filename).name}:{where.lineno}"

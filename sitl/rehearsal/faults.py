@@ -9,7 +9,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from sitl.rehearsal.misfortunes import (
+from sitl.rehearsal.courses import (
     BATTERY,
     ITEM,
     LANDED,
@@ -18,8 +18,8 @@ from sitl.rehearsal.misfortunes import (
     POSITION,
     SATELLITES,
     Course,
-    Happen,
-    Misfortune,
+    Schedule,
+    ScheduledFault,
     brief,
     busy,
     diverted,
@@ -64,7 +64,7 @@ class Kind(NamedTuple):
 
 
 class Fault(Enum):
-    """One kind of misfortune."""
+    """One kind of thing that goes wrong."""
 
     NONE = Kind("nothing", 6)
     GUSTS = Kind("wind to 10 m/s with gusts", 20)
@@ -115,7 +115,7 @@ class Fault(Enum):
     DISARMED = Kind(
         "disarmed by a station right after the arming",
         8,
-        lambda d: [Misfortune(d.choice((0.0, 0.2, 1.0)), "disarm", False)],
+        lambda d: [ScheduledFault(d.choice((0.0, 0.2, 1.0)), "disarm", False)],
         "armed",
     )
     KILLED_IN_AIR = Kind("disarmed by force in the air", 12, one("disarm", lambda _: True))
@@ -149,7 +149,7 @@ class Fault(Enum):
     RESTART = Kind(
         "companion killed and restarted",
         20,
-        lambda d: [Misfortune(0.0, "kill"), Misfortune(d.uniform(2.0, 40.0), "restart")],
+        lambda d: [ScheduledFault(0.0, "kill"), ScheduledFault(d.uniform(2.0, 40.0), "restart")],
     )
     RESTART_TAKEN = Kind("pilot takes over while the companion is down", 16, restart_taken)
     KILL = Kind("companion killed for good", 12, one("kill", lambda _: None))
@@ -172,7 +172,7 @@ class Fault(Enum):
         "no-fly zones added by reload in flight",
         16,
         lambda d: [
-            Misfortune(40.0 * again, "reload", d.uniform(-5.0, 40.0))
+            ScheduledFault(40.0 * again, "reload", d.uniform(-5.0, 40.0))
             for again in range(d.randrange(1, 4))
         ],
     )
@@ -251,9 +251,9 @@ class Scene:
         """Share of packets that are lost."""
         return max((LOSS.get(fault, 0.0) for fault in self.faults), default=0.0)
 
-    def misfortunes(self) -> Happen:
+    def schedule(self) -> Schedule:
         """What happens when."""
-        happen: Happen = []
+        happen: Schedule = []
         for fault in sorted(self.faults, key=lambda fault: fault.name):
             dice = self.chance(f"when {fault.name}")
             phase, later_s = self._begin(fault, dice)

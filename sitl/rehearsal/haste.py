@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from air_router.controller.model.requests import AnyRequest, GoTo, HoldNow
 from geo.frame import Point
 from sitl.rehearsal.judge.mission_reader import Pair, RawMission, read_mission
-from sitl.rehearsal.stage import Stage
+from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 
 BRAKING_M_S2, BRAKES_LATER_S = 3.0, 0.3
@@ -51,21 +51,21 @@ class Haste:
     """An operator in a hurry, who asks and draws at the worst moment.
 
     Args:
-        stage: Where.
+        scenario: Where.
         ask: Takes a request.
         change: Takes what draws a zone, and has the mission file read again.
     """
 
     def __init__(
         self,
-        stage: Stage,
+        scenario: Scenario,
         ask: Callable[[AnyRequest], None],
         change: Callable[[Callable[[], str | None]], None],
     ) -> None:
-        self._stage = stage
+        self._scenario = scenario
         self._ask = ask
         self._change = change
-        self._dice = stage.scene.chance("haste")
+        self._dice = scenario.scene.chance("haste")
         self._waiting: list[tuple[float, Moment]] = []
         self._sent: Pair | None = None
 
@@ -78,9 +78,9 @@ class Haste:
 
     def deaf(self, on: bool) -> None:
         """No command reaches the vehicle."""
-        until_s = math.inf if on else self._stage.now_s
+        until_s = math.inf if on else self._scenario.now_s
         for name in _COMMANDS:
-            self._stage.link.trouble(Way.UP, name, StreamFault.LOST, until_s)
+            self._scenario.link.trouble(Way.UP, name, StreamFault.LOST, until_s)
 
     def send(self, seconds: float) -> None:
         """Send it somewhere that it sees, some seconds after it was told to stop."""
@@ -168,38 +168,38 @@ class Haste:
 
     @property
     def _ours(self) -> bool:
-        companion = self._stage.companion
+        companion = self._scenario.companion
         return companion is not None and companion.in_charge
 
     @property
     def _mission(self) -> RawMission:
-        return _read(self._stage.file.path, self._stage.file.text)
+        return _read(self._scenario.file.path, self._scenario.file.text)
 
     @property
     def _here(self) -> Pair:
         east, north = self._mission.frame.metres(
-            *self._stage.mission.frame.to_geodetic(self._stage.place)
+            *self._scenario.mission.frame.to_geodetic(self._scenario.place)
         )
         return float(east), float(north)
 
     @property
     def _velocity_m_s(self) -> Pair:
-        airframe = self._stage.vehicle.autopilot.airframe
+        airframe = self._scenario.vehicle.autopilot.airframe
         return airframe.velocity_east_m_s, airframe.velocity_north_m_s
 
     def _point(self, place: Pair) -> Point:
-        return self._stage.mission.frame.to_local(*self._mission.frame.degrees(*place))
+        return self._scenario.mission.frame.to_local(*self._mission.frame.degrees(*place))
 
     def _draw(self, centre: Pair, radius_m: float) -> None:
-        file, home, point = self._stage.file, self._stage.mission.home, self._point(centre)
+        file, home, point = self._scenario.file, self._scenario.mission.home, self._point(centre)
         self._change(lambda: file.circle(point, radius_m, home))
 
     def _at(self, seconds: float, what: Moment) -> None:
-        at_s = self._stage.now_s + seconds
-        self._waiting.append((math.inf, lambda: self._stage.now_s >= at_s and what()))
+        at_s = self._scenario.now_s + seconds
+        self._waiting.append((math.inf, lambda: self._scenario.now_s >= at_s and what()))
 
     def _wait_for(self, moment: Moment) -> None:
-        self._waiting.append((self._stage.now_s + LOOKS_S, moment))
+        self._waiting.append((self._scenario.now_s + LOOKS_S, moment))
 
 
 @functools.lru_cache(maxsize=4)

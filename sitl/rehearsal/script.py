@@ -1,4 +1,4 @@
-"""Makes the misfortunes of a scene happen, when their phase of the flight has come."""
+"""Makes the faults of a scene happen, when their phase of the flight has come."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from geo.frame import Point
 from sitl.px4sim.plan.mission_items import MissionType
 from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.rehearsal.companion import EPOCH_S
+from sitl.rehearsal.courses import ScheduledFault
 from sitl.rehearsal.faults import PHASES, Scene
 from sitl.rehearsal.haste import Haste
 from sitl.rehearsal.inputs import prank_of, request_of, wrong_of
 from sitl.rehearsal.judge.evidence import What
-from sitl.rehearsal.misfortunes import Misfortune
-from sitl.rehearsal.stage import Stage
+from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 from sitl.rehearsal.stand_ins.team import pose
 
@@ -38,19 +38,19 @@ class Script:
     """What happens in one flight.
 
     Args:
-        stage: Where.
-        misfortunes: What.
+        scenario: Where.
+        schedule: What.
 
     Attributes:
         pilot: Whether a pilot or station has taken the vehicle.
         done: Whether everything that can happen has happened.
     """
 
-    def __init__(self, stage: Stage, misfortunes: list[Misfortune]) -> None:
-        self._stage = stage
-        self._dice = stage.scene.chance("script")
-        self._waiting = misfortunes
-        self._due: list[tuple[float, Misfortune]] = []
+    def __init__(self, scenario: Scenario, schedule: list[ScheduledFault]) -> None:
+        self._scenario = scenario
+        self._dice = scenario.scene.chance("script")
+        self._waiting = schedule
+        self._due: list[tuple[float, ScheduledFault]] = []
         self._phases: set[str] = set()
         self._jump = (0.0, 0.0)
         self._sticks_from_s = self._moved_until_s = math.inf
@@ -58,7 +58,7 @@ class Script:
         self._upload = False
         self._reading: tuple[float, str | None, int] | None = None
         self._other_until_s = -math.inf
-        haste = self._haste = Haste(stage, self._ask, self._change)
+        haste = self._haste = Haste(scenario, self._ask, self._change)
         self.pilot = False
         self._happenings: dict[str, Callable[[Any], object]] = {
             "jump": self._jump_by,
@@ -66,9 +66,9 @@ class Script:
             "off": lambda off: self._errors.jump(off[0], 0.0, off[1]),
             "drift": self._drift,
             "busy": self._busy,
-            "silent": lambda on: setattr(stage.link, "silent", on),
+            "silent": lambda on: setattr(scenario.link, "silent", on),
             "stream": self._stream,
-            "satellites": lambda number: stage.stations.parameter("SIM_GPS_USED", number),
+            "satellites": lambda number: scenario.stations.parameter("SIM_GPS_USED", number),
             "reject": self._reject,
             "pilot": self._pilot,
             "second station": lambda mode: self._choose(FlightMode[mode], station=1),
@@ -79,17 +79,17 @@ class Script:
             "pause": self._pause,
             "disarm": self._disarm,
             "home": self._home,
-            "speed": lambda speed_m_s: stage.stations.command(178, 1.0, speed_m_s, -1.0),
+            "speed": lambda speed_m_s: scenario.stations.command(178, 1.0, speed_m_s, -1.0),
             "plan": self._plan,
             "fence": self._fence,
             "reboot": self._reboot,
             "clock": lambda _: self._clock_anew(),
-            "stall": stage.stall,
-            "kill": lambda _: stage.kill(),
-            "restart": lambda _: stage.restart(),
+            "stall": scenario.stall,
+            "kill": lambda _: scenario.kill(),
+            "restart": lambda _: scenario.restart(),
             "battery": self._battery,
             "fuller": self._fuller,
-            "vanish": lambda _: stage.robots.places.clear(),
+            "vanish": lambda _: scenario.robots.places.clear(),
             "other uav": self._other_uav,
             "mad": self._mad,
             "reload": self._reload,
@@ -119,23 +119,23 @@ class Script:
         if phase == "HOME":
             for missed in PHASES[: PHASES.index(phase)]:
                 self.enter(missed, now_s)
-        for misfortune in self._waiting:
-            if misfortune.phase == phase and math.isfinite(misfortune.at_s):
-                self._due.append((now_s + misfortune.at_s, misfortune))
+        for scheduled in self._waiting:
+            if scheduled.phase == phase and math.isfinite(scheduled.at_s):
+                self._due.append((now_s + scheduled.at_s, scheduled))
         self._due.sort(key=lambda entry: entry[0])
 
     def step(self, now_s: float) -> None:
         """Let happen what is due."""
         while self._due and self._due[0][0] <= now_s:
-            _, misfortune = self._due.pop(0)
-            self._stage.happened(What.FAULT, misfortune.what)
-            self._happenings[misfortune.what](misfortune.value)
+            _, scheduled = self._due.pop(0)
+            self._scenario.happened(What.FAULT, scheduled.what)
+            self._happenings[scheduled.what](scheduled.value)
         self._haste.step(now_s)
         self._go_on_asking(now_s)
         self._look_after_reading(now_s)
         if now_s >= self._sticks_from_s:
             moved = now_s < self._moved_until_s
-            self._stage.stations.sticks(0.5 if moved else 0.0, 0.3 if moved else 0.0)
+            self._scenario.stations.sticks(0.5 if moved else 0.0, 0.3 if moved else 0.0)
         if now_s < self._other_until_s:
             self._tell_of_the_other()
 
@@ -143,7 +143,7 @@ class Script:
 
     @property
     def _errors(self) -> Any:
-        return self._stage.vehicle.autopilot.errors
+        return self._scenario.vehicle.autopilot.errors
 
     def _jump_by(self, angle_rad: float) -> None:
         size_m = self._dice.uniform(1.0, 4.0)
@@ -159,40 +159,40 @@ class Script:
         self._errors.jump(size_m * math.cos(angle_rad), size_m * math.sin(angle_rad), up_m)
 
     def _battery(self, drain_s: float) -> None:
-        self._stage.stations.parameter("SIM_BAT_DRAIN", drain_s)
-        self._stage.happened(What.BATTERY, drain_s)
+        self._scenario.stations.parameter("SIM_BAT_DRAIN", drain_s)
+        self._scenario.happened(What.BATTERY, drain_s)
 
     def _fuller(self, share: float) -> None:
         def lie(fields: dict[str, Any], _dice: object) -> dict[str, Any]:
             said = min(100, fields["battery_remaining"] + round(share * 100))
             return {**fields, "battery_remaining": said}
 
-        self._stage.link.trouble(Way.DOWN, "SYS_STATUS", StreamFault.WRONG, math.inf, wrong=lie)
+        self._scenario.link.trouble(Way.DOWN, "SYS_STATUS", StreamFault.WRONG, math.inf, wrong=lie)
 
     def _reboot(self, seconds: float) -> None:
-        self._stage.link.silent = True
-        back = Misfortune(0.0, "clock")
-        self._due.append((self._stage.now_s + seconds, back))
+        self._scenario.link.silent = True
+        back = ScheduledFault(0.0, "clock")
+        self._due.append((self._scenario.now_s + seconds, back))
         self._due.sort(key=lambda entry: entry[0])
 
     def _clock_anew(self) -> None:
-        self._stage.link.silent = False
-        self._stage.link.reboot(self._stage.now_s - 2.0)
+        self._scenario.link.silent = False
+        self._scenario.link.reboot(self._scenario.now_s - 2.0)
 
     # The link
 
     def _stream(self, what: tuple[tuple[str, ...], StreamFault, float]) -> None:
         names, kind, seconds = what
-        until_s = self._stage.now_s + seconds
+        until_s = self._scenario.now_s + seconds
         late_s = self._dice.choice((1.0, 3.0, 8.0))
         for name in names:
             wrong = wrong_of(name, self._dice)
-            self._stage.link.trouble(Way.DOWN, name, kind, until_s, late_s=late_s, wrong=wrong)
+            self._scenario.link.trouble(Way.DOWN, name, kind, until_s, late_s=late_s, wrong=wrong)
 
     def _reject(self, for_good: int) -> None:
         result, seconds = (_NO_SPACE, math.inf) if for_good else (_ACK_ERROR, 6.0)
-        until_s = self._stage.now_s + seconds
-        self._stage.link.trouble(
+        until_s = self._scenario.now_s + seconds
+        self._scenario.link.trouble(
             Way.DOWN,
             "MISSION_ACK",
             StreamFault.WRONG,
@@ -201,50 +201,50 @@ class Script:
         )
 
     def _busy(self, on: bool) -> None:
-        stations = self._stage.stations
+        stations = self._scenario.stations
         stations.download() if on else stations.downloaded()
 
     # Pilot and stations
 
     @property
     def _flies(self) -> bool:
-        autopilot = self._stage.vehicle.autopilot
+        autopilot = self._scenario.vehicle.autopilot
         return not autopilot.situation.landed and not autopilot.failsafe.acting
 
     def _taken(self, how: str) -> None:
         self.pilot = True
-        self._stage.happened(What.PILOT, how)
+        self._scenario.happened(What.PILOT, how)
 
     def _pilot(self, name: str) -> None:
         mode = FlightMode[name]
         if mode.needs_pilot:
-            self._sticks_from_s = min(self._sticks_from_s, self._stage.now_s)
-            self._stage.stations.sticks()
-        if self._stage.vehicle.autopilot.mode is mode:
+            self._sticks_from_s = min(self._sticks_from_s, self._scenario.now_s)
+            self._scenario.stations.sticks()
+        if self._scenario.vehicle.autopilot.mode is mode:
             mode = FlightMode.AUTO_RTL
         self._choose(mode)
 
     def _choose(self, mode: FlightMode, *, station: int = 0) -> None:
-        if self._flies and self._stage.stations.choose(mode, station=station):
+        if self._flies and self._scenario.stations.choose(mode, station=station):
             self._taken(mode.name)
 
     def _sticks(self, override: bool) -> None:
-        self._stage.stations.parameter("COM_RC_OVERRIDE", int(override))
-        now_s = self._stage.now_s
-        self._stage.stations.sticks()  # at rest first: what moves is taken for the pilot's
+        self._scenario.stations.parameter("COM_RC_OVERRIDE", int(override))
+        now_s = self._scenario.now_s
+        self._scenario.stations.sticks()  # at rest first: what moves is taken for the pilot's
         self._sticks_from_s, self._moved_until_s = now_s + 0.1, now_s + STICKS_S
         if override:
             self._taken("sticks")
 
     def _hand_back(self) -> None:
         if self.pilot and self._flies:
-            self._stage.stations.choose(FlightMode.AUTO_LOITER)
-            self._resumes_s = self._stage.now_s + RESUME_S
-            self._resumes_until_s = self._stage.now_s + PATIENCE_S
+            self._scenario.stations.choose(FlightMode.AUTO_LOITER)
+            self._resumes_s = self._scenario.now_s + RESUME_S
+            self._resumes_until_s = self._scenario.now_s + PATIENCE_S
 
     def _ask_too_early(self) -> None:
         """The operator asks for the vehicle while the pilot still flies it in another mode."""
-        mode = self._stage.vehicle.autopilot.mode
+        mode = self._scenario.vehicle.autopilot.mode
         if (
             self.pilot
             and self._flies
@@ -256,12 +256,12 @@ class Script:
         """The operator has our plan put on board again, and the flight resumed."""
         if self._flies:
             self._upload = True
-            self._resumes_s = self._stage.now_s
-            self._resumes_until_s = self._stage.now_s + PATIENCE_S
+            self._resumes_s = self._scenario.now_s
+            self._resumes_until_s = self._scenario.now_s + PATIENCE_S
 
     def _go_on_asking(self, now_s: float) -> None:
         """The operator asks until it is ours again: it may still be too low, or in a zone."""
-        companion = self._stage.companion
+        companion = self._scenario.companion
         if now_s < self._resumes_s:
             return
         if companion is not None and companion.in_charge:
@@ -274,14 +274,14 @@ class Script:
 
     def _pause(self, divert: bool) -> None:
         """The pilot pauses or diverts the vehicle without choosing a mode that is not ours."""
-        autopilot, companion = self._stage.vehicle.autopilot, self._stage.companion
+        autopilot, companion = self._scenario.vehicle.autopilot, self._scenario.companion
         if self.pilot or companion is None or not self._flies or autopilot.mission.climbing:
             return
         if companion.flight.controller.commanded_mode.pending is not None:
             return
         moving = math.hypot(*autopilot.situation.velocity_m_s[:2]) > MOVING_M_S
         if autopilot.mode is FlightMode.AUTO_MISSION and divert:
-            if self._stage.stations.divert():
+            if self._scenario.stations.divert():
                 self._taken("item")
         elif autopilot.mode is FlightMode.AUTO_LOITER and (divert or moving):
             place = (autopilot.situation.north_m + 12.0, autopilot.situation.east_m)
@@ -290,24 +290,24 @@ class Script:
 
     def _disarm(self, forced: bool) -> None:
         force = 21196.0 if forced else 0.0
-        was_armed = self._stage.vehicle.autopilot.armed
-        self._stage.stations.command(400, 0.0, force)
-        if was_armed and not self._stage.vehicle.autopilot.armed:
-            self._stage.happened(What.DISARMED, "station")
+        was_armed = self._scenario.vehicle.autopilot.armed
+        self._scenario.stations.command(400, 0.0, force)
+        if was_armed and not self._scenario.vehicle.autopilot.armed:
+            self._scenario.happened(What.DISARMED, "station")
 
     def _home(self, by: tuple[float, float]) -> None:
-        situation = self._stage.vehicle.autopilot.situation
+        situation = self._scenario.vehicle.autopilot.situation
         if situation.home is None:
             return
         side_m, up_m = by
         north_m, east_m = situation.home
         degrees = situation.projection.to_global(north_m, east_m + side_m)
         amsl_m = situation.home_altitude_m + up_m
-        self._stage.stations.set_home(*degrees, amsl_m)
-        self._stage.happened(What.HOME_MOVED, (*degrees, amsl_m))
+        self._scenario.stations.set_home(*degrees, amsl_m)
+        self._scenario.happened(What.HOME_MOVED, (*degrees, amsl_m))
 
     def _plan(self, which: str) -> None:
-        stations = self._stage.stations
+        stations = self._scenario.stations
         if not self._flies:
             return
         match which:
@@ -324,29 +324,31 @@ class Script:
         if not self._flies:
             return
         if ahead_m is None:
-            self._stage.stations.delete(MissionType.FENCE)
-            self._stage.happened(What.FENCE_CHANGED, "deleted")
+            self._scenario.stations.delete(MissionType.FENCE)
+            self._scenario.happened(What.FENCE_CHANGED, "deleted")
         else:
-            self._stage.stations.add_zone(ahead_m)
-            self._stage.happened(What.FENCE_CHANGED, "added")
+            self._scenario.stations.add_zone(ahead_m)
+            self._scenario.happened(What.FENCE_CHANGED, "added")
 
     # Robots
 
     def _mad(self, how: str) -> None:
-        self._stage.robots.prank = prank_of(how, self._stage.mission, self._dice, self._unix_s)
+        self._scenario.robots.prank = prank_of(
+            how, self._scenario.mission, self._dice, self._unix_s
+        )
 
     def _unix_s(self) -> float:
-        return EPOCH_S + self._stage.now_s
+        return EPOCH_S + self._scenario.now_s
 
     def _other_uav(self, seconds: float) -> None:
-        self._other_until_s = self._stage.now_s + seconds
+        self._other_until_s = self._scenario.now_s + seconds
 
     def _tell_of_the_other(self) -> None:
-        sought = self._stage.seek[int(self._stage.now_s / 20.0) % len(self._stage.seek)]
+        sought = self._scenario.seek[int(self._scenario.now_s / 20.0) % len(self._scenario.seek)]
         seek = SeekMessage(stamp_s=self._unix_s(), robot=sought)
-        mission = self._stage.mission
+        mission = self._scenario.mission
         place = pose(mission.frame, mission.home, self._unix_s())
-        self._stage.robots.others = [
+        self._scenario.robots.others = [
             ("rhea", SEEK_TOPIC, seek.encode()),
             ("rhea", POSE_TOPIC, place),
         ]
@@ -354,49 +356,51 @@ class Script:
     # Operator
 
     def _ask(self, request: AnyRequest) -> None:
-        companion = self._stage.companion
+        companion = self._scenario.companion
         if companion is not None:
-            self._stage.happened(What.REQUEST, _VERBS.get(type(request).__name__, "another"))
-            self._stage.call(lambda: companion.ask(request))
+            self._scenario.happened(What.REQUEST, _VERBS.get(type(request).__name__, "another"))
+            self._scenario.call(lambda: companion.ask(request))
 
     def _request(self, choice: float) -> None:
         """An operator asks for something, but never for the pilot's vehicle."""
         if not self.pilot:
-            self._ask(request_of(choice, self._dice, self._stage.mission, self._stage.place))
+            self._ask(request_of(choice, self._dice, self._scenario.mission, self._scenario.place))
 
     def _reload(self, ahead_m: float) -> None:
         """The operator draws a zone near the vehicle, or over it, and has the file read again."""
-        airframe = self._stage.vehicle.autopilot.airframe
+        airframe = self._scenario.vehicle.autopilot.airframe
         course_rad = math.atan2(airframe.velocity_east_m_s, airframe.velocity_north_m_s)
         course_rad += self._dice.uniform(-0.5, 0.5)
-        place = self._stage.place
+        place = self._scenario.place
         centre = Point(
             place.east_m + ahead_m * math.sin(course_rad),
             place.north_m + ahead_m * math.cos(course_rad),
         )
         radius_m = self._dice.uniform(4.0, 12.0)
-        self._change(lambda: self._stage.file.circle(centre, radius_m, self._stage.mission.home))
+        self._change(
+            lambda: self._scenario.file.circle(centre, radius_m, self._scenario.mission.home)
+        )
 
     def _wall(self, side: int) -> None:
         """The operator walls the vehicle in, zone by zone."""
-        home, place = self._stage.mission.home, self._stage.place
-        self._change(lambda: self._stage.file.wall(place, side, home))
+        home, place = self._scenario.mission.home, self._scenario.place
+        self._change(lambda: self._scenario.file.wall(place, side, home))
 
     def _enclose(self) -> None:
-        home, place = self._stage.mission.home, self._stage.place
-        self._change(lambda: self._stage.file.enclose(place, home))
+        home, place = self._scenario.mission.home, self._scenario.place
+        self._change(lambda: self._scenario.file.enclose(place, home))
 
     def _open(self) -> None:
-        self._change(lambda: "" if self._stage.file.open() else None)
+        self._change(lambda: "" if self._scenario.file.open() else None)
 
     def _change(self, draw: Callable[[], str | None]) -> None:
-        companion = self._stage.companion
+        companion = self._scenario.companion
         if companion is None or not self._flies or self._reading is not None:
             return
         zones = len(companion.flight.controller.mission.zones)
         name = draw()
         if name is not None:
-            self._reading = (self._stage.now_s + READ_S, name, zones)
+            self._reading = (self._scenario.now_s + READ_S, name, zones)
             self._ask(Reload())
 
     def _look_after_reading(self, now_s: float) -> None:
@@ -404,15 +408,15 @@ class Script:
         if self._reading is None:
             return
         until_s, _, zones = self._reading
-        companion = self._stage.companion
+        companion = self._scenario.companion
         if companion is not None and len(companion.flight.controller.mission.zones) != zones:
-            self._stage.happened(What.MISSION_FILE, self._stage.file.text)
+            self._scenario.happened(What.MISSION_FILE, self._scenario.file.text)
         elif companion is not None and now_s < until_s:
             return
         else:
-            left = (until_s - READ_S, self._stage.file.text)
-            self._stage.happened(What.FILE_LEFT, left)
-            self._stage.file.undo()
+            left = (until_s - READ_S, self._scenario.file.text)
+            self._scenario.happened(What.FILE_LEFT, left)
+            self._scenario.file.undo()
         self._reading = None
 
 
@@ -427,6 +431,6 @@ _VERBS: Final = {
 }
 
 
-def stage_of(scene: Scene, path: Path) -> Stage:
-    """The stage for one scene of a mission."""
-    return Stage(scene, path, lambda stage: Script(stage, scene.misfortunes()))
+def scenario_of(scene: Scene, path: Path) -> Scenario:
+    """The scenario for one scene of a mission."""
+    return Scenario(scene, path, lambda scenario: Script(scenario, scene.schedule()))

@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
+from sitl.mavlink.mavlink_codec import Speaker
 from sitl.mavlink.mavlink_vehicle import MavlinkVehicle
 from sitl.px4sim.plan.mission_items import Command, MissionItem, MissionType
 from sitl.px4sim.state.px4_modes import FlightMode
-from sitl.rehearsal.stand_ins.frames import Encoder
 
 GROUND_CONTROL: Final = 190
 SET_MODE, SET_HOME, CHANGE_SPEED, ARM_DISARM = 176, 179, 178, 400  # MAV_CMD
@@ -23,7 +23,7 @@ INT32: Final = 6
 _EXCLUSION: Final = 5002
 _AHEAD: Final = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 
-Tell = Callable[[Encoder, str, Mapping[str, Any]], object]
+Tell = Callable[[Speaker, str, Mapping[str, Any]], object]
 
 
 class Stations:
@@ -37,7 +37,7 @@ class Stations:
     def __init__(self, vehicle: MavlinkVehicle, tell: Tell) -> None:
         self._vehicle = vehicle
         self._tell = tell
-        self._senders = (Encoder(255, GROUND_CONTROL), Encoder(254, GROUND_CONTROL))
+        self._senders = (Speaker(255, GROUND_CONTROL), Speaker(254, GROUND_CONTROL))
         self._plan_ids = 1 << 20
 
     # Messages
@@ -46,7 +46,7 @@ class Stations:
         """One of the stations sends this."""
         sender, vehicle = self._senders[station], self._vehicle
         self._tell(sender, name, fields)
-        vehicle.receive(vehicle.ground, sender.frame(name, fields))
+        vehicle.receive(vehicle.ground, sender.pack(name, fields))
 
     def command(self, number: int, *params: float, station: int = 0) -> None:
         """A COMMAND_LONG."""
@@ -71,14 +71,14 @@ class Stations:
         vehicle, sender = self._vehicle, self._senders[1]
         fields = {"target_system": 1, "target_component": 1, "mission_type": 0}
         self._tell(sender, "MISSION_REQUEST_LIST", fields)
-        vehicle.receive(vehicle.onboard, sender.frame("MISSION_REQUEST_LIST", fields))
+        vehicle.receive(vehicle.onboard, sender.pack("MISSION_REQUEST_LIST", fields))
 
     def downloaded(self) -> None:
         """The download is over."""
         vehicle, sender = self._vehicle, self._senders[1]
         fields = {"target_system": 1, "target_component": 1, "mission_type": 0, "type": 0}
         self._tell(sender, "MISSION_ACK", fields)
-        vehicle.receive(vehicle.onboard, sender.frame("MISSION_ACK", fields))
+        vehicle.receive(vehicle.onboard, sender.pack("MISSION_ACK", fields))
 
     def set_home(self, latitude_deg: float, longitude_deg: float, amsl_m: float) -> None:
         """DO_SET_HOME."""

@@ -10,23 +10,15 @@ from __future__ import annotations
 import contextlib
 import math
 import signal
-import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from sitl.rehearsal.judge.evidence import Evidence, Happening, Line, What
 from sitl.rehearsal.judge.mission_reader import read_mission
-from sitl.rehearsal.programs.processes import (
-    Brake,
-    Companion,
-    free_port,
-    hurry,
-    port_of,
-    started,
-)
+from sitl.rehearsal.programs.processes import Companion, Programs, free_port, hurry
 from sitl.rehearsal.programs.recording import Recording
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import MEETINGS, STREAMS, Act, WireScene
@@ -45,7 +37,6 @@ DISARMED_S: Final = 5.0
 LET_GO_S: Final = 40.0
 """So long a vehicle is watched after the companion has ended, simulated."""
 
-_EPOCH: Final = 1_800_000_000
 _REACTS_S: Final = 0.15
 _SHOWS_S: Final = 8.0
 _BEAT_S: Final = 0.05
@@ -82,16 +73,13 @@ class RealFlight:
         self._px4 = px4
         self._happenings: list[Happening] = []
         self._lines: list[Line] = []
-        self._vehicle: subprocess.Popen[bytes] | None = None
-        self._second: subprocess.Popen[bytes] | None = None
         self._awaited: tuple[Happening, Callable[[], bool]] | None = None
         self._sticks_moved_s: tuple[float, float] | None = None
         self._relay: LossyRelay
         self._companion: Companion
         self._station: Station
         self._arguments: list[str] = []
-        self._instance = 0
-        self._brakes: list[Brake] = []
+        self._programs: Programs
 
     @property
     def _seen(self) -> Recording:
@@ -106,10 +94,12 @@ class RealFlight:
             folder = Path(name)
             mission = hurry(self._path, folder)
             port = free_port()
-            stack.callback(self._end_vehicle)
-            ports = self._start_px4(mission) if self._px4 is not None else (0, 0)
+            programs = self._programs = Programs(self.scene, mission, self._speed, self._px4)
+            stack.callback(programs.end_vehicles)
+            ports = programs.start_px4() if self._px4 is not None else (0, 0)
             self._relay = stack.enter_context(LossyRelay(port, self.scene.seed, ports, self._speed))
-            self._relay.hold = self._hold
+            programs.relay = self._relay
+            self._relay.hold = programs.hold
             self._relay.weather = Weather(loss=self.scene.loss)
             self._station = Station(self._relay)
             meets = any(act.when in MEETINGS for act in self.scene.acts())
@@ -118,16 +108,16 @@ class RealFlight:
                 f"--duration={MEETING_S if meets else DURATION_S}",
             ]
             if not any(act.what in _DEAFENING for act in self.scene.acts()):
-                self._arguments.append(f"--pace-from={self._pace_source},{self._speed:g}")
+                self._arguments.append(f"--pace-from={programs.pace_source},{self._speed:g}")
             if meets:
-                stack.enter_context(self._team(mission, folder))
+                self._arguments.append(stack.enter_context(programs.team(folder)))
             return self._flown(mission)
 
     def _flown(self, mission: Path) -> Evidence:
         text = mission.read_text(encoding="utf-8")  # it may be changed in flight
         self._start("--arm", "--yes")
         if self._px4 is None:
-            self._start_vehicle(mission)
+            self._programs.start_vehicle()
         try:
             wait_until(lambda: self._seen.armed or self._companion.ended, STARTS_S)
             self._run(self._seen.time_s)
@@ -169,7 +159,7 @@ class RealFlight:
             waits = any(a.what == "restart" for a in todo)
             if "-> DONE" in self._companion.last:
                 wait_until(lambda: not self._seen.armed, DISARMED_S)  # its word comes once a second
-                self._end_vehicle()  # the companion draws its track meanwhile
+                self._programs.end_vehicles()  # the companion draws its track meanwhile
                 wait_until(lambda: self._companion.ended, WALL_S)
                 return
             if (self._companion.ended and not waits) or self._is_left_alone(todo):
@@ -270,7 +260,6 @@ class RealFlight:
     def do_replan(self, value: str) -> None:
         """A station uploads the plan again, or another one."""
         items = items_of(self._seen.messages, 0)
-        items = items_of(self._seen.messages, 0)
         if value == "reversed":
             items = [*items[:3], *reversed(items[3:])]
 
@@ -327,15 +316,9 @@ class RealFlight:
     def do_reboot(self, _value: object) -> None:
         """The autopilot's power fails, and it starts anew."""
         self._note(What.REBOOTED)
-        self._end_vehicle()
+        self._programs.end_vehicles()
         self._seen.restart()
-        mission = Path(self._arguments[0])
-        if self._px4 is None:
-            self._start_vehicle(mission)
-        else:
-            self._relay.while_closed(
-                lambda: self._start_px4(mission, f"--instance={self._instance}")
-            )
+        self._programs.start_again()
 
     def do_move_link(self, _value: object) -> None:
         """The vehicle is heard from another port."""
@@ -360,19 +343,7 @@ class RealFlight:
 
     def do_second_vehicle(self, _value: object) -> None:
         """Another vehicle's messages come over the same radio."""
-        if self._px4 is None:
-            to = f"--api-to=127.0.0.1:{self._relay.api_port}"
-            self._second, _ = started(
-                *("vehicle", self._arguments[0], f"--speed={self._speed:g}", "--no-gcs", to),
-                *("--instance=1", f"--truth-to=127.0.0.1:{free_port()}"),
-                f"--pace-from={self._pace_source}",
-            )
-            return
-        self._second, ready = started(
-            *("px4", self._arguments[0], f"--px4={self._px4}", f"--speed={self._speed:g}")
-        )
-        self._brakes.append(Brake(ready["process_id"]))
-        self._relay.listen(port_of(ready["mavlink"]))
+        self._programs.start_second_vehicle()
 
     def do_intrude(self, value: str) -> None:
         """A stranger sends something to the companion."""
@@ -386,59 +357,3 @@ class RealFlight:
         self._companion = Companion(
             [*self._arguments, *how], Path(self._arguments[0]).parent, lambda: self._seen.time_s
         )
-
-    def _start_vehicle(self, mission: Path) -> None:
-        more = []
-        if self.scene.fault == "GUSTS":
-            dice = self.scene.chance("wind")
-            mean_m_s = dice.uniform(3.0, 7.0)
-            more = [f"--wind={mean_m_s},{dice.uniform(0, 360)},{(10 - mean_m_s) / 2}"]
-        self._vehicle, _ = started(
-            *("vehicle", str(mission), f"--seed={self.scene.seed}", "--no-gcs", *more),
-            *(f"--speed={self._speed:g}", f"--epoch={_EPOCH}"),
-            f"--api-to=127.0.0.1:{self._relay.api_port}",
-            f"--truth-to=127.0.0.1:{self._relay.truth_port}",
-            f"--pace-from={self._pace_source}",
-        )
-
-    def _start_px4(self, mission: Path, *more: str) -> tuple[int, int]:
-        """Where it sends its API link and its truth."""
-        self._vehicle, ready = started(
-            *("px4", str(mission), f"--px4={self._px4}", f"--speed={self._speed:g}", *more)
-        )
-        self._instance = int(ready["system_id"]) - 1
-        self._brakes.append(Brake(ready["process_id"]))
-        return port_of(ready["mavlink"]), port_of(ready["truth"])
-
-    @property
-    def _pace_source(self) -> str:
-        return f"127.0.0.1:{self._relay.pace_port}"
-
-    def _hold(self, waits: bool) -> None:
-        for brake in tuple(self._brakes):
-            brake.hold(waits)
-
-    def _end_vehicle(self) -> None:
-        for brake in self._brakes:
-            brake.release()
-        self._brakes.clear()
-        for vehicle in (self._vehicle, self._second):
-            if vehicle is not None:
-                vehicle.terminate()
-                vehicle.wait()
-
-    @contextlib.contextmanager
-    def _team(self, mission: Path, folder: Path) -> Iterator[None]:
-        """The ground robots, for scenes in COMM."""
-        process, ready = started(
-            *("team", str(mission), "--truth=udp://127.0.0.1:0", f"--free-ports={folder / 'team'}"),
-            f"--pace-from={self._pace_source}",
-            *(f"--epoch={_EPOCH}", f"--camera=ipc://{folder / 'camera'}"),
-        )
-        try:
-            self._relay.copy_truth_to = port_of(ready["truth"])
-            self._arguments.append(f"--team={ready['team']}")
-            yield
-        finally:
-            process.terminate()
-            process.wait()

@@ -12,13 +12,18 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any, Final
 
 from mocha_link import Team
 from sitl.rehearsal.judge.evidence import Line
+from sitl.rehearsal.programs.relay import LossyRelay
+from sitl.rehearsal.programs.scenes import WireScene
 from sitl.team.free_ports import derive_team
+
+EPOCH: Final = 1_800_000_000
+"""Unix seconds at the beginning of the vehicle's time."""
 
 _HURRIED: Final = (
     ("altitude_m: 40", "altitude_m: 20"),
@@ -167,3 +172,117 @@ def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+class Programs:
+    """The vehicles and robots of one flight.
+
+    Args:
+        scene: What goes wrong.
+        mission: The file that they start with.
+        speed: Times real time.
+        px4: Where a real PX4 is; None: `sitl vehicle`.
+
+    Attributes:
+        relay: Between them and the companion; set before any but a PX4 is started.
+    """
+
+    relay: LossyRelay
+
+    def __init__(self, scene: WireScene, mission: Path, speed: float, px4: str | None) -> None:
+        self._scene = scene
+        self._mission = mission
+        self._speed = speed
+        self._px4 = px4
+        self._vehicle: subprocess.Popen[bytes] | None = None
+        self._second: subprocess.Popen[bytes] | None = None
+        self._instance = 0
+        self._brakes: list[Brake] = []
+
+    def start_vehicle(self) -> None:
+        """Start `sitl vehicle`."""
+        more = []
+        if self._scene.fault == "GUSTS":
+            dice = self._scene.chance("wind")
+            mean_m_s = dice.uniform(3.0, 7.0)
+            more = [f"--wind={mean_m_s},{dice.uniform(0, 360)},{(10 - mean_m_s) / 2}"]
+        self._vehicle, _ = started(
+            *("vehicle", str(self._mission), f"--seed={self._scene.seed}", "--no-gcs", *more),
+            *(f"--speed={self._speed:g}", f"--epoch={EPOCH}"),
+            f"--api-to=127.0.0.1:{self.relay.api_port}",
+            f"--truth-to=127.0.0.1:{self.relay.truth_port}",
+            f"--pace-from={self.pace_source}",
+        )
+
+    def start_px4(self, *more: str) -> tuple[int, int]:
+        """Start a real PX4; where it sends its API link and its truth."""
+        self._vehicle, ready = started(
+            *("px4", str(self._mission), f"--px4={self._px4}", f"--speed={self._speed:g}", *more)
+        )
+        self._instance = int(ready["system_id"]) - 1
+        self._brakes.append(Brake(ready["process_id"]))
+        return port_of(ready["mavlink"]), port_of(ready["truth"])
+
+    def start_again(self) -> None:
+        """The vehicle that has ended is started anew on the same link."""
+        if self._px4 is None:
+            self.start_vehicle()
+        else:
+            instance = f"--instance={self._instance}"
+            self.relay.while_closed(lambda: self.start_px4(instance))
+
+    def start_second_vehicle(self) -> None:
+        """Start another one, whose messages come over the same radio."""
+        if self._px4 is None:
+            to = f"--api-to=127.0.0.1:{self.relay.api_port}"
+            self._second, _ = started(
+                *("vehicle", str(self._mission), f"--speed={self._speed:g}", "--no-gcs", to),
+                *("--instance=1", f"--truth-to=127.0.0.1:{free_port()}"),
+                f"--pace-from={self.pace_source}",
+            )
+            return
+        self._second, ready = started(
+            *("px4", str(self._mission), f"--px4={self._px4}", f"--speed={self._speed:g}")
+        )
+        self._brakes.append(Brake(ready["process_id"]))
+        self.relay.listen(port_of(ready["mavlink"]))
+
+    @property
+    def pace_source(self) -> str:
+        """Where they say how far they are, and the companion too."""
+        return f"127.0.0.1:{self.relay.pace_port}"
+
+    def hold(self, waits: bool) -> None:
+        """Let PX4s stand still, or go on."""
+        for brake in tuple(self._brakes):
+            brake.hold(waits)
+
+    def end_vehicles(self) -> None:
+        """End them, and wait until they have ended."""
+        for brake in self._brakes:
+            brake.release()
+        self._brakes.clear()
+        for vehicle in (self._vehicle, self._second):
+            if vehicle is not None:
+                vehicle.terminate()
+                vehicle.wait()
+
+    @contextlib.contextmanager
+    def team(self, folder: Path) -> Iterator[str]:
+        """The ground robots, for scenes in COMM; the option by which a companion knows them."""
+        process, ready = started(
+            *(
+                "team",
+                str(self._mission),
+                "--truth=udp://127.0.0.1:0",
+                f"--free-ports={folder / 'team'}",
+            ),
+            f"--pace-from={self.pace_source}",
+            *(f"--epoch={EPOCH}", f"--camera=ipc://{folder / 'camera'}"),
+        )
+        try:
+            self.relay.copy_truth_to = port_of(ready["truth"])
+            yield f"--team={ready['team']}"
+        finally:
+            process.terminate()
+            process.wait()

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from sitl.mavlink.mavlink_codec import Frame, frames
 from sitl.rehearsal.judge.evidence import AUTOPILOT, Sample, WireMessage
 
 MISSION: Final = frozenset({*range(37, 48), 51, 73})
 """Messages by which a plan is put on board, by number."""
 
-_HEAD, _CHECKSUM, _SIGNATURE, _MAGIC = 10, 2, 13, 0xFD
 _HEARTBEAT, _HIL_STATE, _HIL_ACTUATORS = 0, 115, 93
 _FROM_VEHICLE: Final = frozenset({_HEARTBEAT, 1, 77, 242, 245, 436, *MISSION})
 _INPUTS: Final = frozenset({_HEARTBEAT, 1, 24, 33, 42, 245, 436})
@@ -23,26 +22,6 @@ _LANDED_M: Final = 0.3
 """So low above where it started a vehicle stands on the ground: the simulated ground is flat."""
 
 _DECODER: Final = mavlink.MAVLink(None)
-
-
-class Frame(NamedTuple):
-    """One MAVLink 2 frame."""
-
-    number: int
-    system: int
-    component: int
-    data: bytes
-
-
-def frames(datagram: bytes) -> Iterator[Frame]:
-    """The MAVLink 2 frames in a datagram; what is none ends it."""
-    at = 0
-    while at + _HEAD < len(datagram) and datagram[at] == _MAGIC:
-        signature = _SIGNATURE if datagram[at + 2] & 1 else 0
-        end = at + _HEAD + datagram[at + 1] + _CHECKSUM + signature
-        number = int.from_bytes(datagram[at + 7 : at + 10], "little")
-        yield Frame(number, datagram[at + 5], datagram[at + 6], datagram[at:end])
-        at = end
 
 
 @dataclass(slots=True)
@@ -91,7 +70,7 @@ class Recording:
 
     def look(self, frame: Frame, *, delivered: bool) -> None:
         """Note a frame, from either side."""
-        vehicle = frame.component == AUTOPILOT
+        vehicle = frame.component_id == AUTOPILOT
         wanted = _FROM_VEHICLE if vehicle else _FROM_OTHERS
         if frame.number not in wanted:
             return
@@ -105,17 +84,19 @@ class Recording:
             self._state(message)
         target = int(fields.get("target_system", 0))
         self.messages.append(
-            WireMessage(self.time_s, frame.system, frame.component, target, name, fields, delivered)
+            WireMessage(
+                self.time_s, frame.system_id, frame.component_id, target, name, fields, delivered
+            )
         )
 
     def hear(self, datagram: bytes) -> None:
         """Note what reaches the companion."""
         for frame in frames(datagram):
-            if frame.number in _INPUTS and frame.component == AUTOPILOT:
+            if frame.number in _INPUTS and frame.component_id == AUTOPILOT:
                 fields = _DECODER.decode(bytearray(frame.data)).to_dict()
                 name = fields.pop("mavpackettype")
                 self.heard.append(
-                    WireMessage(self.time_s, frame.system, frame.component, 0, name, fields)
+                    WireMessage(self.time_s, frame.system_id, frame.component_id, 0, name, fields)
                 )
 
     def see(self, frame: Frame) -> None:

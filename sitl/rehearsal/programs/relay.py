@@ -14,9 +14,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
+from sitl.mavlink.mavlink_codec import frames
 from sitl.process.pace_link import PaceServer
 from sitl.rehearsal.judge.evidence import WireMessage
-from sitl.rehearsal.programs.recording import MISSION, Recording, frames
+from sitl.rehearsal.programs.recording import MISSION, Recording
 
 _BUFFER: Final = 2**22
 _PAUSE_S: Final = 0.2
@@ -194,7 +195,7 @@ class LossyRelay:
             if passes and self._vehicle is not None:
                 self._api.sendto(data, self._vehicle)
             return
-        if any(frame.system != self._system for frame in itertools.islice(frames(data), 1)):
+        if any(frame.system_id != self._system for frame in itertools.islice(frames(data), 1)):
             self._outside.sendto(data, self._companion)  # another vehicle on the same radio
             return
         self._vehicle = sender

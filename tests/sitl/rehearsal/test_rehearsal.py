@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from sitl.rehearsal.command import fly, table
+from sitl.rehearsal.courses import ScheduledFault
 from sitl.rehearsal.faults import FLIGHTS, PHASES, Fault, Scene, scenes
 from sitl.rehearsal.judge.acceptance import ACCEPTED, End
 from sitl.rehearsal.judge.evidence import What
 from sitl.rehearsal.judge.judge_flight import Verdict
 from sitl.rehearsal.judge.judge_track import By, Violation
-from sitl.rehearsal.misfortunes import Misfortune
-from sitl.rehearsal.script import stage_of
+from sitl.rehearsal.script import scenario_of
 from sitl.rehearsal.stand_ins.loop import SimulatedLoop
 
 VALUE = {"pilot": "AUTO_LOITER", "kill": None, "reboot": 1.0, "disarm": True}
@@ -39,7 +39,7 @@ def test_the_real_program_brings_it_home_or_leaves_it_to_the_pilot(fault, seed, 
 
 
 def test_the_same_seed_is_the_same_flight():
-    first, second = (stage_of(Scene(Fault.LOSS_5, 8), PENNOVATION).fly() for _ in range(2))
+    first, second = (scenario_of(Scene(Fault.LOSS_5, 8), PENNOVATION).fly() for _ in range(2))
     assert first.samples == second.samples
     assert [(m.time_s, m.name, m.delivered) for m in first.messages] == [
         (m.time_s, m.name, m.delivered) for m in second.messages
@@ -48,7 +48,7 @@ def test_the_same_seed_is_the_same_flight():
 
 
 def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later():
-    evidence = stage_of(Scene(Fault.STOPPED, 4), PENNOVATION).fly()
+    evidence = scenario_of(Scene(Fault.STOPPED, 4), PENNOVATION).fly()
     stopped, going = (
         next(h.time_s for h in evidence.happenings if h.what is what)
         for what in (What.STOPPED, What.CONTINUED)
@@ -62,16 +62,16 @@ def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later():
 
 
 def test_whatever_can_happen_happens(monkeypatch):
-    """Every misfortune that any scene has, one after the other in a single flight."""
-    kinds = {m.what: m for s in scenes() for m in s.misfortunes() if m.what not in LAST}
+    """Every fault that any scene has, one after the other in a single flight."""
+    kinds = {m.what: m for s in scenes() for m in s.schedule() if m.what not in LAST}
     happen = [m._replace(at_s=30.0 + 2.0 * n, phase="armed") for n, m in enumerate(kinds.values())]
     end_s = happen[-1].at_s
     happen += [
-        Misfortune(end_s + 5.0 * n, what, VALUE.get(what), "armed")
+        ScheduledFault(end_s + 5.0 * n, what, VALUE.get(what), "armed")
         for n, what in enumerate(LAST, 1)
     ]
-    monkeypatch.setattr(Scene, "misfortunes", lambda _: list(happen))
-    evidence = stage_of(Scene(Fault.NONE, 0), PENNOVATION).fly()
+    monkeypatch.setattr(Scene, "schedule", lambda _: list(happen))
+    evidence = scenario_of(Scene(Fault.NONE, 0), PENNOVATION).fly()
     told = {h.value for h in evidence.happenings if h.what is What.FAULT}
     assert told >= {*kinds, *LAST} - {"reject"}
     assert {What.PILOT, What.HOME_MOVED, What.KILLED, What.DISARMED} <= {
@@ -87,14 +87,14 @@ def test_every_fault_has_flights_words_and_a_row_of_the_judge():
     assert pickle.loads(pickle.dumps(whole)) == whole  # noqa: S301 - our own
 
 
-def test_misfortunes_come_in_every_phase_of_a_flight():
-    begins = {Scene(Fault.PILOT, seed).misfortunes()[0].phase for seed in range(12)}
+def test_faults_begin_in_every_phase_of_a_flight():
+    begins = {Scene(Fault.PILOT, seed).schedule()[0].phase for seed in range(12)}
     assert begins == {*PHASES, "armed"}
     assert all(
-        misfortune.at_s >= 0
+        scheduled.at_s >= 0
         for scene in scenes()
-        for misfortune in scene.misfortunes()
-        if math.isfinite(misfortune.at_s)
+        for scheduled in scene.schedule()
+        if math.isfinite(scheduled.at_s)
     )
 
 

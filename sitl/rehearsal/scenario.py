@@ -1,4 +1,4 @@
-"""One rehearsed flight in simulated time: vehicle, robots, companion, pilot, and a misfortune."""
+"""One rehearsed flight in simulated time: vehicle, robots, companion, pilot, and a fault."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from air_router.cli.fly import ground_robots, team_of
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from geo.frame import Point
+from sitl.mavlink.mavlink_codec import Speaker
 from sitl.mavlink.mavlink_vehicle import MavlinkVehicle, VehicleSettings
 from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
 from sitl.px4sim.motion.wind import WindSettings
@@ -29,7 +30,6 @@ from sitl.rehearsal.judge.evidence import (
     What,
     WireMessage,
 )
-from sitl.rehearsal.stand_ins.frames import Encoder
 from sitl.rehearsal.stand_ins.link import Burst, Link, Way
 from sitl.rehearsal.stand_ins.team import Robots, anywhere
 from sitl.rehearsal.stations import Stations
@@ -84,13 +84,13 @@ class Course(Protocol):
         """Let happen what is due."""
 
 
-class Stage:
+class Scenario:
     """Flies one scene; a `World` for the companion's loop.
 
     Args:
         scene: What goes wrong.
         path: The mission.
-        script_of: What happens on this stage; see `script.stage_of`.
+        script_of: What happens on this scenario; see `script.scenario_of`.
 
     Attributes:
         vehicle: The vehicle.
@@ -104,13 +104,13 @@ class Stage:
         now_s: Simulated seconds since the vehicle started.
     """
 
-    def __init__(self, scene: Scene, path: Path, script_of: Callable[[Stage], Course]) -> None:
+    def __init__(self, scene: Scene, path: Path, script_of: Callable[[Scenario], Course]) -> None:
         self.scene = scene
         self._path = path
         self.now_s = 0.0
         self.companion: Companion | None = None
-        self._dice = scene.chance("stage")
-        self._encoder = Encoder(1, COMPANION)
+        self._dice = scene.chance("scenario")
+        self._speaker = Speaker(1, COMPANION)
         self._step_at_s = self._tick_at_s = STEP_S
         self._stalled_until_s = self._deaf_from_s = math.inf
         self._inbox: list[Callable[[], object]] = []
@@ -265,13 +265,13 @@ class Stage:
 
     def send(self, name: str, fields: Mapping[str, Any]) -> None:
         """The companion sends a message to the vehicle."""
-        vehicle, encoder = self.vehicle, self._encoder
+        vehicle, speaker = self.vehicle, self._speaker
 
         def arrive(arrived: Mapping[str, Any]) -> None:
-            vehicle.receive(vehicle.onboard, encoder.frame(name, arrived))
+            vehicle.receive(vehicle.onboard, speaker.pack(name, arrived))
 
         arrives = self.link.send(Way.UP, name, fields, self.now_s, arrive)
-        self._record(encoder, name, fields, delivered=arrives)
+        self._record(speaker, name, fields, delivered=arrives)
 
     def _step(self) -> None:
         self._step_at_s = round(self._step_at_s + STEP_S, 6)
@@ -350,7 +350,7 @@ class Stage:
         self._lines.append(Line(self.now_s, text))
 
     def _record(
-        self, sender: Encoder, name: str, fields: Mapping[str, Any], *, delivered: bool = True
+        self, sender: Speaker, name: str, fields: Mapping[str, Any], *, delivered: bool = True
     ) -> None:
         target = int(fields.get("target_system", fields.get("target", 0)))
         self._messages.append(

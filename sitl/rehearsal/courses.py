@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 from sitl.rehearsal.stand_ins.link import StreamFault
 
 
-class Misfortune(NamedTuple):
+class ScheduledFault(NamedTuple):
     """Something that happens.
 
     Attributes:
@@ -44,34 +44,34 @@ _HELD: Final = ("AUTO_LOITER", "AUTO_RTL", "ORBIT", "POSCTL")
 _SURE: Final = ("AUTO_LOITER", "AUTO_RTL", "AUTO_LAND", "POSCTL")
 """Modes that no PX4 refuses; in the first a restarted companion may take it back."""
 
-Happen = list[Misfortune]
-Course = Callable[[random.Random], Happen]
+Schedule = list[ScheduledFault]
+Course = Callable[[random.Random], Schedule]
 
 
 def stream(*names: str) -> Course:
     """One stream, in one of the ways."""
 
-    def course(dice: random.Random) -> Happen:
+    def course(dice: random.Random) -> Schedule:
         kind = dice.choice(tuple(StreamFault))
-        return [Misfortune(0.0, "stream", (names, kind, dice.choice(SECONDS)))]
+        return [ScheduledFault(0.0, "stream", (names, kind, dice.choice(SECONDS)))]
 
     return course
 
 
-def brief(dice: random.Random) -> Happen:
+def brief(dice: random.Random) -> Schedule:
     """Any one stream, for a moment."""
     names, kind = dice.choice(_STREAMS), dice.choice(tuple(StreamFault))
-    return [Misfortune(0.0, "stream", (names, kind, BRIEF_S))]
+    return [ScheduledFault(0.0, "stream", (names, kind, BRIEF_S))]
 
 
 def one(what: str, draw: Callable[[random.Random], Any]) -> Course:
     """One thing, with what is drawn for it."""
-    return lambda dice: [Misfortune(0.0, what, draw(dice))]
+    return lambda dice: [ScheduledFault(0.0, what, draw(dice))]
 
 
 def span(what: str, on: object, off: object, seconds: Callable[[random.Random], float]) -> Course:
     """Something that begins, and ends after so long."""
-    return lambda dice: [Misfortune(0.0, what, on), Misfortune(seconds(dice), what, off)]
+    return lambda dice: [ScheduledFault(0.0, what, on), ScheduledFault(seconds(dice), what, off)]
 
 
 def often(
@@ -79,140 +79,140 @@ def often(
 ) -> Course:
     """Again and again, each a while after the one before."""
 
-    def course(dice: random.Random) -> Happen:
+    def course(dice: random.Random) -> Schedule:
         at_s, happen = 0.0, []
         for _ in range(times):
-            happen.append(Misfortune(at_s, what, value(dice)))
+            happen.append(ScheduledFault(at_s, what, value(dice)))
             at_s += dice.uniform(*every)
         return happen
 
     return course
 
 
-def jumps(dice: random.Random) -> Happen:
+def jumps(dice: random.Random) -> Schedule:
     """The position estimate jumps and comes back, four times."""
     happen = []
     for _ in range(4):
         at_s = dice.uniform(0.0, 150.0)
-        happen.append(Misfortune(at_s, "jump", dice.uniform(0.0, 2 * math.pi)))
-        happen.append(Misfortune(at_s + dice.uniform(3.0, 15.0), "jump back"))
+        happen.append(ScheduledFault(at_s, "jump", dice.uniform(0.0, 2 * math.pi)))
+        happen.append(ScheduledFault(at_s + dice.uniform(3.0, 15.0), "jump back"))
     return happen
 
 
-def height(dice: random.Random) -> Happen:
+def height(dice: random.Random) -> Schedule:
     """The altitude estimate jumps, and perhaps comes back."""
     off_m = dice.choice((-1.0, 1.0)) * dice.uniform(3.0, 8.0)
     back_s = dice.choice((5.0, 20.0, math.inf))
-    return [Misfortune(0.0, "off", (0.0, off_m)), Misfortune(back_s, "off", (0.0, -off_m))]
+    return [ScheduledFault(0.0, "off", (0.0, off_m)), ScheduledFault(back_s, "off", (0.0, -off_m))]
 
 
 def drift(sideways: float, up: float) -> Course:
     """The estimate drifts by so many metres a second."""
 
-    def course(dice: random.Random) -> Happen:
+    def course(dice: random.Random) -> Schedule:
         angle_rad, sign = dice.uniform(0.0, 2 * math.pi), dice.choice((-1.0, 1.0))
         off = (sideways, angle_rad, sign * up)
-        return [Misfortune(float(s), "drift", off) for s in range(dice.choice((15, 30)))]
+        return [ScheduledFault(float(s), "drift", off) for s in range(dice.choice((15, 30)))]
 
     return course
 
 
-def busy(dice: random.Random) -> Happen:
+def busy(dice: random.Random) -> Schedule:
     """A station downloads the plan, six times."""
     happen = []
     for _ in range(6):
         at_s = dice.uniform(0.0, 160.0)
-        happen.append(Misfortune(at_s, "busy", True))
-        happen.append(Misfortune(at_s + dice.uniform(1.0, 8.0), "busy", False))
+        happen.append(ScheduledFault(at_s, "busy", True))
+        happen.append(ScheduledFault(at_s + dice.uniform(1.0, 8.0), "busy", False))
     return happen
 
 
-def hand_back(dice: random.Random) -> Happen:
+def hand_back(dice: random.Random) -> Schedule:
     """The pilot takes over; the operator asks for it too early, then in time."""
     return [
-        Misfortune(0.0, "pilot", dice.choice(_HELD)),
-        Misfortune(2.5, "too early"),
-        Misfortune(dice.uniform(3.0, 10.0), "hand back"),
+        ScheduledFault(0.0, "pilot", dice.choice(_HELD)),
+        ScheduledFault(2.5, "too early"),
+        ScheduledFault(dice.uniform(3.0, 10.0), "hand back"),
     ]
 
 
-def taken_in_haste(dice: random.Random) -> Happen:
+def taken_in_haste(dice: random.Random) -> Schedule:
     """Commands of ours are lost or wait behind one that was, and the pilot chooses."""
     at_s = dice.uniform(2.0, 5.0)
-    happen = [Misfortune(0.0, "send", at_s - 1.5), Misfortune(at_s - 1.6, "deaf", True)]
+    happen = [ScheduledFault(0.0, "send", at_s - 1.5), ScheduledFault(at_s - 1.6, "deaf", True)]
     if dice.randrange(2):
-        happen.append(Misfortune(at_s - 0.8, "send again"))
+        happen.append(ScheduledFault(at_s - 0.8, "send again"))
     else:
-        happen.append(Misfortune(at_s - 0.8, "hold"))
-    happen.append(Misfortune(at_s, "pilot", dice.choice(_SURE)))
-    return [*happen, Misfortune(at_s + dice.choice((0.05, 0.5)), "deaf", False)]
+        happen.append(ScheduledFault(at_s - 0.8, "hold"))
+    happen.append(ScheduledFault(at_s, "pilot", dice.choice(_SURE)))
+    return [*happen, ScheduledFault(at_s + dice.choice((0.05, 0.5)), "deaf", False)]
 
 
-def diverted(dice: random.Random) -> Happen:
+def diverted(dice: random.Random) -> Schedule:
     """It holds by the operator's word, and a station sends it elsewhere, or a pilot flies it."""
     at_s = dice.uniform(40.0, 140.0)
     later_s = [at_s + dice.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
-    happen = [Misfortune(at_s, "hold", phase="armed")]
+    happen = [ScheduledFault(at_s, "hold", phase="armed")]
     if dice.randrange(2):
         mode = dice.choice(("POSCTL", "ALTCTL"))
-        return [*happen, Misfortune(later_s[0], "pilot", mode, "armed")]
-    return happen + [Misfortune(each_s, "pause", True, "armed") for each_s in later_s]
+        return [*happen, ScheduledFault(later_s[0], "pilot", mode, "armed")]
+    return happen + [ScheduledFault(each_s, "pause", True, "armed") for each_s in later_s]
 
 
-def zone_in_haste(dice: random.Random) -> Happen:
+def zone_in_haste(dice: random.Random) -> Schedule:
     """A zone is drawn over the vehicle while the way through it waits behind a lost command."""
     at_s = dice.uniform(4.0, 6.0)
     return [
-        Misfortune(0.0, "send", at_s),
-        Misfortune(at_s - 0.1, "deaf", True),
-        Misfortune(at_s + 0.4, "send again"),
-        Misfortune(at_s + 1.0, "zone over", dice.uniform(1.0, 3.0)),
-        Misfortune(at_s + 1.5, "deaf", False),
+        ScheduledFault(0.0, "send", at_s),
+        ScheduledFault(at_s - 0.1, "deaf", True),
+        ScheduledFault(at_s + 0.4, "send again"),
+        ScheduledFault(at_s + 1.0, "zone over", dice.uniform(1.0, 3.0)),
+        ScheduledFault(at_s + 1.5, "deaf", False),
     ]
 
 
-def restart_taken(dice: random.Random) -> Happen:
+def restart_taken(dice: random.Random) -> Schedule:
     """The pilot takes the vehicle from a companion that is dead, and it is started again."""
     taken_s = dice.uniform(0.5, 4.0)
     return [
-        Misfortune(0.0, "kill"),
-        Misfortune(taken_s, "pilot", dice.choice(_SURE[1:])),
-        Misfortune(taken_s + dice.uniform(1.0, 10.0), "restart"),
+        ScheduledFault(0.0, "kill"),
+        ScheduledFault(taken_s, "pilot", dice.choice(_SURE[1:])),
+        ScheduledFault(taken_s + dice.uniform(1.0, 10.0), "restart"),
     ]
 
 
-def lie(dice: random.Random) -> Happen:
+def lie(dice: random.Random) -> Schedule:
     """The battery says that it is fuller than it is, while it empties fast."""
     share = dice.choice((0.2, 0.5, 1.0))
     return [
-        Misfortune(0.0, "battery", dice.uniform(150.0, 400.0)),
-        Misfortune(0.0, "fuller", share),
+        ScheduledFault(0.0, "battery", dice.uniform(150.0, 400.0)),
+        ScheduledFault(0.0, "fuller", share),
     ]
 
 
-def walls(dice: random.Random) -> Happen:
+def walls(dice: random.Random) -> Schedule:
     """Walls on all sides, one after the other or at once; perhaps one is taken away again."""
-    happen = [Misfortune(0.0, "battery", dice.uniform(250.0, 500.0))]
-    walls = [Misfortune(6.0 * again, "wall", again) for again in range(4)]
-    opened = [Misfortune(dice.uniform(40.0, 120.0), "open")] if dice.randrange(2) else []
-    enclosed = [Misfortune(0.0, "enclose")] if dice.randrange(2) else walls
+    happen = [ScheduledFault(0.0, "battery", dice.uniform(250.0, 500.0))]
+    walls = [ScheduledFault(6.0 * again, "wall", again) for again in range(4)]
+    opened = [ScheduledFault(dice.uniform(40.0, 120.0), "open")] if dice.randrange(2) else []
+    enclosed = [ScheduledFault(0.0, "enclose")] if dice.randrange(2) else walls
     return happen + enclosed + opened
 
 
 def on_board(what: str, value: Callable[[random.Random], Any], *, back: float = 0.5) -> Course:
     """A station changes what is on board; perhaps the operator puts our plan there again."""
 
-    def course(dice: random.Random) -> Happen:
-        happen = [Misfortune(0.0, what, value(dice))]
+    def course(dice: random.Random) -> Schedule:
+        happen = [ScheduledFault(0.0, what, value(dice))]
         if dice.random() < back:
-            happen.append(Misfortune(dice.uniform(4.0, 15.0), "take back"))
+            happen.append(ScheduledFault(dice.uniform(4.0, 15.0), "take back"))
         return happen
 
     return course
 
 
-def two_stations(dice: random.Random) -> Happen:
+def two_stations(dice: random.Random) -> Schedule:
     """Two stations choose different modes, shortly one after the other."""
     first, second = dice.sample(("AUTO_RTL", "AUTO_LOITER", "AUTO_MISSION", "POSCTL"), 2)
     later_s = dice.choice((0.0, 0.1, 0.5, 2.0))
-    return [Misfortune(0.0, "pilot", first), Misfortune(later_s, "second station", second)]
+    return [ScheduledFault(0.0, "pilot", first), ScheduledFault(later_s, "second station", second)]
