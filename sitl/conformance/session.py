@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -106,8 +106,7 @@ class Session:
         self.counts: Counter[tuple[Link, str]] = Counter()
         self.two_answers = True
         self.vehicle_id = 1
-        self._heard: list[Heard] = []
-        self._mark = 0
+        self._heard: defaultdict[tuple[Link, str], list[Heard]] = defaultdict(list)
         self._newest: dict[tuple[Link, str], Heard] = {}
         self._speakers: dict[tuple[int, int], Speaker] = {}
         self._beat_s = -math.inf
@@ -121,7 +120,7 @@ class Session:
 
     def mark(self) -> None:
         """A new exchange begins: `since` looks no further back than here."""
-        self._mark = len(self._heard)
+        self._heard.clear()
 
     def say(self, name: str, link: Link = Link.API, **fields: Any) -> None:
         """Send one message; where it has a target that is not given, the vehicle is it."""
@@ -155,11 +154,7 @@ class Session:
 
     def since(self, name: str, link: Link = Link.API) -> list[Heard]:
         """The messages of a name since the present exchange began."""
-        return [
-            heard
-            for heard in self._heard[self._mark :]
-            if heard.frame.name == name and heard.link is link
-        ]
+        return list(self._heard[link, name])
 
     def newest(self, name: str, link: Link = Link.API) -> dict[str, Any] | None:
         """The fields of the newest message of a name; None if there was none."""
@@ -242,7 +237,7 @@ class Session:
             _, north, east, down, *_rest = _POSITION.unpack(padded[: _POSITION.size])
             self.track.append(Where(self.now_s, north, east, -down))
         if frame.name not in _COUNTED_ONLY:
-            self._heard.append(heard)
+            self._heard[link, frame.name].append(heard)
 
 
 def mode_name(custom_mode: int) -> str:

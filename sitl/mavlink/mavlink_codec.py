@@ -174,20 +174,17 @@ class Frame:
 
     Attributes:
         number: Of the message.
+        name: Of the message; empty: it is unknown.
         system_id: The sender's.
         component_id: The sender's.
         data: All of it.
     """
 
     number: int
+    name: str
     system_id: int
     component_id: int
     data: bytes
-
-    @property
-    def name(self) -> str:
-        """Of the message; empty: it is unknown."""
-        return _NAMES.get(self.number, "")
 
     @property
     def payload(self) -> bytes:
@@ -212,7 +209,8 @@ def frames(datagram: bytes) -> Iterator[Frame]:
         signature = _SIGNATURE if datagram[at + 2] & 1 else 0
         end = at + _HEADER + datagram[at + 1] + _CHECKSUM + signature
         number = int.from_bytes(datagram[at + 7 : at + 10], "little")
-        yield Frame(number, datagram[at + 5], datagram[at + 6], datagram[at:end])
+        name = _NAMES.get(number, "")
+        yield Frame(number, name, datagram[at + 5], datagram[at + 6], datagram[at:end])
         at = end
 
 
