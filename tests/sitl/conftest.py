@@ -5,11 +5,14 @@ from typing import NamedTuple
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-from sitl.mavlink.mavlink_vehicle import STEP_S, MavlinkVehicle, VehicleSettings
+from sitl.mavlink.mavlink_vehicle import MavlinkVehicle, VehicleSettings
+from sitl.mavlink.telemetry import ONBOARD_RATES_HZ
 from sitl.px4sim.state.notice import Notice, Severity
 from sitl.px4sim.state.situation import Place
 
 HOME = Place(47.397742, 8.545594, 489.4)
+STEP_S = 0.04  # half as many as the process does
+SLOWER_HZ = {name: min(rate_hz, 10.0) for name, rate_hz in ONBOARD_RATES_HZ.items()}
 GROUND_STATION = (255, 190)
 NAMES = {number: message.msgname for number, message in mavlink.mavlink_map.items()} | {
     410: "EVENT",
@@ -126,7 +129,14 @@ class Rig:
     def __init__(self, speed=1.0, seed=1, **parameters):
         parameters = {"SIM_BAT_DRAIN": 3600.0, "SIM_BAT_MIN_PCT": 0.0} | parameters
         self.vehicle = MavlinkVehicle(
-            VehicleSettings(HOME, seed=seed, speed=speed, parameters=parameters)
+            VehicleSettings(
+                HOME,
+                seed=seed,
+                speed=speed,
+                parameters=parameters,
+                step_s=STEP_S,
+                onboard_rates_hz=SLOWER_HZ,
+            )
         )
         self.autopilot = self.vehicle.autopilot
         self.onboard, self.ground = Ear(), Ear()

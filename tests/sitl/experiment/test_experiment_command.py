@@ -220,7 +220,7 @@ def test_results_are_tidy(sitl, tmp_path, capsys):
 def test_every_figure_is_drawn(sitl, tmp_path, monkeypatch):
     sheet = pytest.importorskip("sitl.experiment.figures.figure_sheet", exc_type=PictureError)
     monkeypatch.setattr(sheet, "_DPI", 40)  # small ones are drawn sooner
-    sitl("--seeds", "2", "--rows", "radius_m=5", figures=True)
+    sitl("--seeds", "1", "--rows", "radius_m=5", figures=True)
     names = {path.stem for path in (tmp_path / "out" / "figures").iterdir()}
     assert names == {"compare", "goals", "waits", "bandwidth", "places", "contacts", "ages"}
 

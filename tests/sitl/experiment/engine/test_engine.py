@@ -32,7 +32,7 @@ SMALL = RunSettings(
     mission=URBAN / "mission.yaml",
     uavs=2,
     ugvs=3,
-    duration_s=300.0,
+    duration_s=200.0,
     timers=Timers(init_s=60.0, explore_s=30.0, search_s=5.0, communicate_s=30.0),
     keep_log=True,
 )
@@ -54,14 +54,14 @@ def test_a_run_shows_everything_that_it_promises(original):
     assert original.robots == ("base", "uav01", "uav02", "ugv01", "ugv02", "ugv03")
     assert original.kinds == ("base", "uav", "uav", "ugv", "ugv", "ugv")
     samples = len(original.sample_times_s)
-    assert samples == 30
+    assert samples == 20
     assert original.positions_m.shape == (samples, robots, 2)
     assert original.pose_age_s.shape == (samples, robots, robots)
     assert original.map_age_s.shape == (samples, robots)
     assert np.all(np.diff(original.known_share) >= 0)
     assert original.known_share[-1] > 0.1
     assert original.travelled_m[0] == 0.0
-    assert all(10.0 < metres < 5 * 300 for metres in original.travelled_m[1:])
+    assert all(10.0 < metres < 5 * 200 for metres in original.travelled_m[1:])
     assert {uav for uav, _, _ in original.states} == {"uav01", "uav02"}
     assert original.decisions > 20
     assert original.goals_total == 15
@@ -119,7 +119,7 @@ def test_a_log_replays_to_the_same_decisions(original):
     assert found.keys() == {"uav01", "uav02"}
     assert [each.difference for each in found.values()] == [None, None]
     assert sum(each.actions for each in found.values()) == original.decisions
-    assert all(each.events > 600 for each in found.values())
+    assert all(each.events > 400 for each in found.values())
 
 
 def test_another_event_would_have_been_decided_on_otherwise(original):
@@ -128,21 +128,21 @@ def test_another_event_would_have_been_decided_on_otherwise(original):
     assert any(each.difference is not None for each in replay(SMALL, log).values())
 
 
-def test_the_same_seed_gives_the_same_log_in_another_process(original):
+def test_the_same_seed_gives_the_same_log_in_another_process():
+    brief = dataclasses.replace(SMALL, duration_s=100.0)
     program = (
         "import pickle, sys; from sitl.experiment.engine.engine import run;"
         "print(run(pickle.loads(bytes.fromhex(sys.argv[1])), int(sys.argv[2])).digest)"
     )
     answer = subprocess.run(
-        [sys.executable, "-c", program, pickle.dumps(SMALL).hex(), str(SEED)],
+        [sys.executable, "-c", program, pickle.dumps(brief).hex(), str(SEED)],
         cwd=ROOT,
         env={**os.environ, "PYTHONHASHSEED": "12345"},
         capture_output=True,
         text=True,
         check=True,
     )
-    assert answer.stdout.strip() == original.digest
-    assert run(SMALL, SEED + 1).digest != original.digest
+    assert answer.stdout.strip() == run(brief, SEED).digest != run(brief, SEED + 1).digest
 
 
 class OtherLibrary:
