@@ -25,10 +25,10 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 sim: setup
 	$(BIN)/air-router sim $(MISSION) --speed $(SPEED) --log-dir logs $(SIM)
 
-# Looked through once before: five workers that start cold would all rewrite the same assertions.
+# Looked through before, once: five workers that start cold would all rewrite the same assertions.
 test: export PYTHONDONTWRITEBYTECODE =
 test: setup
-	@$(BIN)/python -m pytest --collect-only -qq > /dev/null || true
+	@[ -d tests/__pycache__ ] || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
 	$(BIN)/python -m pytest -n 5 --dist loadfile --no-loadscope-reorder
 
 # Every snippet of README and docs; the tutorial as it stands there and what else flies or serves: 4 minutes

@@ -1,6 +1,7 @@
 """Starts our commands as a user does: as processes, on ports that are free."""
 
 import contextlib
+import io
 import json
 import os
 import select
@@ -16,6 +17,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
+import air_router.cli.cli
 from mocha_link import Team
 from sitl.team.free_ports import derive_team
 from tests.system.looker import CHROMIUM, OPTIONS
@@ -98,6 +100,19 @@ def commands(folder):
 def command(tmp_path):
     with commands(tmp_path) as start:
         yield start
+
+
+@pytest.fixture
+def answered(capsys, tmp_path, monkeypatch):
+    """What `air-router` answers, run in this process: exit code, stdout, stderr."""
+
+    def run(*arguments):
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "stdin", io.StringIO())
+        code = air_router.cli.cli.main([str(argument) for argument in arguments])
+        return code, *capsys.readouterr()
+
+    return run
 
 
 @pytest.fixture(scope="module")

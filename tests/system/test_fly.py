@@ -194,33 +194,35 @@ def words_of(pid):
     return Path(f"/proc/{pid}/cmdline").read_text().split("\0")
 
 
-def test_arm_wants_a_confirmation(fly):
-    flight = fly("--arm")
-    code, out = flight.finish()
+def test_arm_wants_a_confirmation(answered, udp_port, short_mission):
+    link = f"--connect=udpin://127.0.0.1:{udp_port}"
+    code, out, said = answered("fly", short_mission, link, "--arm")
     assert (code, out) == (5, "")
-    assert "not confirmed" in flight.said
+    assert "not confirmed" in said
 
 
 @pytest.mark.parametrize("shared", [False, True])
-def test_a_port_in_use_is_one_clear_error(fly, udp_port, shared):
+def test_a_port_in_use_is_one_clear_error(answered, udp_port, short_mission, shared):
+    link = f"--connect=udpin://127.0.0.1:{udp_port}"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, shared)
         other.bind(("127.0.0.1", udp_port))
-        flight = fly("--arm", "--yes")
-        code, out = flight.finish()
+        code, out, said = answered("fly", short_mission, link, "--arm", "--yes")
     assert (code, out) == (4, "")
-    assert flight.said.count("\n") == 1
-    assert "is another program using it?" in flight.said
+    assert said.count("\n") == 1
+    assert "is another program using it?" in said
 
 
-def test_a_gossip_port_in_use_is_refused_before_anything_is_uploaded(vehicle, fly, short_mission):
+def test_a_gossip_port_in_use_is_refused_before_anything_is_uploaded(
+    vehicle, answered, udp_port, short_mission
+):
     vehicle(speed=15)
     titan = Team.load(short_mission.with_name("team.yaml")).robot("titan")
+    link = f"--connect=udpin://127.0.0.1:{udp_port}"
     with socket.socket() as other:
         other.bind((titan.listen, titan.base_port))
         other.listen()
-        flight = fly("--arm", "--yes")
-        code, out = flight.finish()
+        code, out, said = answered("fly", short_mission, link, "--arm", "--yes")
     assert (code, out) == (5, "")
-    assert str(titan.base_port) in flight.said
-    assert "on board" not in flight.said
+    assert str(titan.base_port) in said
+    assert "on board" not in said

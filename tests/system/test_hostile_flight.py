@@ -154,7 +154,7 @@ def without_relays(path):
 
 def test_strangers_move_nothing_and_end_nothing(vehicle, command, short_mission, udp_port, browser):
     team = without_relays(short_mission.parent / "team.yaml")
-    vehicle(speed=3)
+    vehicle(speed=6)
     control = free_port()
     flight = command(
         *("air_router.cli.cli", "fly", short_mission, "--arm", "--yes", "--json"),

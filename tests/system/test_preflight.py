@@ -9,24 +9,15 @@ from mocha_link import Team
 
 
 @pytest.fixture
-def preflight(command, udp_port, short_mission):
-    def start(*more, mission=short_mission):
-        return command(
-            "air_router.cli.cli",
-            "preflight",
-            mission,
-            f"--connect=udpin://127.0.0.1:{udp_port}",
-            *more,
-        )
-
-    return start
+def preflight(answered, udp_port, short_mission):
+    link = f"--connect=udpin://127.0.0.1:{udp_port}"
+    return lambda *more: answered("preflight", short_mission, link, *more)
 
 
 def test_the_card_of_a_vehicle_that_is_ready(vehicle, preflight, tmp_path):
     vehicle()
-    looked = preflight("--json", f"--log-dir={tmp_path}")
-    code, out = looked.finish()
-    assert code == 0, (out, looked.said)
+    code, out, said = preflight("--json", f"--log-dir={tmp_path}")
+    assert code == 0, (out, said)
     card = json.loads(out)
     lines = {check["name"]: check for check in card["checks"]}
     assert card["ready"]
@@ -47,7 +38,7 @@ def test_peers_that_listen_are_reachable_and_looking_changes_nothing(
     team = Team.load(short_mission.with_name("team.yaml"))
     io = team.robot("io")
     with socket.create_server((io.address, io.port_for("titan"))):
-        code, out = preflight("--look").finish()
+        code, out, _ = preflight("--look")
     assert code == 0
     text = out.replace("\n", " ")
     assert "callisto, europa: not reachable now" in text
@@ -76,6 +67,6 @@ def test_what_is_no_px4_of_ours_is_named(command, heartbeats, free_udp_port, sho
 
 def test_another_place_s_vehicle_is_refused(vehicle, preflight):
     vehicle("--home=47.397742,8.545594,489.4")
-    code, out = preflight().finish()
+    code, out, _ = preflight()
     assert code == 5
     assert "km from the mission's home" in out
