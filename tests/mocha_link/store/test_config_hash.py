@@ -67,16 +67,6 @@ def test_what_was_refused_before_is_asked_for_again(field_of, file):
         assert titan.latest("io", "/cloud").data == b"of points"
 
 
-def test_the_same_configuration_changes_nothing(field, file):
-    io, _, _ = field.node("io")
-    io.publish("/cloud", b"of points")
-    with running(field, "titan", storage=file) as (titan, saw):
-        pull(titan, saw, "io")
-        known = titan._gossip.database.knowledge("io")
-    with running(field, "titan", storage=file) as (titan, _):
-        assert titan._gossip.database.knowledge("io") == known
-
-
 def test_a_file_whose_configuration_is_altered(field, file):
     with running(field, "titan", storage=file) as (titan, _):
         titan.publish("/map", b"grid")

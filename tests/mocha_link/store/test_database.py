@@ -80,7 +80,7 @@ def test_a_clock_that_was_set_back_does_not_block_messages_of_original_nodes():
     assert database.newest(0, 0).stamp_s == WRAP + 1
 
 
-@pytest.mark.parametrize("gap_s", [60, 1200, 2 * HOUR])
+@pytest.mark.parametrize("gap_s", [300, 1200, 2 * HOUR])
 @pytest.mark.parametrize("ahead_s", [0, -HOUR, -3 * HOUR, -3 * HOUR - 60, 5 * HOUR, -WRAP, -YEAR])
 def test_whatever_our_clock_says_the_next_message_of_an_original_node_is_newer(ahead_s, gap_s):
     """Also where the border between past and future runs between the two, and over the wrap."""
@@ -207,7 +207,7 @@ def test_any_thread_may_use_it():
 
     def work(robot_id):
         try:
-            for second in range(300):
+            for second in range(140):
                 each = record(second, robot_id=robot_id, topic_id=second % 7)
                 assert database.insert(each, 400)
                 assert each.header.pack() in database.header_list()
@@ -223,7 +223,7 @@ def test_any_thread_may_use_it():
     for thread in threads:
         thread.join()
     assert errors == []
-    assert database.sequence == 1200
+    assert database.sequence == 560
     assert len(database.kept()) == 4 * 7 * 2
 
 
