@@ -39,7 +39,7 @@ from air_router.controller.motion.navigator import REACTION_S
 from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, RefusedError
 from air_router.flight.command_service import CommandService
 from air_router.flight.flight_result import FlightResult, ending_of
-from air_router.flight.flight_stats import FlightStats, RobotStats
+from air_router.flight.flight_stats import FlightStats
 from air_router.flight.mission_reloader import MissionReloader
 from air_router.flight.motions import MotionSender
 from air_router.flight.resumption import flown_before
@@ -140,7 +140,7 @@ class Flight:
         self.page: Page = NoPage()
         self._control = None if control is None else ControlServer(control, self.commands.grant)
         self._reloader = MissionReloader(self.controller, vehicle, self._on_event, status.say)
-        self.stats = FlightStats(mission, mapper, {name: RobotStats() for name in seek})
+        self.stats = FlightStats.of(mission, mapper, seek)
         self._finish: asyncio.Future[tuple[str, ExitCode]]
         self._first: asyncio.Future[Telemetry]
         self._newest: Telemetry  # before anything is decided
@@ -440,11 +440,9 @@ class Flight:
         return about_to and controller.state in {State.READY, State.DONE}
 
     def _result(self, outcome: str, exit_code: ExitCode) -> FlightResult:
-        for name, stamp_s in self._gossip.newest_stamps().items():
-            if name in self.stats.robots:
-                self.stats.robots[name].newest_stamp_s = stamp_s
-        report = self.stats.report(outcome, self._clock.now_s())
+        stamps_s = self._gossip.newest_stamps()
+        report = self.stats.report(outcome, self._clock.now_s(), stamps_s)
         report["came_home_because"] = self.controller.came_home_why
         self._recorder.note("Report", self._clock.boot_s(), report)
-        stats = self.stats
-        return FlightResult(outcome, exit_code, report, tuple(stats.track), tuple(stats.meetings))
+        track, meetings = self.stats.flown.points, self.stats.meetings
+        return FlightResult(outcome, exit_code, report, tuple(track), tuple(meetings))

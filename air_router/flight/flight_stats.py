@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from types import MappingProxyType
 
-from air_router.controller.model.actions import Action, RenewPlan, StateChanged
-from air_router.controller.model.events import AirspaceChanged, Event, PlanRenewed
+from air_router.controller.model.actions import Action, StateChanged
+from air_router.controller.model.events import Event
 from air_router.controller.model.states import State
+from air_router.flight.flown_track import FlownTrack
 from air_router.gossip.mapper import Mapper
 from air_router.mission.mission import Mission
-from air_router.vehicle.vehicle import Telemetry
-from geo.airspace.airspace import Airspace
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted, SyncTimedOut
-
-TRACK_STEP_M: Final = 0.05
-"""Positions closer than this to the last one add nothing to a track but noise."""
 
 
 @dataclass(slots=True)
@@ -37,7 +33,6 @@ class RobotStats:
     syncs_out: int = 0
     bytes_in: int = 0
     bytes_out: int = 0
-    newest_stamp_s: float | None = None
     map_share: float | None = None
     pull_began_s: float | None = None
 
@@ -46,30 +41,27 @@ class RobotStats:
 class FlightStats:
     """Adds a flight up; `report` makes the object that `--json` prints."""
 
-    mission: Mission
+    flown: FlownTrack
     mapper: Mapper
     robots: dict[str, RobotStats]
     states: list[State] = field(default_factory=list)
-    track: list[Point] = field(default_factory=list)
     meetings: list[tuple[str, Point]] = field(default_factory=list)
-    distance_m: float = 0.0
     started: int = 0
     completed: int = 0
     partial: int = 0
     timed_out: int = 0
-    _changed: Airspace | None = None
-    _boarding: bool = False  # until the plan is renewed the controller refuses other zones
-    _renewed: list[tuple[int, Airspace]] = field(default_factory=list)
-    _ours_until: int | None = None
-    _began_s: float | None = None
     _now_s: float = 0.0
+
+    @classmethod
+    def of(cls, mission: Mission, mapper: Mapper, robots: Iterable[str]) -> FlightStats:
+        """Of a flight that begins; syncs with other robots count as interactions only."""
+        return cls(FlownTrack(mission), mapper, {name: RobotStats() for name in robots})
 
     def event(self, event: Event, now_s: float) -> None:
         """Take in what happened."""
         self._now_s = max(self._now_s, now_s)
+        self.flown.event(event, now_s)
         match event:
-            case Telemetry(armed=True):
-                self._fly(event)
             case SyncStarted(peer=peer, direction=direction):
                 self.started += 1
                 if direction is Direction.OUT and peer in self.robots:
@@ -80,59 +72,35 @@ class FlightStats:
                 self._synced(event)
             case SyncTimedOut():
                 self.timed_out += 1
-            case AirspaceChanged(fences=fences, zones=zones) if not self._boarding:
-                self._changed = self.mission.with_areas(fences, zones).airspace
-            case PlanRenewed():
-                self._boarding = False
-                if self._changed is not None:  # from here on; before it is left
-                    self._renewed.append((len(self.track), self._changed))
-                    self._changed = None
 
     def action(self, action: Action) -> None:
         """Take in what was decided."""
-        if isinstance(action, RenewPlan):
-            self._boarding = True
+        self.flown.action(action)
         if isinstance(action, StateChanged):
             if action.target not in self.states:
                 self.states.append(action.target)
-            if action.target is State.PASSIVE:
-                self._ours_until = len(self.track)
             if action.target is State.COMM and action.robot in self.robots:
                 self.robots[action.robot].found += 1
-                if self.track:
-                    self.meetings.append((action.robot, self.track[-1]))
+                if self.flown.points:
+                    self.meetings.append((action.robot, self.flown.points[-1]))
 
-    @property
-    def duration_s(self) -> float:
-        """Seconds on the vehicle's clock since it was first seen armed."""
-        return self._now_s - self._began_s if self._began_s is not None else 0.0
+    def report(
+        self, outcome: str, unix_s: float, stamps_s: Mapping[str, float] = MappingProxyType({})
+    ) -> dict[str, object]:
+        """The flight as one plain object.
 
-    def closest_approach(self) -> tuple[float, str] | None:
-        """Closest distance of the flown track to any zone or fence border, and to which.
-
-        Up to a takeover: what others fly then is theirs. None without a track, and for a mission
-        without zones and fence.
+        Args:
+            outcome: How it ended.
+            unix_s: The vehicle's time.
+            stamps_s: By robot, how new the newest message of its own is that we hold.
         """
-        ours = self.track[: self._ours_until]
-        begins = [0, *(begin for begin, _ in self._renewed)]
-        airspaces = [self.mission.airspace, *(airspace for _, airspace in self._renewed)]
-        closest = [
-            airspace.track_distance_m(ours[begin:end])
-            for begin, end, airspace in zip(begins, [*begins[1:], None], airspaces, strict=True)
-            if ours[begin:end]
-        ]
-        closest_m, what = min(closest, default=(0.0, ""))
-        return (closest_m, what) if what else None
-
-    def report(self, outcome: str, unix_s: float) -> dict[str, object]:
-        """The flight as one plain object; ages are against `unix_s`, the vehicle's time."""
-        closest = self.closest_approach()
+        closest = self.flown.closest_approach()
         return {
             "outcome": outcome,
             "states_visited": [state.name for state in self.states],
-            "duration_s": round(self.duration_s, 1),
-            "distance_m": round(self.distance_m, 1),
-            "clearance_m": self.mission.planner.clearance_m,
+            "duration_s": round(self.flown.duration_s, 1),
+            "distance_m": round(self.flown.distance_m, 1),
+            "clearance_m": self.flown.mission.planner.clearance_m,
             "closest_approach_m": None if closest is None else round(closest[0], 2),
             "closest_approach_to": None if closest is None else closest[1],
             "robots": {
@@ -142,7 +110,7 @@ class FlightStats:
                     "syncs_out": robot.syncs_out,
                     "bytes_in": robot.bytes_in,
                     "bytes_out": robot.bytes_out,
-                    "newest_age_s": _rounded(_age_s(robot.newest_stamp_s, unix_s), 1),
+                    "newest_age_s": _rounded(_age_s(stamps_s.get(name), unix_s), 1),
                     "map_share": _rounded(robot.map_share, 3),
                 }
                 for name, robot in self.robots.items()
@@ -154,19 +122,6 @@ class FlightStats:
                 "timed_out": self.timed_out,
             },
         }
-
-    def _fly(self, telemetry: Telemetry) -> None:
-        if self._began_s is None:
-            self._began_s = self._now_s
-        if not telemetry.in_air:
-            return
-        if not self.track:
-            self.track.append(telemetry.position)
-            return
-        step_m = math.dist(self.track[-1], telemetry.position)
-        if step_m >= TRACK_STEP_M:
-            self.distance_m += step_m
-            self.track.append(telemetry.position)
 
     def _synced(self, event: SyncEnded) -> None:
         robot = self.robots.get(event.peer)

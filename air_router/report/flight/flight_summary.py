@@ -14,21 +14,17 @@ from typing import Any, Final
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import Announce, CommandAck, Finish, Seeking, StateChanged
 from air_router.controller.model.events import (
-    AirspaceChanged,
     CommandFailed,
-    PlanRenewed,
     RobotPose,
 )
 from air_router.controller.model.requests import Asked, GoTo, SeekNow
 from air_router.controller.model.states import State
 from air_router.errors import AirRouterError, ExitCode
-from air_router.flight.flight_stats import TRACK_STEP_M
+from air_router.flight.flown_track import FlownTrack
 from air_router.mission.mission import Mission
 from air_router.record.log import Note, RecordEntry
 from air_router.report.flight.exchanges import Exchanges
 from air_router.vehicle.vehicle import Telemetry
-from geo.airspace.airspace import Airspace
-from geo.frame import Point
 from mocha_link.links.link_events import LinkEvent
 
 TRACK_S: Final = 0.5
@@ -72,7 +68,8 @@ class FlightSummary:
     """One flight.
 
     Attributes:
-        setup: What was flown; `mission`: with the zones and fences that it had at the end.
+        setup: What was flown.
+        flown: Where, how far and how near to what; with the mission's zones at the end.
         about: Versions and the like.
         ending: What is wrong with the end of the record; None if it is whole.
         track: (t, east_m, north_m, altitude_m) while it was armed.
@@ -86,11 +83,10 @@ class FlightSummary:
         painted: (t, cells of the map that are known).
         exchanges: What went over the links.
         report: The report at the end; empty if there is none.
-        armed_s: When the vehicle was first seen armed.
     """
 
     setup: FlightSetup | None = None
-    mission: Mission | None = None
+    flown: FlownTrack | None = None
     about: dict[str, str] = field(default_factory=dict)
     ending: str | None = None
     vehicle: dict[str, Any] = field(default_factory=dict)
@@ -99,27 +95,20 @@ class FlightSummary:
     battery: list[tuple[float, float]] = field(default_factory=list)
     states: list[Stay] = field(default_factory=list)
     announcements: list[tuple[float, str]] = field(default_factory=list)
+    closest: tuple[float, str] | None = field(default=None, init=False)
     requests: list[RequestRecord] = field(default_factory=list)
     failures: list[tuple[float, str]] = field(default_factory=list)
     robots: dict[str, list[tuple[float, float, float, float]]] = field(default_factory=dict)
     painted: list[tuple[float, int]] = field(default_factory=list)
     exchanges: Exchanges = field(default_factory=Exchanges)
     report: dict[str, Any] = field(default_factory=dict)
-    closest: tuple[float, str] | None = None
     closest_at: tuple[float, float, float] | None = None
     from_s: float = math.nan
     to_s: float = math.nan
-    distance_m: float = 0.0
     finish: str | None = None
     unix_offset_s: float | None = None
-    armed_s: float | None = None
     _open: dict[tuple[str, str], int] = field(default_factory=dict)
     _entered: tuple[State, float, str | None, str] | None = None
-    _ours: bool = True
-    _last: Point | None = None
-    _flown: list[Point] = field(default_factory=list)
-    _airspaces: list[tuple[int, Airspace]] = field(default_factory=list)
-    _changed: Mission | None = None
 
     def take(self, entry: RecordEntry) -> None:
         """Take in what is recorded next."""
@@ -128,16 +117,19 @@ class FlightSummary:
                 self.about = entry.value
             case "setup":
                 self.setup = entry.value
-                self.mission = entry.value.mission
-                self._airspaces = [(0, entry.value.mission.airspace)]
+                self.flown = FlownTrack(entry.value.mission)
                 self.exchanges.own = entry.value.name
                 self.exchanges.sought = entry.value.seek
             case "note":
                 self._note(entry.t, entry.value)
             case "event":
                 self._seen(entry.t)
+                if self.flown is not None:
+                    self.flown.event(entry.value, entry.t)
                 self._event(entry.t, entry.value)
             case "action":
+                if self.flown is not None:
+                    self.flown.action(entry.value)
                 self._action(entry.t, entry.value)
 
     def end(self, ending: str | None) -> None:
@@ -151,11 +143,7 @@ class FlightSummary:
         self.ending = ending
         self._leave(self.to_s)
         self.exchanges.end(self.to_s)
-        begins = [begin for begin, _ in self._airspaces]
-        for (begin, airspace), end in zip(self._airspaces, [*begins[1:], None], strict=True):
-            closest = airspace.track_distance_m(self._flown[begin:end])
-            if closest[1] and (self.closest is None or closest < self.closest):
-                self.closest = closest
+        self.closest = None if self.flown is None else self.flown.closest_approach()
 
     def _seen(self, t: float) -> None:
         if math.isnan(self.from_s):
@@ -189,11 +177,6 @@ class FlightSummary:
         elif isinstance(event, Asked):
             self._open[event.by, event.request_id] = len(self.requests)
             self.requests.append(RequestRecord(t, _wish(event), event.by))
-        elif isinstance(event, AirspaceChanged) and self.mission is not None:
-            self._changed = self.mission.with_areas(event.fences, event.zones)
-        elif isinstance(event, PlanRenewed) and self._changed is not None:
-            self.mission, self._changed = self._changed, None
-            self._airspaces.append((len(self._flown), self.mission.airspace))
         elif isinstance(event, CommandFailed):
             self.failures.append((t, f"{type(event.action).__name__}: {event.reason}"))
 
@@ -201,8 +184,6 @@ class FlightSummary:
         charge = telemetry.battery
         if not telemetry.armed or not all(map(math.isfinite, telemetry.position)):
             return
-        if self.armed_s is None:
-            self.armed_s = t
         if (
             charge is not None
             and telemetry.in_air
@@ -210,25 +191,15 @@ class FlightSummary:
         ):
             self.battery.append((t, charge))
         place = telemetry.position
-        if telemetry.in_air:
-            self._fly(place)
         if self.track and t - self.track[-1][0] < TRACK_S:
             return
         self.track.append((t, *place, telemetry.altitude_m))
-        if telemetry.in_air and self._ours and self.setup is not None:
-            away_m, what = self._airspaces[-1][1].nearest(place)
+        if telemetry.in_air and self.flown is not None and self.flown.ours:
+            away_m, what = self.flown.mission.airspace.nearest(place)
             if what:
                 self.distances.append((t, away_m))
                 if self.closest_at is None or away_m < self.closest_at[0]:
                     self.closest_at = (away_m, *place)
-
-    def _fly(self, place: Point) -> None:
-        step_m = 0.0 if self._last is None else math.dist(self._last, place)
-        if self._last is None or step_m >= TRACK_STEP_M:
-            self._last = place
-            self.distance_m += step_m
-            if self._ours:
-                self._flown.append(place)
 
     def _action(self, t: float, action: Any) -> None:
         match action:
@@ -236,7 +207,6 @@ class FlightSummary:
                 self._leave(t)
                 about = robot if target in _ABOUT_ROBOTS else None
                 self._entered = (target, t, about, signal.value)
-                self._ours = target is not State.PASSIVE
             case Announce(text=text):
                 self.announcements.append((t, text))
             case Seeking(robot=str() as robot) if self._entered is not None:
@@ -263,9 +233,9 @@ class FlightSummary:
             self.states.append(Stay(state.name, from_s, t, robot, because))
 
     @property
-    def duration_s(self) -> float:
-        """Seconds since it was first seen armed."""
-        return 0.0 if self.armed_s is None else self.to_s - self.armed_s
+    def mission(self) -> Mission | None:
+        """With the zones and fences that it had at the end."""
+        return None if self.flown is None else self.flown.mission
 
     def found(self, robot: str) -> int:
         """How often a search for a robot ended with its being heard."""
@@ -273,7 +243,8 @@ class FlightSummary:
 
     def as_json(self) -> dict[str, Any]:
         """Everything as plain data."""
-        assert self.setup is not None  # noqa: S101 - `end` has looked
+        flown = self.flown
+        assert self.setup is not None and flown is not None  # noqa: S101, PT018 - `end` has looked
         mission = self.setup.mission
         return {
             "mission": mission.name,
@@ -287,8 +258,8 @@ class FlightSummary:
             "began_unix_s": None
             if self.unix_offset_s is None
             else self.unix_offset_s + self.from_s,
-            "duration_s": round(self.duration_s, 1),
-            "distance_m": round(self.distance_m, 1),
+            "duration_s": round(flown.duration_s, 1),
+            "distance_m": round(flown.distance_m, 1),
             "clearance_m": mission.planner.clearance_m,
             "closest_approach_m": None if self.closest is None else round(self.closest[0], 2),
             "closest_approach_to": None if self.closest is None else self.closest[1],

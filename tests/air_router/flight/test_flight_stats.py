@@ -4,7 +4,7 @@ import pytest
 from air_router.controller.model.actions import RenewPlan, StateChanged
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.states import Signal, State
-from air_router.flight.flight_stats import FlightStats, RobotStats
+from air_router.flight.flight_stats import FlightStats
 from air_router.gossip.mapper import Mapper
 from air_router.report.report import table
 from air_router.vehicle.vehicle import Telemetry
@@ -21,7 +21,7 @@ def mapper(pennovation):
 
 @pytest.fixture
 def stats(pennovation, mapper):
-    return FlightStats(pennovation, mapper, {"io": RobotStats(), "europa": RobotStats()})
+    return FlightStats.of(pennovation, mapper, ("io", "europa"))
 
 
 def fly(stats, *places, start_s=10.0):
@@ -60,7 +60,18 @@ def test_what_the_pilot_flies_afterwards_is_the_pilot_s(stats):
     fly(stats, (10.0, -40.0), start_s=20.0)  # into a zone
     report = stats.report("pilot", 0.0)
     assert report["closest_approach_m"] == before
-    assert len(stats.track) == 3
+    assert len(stats.flown.points) == 3
+
+
+def test_what_is_flown_after_the_pilot_gave_it_back_counts_again(stats, pennovation):
+    fly(stats, (0.0, 0.0), (5.0, 0.0))
+    stats.action(StateChanged(State.INIT, Signal.TAKEN_OVER, State.PASSIVE, None))
+    fly(stats, (10.0, -40.0), start_s=20.0)  # into a zone, and across it
+    stats.action(StateChanged(State.PASSIVE, Signal.RESUMED, State.EXPL, None))
+    fly(stats, (75.0, -150.0), start_s=30.0)
+    ours = [[Point(0.0, 0.0), Point(5.0, 0.0)], [Point(75.0, -150.0)]]
+    closest_m, _ = min(map(pennovation.airspace.track_distance_m, ours))
+    assert stats.report("done", 0.0)["closest_approach_m"] == round(closest_m, 2)
 
 
 def test_zones_that_the_controller_refused_are_not_judged_by(stats, pennovation):
@@ -127,8 +138,7 @@ def test_states_in_the_order_of_the_first_visit_and_robots_found(stats):
 
 def test_ages_and_the_table(stats):
     fly(stats, (0.0, 0.0), (30.0, 0.0))
-    stats.robots["io"].newest_stamp_s = 1000.0
-    report = stats.report("done", unix_s=1042.0)
+    report = stats.report("done", unix_s=1042.0, stamps_s={"io": 1000.0})
     assert report["robots"]["io"]["newest_age_s"] == 42.0
     text = table(report)
     assert "42 s old" in text

@@ -29,8 +29,6 @@ from air_router.controller.model.events import (
 )
 from air_router.controller.model.requests import ComeHome, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import Signal, State
-from air_router.flight.flight_stats import FlightStats
-from air_router.gossip.mapper import Mapper
 from air_router.record.log import Note, RecordEntry
 from air_router.record.recorder import Recorder
 from air_router.report.flight.exchanges import Exchanges
@@ -209,21 +207,6 @@ def test_a_sync_s_bytes_are_in_each_span_for_as_long_as_it_took():
     _, coming, going = exchanges.bandwidth(0.0, 3.5)
     assert coming == pytest.approx([100.0, 400.0, 400.0, 100.0])
     assert not any(going)
-
-
-def test_the_way_flown_is_as_long_as_the_flight_itself_says(pennovation):
-    """Ten times a second, around corners: a chord every half second would cut them."""
-    told = summary_of(itertools.islice(entries(pennovation), 2))
-    stats = FlightStats(pennovation, Mapper(pennovation), {})
-    for step in range(400):
-        t, angle = step / 10, step / 6
-        place = Point(4 * math.cos(angle), 4 * math.sin(angle))
-        event = Telemetry(t, place, 40.0, armed=True, in_air=True, mode=FlightMode.MISSION)
-        told.take(RecordEntry(t, "event", event))
-        stats.event(event, t)
-    assert told.distance_m == pytest.approx(stats.distance_m)
-    assert told.duration_s == pytest.approx(stats.duration_s)
-    assert told.distance_m == pytest.approx(399 / 6 * 4, rel=0.01)
 
 
 class Page(html.parser.HTMLParser):
