@@ -6,7 +6,6 @@ Every area is a zone, unless its property `kind` says that it is something else:
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from typing import Any, Final
 
 from air_router.files.json_document import JsonDocument
@@ -30,7 +29,7 @@ def read_geojson(document: JsonDocument) -> ZoneReading:
     return reader.reading
 
 
-class GeometryReader(JsonReader, ABC):
+class GeometryReader(JsonReader):
     """Reads GeoJSON geometries into shapes."""
 
     def shapes(self, keys: Keys) -> Shapes:
@@ -60,9 +59,11 @@ class GeometryReader(JsonReader, ABC):
             self.wrong((*keys, "type"), "the type of a geometry is Polygon, MultiPolygon or Point")
         return []
 
-    @abstractmethod
     def point(self, keys: Keys) -> MapCircle | None:
         """A point as a circle, if it has a radius."""
+        message = "a point without a radius; add the property radius_m, or draw a polygon"
+        self.reading.complain(keys, message, "no-area")
+        return None
 
     def _kept(self, keys: Keys, shape: MapOutline | MapCircle | None) -> Shapes:
         return [] if shape is None else [(keys, shape)]
@@ -126,9 +127,4 @@ class _Reader(GeometryReader):
         for name in ("radius_m", "radius"):
             if self._properties and self.at(*self._properties, name) is not None:
                 return self.circle((*keys, "coordinates"), (*self._properties, name))
-        self.reading.complain(
-            keys,
-            "a point without a radius; add the property radius_m, or draw a polygon",
-            "no-area",
-        )
-        return None
+        return super().point(keys)

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from air_router.files.json_document import json_from_text
 from air_router.files.mission_document import Area, FilePlace, Keys, MissionDocument
 from air_router.files.whole_file import bytes_of, text_in
-from air_router.files.zones.ed269 import read_ed269, zones_key
-from air_router.files.zones.ed318 import is_ed318, read_ed318
 from air_router.files.zones.geojson import read_geojson
+from air_router.files.zones.geozones import is_ed318, read_ed269, read_ed318, zones_key
 from air_router.files.zones.kml import read_kml
 from air_router.files.zones.reading import FileZone, MapCircle, MapRing, ZoneReading
 from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError

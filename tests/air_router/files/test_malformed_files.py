@@ -248,7 +248,13 @@ MALFORMED = [
     ),
     # ED-269
     ("z.json", '{"features": 7}', '{"features": 7', "unknown-format", "neither"),
-    ("z.json", '{"features": [7]}', "7]}", "wrong-type", "a zone must be an object"),
+    (
+        "z.json",
+        '{"features": [7]}',
+        "7]}",
+        "wrong-type",
+        "what a zone says of itself must be an object",
+    ),
     (
         "z.json",
         '{"features": [{"restriction": "PROHIBITED"}]}',
@@ -305,7 +311,7 @@ MALFORMED = [
         ed318(POLYGON[:-1] + ', "layer": {"upper": 3, "uom": "yd", "upperReference": "AGL"}}'),
         '"yd"',
         "wrong-type",
-        "the unit of a layer must be one of M, FT",
+        "the unit must be one of M, FT",
     ),
     (
         "z.json",
@@ -315,7 +321,7 @@ MALFORMED = [
         ),
         'null, "geometr',
         "missing-key",
-        "a zone's properties must be an object",
+        "what a zone says of itself must be an object",
     ),
     # KML
     ("a.kml", "", "", "not-xml", "no element found"),
