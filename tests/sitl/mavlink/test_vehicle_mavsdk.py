@@ -1,4 +1,4 @@
-"""A short flight of `sitl vehicle` through the real MAVSDK, twenty times faster than life."""
+"""A short flight of `sitl vehicle` through the real MAVSDK, faster than life."""
 
 import contextlib
 import json
@@ -21,8 +21,8 @@ from mavsdk.plugins.telemetry.telemetry import Telemetry
 from sitl.px4sim.motion.projection import MapProjection
 
 HOME = (47.397742, 8.545594, 489.4)
-SPEED = 20
-LIMIT_S = 60
+SPEED = 8  # MAVSDK repeats by the clock on the wall: the vehicle must keep up on a busy machine
+LIMIT_S = 200
 LOITER, TAKEOFF, MISSION, RTL = 3 << 24, 2 << 24, 4 << 24, 5 << 24
 AUTO = 4 << 16
 
