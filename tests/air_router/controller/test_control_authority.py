@@ -1,13 +1,16 @@
 """Whose the vehicle is: a pilot takes it, the plan on board changes, a flight is resumed."""
 
+import math
+
 import pytest
 
 from air_router.controller.control_authority import COMPARED_S
-from air_router.controller.model.actions import FlyToNode, HoldHere, Taker
+from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, Taker
 from air_router.controller.model.events import RobotPose
 from air_router.controller.model.requests import ComeHome, GoOn, HoldNow
 from air_router.controller.model.states import State
-from air_router.vehicle.vehicle import FlightMode, PlanCompared, PlanReplaced
+from air_router.mission.flight_plan import HOME_NODE
+from air_router.vehicle.vehicle import FlightMode, ItemReached, PlanCompared, PlanReplaced
 from geo.frame import Point
 from tests.air_router.conftest import CORNERS
 
@@ -104,6 +107,23 @@ def test_another_plan_before_take_off_ends_it(pretend):
     assert flight.finished is None  # it may be the same again
     flight.give(PlanCompared(flight.now_s, "8 items"))
     assert flight.finished.why == "another plan is on board (8 items), before take-off"
+
+
+@pytest.mark.parametrize(("away_m", "speed_m_s"), [(8.0, 0.0), (2.0, 9.0)])
+def test_it_does_not_land_beside_home_nor_while_it_passes_by(pretend, away_m, speed_m_s):
+    """PX4 reports the item above home from farther away than we land."""
+    flight = pretend(duration_s=60.0)
+    flight.take_off()
+    flight.fly_to_state(State.HOME)
+    flight.fly_until(lambda: math.dist(flight.position, flight.mission.home) < 20.0)
+    assert flight.controller.state is State.HOME
+    east, north = flight.mission.home
+    flight.position, flight.velocity = Point(east + away_m, north), (speed_m_s, 0.0)
+    flight.give(flight.telemetry())
+    flight.give(ItemReached(flight.now_s, flight.plan.item_of(HOME_NODE)))
+    assert flight.controller.state is State.HOME
+    flight.fly_until(lambda: flight.finished is not None)
+    assert math.dist(flight.position, flight.mission.home) < 3.0
 
 
 def by_hand_to(flight, position, altitude_m):
@@ -355,3 +375,16 @@ def test_a_failsafe_that_shows_after_its_mode_is_not_told_as_the_pilot_s_choice(
     flight.mode = FlightMode.LAND
     flight.fly_until(lambda: flight.finished is not None)
     assert flight.finished.taken_by is Taker.FAILSAFE
+
+
+def test_while_the_plan_on_board_is_compared_no_state_sends_it_anywhere(pretend):
+    flight = pretend()
+    flight.robots = CORNERS
+    flight.take_off()
+    flight.fly_to_state(State.COMM)
+    before = len(flight.motions)
+    flight.give(PlanReplaced(flight.now_s))
+    flight.fly_until(lambda: flight.controller.state is State.EXPL, COMPARED_S - 1.0)
+    assert {type(motion) for motion in flight.motions[before:]} <= {HoldHere}
+    flight.give(PlanCompared(flight.now_s, None))
+    assert isinstance(flight.motions[-1], FlyToNode | FlyToPoint)
