@@ -16,7 +16,7 @@ from shapely import LineString, MultiPoint, Polygon, union_all
 
 from air_router.files.settings import PlannerSettings
 from air_router.mission.loading import load_mission
-from air_router.routing.departure import Departure
+from air_router.routing.departure import Departure, PendingSetpoint
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Leg, NoRoute, Route, Router
 from benchmarks.route.maps import made as made_map
@@ -263,15 +263,18 @@ def test_a_moving_vehicle_gets_a_leg_whose_sweep_is_clear(pennovation):
     for _ in range(300):
         start = Point(rng.uniform(-180, 130), rng.uniform(-180, 90))
         rest = Point(start.east_m + rng.uniform(-4, 4), start.north_m + rng.uniform(-4, 4))
+        turns = Point(start.east_m + rng.uniform(-30, 30), start.north_m + rng.uniform(-30, 30))
         if not (judge.clear(start) and judge.clear(rest)):
             continue
-        route = router.route(start, rng.randrange(len(graph.positions)), stopping=rest)
+        under_way = [PendingSetpoint(turns, turns)] if judge.clear(start, rest, turns) else []
+        goal = rng.randrange(len(graph.positions))
+        route = router.route(start, goal, stopping=rest, pending=under_way)
         if isinstance(route, NoRoute):
             assert route.reason == "no first leg is clear at this speed"
             continue
         answers += 1
-        assert judge.clear(start, rest, route.legs[0].to)
-        assert router.check_leg(start, route.legs[0].to, rest)
+        assert judge.clear(start, rest, *(on.place for on in under_way), route.legs[0].to)
+        assert router.check_leg(start, route.legs[0].to, rest, under_way)
         assert_clear(judge, start, route)
     assert answers > 60
     assert mission.planner.distance_m == 6.5
