@@ -7,14 +7,13 @@ import random
 from typing import TYPE_CHECKING
 
 from mocha_link.datagram import packet as wire
-from mocha_link.node.actions import Reply, ReplyDatagram, Send, SendDatagram
-from mocha_link.node.gossip import Gossip
+from mocha_link.node.actions import ReplyDatagram, Send, SendDatagram
 from mocha_link.sync import frames as sync
 from mocha_link.sync.credit import GRANT
 from mocha_link.sync.frames import MESSAGE_HEADER_BYTES
 from mocha_link.sync.protocol import CODE_BYTES, DENDT, GDATA, GHEAD, ID_BYTES, SYNC1, SYNCC, SYNCF
-from tests.mocha_link.meeting import Meeting
 from tests.mocha_link.network import mutated as mutated_sync
+from tests.mocha_link.network_sim import NetworkSim
 
 if TYPE_CHECKING:
     from mocha_link.node.actions import Action
@@ -28,63 +27,55 @@ MAX_BYTES = 60_000
 TOKEN = slice(1, 1 + wire.TOKEN_BYTES)
 
 
-class Recorder(Meeting):
+class Recorder(NetworkSim):
     """Notes all that robots say to one another."""
 
-    def __init__(self, team: Team, now_s: float) -> None:
-        super().__init__(team, now_s)
+    def __init__(self, team: Team, **options: object) -> None:
+        super().__init__(team, **options)
         self.requests: list[bytes] = []
         self.replies: list[bytes] = []
         self.up: list[bytes] = []
         self.down: list[bytes] = []
-        self.deaf = False  # connections carry nothing
-
-    def boot(self, name: str, *, datagrams: bool) -> Gossip:
-        node = Gossip(self.team, name, by_timer=False, datagrams=datagrams)
-        self.members[name].node = node
-        return node
 
     def _do(self, name: str, action: Action) -> None:
         match action:
             case Send(frame=frame):
                 self.requests.append(frame)
-                if self.deaf:
-                    return
-            case Reply(frame=frame):
-                self.replies.append(frame)
             case SendDatagram(packet=packet):
                 self.up.append(packet)
             case ReplyDatagram(packet=packet):
                 self.down.append(packet)
         super()._do(name, action)
 
-    def _give_back(self, name: str, peer: str, route: tuple[bytes, ...], frame: bytes) -> None:
+    def _answer(self, server: str, route: tuple[bytes, ...], frame: bytes) -> None:
         self.replies.append(frame)
-        super()._give_back(name, peer, route, frame)
+        super()._answer(server, route, frame)
 
 
-def record(team: Team, asker: str, asked: str, now_s: float, seed: int = 0) -> Recorder:
+def record(team: Team, asker: str, asked: str, seed: int = 0) -> Recorder:
     """What two robots say in many meetings: new and old ways, connections and datagrams."""
     rng = random.Random(seed)
-    everything = Recorder(team, now_s)
+    pair = (asker, asked)
+    everything = Recorder(team, names=pair)
     for original in (False, True):
-        changed = team.with_robots({name: {"original": original} for name in (asker, asked)})
+        changed = team.with_robots({name: {"original": original} for name in pair})
         for datagrams in (False, True):
-            recorder = Recorder(changed, now_s)
-            recorder.deaf = datagrams and not original
-            nodes = [recorder.boot(name, datagrams=datagrams) for name in (asker, asked)]
+            recorder = Recorder(changed, names=pair, datagrams=datagrams)
+            if datagrams and not original:
+                recorder.blocked = {("zmq", *pair), ("zmq", *pair[::-1])}
             for number in range(8):
-                for node in nodes:
-                    for topic in changed.topics_of(node.me.name):
+                for name in pair:
+                    for topic in changed.topics_of(name):
                         for _ in range(rng.choice((0, 1, topic.history))):
                             data = rng.randbytes(rng.choice((0, 20, 300, 9000)))
-                            node.publish(topic, data, recorder.now(node.me.name), at_once=True)
-                recorder.wait(rng.uniform(1, 100))
-                recorder.meet(asker, asked, cut=rng.choice((None, 4, 9, 30)))
+                            node, now = recorder.nodes[name], recorder.at(name)
+                            node.publish(topic, data, now, at_once=True)
+                recorder.part(rng.uniform(1, 100))
+                recorder.meet(*pair, cut=rng.choice((None, 4, 9, 30)))
                 if number % 3 == 2:
-                    nodes[0] = recorder.boot(asker, datagrams=datagrams)
+                    recorder.restart(asker)
                 if number == 4:
-                    nodes[1] = recorder.boot(asked, datagrams=datagrams)
+                    recorder.restart(asked)
             everything.requests += recorder.requests
             everything.replies += recorder.replies
             everything.up += recorder.up

@@ -12,14 +12,15 @@ from mocha_link.clock import Instant
 from mocha_link.node.actions import Connect, Disconnect, Reply, ReplyDatagram, Send, SendDatagram
 from mocha_link.node.gossip import Gossip
 from mocha_link.store import payload
-from mocha_link.store.record import Header, as_ms
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
+from tests.mocha_link import original
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from mocha_link.node.actions import Action
+    from mocha_link.store.record import Header
 
 T = 1_795_175_900.0
 NAMES = ("callisto", "io", "titan")
@@ -27,6 +28,9 @@ STEADY_S = 1000.0
 TICK_S = 0.25
 LIMIT_S = 120.0
 BUSY = 20
+NEAR_DBM = -50.0
+TURN_S = 0.01  # of a meeting; a few of them outlast `pull.LOOK_S`
+QUIET_TURNS = 4
 
 Path = Literal["zmq", "udp"]
 
@@ -94,7 +98,7 @@ class NetworkSim:
         self.time_s = 0.0
         self.offset_s: dict[str, float] = {}  # how wrong clocks are
         self.options = {"by_timer": by_timer, "datagrams": datagrams}
-        self.nodes: dict[str, Gossip] = {}
+        self.nodes: dict[str, Gossip | OldNode] = {}
         self.events: dict[str, list[object]] = {name: [] for name in names}
         self.refused: dict[str, list[str]] = {name: [] for name in names}
         self.blocked: set[tuple[Path, str, str]] = set()
@@ -121,9 +125,13 @@ class NetworkSim:
 
     def restart(self, name: str, **options: object) -> None:
         """A new process; nothing of the old one is left."""
-        self.nodes[name] = Gossip(
-            self.team, name, new_id=lambda: next(self._ids).to_bytes(6), **self.options, **options
-        )
+        options = {**self.options, **options}
+        node = Gossip(self.team, name, new_id=lambda: next(self._ids).to_bytes(6), **options)
+        self.become(name, node)
+
+    def become(self, name: str, node: Gossip | OldNode) -> None:
+        """Another node takes the place of a robot; connections of the old one are gone."""
+        self.nodes[name] = node
         for key in [key for key in self.lines if name in key]:
             del self.lines[key]
         self._callers = {pair for pair in self._callers if pair[0] != name}
@@ -140,6 +148,34 @@ class NetworkSim:
         else:
             self.carry()
         self.left = None
+
+    def meet(self, a: str, b: str, *, cut: int | None = None) -> None:
+        """Two come near, out of reach of all others; both pull until all is said, or is cut.
+
+        cut: so many pieces are carried, no more.
+        """
+        self.lets_by = lambda piece: {piece.source, piece.target} == {a, b}
+        self.left = cut
+        for name, peer in ((a, b), (b, a)):
+            self.nodes[name].heard(peer, NEAR_DBM, self.at(name))
+        quiet = 0
+        while quiet < QUIET_TURNS and self.left != 0:
+            before = len(self.carried)
+            self.wait(TURN_S)
+            quiet = 0 if len(self.carried) > before else quiet + 1
+        self.left = 0
+        for name, peer in ((a, b), (b, a)):
+            self.nodes[name].heard(peer, None, self.at(name))
+            self.nodes[name].lost(peer, "out of reach", self.at(name))
+        self.carry()
+
+    def part(self, seconds: float) -> None:
+        """Time passes at once; nobody is in reach of anybody."""
+        self.left = 0
+        self.time_s += seconds
+        for name, node in self.nodes.items():
+            node.tick(self.at(name))
+        self.carry()
 
     def carry(self) -> None:
         """Everything that happens without time passing but for the way."""
@@ -234,11 +270,7 @@ class NetworkSim:
         peer = action.peer
         match action:
             case Connect():
-                stands_s = self.time_s + 2 * self.delay_s
-                line = Line(next(self._lines), name, peer, stands_s)
-                self.lines[name, peer] = line
-                self._served[peer, line.route[0]] = line
-                self._later(lambda: self._stand(line), stands_s)
+                self.dial(name, peer)
             case Send():
                 line = self.lines[name, peer]
                 line.waiting.append(action.frame)
@@ -258,6 +290,15 @@ class NetworkSim:
                     back = self.nodes[peer].packet_back
                     self._later(lambda: back(name, self.alter(piece), self.at(peer)))
 
+    def dial(self, client: str, server: str) -> Line:
+        """A connection of one robot to another, in place of any that there was."""
+        stands_s = self.time_s + 2 * self.delay_s
+        line = Line(next(self._lines), client, server, stands_s)
+        self.lines[client, server] = line
+        self._served[server, line.route[0]] = line
+        self._later(lambda: self._stand(line), stands_s)
+        return line
+
     def _lets(self, piece: Carried) -> bool:
         self.carried.append(piece)
         if piece[:3] in self.blocked or self.silent & {piece.source, piece.target}:
@@ -266,7 +307,7 @@ class NetworkSim:
             return False
         if self.left is None:
             return True
-        self.left -= 1
+        self.left = max(self.left - 1, -1)
         return self.left >= 0
 
     def _stand(self, line: Line) -> None:
@@ -310,41 +351,53 @@ class NetworkSim:
             self._callers.add((server, client))
 
 
-class OldNode:
-    """Stands in for an original node in the network: it is only asked, and knows nothing newer."""
+class OldNode(original.Original):
+    """Stands in for an original node in the network instead of on sockets."""
 
     wake_s = None
     _pulls = ()
 
     def __init__(self, net: NetworkSim, name: str) -> None:
-        self.me = net.team.robot(name)
-        self._ether = net
-        self._held: dict[bytes, bytes] = {}
+        super().__init__(net.team, name, now_s=lambda: net.at(name).unix_s)
+        self.me = self.robot
+        self._net = net
         self._actions: list[Action] = []
-        net.nodes[name] = self
+        self._replies: list[bytes] = []
+        net.become(name, self)
 
-    def publish(self, topic: str, data: bytes) -> bytes:
-        """As the original packs it: without anything behind the LZ4 frame."""
-        known = self._ether.team.topic(self.me.name, topic)
-        stamp_ms = as_ms(self._ether.now.unix_s)
-        header = Header.at(self.me.robot_id, known.topic_id, stamp_ms).pack()
-        body = payload.pack(known.dtype, known.priority, data, checksum=False)
-        self._held = {raw: held for raw, held in self._held.items() if raw[:2] != header[:2]}
-        self._held[header] = body
-        return header
+    def ask(self, peer: str, request: bytes, timeout_s: float | None = None) -> bytes | None:
+        """One request on a connection of its own, and what comes back of the reply."""
+        line = self._net.dial(self.me.name, peer)
+        request_id = line.number.to_bytes(original.ID)
+        line.waiting.append(request_id + request)
+        self._replies.clear()
+        self._net.carry()
+        if not self._replies:
+            return None
+        (reply,) = self._replies
+        assert reply[: original.ID] == request_id
+        return reply[original.ID :]
+
+    def progress(self, _peer: str, _now: Instant) -> None:
+        """A connection that stands is nothing to it."""
+
+    def reply(self, _peer: str, parts: Sequence[bytes], _now: Instant) -> None:
+        self._replies += parts
 
     def request(
         self, peer: str, route: tuple[bytes, ...], parts: Sequence[bytes], _now: Instant
     ) -> None:
-        (frame,) = parts
-        code, argument = frame[6:11], frame[11:]
-        if code == b"GHEAD":
-            answer = b"".join(self._held)
-        elif code == b"GDATA":
-            answer = self._held.get(argument, b"SERRM")
-        else:
-            answer = b"Ack" if code == b"DENDT" else b"SERRM"
-        self._actions.append(Reply(peer, route, frame[:6] + answer))
+        answer = self.answer(peer, list(parts))
+        if answer is not None:
+            self._actions.append(Reply(peer, route, answer))
+
+    def heard(self, peer: str, rssi_dbm: float | None, _now: Instant) -> None:
+        """Whoever comes near is pulled from, once."""
+        if rssi_dbm is not None:
+            self.pull(peer)
+
+    def lost(self, _peer: str, _why: str, _now: Instant) -> None:
+        """It asks one thing at a time: nothing is under way."""
 
     def take(self) -> tuple[list[Action], list[object]]:
         actions, self._actions = self._actions, []

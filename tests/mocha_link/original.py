@@ -91,11 +91,11 @@ class Original:
         self._team = team
         self._now_s = now_s
         self._timeout_ms = round(timeout_s * 1000)
-        self._context = zmq.Context()
         self._quits: list[zmq.Socket[bytes]] = []
         self._threads: list[threading.Thread] = []
 
     def __enter__(self) -> Self:
+        self._context = zmq.Context()
         for number, peer in enumerate(self.robot.peers):
             server = self._context.socket(zmq.REP)
             server.linger = 0
@@ -191,6 +191,15 @@ class Original:
             reply = client.recv()
         return reply[ID:] if reply[:ID] == request_id else None
 
+    def answer(self, peer: str, parts: list[bytes]) -> bytes | None:
+        """The whole reply to a request; None: the peer's port is dead, or all are."""
+        request_id, request = parts[0][:ID], parts[0][ID:]
+        self.requests.append(request)
+        if self._dies_of(parts):
+            self.dead.add(peer)
+        answer = SILENT if peer in self.dead else self._answer(request)
+        return None if answer == SILENT or self.stopped else request_id + answer
+
     def _is_newer(self, raw: bytes) -> bool:
         kept = self.messages.get((raw[0], raw[1]))
         return not kept or wire_s(raw) > max(held.time_s for held in kept.values())
@@ -202,15 +211,11 @@ class Original:
         while not (ready := dict(poller.poll())).get(quits):
             if server not in ready:
                 continue
-            parts = server.recv_multipart()
-            self.requests.append(parts[0][ID:])
-            if self._dies_of(parts):
-                self.dead.add(peer)
-            answer = SILENT if peer in self.dead else self._answer(parts[0][ID:])
-            if answer == SILENT or self.stopped:
+            answer = self.answer(peer, server.recv_multipart())
+            if answer is None:
                 poller.unregister(server)  # the port stays open, and no node answers any more
             else:
-                server.send(parts[0][:ID] + answer)
+                server.send(answer)
         server.close()
         quits.close()
 

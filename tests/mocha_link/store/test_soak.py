@@ -19,15 +19,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from mocha_link.node.gossip import Gossip, history_of
-from mocha_link.store import payload
+from mocha_link.node.gossip import history_of
 from mocha_link.store.database import Database
 from mocha_link.store.record import WRAP_S
 from mocha_link.store.storage import Storage
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from tests.mocha_link.fuzz import EXPLORE
-from tests.mocha_link.meeting import Meeting, PureOriginal
+from tests.mocha_link.network_sim import NetworkSim, OldNode, T
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -61,14 +60,13 @@ TEAM = Team.from_document(
 )
 HOUR_S = 3600.0
 DAYS_S = (72 if EXPLORE else 36) * HOUR_S
-START_S = 1_795_175_900.0
-WRAPS = int((START_S + DAYS_S) // WRAP_S - START_S // WRAP_S)
+WRAPS = int((T + DAYS_S) // WRAP_S - T // WRAP_S)
 JUMPS_S = [sign * each for sign in (-1, 1) for each in (3, 100, 3600, 10_000, 18_000, 72_000, 3e5)]
 CUTS = (None, None, 1, 2, 5, 20)  # after how many frames a meeting ends
 OLD_CLOCKS_S = 1.4 * HOUR_S  # so far clocks may be off where the original protocol is all there is
 
 
-class Days(Meeting):
+class Days(NetworkSim):
     """The team, and what each robot has published last.
 
     original: the robots that speak nothing but the original protocol, as the others know.
@@ -83,7 +81,8 @@ class Days(Meeting):
         stand_in: str = "",
         disks: dict[str, Path] | None = None,
     ) -> None:
-        super().__init__(TEAM.with_robots({name: {"original": True} for name in original}), START_S)
+        team = TEAM.with_robots({name: {"original": True} for name in original})
+        super().__init__(team, names=NAMES)
         self.random = random.Random(seed)
         self.stand_in = stand_in
         self.shown_only = False
@@ -97,25 +96,16 @@ class Days(Meeting):
 
     def boot(self, name: str, *, keep: bool = False) -> None:
         """A new life; with what the robot held, on its disk if it has one, or with nothing."""
-        member = self.members[name]
         if name == self.stand_in:
-            member.node = PureOriginal(self.team, name, self)
+            OldNode(self, name)
             return
         if name in self._disks:
             database = self._read(name, keep=keep)
         elif keep:
-            database = member.engine.database
+            database = self.nodes[name].database
         else:
             database = Database(partial(history_of, self.team))
-        ids = (next(self._numbers).to_bytes(6) for _ in itertools.count())
-        member.node = Gossip(
-            self.team,
-            name,
-            by_timer=False,
-            database=database,
-            new_id=partial(next, ids),
-            datagrams=self.random.random() < 0.5,
-        )
+        self.restart(name, database=database, datagrams=self.random.random() < 0.5)
 
     def _read(self, name: str, *, keep: bool) -> Database:
         path = self._disks[name]
@@ -135,11 +125,11 @@ class Days(Meeting):
         size = self.random.choice((20, 200, 3000))
         data = b"%d %s " % (next(self._numbers), topic.encode()) + self.random.randbytes(size)
         self.time_s += 0.002  # within a millisecond an original node overwrites
-        node = self.members[name].node
-        if isinstance(node, PureOriginal):
+        node = self.nodes[name]
+        if isinstance(node, OldNode):
             node.publish(topic, data)
         else:
-            node.publish(self.team.topic(name, topic), data, self.now(name))
+            super().publish(name, topic, data)
         self._newest[name, topic] = data
 
     def publish_all(self) -> None:
@@ -168,21 +158,11 @@ class Days(Meeting):
 
     def held(self, name: str) -> dict[tuple[str, str], bytes]:
         """What a robot would show of every topic."""
-        held = {}
-        for owner in NAMES:
-            for topic in self.team.topics_of(owner):
-                data = self._shown(name, owner, topic.name)
-                if data is not None:
-                    held[owner, topic.name] = data
-        return held
-
-    def _shown(self, name: str, owner: str, topic: str) -> bytes | None:
-        node = self.members[name].node
-        if isinstance(node, PureOriginal):
-            return node.data(owner, topic)
-        ids = self.team.robot(owner).robot_id, self.team.topic(owner, topic).topic_id
-        record = node.database.newest(*ids)
-        return payload.unpack(record.body) if record else None
+        node = self.nodes[name]
+        if not isinstance(node, OldNode):
+            return super().held(name)
+        keys = [(owner, topic.name) for owner in NAMES for topic in self.team.topics_of(owner)]
+        return {key: data for key in keys if (data := node.data(*key)) is not None}
 
     def everybody_meets(self) -> None:
         """Every pair, twice, in any order."""
@@ -190,14 +170,14 @@ class Days(Meeting):
             pairs = list(itertools.combinations(NAMES, 2))
             self.random.shuffle(pairs)
             for pair in pairs:
-                self.wait(self.random.uniform(5, 40))
+                self.part(self.random.uniform(5, 40))
                 self.meet(*pair)
 
     def some_meet(self) -> None:
         """An hour or so as it may be: some messages, some meetings, many of them cut."""
         rng = self.random
         for _ in range(rng.randint(1, 15)):
-            self.wait(rng.expovariate(1 / 300))
+            self.part(rng.expovariate(1 / 300))
             for _ in range(rng.randint(0, 4)):
                 name = rng.choice(NAMES)
                 self.publish(name, rng.choice(self.team.topics_of(name)).name)
@@ -206,15 +186,15 @@ class Days(Meeting):
     def live(self, disturb: Callable[[], str], check: Callable[[], None]) -> None:
         """All the hours; `disturb` does something to a robot and says what."""
         done = "they began"
-        while self.time_s < START_S + DAYS_S:
+        while self.time_s < DAYS_S:
             if self.random.random() < 0.7:
                 self.publish_all()
             self.everybody_meets()
             try:
                 check()
             except AssertionError as error:
-                hours = (self.time_s - START_S) / HOUR_S
-                ahead = {name: round(each.ahead_s) for name, each in self.members.items()}
+                hours = self.time_s / HOUR_S
+                ahead = {name: round(seconds) for name, seconds in self.offset_s.items()}
                 error.add_note(f"after {hours:.2f} h, and after {done}; clocks ahead: {ahead}")
                 raise
             self.some_meet()
@@ -223,18 +203,18 @@ class Days(Meeting):
     def disturb(self) -> str:
         """Something happens to one of the robots that run our node."""
         name = self.random.choice(self.ours)
-        member = self.members[name]
         what = self.random.choice(("nothing", "jump", "loss", "reboot", "1970"))
         if what == "jump":
             seconds = self.random.choice(JUMPS_S)
-            member.ahead_s = max(member.ahead_s + seconds, -self.time_s)
+            offset_s = self.offset_s.get(name, 0.0) + seconds
+            self.offset_s[name] = max(offset_s, -self.now.unix_s)
             what = f"jump by {seconds} s"
         elif what == "loss":
             self.lose(name)
         elif what == "reboot":
             self.boot(name, keep=True)
         elif what == "1970":  # no battery in its clock, and no disk
-            member.ahead_s = self.random.uniform(0, 300) - self.time_s
+            self.offset_s[name] = self.random.uniform(0, 300) - self.now.unix_s
             self.lose(name)
         return f"{what} of {name}"
 
@@ -246,13 +226,13 @@ def everybody_holds(days: Days, names: list[str] | tuple[str, ...] = NAMES) -> N
         assert {key for key in newest if held.get(key) != newest[key]} == set(), name
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(4 if EXPLORE else 1))
 def test_our_nodes_whatever_happens_to_them(seed, tmp_path):
     days = Days(seed, disks={"titan": tmp_path / "titan.db"})
     assert WRAPS >= 2
     days.live(days.disturb, lambda: everybody_holds(days))
     for name in NAMES:
-        kinds = {(type(each).__name__, getattr(each, "reason", "")) for each in days.events(name)}
+        kinds = {(type(each).__name__, getattr(each, "reason", "")) for each in days.events[name]}
         assert ("SyncTimedOut", "out of reach") in kinds
     days.close("titan")
 
@@ -265,7 +245,7 @@ def test_the_original_protocol_alone():
         name = days.random.choice(NAMES)
         what = days.random.choice(("nothing", "jump", "loss", "reboot"))
         if days.random.random() < 0.5:
-            days.members[name].ahead_s = days.random.uniform(-OLD_CLOCKS_S, OLD_CLOCKS_S)
+            days.offset_s[name] = days.random.uniform(-OLD_CLOCKS_S, OLD_CLOCKS_S)
         if what == "loss":
             days.lose(name)
         elif what == "reboot":
@@ -285,14 +265,14 @@ def test_beside_an_original_node(seed):
         if days.random.random() < 0.7:
             return days.disturb()
         if seed % 2:  # not both: what it says in a new life, and is not later, no peer takes
-            days.members[OLD].ahead_s = -days.random.uniform(0, OLD_CLOCKS_S)
+            days.offset_s[OLD] = -days.random.uniform(0, OLD_CLOCKS_S)
             return f"another clock of {OLD}"
         days.lose(OLD)
         return f"another life of {OLD}"
 
     def check() -> None:
         everybody_holds(days, days.ours)
-        node = days.members[OLD].node
+        node = days.nodes[OLD]
         held, newest = days.held(OLD), days.newest()
         for key in newest:
             if held[key] != newest[key]:
@@ -307,4 +287,4 @@ def test_beside_an_original_node(seed):
 def offered(days: Days, owner: str, topic: str) -> bytes:
     """The header of the newest message of a topic, as ours offer it."""
     ids = days.team.robot(owner).robot_id, days.team.topic(owner, topic).topic_id
-    return days.members["titan"].engine.database.newest(*ids).header.pack()
+    return days.nodes["titan"].database.newest(*ids).header.pack()

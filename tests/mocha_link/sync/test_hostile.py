@@ -62,7 +62,7 @@ def recorded() -> Recorder:
     text = TEAM.replace("priority: medium}", "priority: medium, history: 200}")
     text = text.replace("priority: none}", "priority: none, history: 200}")
     team = Team.from_document(Document.from_text(text, Path("team.yaml")))
-    return record(team, "io", "titan", 1_795_175_000.0)
+    return record(team, "io", "titan")
 
 
 def test_bad_requests(loaded, recorded):

@@ -77,14 +77,12 @@ def test_the_stand_in_answers_as_recorded():
         if asked[6:11] == b"GDATA":
             titan.put(asked[11:], reply[6:])
     for asked, reply in zip(frames[::2], frames[1::2], strict=True):
-        assert not titan._dies_of([asked])
-        assert asked[:6] + titan._answer(asked[6:]) == reply
-    assert titan._dies_of([b"idididGDAT\xff"])
-    assert titan._dies_of([b"idididDENDT\xff"])
-    assert titan._dies_of([b"idididGHEAD", b""])
-    assert not titan._dies_of([b"idididSYNC1\xff\x80"])
-    assert titan._answer(b"SYNC1\xff\x80") == JUNK
-    titan._context.term()
+        assert titan.answer("io", [asked]) == reply
+    assert titan.answer("io", [b"idididSYNC1\xff\x80"]) == b"ididid" + JUNK
+    for parts in ([b"idididGDAT\xff"], [b"idididDENDT\xff"], [b"idididGHEAD", b""]):
+        titan.dead.clear()
+        assert titan.answer("io", parts) is None
+        assert titan.dead == {"io"}
 
 
 def test_both_ways(mixed, old):
