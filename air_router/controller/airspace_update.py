@@ -130,7 +130,7 @@ class AirspaceUpdate:
             for waypoint in mission.waypoints
             if not paths.connected(home, waypoint.position)
         }
-        out, back = self._exploration.skip(unreachable | mission.barred)
+        out, back = self._exploration.skip(unreachable | mission.skipped)
         for numbers, what in ((out, "left out: no clear way leads there"), (back, "flown again")):
             if numbers:
                 word = "waypoint" if len(numbers) == 1 else "waypoints"
@@ -151,7 +151,7 @@ class AirspaceUpdate:
         self._new |= _names_of_new(before, now)
         self.leaving |= self._reached(before, now, telemetry)
         inside = now.airspace_at(telemetry.altitude_m).holders(telemetry.position)
-        if before.barred != now.barred and state is not State.LAND:
+        if before.skipped != now.skipped and state is not State.LAND:
             self._stop("waypoints go off the plan on board, or back on it")
         elif not inside and not self._clear_onward(telemetry):
             self._stop("the leg under way is not clear any more")
@@ -183,29 +183,26 @@ class AirspaceUpdate:
 
     # Until they count.
 
-    def go_on(self, telemetry: Telemetry) -> bool:
-        """Go on with a change; whether one is under way, and everything else waits."""
+    def go_on(self, telemetry: Telemetry) -> None:
+        """Go on with the change that is under way; everything else waits."""
         gate, commanded_mode = self._gate, self._gate.commanded_mode
-        if self.phase is None:
-            return False
         if commanded_mode.pending is not None:
-            return True
+            return
         if self._has_to_stop and commanded_mode.last is None:
             gate.hold("it did not stop")  # it flies on to where zones are now
-            return True
+            return
         if self.phase is Phase.BOARDING:
             if gate.navigator.off_its_leg(telemetry):
                 self._stop("off the leg, and the rest of it is not clear")
-            return True
+            return
         airspace = self._context.mission.airspace_at(telemetry.altitude_m)
         inside = airspace.holders(telemetry.position)
         if inside or self._way_out is not None:
             self._leave(telemetry, inside)
-            return True
+            return
         stopping = isinstance(commanded_mode.last, HoldHere)
         if not (stopping and math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S):
             self._board()
-        return True
 
     def board_again(self) -> None:
         """Put the plan on board as it is, once the vehicle is ours: another is there."""

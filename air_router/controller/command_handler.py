@@ -75,6 +75,9 @@ class CommandHandler:
         return_state: Comes home, and says which way home may not be called off.
         authority: Takes a vehicle back that was given away.
         airspace_update: Whether zones are being changed.
+
+    Attributes:
+        later: Points that wait until the vehicle flies on; None: none do.
     """
 
     _context: MissionContext
@@ -88,7 +91,7 @@ class CommandHandler:
     _authority: ControlAuthority
     _airspace_update: AirspaceUpdate
     _held: Held | None = None
-    _later: GoTo | None = None
+    later: GoTo | None = None
 
     def asked(self, request: AnyRequest) -> None:
         """A request of the pilot, the operator or a program."""
@@ -305,17 +308,17 @@ class CommandHandler:
         """Keep a request that waits until the vehicle flies its mission; of several the newest."""
         if not self._context.spec.puts_off:
             return False
-        if self._later is not None:
-            self._answer(self._later, Refused(Refusal.REPLACED, "a newer request came"))
-        self._later = request
+        if self.later is not None:
+            self._answer(self.later, Refused(Refusal.REPLACED, "a newer request came"))
+        self.later = request
         self._context.say(f"points from {request.by} wait until the vehicle flies on")
         return True
 
     def now_what_waited(self) -> None:
         """The time of a request that waited has come, or will not come any more."""
-        if self._later is None or self._context.spec.puts_off:
+        if self.later is None or self._context.spec.puts_off:
             return
-        request, self._later = self._later, None
+        request, self.later = self.later, None
         if self._context.state is State.HOME:  # that was asked for later
             self._answer(request, comes_home(self._return_state.why))
         else:

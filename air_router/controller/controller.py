@@ -3,17 +3,13 @@
 Pure: no sockets, no clocks, no files. The same object flies a real PX4, the simulated one, and
 the discrete-event world, and a recorded flight replays to the same decisions.
 
-When to explore, when to search, when to talk stands in one table, `STATES`: all that is true of a
-state is in its row. A signal that a state does not list changes nothing; the diagram in docs/ is
-drawn from it.
+When it explores, searches and talks stands in one table, `states.table.STATES`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, Final, get_args
+from typing import Any, get_args
 
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
@@ -32,10 +28,9 @@ from air_router.controller.model.events import (
 )
 from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.model.requests import AnyRequest
-from air_router.controller.model.states import From, Requests, Signal, Spec, State
+from air_router.controller.model.states import Signal, State
 from air_router.controller.monitor.deviations import Deviations
 from air_router.controller.monitor.flight_phase import FlightPhase
-from air_router.controller.monitor.home_reachability import HomeReachability
 from air_router.controller.monitor.levelling import Levelling
 from air_router.controller.monitor.safety_monitor import SafetyMonitor
 from air_router.controller.motion.command_gate import CommandGate
@@ -44,9 +39,10 @@ from air_router.controller.preconditions import Preconditions
 from air_router.controller.states.comm_state import CommState
 from air_router.controller.states.explore_state import ExploreState
 from air_router.controller.states.goto_state import GotoState, GotoTask, GotoValidator
-from air_router.controller.states.hold_state import HoldState, LandState
-from air_router.controller.states.return_state import ReturnState
+from air_router.controller.states.hold_state import GivenAway, HoldState, LandState
+from air_router.controller.states.return_state import HomeReachability, ReturnState
 from air_router.controller.states.search_state import SearchState
+from air_router.controller.states.table import STATES, next_state
 from air_router.controller.targets.exploration import Exploration
 from air_router.controller.targets.search_points import Search
 from air_router.controller.telemetry_handler import TelemetryHandler
@@ -62,74 +58,6 @@ from air_router.vehicle.vehicle import (
     Telemetry,
 )
 from mocha_link.links.metrics import ContactBegan, ContactEnded, SyncEnded, SyncStarted
-
-
-@dataclass(slots=True, eq=False)
-class GivenAway(StateHandler):
-    """PASSIVE and DONE: the vehicle is not ours any more, or down. Nothing is flown."""
-
-    _begin: Callable[[], None]
-
-    def begin(self) -> None:
-        """Leave nothing behind that would still be commanded."""
-        self._begin()
-
-
-# Common to states in the air: home on the word of duration, battery or operator; hands off when a
-# pilot flies; done when the ground has the vehicle. And what the operator may ask for.
-_ENDS: Final = {
-    Signal.COME_HOME: State.HOME,
-    Signal.TAKEN_OVER: State.PASSIVE,
-    Signal.GROUNDED: State.DONE,
-}
-_ASKED: Final = {
-    Signal.HOLD: State.HOLD,
-    Signal.SEEK: State.SEARCH,
-    Signal.EXPLORE: State.EXPL,
-    Signal.GOTO: State.GOTO,
-}
-# fmt: off
-STATES: Final[Mapping[State, Spec]] = MappingProxyType({
-    State.READY: Spec(StateHandler, requests=Requests.NOT_YET, puts_off=True,
-        on={Signal.AIRBORNE: State.INIT, **_ENDS}),
-    State.INIT: Spec(ExploreState, timer="init_s", explores=True, cruises=True,
-        on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_ASKED}),
-    State.SEARCH: Spec(SearchState, timer="search_s", timer_from=From.ARRIVAL, keeps_target=True,
-        cruises=True,
-        on={Signal.FOUND: State.COMM, Signal.TIMER: State.EXPL, Signal.NO_TARGET: State.EXPL,
-            Signal.YIELDED: State.SEARCH, **_ENDS, **_ASKED}),
-    State.COMM: Spec(CommState, timer="communicate_s", keeps_target=True, cruises=True,
-        on={Signal.SYNCED: State.EXPL, Signal.TIMER: State.EXPL, **_ENDS, **_ASKED}),
-    State.EXPL: Spec(ExploreState, timer="explore_s", explores=True, cruises=True,
-        on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_ASKED}),
-    State.GOTO: Spec(GotoState, timer="hold_s", timer_from=From.ARRIVAL, cruises=True,
-        on={Signal.TIMER: State.EXPL, Signal.NO_WAY: State.EXPL, **_ENDS, **_ASKED}),
-    State.HOLD: Spec(HoldState, puts_off=True, cruises=True,
-        on={Signal.RESUMED: State.EXPL, **_ENDS, Signal.SEEK: State.SEARCH,
-            Signal.EXPLORE: State.EXPL, Signal.GOTO: State.GOTO}),
-    State.HOME: Spec(ReturnState, requests=Requests.CALL_OFF, cruises=True,
-        on={Signal.ARRIVED: State.LAND, Signal.TAKEN_OVER: State.PASSIVE,
-            Signal.GROUNDED: State.DONE, **_ASKED}),
-    State.LAND: Spec(LandState, requests=Requests.CALL_OFF, keeps_target=True,
-        on={Signal.GROUNDED: State.DONE, Signal.TAKEN_OVER: State.PASSIVE}),
-    State.PASSIVE: Spec(GivenAway, requests=Requests.NOT_OURS, ours=False, keeps_target=True,
-        on={Signal.GROUNDED: State.DONE, Signal.RESUMED: State.EXPL,
-            Signal.COME_HOME: State.HOME}),
-    State.DONE: Spec(GivenAway, requests=Requests.OVER, ours=False, keeps_target=True, on={}),
-})
-# fmt: on
-"""The mission's state machine. What is not here does not happen."""
-
-
-def next_state(state: State, signal: Signal, *, explores: bool = True) -> State | None:
-    """The state that follows; None: the signal changes nothing.
-
-    A vehicle that only searches, as the paper's second UAV, searches where another would explore.
-    """
-    target = STATES[state].on.get(signal)
-    if target is not None and STATES[target].explores and not explores:
-        return State.SEARCH
-    return target
 
 
 class Controller:
@@ -175,7 +103,7 @@ class Controller:
         gate = self.gate = CommandGate(context, self.navigator, plan)
         self.commanded_mode = gate.commanded_mode
         self.exploration = Exploration(mission.waypoints)
-        self.exploration.skip(mission.barred)  # of a flight that is gone on with
+        self.exploration.skip(mission.skipped)  # of a flight that is gone on with
         self.search = Search(context, seek, self.exploration, explore=explore)
         flight_phase = self._flight_phase = FlightPhase()
         reachability = self._reachability = HomeReachability(context)
@@ -301,9 +229,10 @@ class Controller:
         reaction = self._reactions.get(type(event))
         if reaction is not None:
             reaction(event)
-        if self.sought != self._told_sought:
-            self._told_sought = self.sought
-            self._context.do(Seeking(self.sought))
+        sought = self._search_state.robot if self._context.spec.seeks else None
+        if sought != self._told_sought:
+            self._told_sought = sought
+            self._context.do(Seeking(sought))
         return self._context.actions
 
     def objection(self, motion: Motion, now_s: float) -> str | None:
@@ -357,11 +286,6 @@ class Controller:
     def robot(self) -> str | None:
         """Who is sought or hovered over, or was when the vehicle was given away."""
         return self._search_state.robot
-
-    @property
-    def sought(self) -> str | None:
-        """The robot that is sought or hovered over now; None while it does something else."""
-        return self._search_state.sought
 
     @property
     def goto_task(self) -> GotoTask | None:

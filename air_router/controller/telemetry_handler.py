@@ -14,11 +14,18 @@ from air_router.controller.model.events import CommandConfirmed
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import Signal, State
 from air_router.controller.monitor.deviations import Deviation, Deviations, Response
-from air_router.controller.monitor.flight_phase import FlightPhase
+from air_router.controller.monitor.flight_phase import (
+    HELD,
+    FlightPhase,
+    Reminder,
+    Silence,
+    TakeOff,
+    take_off,
+)
 from air_router.controller.monitor.levelling import Levelling
 from air_router.controller.monitor.safety_monitor import EventKind, SafetyMonitor
-from air_router.controller.monitor.triggers import HELD, Reminder, Silence, TakeOff, take_off
 from air_router.controller.motion.command_gate import CommandGate
+from air_router.controller.motion.navigator import Progress
 from air_router.controller.states.return_state import ReturnState
 from air_router.controller.targets.exploration import Exploration
 from air_router.mission.flight_plan import FlightPlan
@@ -76,21 +83,24 @@ class TelemetryHandler:
         missing = self._inputs.why_no_leg(self._context.telemetry) is not None
         return None if missing or self._deviations.waits else motion
 
-    def vehicle_heard(self, telemetry: Telemetry) -> None:
+    def vehicle_heard(self, telemetry: Telemetry) -> None:  # noqa: C901 - the order of what counts
         """The vehicle says how it is."""
-        context, authority = self._context, self._authority
+        context, authority, phase = self._context, self._authority, self._flight_phase
         context.telemetry = telemetry
-        context.silent_s = 0.0
-        self._silence.heard()
-        if self._flight_phase.note(telemetry):
+        context.silent_s = self._silence.told_s = 0.0
+        if phase.note(telemetry):
             self._gate.commanded_mode.assume(FlightMode.MISSION)
         moved = self._deviations.home(telemetry) if telemetry.in_air else None
         if moved is not None:
             context.say(moved.words)
-        if self._flight_phase.over(telemetry) and context.knows(Signal.GROUNDED):
+        if not phase.flies and phase.over(telemetry) and context.knows(Signal.GROUNDED):
             self._grounded()
-        elif self._taken(telemetry):
-            return
+        elif not phase.flies and (killed := phase.killed_now()) is not None:
+            authority.fallen(killed)
+        elif (ours := authority.in_charge) and self._gate.commanded_mode.taken(telemetry):
+            who = Taker.FAILSAFE if telemetry.failsafe else Taker.PILOT
+            self._chosen = (telemetry.mode, context.now_s)
+            authority.take_over(who, f"{who.value} chose {telemetry.mode.value} mode")
         elif authority.waits:
             authority.check()
         elif context.state is State.READY:
@@ -99,22 +109,8 @@ class TelemetryHandler:
                 self._return_state.come_home("home was moved in the climb")
         elif context.state is State.PASSIVE:
             self._look_on(telemetry)
-        elif authority.in_charge and self._fit(telemetry):
-            self._keep(telemetry, moved)
-            self._go_on(telemetry)
-
-    def _taken(self, telemetry: Telemetry) -> bool:
-        """Whether hands are off just now: it falls, or follows another's choice."""
-        authority, killed = self._authority, self._flight_phase.killed_now()
-        if killed is not None:
-            authority.fallen(killed)
-            return True
-        if not (authority.in_charge and self._gate.commanded_mode.taken(telemetry)):
-            return False
-        who = Taker.FAILSAFE if telemetry.failsafe else Taker.PILOT
-        self._chosen = (telemetry.mode, self._context.now_s)
-        authority.take_over(who, f"{who.value} chose {telemetry.mode.value} mode")
-        return True
+        elif ours and self._fit(telemetry):
+            self._go_on(telemetry, moved)
 
     def _grounded(self) -> None:
         if self._pilot_arms and self._context.state is State.READY and self._flight_phase.again():
@@ -186,18 +182,8 @@ class TelemetryHandler:
         if news is not None:
             context.say(news)
 
-    @property
-    def _flies_mission(self) -> bool:
-        """Whether it flies by our commands, above the ground, among zones that do not change."""
-        changing = self._airspace_update.phase is not None or self._levelling.climbs
-        given = self._authority.waits or not self._authority.in_charge
-        return self._context.spec.cruises and not (changing or given)
-
     def _keep(self, telemetry: Telemetry, moved: Deviation | None) -> None:
         """Have it keep to what was planned; see `deviations`."""
-        if not self._flies_mission:
-            self._deviations.forget()
-            return
         if moved is not None:
             self._respond(*moved, said=True)
         for deviation in self._deviations.look(telemetry, self._gate.commanded_mode):
@@ -220,23 +206,32 @@ class TelemetryHandler:
         """Whether nothing waits to be tried again, or its time has come."""
         return self._context.take_retry() or not self._context.retrying
 
-    def _go_on(self, telemetry: Telemetry) -> None:
-        """Home if it is time; then zones that change; then the state's timer, and its handler."""
-        context, gate = self._context, self._gate
+    def _go_on(self, telemetry: Telemetry, moved: Deviation | None) -> None:
+        """Back to what was planned; home if it is time; zones that change; the state's handler."""
+        context, gate, navigator = self._context, self._gate, self._gate.navigator
+        update, levelling = self._airspace_update, self._levelling
+        if context.spec.cruises and update.phase is None and levelling.climb is None:
+            self._keep(telemetry, moved)
+        else:
+            self._deviations.forget()
         self._exploration.passing(telemetry.position, context.now_s)
         self._return_state.check(telemetry)
-        if self._airspace_update.go_on(telemetry):
+        if update.phase is not None:
+            update.go_on(telemetry)
             return
-        if self._levelling.go_on(telemetry):
-            if self._levelling.stuck:
+        if levelling.climb is not None and levelling.go_on(telemetry):
+            if levelling.stuck:
                 self._authority.give_up("the climb to the mission's altitude does not go on")
             return
         if self._deviations.waits:
             return
         if context.left_s == 0.0:
             context.signal(Signal.TIMER)
-        self._command_handler.now_what_waited()
-        gate.advance(gate.navigator.update(telemetry))
+        if self._command_handler.later is not None:
+            self._command_handler.now_what_waited()
+        motion = navigator.update(telemetry)
+        if motion is not None or navigator.progress is not Progress.FLYING:
+            gate.advance(motion)
         if not gate.commanded_mode.pending and context.take_retry():
             context.handler.retry()
 

@@ -79,7 +79,7 @@ class FlightPlan:
         )
         nodes = [(mission.home, altitude_m)]
         # A waypoint that a zone was drawn over is not flown to; with it in there PX4 flies nothing.
-        out = mission.barred
+        out = mission.skipped
         nodes += [
             (mission.home if w.number in out else w.position, w.altitude_above_home_m)
             for w in mission.waypoints

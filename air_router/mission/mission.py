@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
+import numpy as np
+
 from air_router.files.settings import Accepted, PlannerSettings, SeekPolicy, Timers
 from air_router.mission.airspaces import FlightWindow, IdleZone, airspaces_within
 from air_router.mission.fleet import Layer, ceiling_m, top_m
@@ -135,13 +137,13 @@ class Mission:
         )
 
     @property
-    def barred(self) -> frozenset[int]:
+    def skipped(self) -> frozenset[int]:
         """The waypoints that zones or fences were drawn over in flight; none before."""
-        return frozenset(
-            waypoint.number
-            for waypoint in self.waypoints
-            if not self.planning_airspace.point_clear(waypoint.position)
-        )
+        if not self.waypoints:
+            return frozenset()
+        places = np.array([waypoint.position for waypoint in self.waypoints], dtype=float)
+        clear = self.planning_airspace.legs_clear_between(places, places)
+        return frozenset(self.waypoints[index].number for index in np.flatnonzero(~clear))
 
     def altitude_of(self, node: int | None) -> float:
         """How high above home the vehicle hovers at a node; None: at any other point."""

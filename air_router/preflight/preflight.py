@@ -13,7 +13,7 @@ from enum import Enum
 from typing import Final
 
 from air_router.compass import wind_words
-from air_router.controller.monitor.triggers import HOME_TOLERANCE_M
+from air_router.controller.monitor.flight_phase import HOME_TOLERANCE_M
 from air_router.errors import RefusedError
 from air_router.mission.fence_plan import FENCE_TOO_LONG
 from air_router.mission.fleet import STANDING_SHARE

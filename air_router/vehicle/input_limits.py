@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
+from operator import attrgetter, lt
 from typing import Final, NamedTuple
 
 from air_router.vehicle.vehicle import Telemetry
@@ -146,6 +147,10 @@ LIMITS: Final = (
 )
 """Every input that a flight rests on; the gravest first."""
 
+_ages = attrgetter(*(limit.age for limit in LIMITS))
+_TOLD_S: Final = tuple(limit.told_s for limit in LIMITS)
+"""From which age on an input is missing at all; the other limits are no lower."""
+
 
 class InputNews(NamedTuple):
     """What to announce: what is missing, and what is done about it."""
@@ -171,6 +176,9 @@ class InputOutlook(NamedTuple):
     news: tuple[InputNews, ...]
 
 
+_CALM: Final = Outlook(Stop.NONE, "", back=False, home_why=None, news=())
+
+
 class InputWatch:
     """Looks at the ages in every telemetry, and at whether GPS has a fix."""
 
@@ -187,6 +195,9 @@ class InputWatch:
 
     def look(self, telemetry: Telemetry) -> InputOutlook:
         """Take the next telemetry in."""
+        waits = not telemetry.fix or self._stopped or self._told
+        if not waits and all(map(lt, _ages(telemetry.ages), _TOLD_S)):
+            return _CALM
         missing: dict[str, Stop] = {}
         news: list[InputNews] = []
         home_why = None

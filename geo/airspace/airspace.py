@@ -88,6 +88,7 @@ class Airspace:
         self.distances_m = tuple(self._kept_m(zone.clearance_m) for zone in self.zones)
         self.fence_distance_m = self._kept_m(None)
         self._fences = tuple(Fence(shape) for shape in self.fences)
+        self._fence_threshold_m = _threshold(self.fence_distance_m)
 
     def __repr__(self) -> str:
         return (
@@ -134,7 +135,7 @@ class Airspace:
         leg = _line(start, end)
         kept = ~_dwithin(self._geometries, leg, self._thresholds_m)
         zones = (zone for zone, clear in zip(self.zones, kept, strict=True) if clear)
-        things, threshold_m = np.array([leg], dtype=object), _threshold(self.fence_distance_m)
+        things, threshold_m = np.array([leg], dtype=object), self._fence_threshold_m
         held = zip(self.fences, self._fences, strict=True)
         return self._of([shape for shape, f in held if f.keeps(things, threshold_m)[0]], zones)
 
@@ -179,7 +180,7 @@ class Airspace:
         lines = _lines(starts, ends)
         clear = np.ones(len(lines), dtype=bool)
         for fence in self._fences:
-            clear[clear] = fence.keeps(lines[clear], _threshold(self.fence_distance_m))
+            clear[clear] = fence.keeps(lines[clear], self._fence_threshold_m)
         rest = np.flatnonzero(clear)
         lines = lines[rest]
         legs, zones = self._tree.query(lines)
@@ -337,7 +338,10 @@ class Airspace:
         return max(distance_m - shortfall_m, min(distance_m, floor_m), 0.0)
 
     def _clear(self, shape: BaseGeometry) -> bool:
-        return len(self._close(shape)) == 0 and self._within_fences(shape)
+        near = self._tree.query(shape)
+        if len(near) and _dwithin(self._geometries[near], shape, self._thresholds_m[near]).any():
+            return False
+        return self._within_fences(shape)
 
     def _close(self, shape: BaseGeometry) -> npt.NDArray[np.intp]:
         """The numbers of the zones that a shape is too near to."""
@@ -345,11 +349,11 @@ class Airspace:
         return near[_dwithin(self._geometries[near], shape, self._thresholds_m[near])]
 
     def _within_fences(self, shape: BaseGeometry) -> bool:
-        threshold_m = _threshold(self.fence_distance_m)
-        return all(
-            bool(fence.keeps(np.array([shape], dtype=object), threshold_m)[0])
-            for fence in self._fences
-        )
+        things = np.array([shape], dtype=object)
+        for fence in self._fences:  # noqa: SIM110 - asked for every leg; a generator takes longer
+            if not fence.keeps(things, self._fence_threshold_m)[0]:
+                return False
+        return True
 
     def _least(
         self, point: Point, kept_m: _Floats | float, fence_kept_m: float

@@ -276,7 +276,7 @@ def test_a_changed_fence_is_ours_in_flight_and_another_s_is_not(mission, udp_por
     place = mission.waypoints[4].position
     over = Zone("over 5", Circle(place, 3.0))
     changed = mission.with_areas(mission.fences, (*mission.zones, over))
-    assert changed.barred == {5}
+    assert changed.skipped == {5}
     apart = Zone("apart", Circle(Point(place[0] + 400.0, place[1]), 3.0))
     beside = mission.with_areas((), (*mission.zones, apart))
 

@@ -2,7 +2,7 @@
 
 INIT, SEARCH, COMM and EXPL are those of the paper (its figure "State machine describing the
 communication-aware exploration"); the others take the vehicle off the ground, bring it home and
-give it away. The table itself, `STATES`, stands in `controller.controller`.
+give it away. The table itself is `states.table.STATES`.
 """
 
 from __future__ import annotations
@@ -79,6 +79,7 @@ class Spec:
         timer: The field of the mission's `timers` that says how long it lasts; None: no limit.
         timer_from: When that begins.
         keeps_target: The robot that was sought is remembered.
+        seeks: That robot is sought, or hovered over, just now.
         explores: It flies the waypoints in order.
         cruises: It flies at the mission's altitude, so deviations from that are looked for.
         puts_off: Points that came by gossip wait for the state's end instead of being refused.
@@ -91,6 +92,7 @@ class Spec:
     timer: str | None = None
     timer_from: From = From.ENTRY
     keeps_target: bool = False
+    seeks: bool = False
     explores: bool = False
     cruises: bool = False
     puts_off: bool = False

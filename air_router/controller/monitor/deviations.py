@@ -27,11 +27,13 @@ from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.motion.commanded_mode import CommandedMode
+from air_router.controller.motion.command_gate import CommandedMode
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.vehicle import Telemetry
+from geo.airspace.airspace import Airspace
+from geo.frame import Point
 
 OFF_M: Final = 5.0
 """How far off its altitudes a vehicle may be at least, whatever margin the mission keeps: PX4
@@ -112,14 +114,19 @@ class Deviations:
         self.waits = False
         self._context = context
         self._home_told: HomeMove | None = None
-        self._before: Telemetry | None = None
-        self._satellites = _Satellites()
+        self._before: tuple[float, float] | None = None  # time, altitude above sea level
+        # The altitude of the satellite receiver beside the autopilot's, since the take-off.
+        self._receiver_began_m: float | None = None
+        self._receiver_off_m = 0.0
+        self._receiver_at_s = 0.0
+        self._receiver_told_m = 0.0
         self._out_m = 0.0  # the least that it was off its altitudes lately
         self._out_since_s: float | None = None
         self._off_since_s: float | None = None
         self._back_since_s: float | None = None
         self._spare_told_m: float | None = 0.0  # None: the clearance is kept
-        self._clear_until: tuple[float, Telemetry, Mission] | None = None
+        # So much was to spare there, among the zones of that airspace and mission.
+        self._spare: tuple[float, Point, Airspace, Mission] | None = None
         self._fast_since_s: float | None = None
         self._fast_told = True
         self._slow_since_s: float | None = None
@@ -128,7 +135,14 @@ class Deviations:
 
     def home(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the autopilot's home was moved since it was told last, in any state."""
-        self._satellites.note(telemetry)
+        if telemetry.gps_amsl_m is not None and telemetry.altitude_amsl_m is not None:
+            off_m = telemetry.gps_amsl_m - telemetry.altitude_amsl_m
+            if self._receiver_began_m is None:
+                self._receiver_began_m, self._receiver_at_s = off_m, telemetry.time_s
+            passed_s = max(telemetry.time_s - self._receiver_at_s, 0.0)
+            share = 1.0 - math.exp(-passed_s / _AVERAGE_S)
+            self._receiver_off_m += share * (off_m - self._receiver_began_m - self._receiver_off_m)
+            self._receiver_at_s = telemetry.time_s
         moved, told = telemetry.home_moved, self._home_told
         if moved is None:
             self._home_told = None
@@ -149,13 +163,11 @@ class Deviations:
         """What is off now, on a vehicle that flies its mission by our commands."""
         found = (
             self._height(telemetry),
-            self._satellites.look(telemetry),
+            self._in_doubt(telemetry) if abs(self._receiver_off_m) >= DOUBT_M else None,
             self._clearance(telemetry),
-            self._fast(telemetry, commanded_mode),
-            self._slow(telemetry, commanded_mode),
+            self._speed(telemetry, commanded_mode),
         )
-        self._before = telemetry
-        return [deviation for deviation in found if deviation is not None]
+        return [*filter(None, found)]
 
     def forget(self) -> None:
         """It does not fly its mission by our commands just now."""
@@ -163,18 +175,21 @@ class Deviations:
         self._before = self._out_since_s = self._fast_since_s = self._slow_since_s = None
         self._fast_told = True  # it may come out of another's flight, and brakes
         self._off_since_s = self._back_since_s = None
-        self._spare_told_m, self._clear_until = 0.0, None
+        self._spare_told_m, self._spare = 0.0, None
 
     # Height.
 
     def _height(self, telemetry: Telemetry) -> Deviation | None:
         band, now_s, before = self._context.mission.cruise, telemetry.time_s, self._before
         altitude_m = telemetry.altitude_m
+        # With nothing in it of home, which the autopilot corrects by a metre or two.
+        amsl_m = altitude_m if telemetry.altitude_amsl_m is None else telemetry.altitude_amsl_m
+        self._before = (now_s, amsl_m)
         slack_m = max(OFF_M - self._context.mission.planner.vertical_margin_m, 0.0)
         out_m = max(band.lower_m - altitude_m, altitude_m - band.upper_m, slack_m) - slack_m
-        if before is not None and _jumped(before, telemetry):
-            from_m = altitude_m + _amsl_m(before) - _amsl_m(telemetry)
-            words = f"the altitude jumped from {from_m:.0f} to {altitude_m:.0f} m"
+        gained_m = 0.0 if before is None else amsl_m - before[1]
+        if before is not None and abs(gained_m) > JUMP_M + CLIMB_M_S * max(now_s - before[0], 0.0):
+            words = f"the altitude jumped from {altitude_m - gained_m:.0f} to {altitude_m:.0f} m"
             if out_m == 0.0:
                 return Deviation(Response.HOLD, words)
             self.waits = True
@@ -221,16 +236,14 @@ class Deviations:
         here = telemetry.position
         mission = self._context.mission
         airspace = mission.airspace_at(telemetry.altitude_m)
-        if self._clear_until is not None:
-            spare_m, at, among = self._clear_until
+        if self._spare is not None:
+            spare_m, there, of, among = self._spare
             if among is not mission:
                 self._spare_told_m = 0.0  # a zone may have been drawn near to the vehicle
-            elif math.dist(here, at.position) < spare_m and airspace is mission.airspace_at(
-                at.altitude_m
-            ):
+            elif of is airspace and math.dist(here, there) < spare_m:
                 return None
         spare_m, name = airspace.spare_m(here)
-        self._clear_until = (spare_m, telemetry, mission)
+        self._spare = (spare_m, here, airspace, mission)
         told_m = self._spare_told_m
         if spare_m >= -NOISE_M:
             if spare_m >= 0.0:
@@ -248,35 +261,45 @@ class Deviations:
 
     # Speed.
 
-    def _fast(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> Deviation | None:
+    def _speed(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> Deviation | None:
         commanded_m_s = self._context.mission.speed_m_s
         speed_m_s = math.hypot(*telemetry.velocity_m_s)
-        if speed_m_s <= FASTER * commanded_m_s + FASTER_M_S:
-            self._fast_since_s, self._fast_told = None, False
-            return None
+        self._slow_told &= speed_m_s < commanded_m_s * (1.0 + SLOW) / 2.0
+        if speed_m_s > SLOW * commanded_m_s:
+            self._slow_since_s = None
+        if speed_m_s > FASTER * commanded_m_s + FASTER_M_S:
+            return self._fast(telemetry, commanded_mode, speed_m_s)
+        self._fast_since_s, self._fast_told = None, False
+        if speed_m_s <= SLOW * commanded_m_s:
+            return self._slow(telemetry, commanded_mode, speed_m_s)
+        return None
+
+    def _fast(
+        self, telemetry: Telemetry, commanded_mode: CommandedMode, speed_m_s: float
+    ) -> Deviation | None:
         if self._fast_since_s is None:
             self._fast_since_s = telemetry.time_s
         if self._fast_told or telemetry.time_s - self._fast_since_s < FAST_S:
             return None
         self._fast_told = True
         words = (
-            f"it flies {speed_m_s:.1f} m/s and was told {commanded_m_s:.1f} m/s: "
+            f"it flies {speed_m_s:.1f} m/s and was told {self._context.mission.speed_m_s:.1f} m/s: "
             "another ground station changed its speed, or the wind carries it"
         )
         if isinstance(commanded_mode.last, HoldHere):  # for another reason; it brakes
             return Deviation(Response.TELL, words)
         return self._again(telemetry.time_s, words)
 
-    def _slow(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> Deviation | None:
-        commanded_m_s, leg = self._context.mission.speed_m_s, commanded_mode.last
-        speed_m_s = math.hypot(*telemetry.velocity_m_s)
-        self._slow_told &= speed_m_s < commanded_m_s * (1.0 + SLOW) / 2.0
+    def _slow(
+        self, telemetry: Telemetry, commanded_mode: CommandedMode, speed_m_s: float
+    ) -> Deviation | None:
+        leg = commanded_mode.last
         far = (
             commanded_mode.pending is None
             and isinstance(leg, FlyToNode | FlyToPoint)
             and math.dist(telemetry.position, leg.position) > SLOW_M
         )
-        if not far or speed_m_s > SLOW * commanded_m_s:
+        if not far:
             self._slow_since_s = None
             return None
         if self._slow_since_s is None:
@@ -284,8 +307,21 @@ class Deviations:
         if self._slow_told or telemetry.time_s - self._slow_since_s < SLOW_S:
             return None
         self._slow_told = True
+        commanded_m_s = self._context.mission.speed_m_s
         words = f"it flies only {speed_m_s:.1f} m/s and was told {commanded_m_s:.1f} m/s"
         return Deviation(Response.TELL, words)
+
+    def _in_doubt(self, telemetry: Telemetry) -> Deviation | None:
+        """Whether the satellites' altitude has left the autopilot's."""
+        for limit_m, response in ((DOUBT_HOME_M, Response.HOME), (DOUBT_M, Response.TELL)):
+            if abs(self._receiver_off_m) >= limit_m > self._receiver_told_m:
+                self._receiver_told_m = limit_m
+                words = (
+                    f"the altitude is in doubt: {telemetry.altitude_m:.0f} m by the autopilot, "
+                    f"{telemetry.altitude_m + self._receiver_off_m:.0f} m by the satellites"
+                )
+                return Deviation(response, words)
+        return None
 
     def _again(self, now_s: float, words: str) -> Deviation:
         self._times.append(now_s)
@@ -293,49 +329,3 @@ class Deviations:
             self._times.clear()
             return Deviation(Response.HOME, words)
         return Deviation(Response.HOLD, words)
-
-
-class _Satellites:
-    """The altitude of the satellite receiver beside the autopilot's, since the take-off."""
-
-    def __init__(self) -> None:
-        self._began_m: float | None = None
-        self._off_m = 0.0
-        self._at_s = 0.0
-        self._told_m = 0.0
-
-    def note(self, telemetry: Telemetry) -> None:
-        """Take both in."""
-        if telemetry.gps_amsl_m is None or telemetry.altitude_amsl_m is None:
-            return
-        off_m = telemetry.gps_amsl_m - telemetry.altitude_amsl_m
-        if self._began_m is None:
-            self._began_m, self._at_s = off_m, telemetry.time_s
-        share = 1.0 - math.exp(-max(telemetry.time_s - self._at_s, 0.0) / _AVERAGE_S)
-        self._off_m += share * (off_m - self._began_m - self._off_m)
-        self._at_s = telemetry.time_s
-
-    def look(self, telemetry: Telemetry) -> Deviation | None:
-        """Whether one of both has left the other."""
-        for limit_m, response in ((DOUBT_HOME_M, Response.HOME), (DOUBT_M, Response.TELL)):
-            if abs(self._off_m) >= limit_m > self._told_m:
-                self._told_m = limit_m
-                gps_m = telemetry.altitude_m + self._off_m
-                words = (
-                    f"the altitude is in doubt: {telemetry.altitude_m:.0f} m by the autopilot, "
-                    f"{gps_m:.0f} m by the satellites"
-                )
-                return Deviation(response, words)
-        return None
-
-
-def _jumped(before: Telemetry, telemetry: Telemetry) -> bool:
-    seconds = max(telemetry.time_s - before.time_s, 0.0)
-    change_m = abs(_amsl_m(telemetry) - _amsl_m(before))
-    return change_m > JUMP_M + CLIMB_M_S * seconds
-
-
-def _amsl_m(telemetry: Telemetry) -> float:
-    """Its altitude with nothing in it of home, which the autopilot corrects by a metre or two."""
-    amsl_m = telemetry.altitude_amsl_m
-    return telemetry.altitude_m if amsl_m is None else amsl_m

@@ -29,12 +29,13 @@ class Levelling:
     Attributes:
         wanted: The next leg is begun at the mission's altitude: the vehicle was taken over, and
             may be anywhere. Stays until it is there.
+        climb: Its way up; None: it does not climb.
     """
 
     _context: MissionContext
     _gate: CommandGate
     wanted: bool = False
-    _climb: FlyToPoint | None = None
+    climb: FlyToPoint | None = None
     _gained: tuple[float, float] = (0.0, 0.0)
 
     def why_not(self, telemetry: Telemetry) -> str | None:
@@ -67,42 +68,37 @@ class Levelling:
         if why_not is not None:
             self._gate.wait_here(why_not)
             return None
-        if self._climb is None:
+        if self.climb is None:
             self._context.say(
                 f"climbing from {telemetry.altitude_m:.0f} to "
                 f"{mission.altitude_above_home_m:.0f} m first"
             )
             self._gained = (telemetry.altitude_m, self._context.now_s)
         place = stopping_point(telemetry, self._gate.navigator.reaction_s)
-        self._climb = FlyToPoint(place, mission.altitude_above_home_m)
-        return self._climb
+        self.climb = FlyToPoint(place, mission.altitude_above_home_m)
+        return self.climb
 
     def go_on(self, telemetry: Telemetry) -> bool:
         """Whether it climbs, and everything else waits."""
-        if self._climb is None:
+        if self.climb is None:
             return False
-        if self._gate.commanded_mode.last is not self._climb:
+        if self._gate.commanded_mode.last is not self.climb:
             # It did not follow, or was told to hold: the climb begins anew before the next leg.
-            self._climb = None
+            self.climb = None
             return False
         if low(self._context.mission, telemetry):
             if telemetry.altitude_m > self._gained[0] + PROGRESS_M:
                 self._gained = (telemetry.altitude_m, telemetry.time_s)
             return True
-        self._climb = None
+        self.climb = None
         self.wanted = False
         self._context.handler.replan()
         return True
 
     @property
-    def climbs(self) -> bool:
-        """Whether it is on its way up."""
-        return self._climb is not None
-
-    @property
     def stuck(self) -> bool:
         """Whether a climb has not gone on for some time."""
-        return self._climb is not None and self._context.now_s - self._gained[1] >= CLIMB_S
+        return self.climb is not None and self._context.now_s - self._gained[1] >= CLIMB_S
 
 
 def _layers_between(mission: Mission, telemetry: Telemetry) -> tuple[str, ...]:

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.monitor.triggers import ALTITUDE_M
-from air_router.controller.motion.commanded_mode import CommandedMode
+from air_router.controller.monitor.flight_phase import ALTITUDE_M
+from air_router.controller.motion.command_gate import CommandedMode
 from air_router.mission.flight_plan import FlightPlan
 from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -65,6 +65,7 @@ class SafetyMonitor:
     _context: MissionContext
     _plan: FlightPlan
     _strange_since_s: float | None = None
+    _jump: tuple[FlyToNode, int] | None = None
     _held: tuple[HoldHere, float, Point | None] | None = None
     # Nothing is near this place, so far, among the zones of this mission.
     _clear: tuple[Point, float, Mission] | None = None
@@ -76,9 +77,17 @@ class SafetyMonitor:
 
         To be in a zone of `leaving` is no breach: it was drawn over the vehicle, which leaves it.
         """
-        stranger = self._stranger(telemetry, commanded_mode)
-        if stranger is not None:
-            return MonitorEvent(EventKind.STRANGER, stranger)
+        strange = self._strange_order(telemetry, commanded_mode)
+        if strange is None:
+            self._strange_since_s = None
+        else:
+            order, told_s = strange
+            if self._strange_since_s is None:
+                self._strange_since_s = telemetry.told_s
+            shown_s = telemetry.told_s - self._strange_since_s
+            # One message, that may be of before our own order, is no proof.
+            if told_s < shown_s and shown_s >= STRANGE_S:
+                return MonitorEvent(EventKind.STRANGER, order)
         breach = self.breach(telemetry, leaving)
         return _GOOD if breach is None else MonitorEvent(EventKind.BREACH, breach)
 
@@ -97,33 +106,22 @@ class SafetyMonitor:
         holders = [name for name in inside if name not in leaving]
         return f"breach of {', '.join(holders)}" if holders else None
 
-    def _stranger(self, telemetry: Telemetry, commanded_mode: CommandedMode) -> str | None:
-        """Whether the vehicle follows an order that is not ours and that needed no other mode.
+    def _strange_order(
+        self, telemetry: Telemetry, commanded_mode: CommandedMode
+    ) -> tuple[str, float] | None:
+        """An order that is not ours and needed no other mode, and the age of what shows it.
 
         A pilot who pauses or sends the vehicle elsewhere while it hovers in Hold by our command
         changes no mode, and one who jumps to another plan item in Mission mode neither.
         """
-        strange = self._strange_order(telemetry, commanded_mode)
-        if strange is None:
-            self._strange_since_s = None
-            return None
-        order, told_s = strange
-        if self._strange_since_s is None:
-            self._strange_since_s = telemetry.told_s
-        shown_s = telemetry.told_s - self._strange_since_s
-        again = told_s < shown_s  # one message, that may be of before our own order, is no proof
-        return order if again and shown_s >= STRANGE_S else None
-
-    def _strange_order(
-        self, telemetry: Telemetry, commanded_mode: CommandedMode
-    ) -> tuple[str, float] | None:
-        """An order that is not ours, and how old the message is that shows it."""
         if commanded_mode.pending is not None or not telemetry.in_air:
             return None
         order, ages = None, telemetry.ages
         match commanded_mode.last:
-            case FlyToNode(node=node) if telemetry.mode is FlightMode.MISSION:
-                if telemetry.item not in {None, self._plan.item_of(node)}:
+            case FlyToNode() as jump if telemetry.mode is FlightMode.MISSION:
+                if self._jump is None or self._jump[0] is not jump:
+                    self._jump = (jump, self._plan.item_of(jump.node))
+                if telemetry.item not in {None, self._jump[1]}:
                     return "a pilot or ground station chose another plan item", ages.item_s
             case FlyToPoint(position=position) if telemetry.mode is FlightMode.HOLD:
                 order = _elsewhere(telemetry, position)

@@ -143,8 +143,10 @@ class Navigator:
         if self._braking or self.leg is None:
             stopped = standing and not self.setpoints.open(telemetry)
             return self._plan(telemetry) if stopped else None
-        if not self._at_end(self.leg, telemetry, reached_node):
-            return self._on_the_way(self.leg, telemetry, standing=standing)
+        leg = self.leg
+        reported = reached_node is not None and reached_node == leg.node
+        if not reported and math.dist(telemetry.position, leg.to) > self._radius_m:
+            return self._on_the_way(leg, telemetry, standing=standing)
         self._stands_since_s = None
         if not self._legs:
             self.leg = None
@@ -168,14 +170,20 @@ class Navigator:
         return HoldHere("an order from before may be under way; stopping to look again")
 
     def _on_the_way(self, leg: Leg, telemetry: Telemetry, *, standing: bool) -> Motion | None:
-        if self._astray(telemetry):
+        """Have a vehicle that is off its leg, or stands far from its end for long, go on."""
+        if self._astray(telemetry.position):
             return self._look_again(leg, telemetry)
-        stalled = self._stalled(telemetry, standing=standing)
-        return self._settle(telemetry, "the vehicle stands and does not go") if stalled else None
+        if not standing:
+            self._stands_since_s = None
+            return None
+        if self._stands_since_s is None:
+            self._stands_since_s = telemetry.time_s
+        if telemetry.time_s - self._stands_since_s < STALL_S:
+            return None
+        return self._settle(telemetry, "the vehicle stands and does not go")
 
-    def _astray(self, telemetry: Telemetry) -> bool:
+    def _astray(self, here: Point) -> bool:
         """Whether a gust, or a jump of the position estimate, took it out of what was checked."""
-        here = telemetry.position
         if not self._swept or _off_line_m(here, self._swept[0], self._swept[-1]) <= ASTRAY_M:
             return False
         swept = MultiPoint(self._swept).convex_hull
@@ -184,7 +192,11 @@ class Navigator:
     def off_its_leg(self, telemetry: Telemetry) -> bool:
         """Whether the vehicle is out of what was checked, and the rest of its leg is not clear."""
         leg = self.leg if self.progress is Progress.FLYING else None
-        return leg is not None and self._astray(telemetry) and not self.clear(telemetry, leg.to)
+        return (
+            leg is not None
+            and self._astray(telemetry.position)
+            and not self.clear(telemetry, leg.to)
+        )
 
     def _look_again(self, leg: Leg, telemetry: Telemetry) -> Motion | None:
         """The rest of the leg from where the vehicle is now; another way if that is not clear."""
@@ -198,16 +210,6 @@ class Navigator:
         reaches = [setpoint.reach for setpoint in self.setpoints.pending(telemetry)]
         self._swept = (telemetry.position, stopping, *reaches, leg.to)
 
-    def _stalled(self, telemetry: Telemetry, *, standing: bool) -> bool:
-        """Whether the vehicle stands far from its leg's end, and not only for a moment."""
-        if not standing:
-            self._stands_since_s = None
-        elif self._stands_since_s is None:
-            self._stands_since_s = telemetry.time_s
-        return (
-            self._stands_since_s is not None and telemetry.time_s - self._stands_since_s >= STALL_S
-        )
-
     def _settle(self, telemetry: Telemetry, refusal: str) -> Motion | None:
         """Look again now and then where no leg on is clear, or none is followed; then give up."""
         if telemetry.time_s < self._settle_until_s:
@@ -220,11 +222,6 @@ class Navigator:
         self.refusal = NoRoute(refusal)
         self.progress = Progress.NO_ROUTE
         return None
-
-    def _at_end(self, leg: Leg, telemetry: Telemetry, reached_node: int | None) -> bool:
-        if reached_node is not None and reached_node == leg.node:
-            return True
-        return math.dist(telemetry.position, leg.to) <= self._radius_m
 
     def _passed(self, leg: Leg, following: Leg, telemetry: Telemetry) -> bool:
         """Whether a leg's end is so near that the vehicle may as well go for the next one."""

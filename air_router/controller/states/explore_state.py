@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.model.states import Signal
-from air_router.controller.monitor.home_reachability import HomeReachability
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Progress
+from air_router.controller.states.return_state import HomeReachability
 from air_router.controller.targets.exploration import Exploration
 
 

@@ -1,8 +1,9 @@
-"""Staying where it is: HOLD, on request, and LAND, the descent at home."""
+"""Going nowhere: HOLD, on request; LAND, the descent at home; PASSIVE and DONE."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, LandHere
@@ -78,3 +79,14 @@ class LandState(StateHandler):
         """Descend, unless it does."""
         if not isinstance(self._gate.commanded_mode.last, LandHere):
             self.begin()
+
+
+@dataclass(slots=True, eq=False)
+class GivenAway(StateHandler):
+    """PASSIVE and DONE: the vehicle is not ours any more, or down. Nothing is flown."""
+
+    _begin: Callable[[], None]
+
+    def begin(self) -> None:
+        """Leave nothing behind that would still be commanded."""
+        self._begin()

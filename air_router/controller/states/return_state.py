@@ -1,4 +1,8 @@
-"""Coming home in time: the state HOME."""
+"""Coming home in time, where zones leave a way: the state HOME.
+
+A mission is only flown where home can be reached from everywhere; zones that are drawn in flight
+may change that. Nothing is flown through them then: the operator is told until one acts.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +13,132 @@ from typing import Final
 from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.model.states import Signal, State
 from air_router.controller.monitor.flight_phase import FlightPhase
-from air_router.controller.monitor.home_reachability import HomeReachability
-from air_router.controller.monitor.triggers import reason_to_return
 from air_router.controller.motion.command_gate import RETRY_S, CommandGate
 from air_router.controller.motion.navigator import Goal, stopping_point
 from air_router.mission.flight_plan import HOME_NODE
-from air_router.routing.return_planner import WayHome
+from air_router.mission.mission import Mission
+from air_router.routing.departure import names_of
+from air_router.routing.return_planner import LANDING_MARGIN, WayHome
+from air_router.routing.router import Route
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
+from geo.paths.regions import Regions
 
 POSITION_S: Final = 1.0
 """A vehicle whose positions have been missing for longer is not known to be above home."""
 
 LANDING_M: Final = 1.0
 """So much farther from home than the acceptance radius it may be when it is told to land."""
+
+
+LOOK_S: Final = 5.0
+"""How often it is looked whether there is a way; at once after zones have changed."""
+
+TOLD_S: Final = 30.0
+"""How often it is told again that there is none."""
+
+_NAMED: Final = 3
+"""So many walls are named; more would not be read in the air."""
+
+
+def reason_to_return(
+    mission: Mission, telemetry: Telemetry, airborne_s: float, need_home: float | None = None
+) -> str | None:
+    """Why the vehicle comes home now; None to stay out.
+
+    Args:
+        mission: its battery reserve and duration.
+        telemetry: the vehicle's charge.
+        airborne_s: seconds since take-off.
+        need_home: the charge that flying home from here and landing takes, if that is known.
+    """
+    charge = telemetry.battery
+    if charge is not None and charge <= mission.battery_reserve:
+        return f"battery at {charge:.0%}"
+    if charge is not None and need_home is not None and charge <= need_home + LANDING_MARGIN:
+        return (
+            f"battery at {charge:.0%}: the way home takes {need_home:.0%}, "
+            f"{LANDING_MARGIN:.0%} are to be left on the ground"
+        )
+    if mission.duration_s is not None and airborne_s >= mission.duration_s:
+        return f"{mission.duration_s:.0f} s of mission are over"
+    return None
+
+
+@dataclass(slots=True, eq=False)
+class HomeReachability:
+    """Looks for the way home among the zones of now.
+
+    Attributes:
+        walls: The zones (and the fence) between the vehicle and home; None while a way is clear.
+        among: The mission among whose zones it was looked.
+        look_at_s: When it is looked again.
+    """
+
+    _context: MissionContext
+    walls: tuple[str, ...] | None = None
+    among: Mission | None = None
+    look_at_s: float = -math.inf
+    _tell_at_s: float = -math.inf
+    _due: bool = False
+
+    def look(self, telemetry: Telemetry, *, due: bool) -> str | None:
+        """What to say now, if anything.
+
+        Args:
+            telemetry: where the vehicle is, in the air.
+            due: it should be on its way home.
+        """
+        if self.among is not self._context.mission:
+            self.among = self._context.mission
+            self.look_at_s = self._tell_at_s = -math.inf
+        if telemetry.time_s >= self.look_at_s:
+            before = self.walls
+            self._look(telemetry)
+            if before is not None and self.walls is None:
+                self._tell_at_s = -math.inf
+                return "a clear way leads home again"
+        if self.walls is None:
+            return None
+        if telemetry.time_s < self._tell_at_s and due == self._due:
+            return None
+        self._tell_at_s, self._due = telemetry.time_s + TOLD_S, due
+        return self._words(telemetry, due=due)
+
+    def _look(self, telemetry: Telemetry) -> None:
+        mission, router = self._context.mission, self._context.router
+        here, home = telemetry.position, mission.home
+        if mission.airspace_at(telemetry.altitude_m).holders(here):
+            return  # it leaves that first
+        self.look_at_s = telemetry.time_s + LOOK_S
+        paths = router.graph.paths
+        place = paths.nearest(here)
+        if place is not None and paths.connected(home, place):
+            self.walls = None
+        elif isinstance(router.route(here, HOME_NODE), Route):
+            self.walls = None  # by a tight way out
+        elif place is None:
+            self.walls = ()
+        else:
+            airspace = mission.planning_airspace
+            walls = Regions(airspace).separators(place, home)
+            self.walls = walls or airspace.blockers(place, home)  # where home itself is not clear
+
+    def _words(self, telemetry: Telemetry, *, due: bool) -> str:
+        walls = self.walls or ()
+        named = names_of(walls[::-1][:_NAMED]) or "zones"  # the newest are last
+        more = f" and {len(walls) - _NAMED} more" if len(walls) > _NAMED else ""
+        charge = "" if telemetry.battery is None else f" (battery at {telemetry.battery:.0%})"
+        if not due:
+            return (
+                f"walled in{charge}: no clear way home past {named}{more}; take a zone away and "
+                "reload, or fly it out by hand"
+            )
+        return (
+            f"walled in{charge}: it should come home and cannot, for {named}{more}; it hovers "
+            "until a zone is taken away, a pilot flies it out, or the autopilot's battery "
+            "failsafe acts, which may fly through zones"
+        )
 
 
 @dataclass(slots=True, eq=False)
@@ -61,19 +177,27 @@ class ReturnState(StateHandler):
 
     def check(self, telemetry: Telemetry) -> None:
         """End the mission if it is time; say it, loudly, where no way leads home."""
-        if self._context.state is not State.LAND:
-            news = self._reachability.look(telemetry, due=self._context.state is State.HOME)
+        context, reachability = self._context, self._reachability
+        if context.state is not State.LAND and (
+            telemetry.time_s >= reachability.look_at_s
+            or reachability.walls is not None
+            or reachability.among is not context.mission
+        ):
+            news = reachability.look(telemetry, due=context.state is State.HOME)
             if news is not None:
-                self._context.say(news)
-        if self._can_end:
+                context.say(news)
+        if Signal.COME_HOME in context.spec.on:
             why = self._due(telemetry)
             if why is not None:
                 self.come_home(why)
 
     def _due(self, telemetry: Telemetry) -> str | None:
-        since_s = self._flight_phase.since_s(self._context.now_s)
-        need = self._way_home.need(telemetry, self._context.router)
-        return reason_to_return(self._context.mission, telemetry, since_s, need)
+        context, since_s = self._context, self._flight_phase.airborne_s
+        airborne_s = 0.0 if since_s is None else context.now_s - since_s
+        need = None
+        if context.pace.endurance_s is not None:
+            need = self._way_home.need(telemetry, context.router)
+        return reason_to_return(context.mission, telemetry, airborne_s, need)
 
     def come_home(self, why: str) -> None:
         """End the mission, in the air by flying home."""

@@ -46,11 +46,6 @@ class SearchState(StateHandler):
     _wanted: str | None = None
     _asked_for: str | None = None
 
-    @property
-    def sought(self) -> str | None:
-        """The robot that is sought or hovered over now; None while it does something else."""
-        return self.robot if self._context.state in {State.SEARCH, State.COMM} else None
-
     def seek(self, robot: str) -> None:
         """The operator asks for this robot."""
         self._wanted = robot
@@ -146,7 +141,7 @@ class SearchState(StateHandler):
             return
         if self._context.state is State.SEARCH and event.peer == event.robot:
             self._context.signal(Signal.FOUND)
-        elif self.sought is not None:
+        elif self._context.spec.seeks:
             self.follow()
 
     def path_heard(self, event: RobotPath) -> None:

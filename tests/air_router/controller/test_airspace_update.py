@@ -152,14 +152,14 @@ def test_waypoints_in_a_zone_are_left_out_and_the_others_flown(pretend):
     flight.fly_until(lambda: flight.controller.exploration.remaining < 36, 300.0)
     inside = next(w for w in flight.mission.waypoints if w.number == 10)
     change(flight, box(inside.position))
-    barred = flight.controller.mission.barred
-    assert barred == {10}
+    skipped = flight.controller.mission.skipped
+    assert skipped == {10}
     assert "waypoint 10 left out: no clear way leads there" in flight.said
     flight.fly_until(lambda: boarding(flight) == 1, 60.0)
     flight.give(PlanRenewed())
     flight.fly_until(lambda: flight.controller.exploration.remaining == 0, 3000.0)
     visited = {m.node for m in flight.motions if isinstance(m, FlyToNode)}
-    assert set(range(1, 40)) - visited == set(barred)
+    assert set(range(1, 40)) - visited == set(skipped)
 
 
 def test_on_board_a_waypoint_that_is_left_out_lies_at_home(pennovation):
@@ -169,11 +169,11 @@ def test_on_board_a_waypoint_that_is_left_out_lies_at_home(pennovation):
     home = after.items[after.item_of(0)]
     for waypoint in pennovation.waypoints:
         item = after.items[after.item_of(waypoint.number)]
-        if waypoint.number in changed.barred:
+        if waypoint.number in changed.skipped:
             assert (item.x_deg_e7, item.y_deg_e7) == (home.x_deg_e7, home.y_deg_e7)
         else:
             assert item == before.items[before.item_of(waypoint.number)]
-    assert pennovation.barred == frozenset()
+    assert pennovation.skipped == frozenset()
 
 
 def test_a_waypoint_whose_zone_is_taken_away_is_flown_again(pretend):

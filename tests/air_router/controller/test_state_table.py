@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from air_router.controller.controller import STATES, next_state
 from air_router.controller.model.actions import CommandAck, Refusal, StateChanged
 from air_router.controller.model.requests import ExploreNow, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import From, Requests, Signal, State
+from air_router.controller.states.table import STATES, next_state
 from geo.frame import Point
 
 PAPER = {

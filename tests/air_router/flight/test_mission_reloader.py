@@ -71,7 +71,7 @@ def test_a_zone_over_a_waypoint_is_no_error_in_flight(file):
     with pytest.raises(MissionFileError, match="waypoint 7"):
         load_mission(file)
     changed = changed_areas(mission)
-    assert 7 in mission.with_areas(changed.fences, changed.zones).barred
+    assert 7 in mission.with_areas(changed.fences, changed.zones).skipped
 
 
 def test_a_flight_whose_waypoints_were_drawn_over_is_found_again_and_gone_on_with(
@@ -82,7 +82,7 @@ def test_a_flight_whose_waypoints_were_drawn_over_is_found_again_and_gone_on_wit
     mission = load_mission(file, in_flight=True)
     changed = changed_areas(began)
     on_board = FlightPlan.of(began.with_areas(changed.fences, changed.zones))
-    assert (mission.barred, FlightPlan.of(mission)) == ({7}, on_board)
+    assert (mission.skipped, FlightPlan.of(mission)) == ({7}, on_board)
     field = Field(file, pretend_vehicle, tmp_path / "log", resume=True)
     field.vehicle.airframe.take_off()
     assert field.run(lambda: None).outcome == "done", field.out.getvalue()

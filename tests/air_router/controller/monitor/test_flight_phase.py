@@ -40,12 +40,6 @@ def test_how_it_ended(flight_phase):
     assert flight_phase.ending(landed_by_us=True) == "landed at home"
 
 
-def test_time_in_the_air(flight_phase):
-    assert flight_phase.since_s(50.0) == 0.0
-    flight_phase.airborne_s = 20.0
-    assert flight_phase.since_s(50.0) == 30.0
-
-
 def test_armed_and_disarmed_it_begins_anew_but_not_after_a_flight(flight_phase):
     flight_phase.note(seen(armed=True, mode=FlightMode.MISSION))
     assert flight_phase.again()

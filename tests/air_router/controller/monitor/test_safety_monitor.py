@@ -3,7 +3,7 @@ import pytest
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.monitor.safety_monitor import STRANGE_S, EventKind, SafetyMonitor
-from air_router.controller.motion.commanded_mode import CommandedMode
+from air_router.controller.motion.command_gate import CommandedMode
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point

@@ -2,7 +2,8 @@ import dataclasses
 
 import pytest
 
-from air_router.controller.monitor.triggers import Silence, TakeOff, reason_to_return, take_off
+from air_router.controller.monitor.flight_phase import Silence, TakeOff, take_off
+from air_router.controller.states.return_state import reason_to_return
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 
 

@@ -1,7 +1,7 @@
 import pytest
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere
-from air_router.controller.motion.commanded_mode import CommandedMode
+from air_router.controller.motion.command_gate import CommandedMode
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 

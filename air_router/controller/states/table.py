@@ -1,0 +1,77 @@
+"""When to explore, when to search, when to talk: the mission's state machine, as one table.
+
+All that is true of a state is in its row. A signal that a state does not list changes nothing; the
+diagram in docs/ is drawn from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from air_router.controller.model.mission_context import StateHandler
+from air_router.controller.model.states import From, Requests, Signal, Spec, State
+from air_router.controller.states.comm_state import CommState
+from air_router.controller.states.explore_state import ExploreState
+from air_router.controller.states.goto_state import GotoState
+from air_router.controller.states.hold_state import GivenAway, HoldState, LandState
+from air_router.controller.states.return_state import ReturnState
+from air_router.controller.states.search_state import SearchState
+
+# Common to states in the air: home on the word of duration, battery or operator; hands off when a
+# pilot flies; done when the ground has the vehicle. And what the operator may ask for.
+_ENDS: Final = {
+    Signal.COME_HOME: State.HOME,
+    Signal.TAKEN_OVER: State.PASSIVE,
+    Signal.GROUNDED: State.DONE,
+}
+_ASKED: Final = {
+    Signal.HOLD: State.HOLD,
+    Signal.SEEK: State.SEARCH,
+    Signal.EXPLORE: State.EXPL,
+    Signal.GOTO: State.GOTO,
+}
+# fmt: off
+STATES: Final[Mapping[State, Spec]] = MappingProxyType({
+    State.READY: Spec(StateHandler, requests=Requests.NOT_YET, puts_off=True,
+        on={Signal.AIRBORNE: State.INIT, **_ENDS}),
+    State.INIT: Spec(ExploreState, timer="init_s", explores=True, cruises=True,
+        on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_ASKED}),
+    State.SEARCH: Spec(SearchState, timer="search_s", timer_from=From.ARRIVAL, keeps_target=True,
+        seeks=True, cruises=True,
+        on={Signal.FOUND: State.COMM, Signal.TIMER: State.EXPL, Signal.NO_TARGET: State.EXPL,
+            Signal.YIELDED: State.SEARCH, **_ENDS, **_ASKED}),
+    State.COMM: Spec(CommState, timer="communicate_s", keeps_target=True, seeks=True,
+        cruises=True,
+        on={Signal.SYNCED: State.EXPL, Signal.TIMER: State.EXPL, **_ENDS, **_ASKED}),
+    State.EXPL: Spec(ExploreState, timer="explore_s", explores=True, cruises=True,
+        on={Signal.TIMER: State.SEARCH, Signal.EXPLORED: State.SEARCH, **_ENDS, **_ASKED}),
+    State.GOTO: Spec(GotoState, timer="hold_s", timer_from=From.ARRIVAL, cruises=True,
+        on={Signal.TIMER: State.EXPL, Signal.NO_WAY: State.EXPL, **_ENDS, **_ASKED}),
+    State.HOLD: Spec(HoldState, puts_off=True, cruises=True,
+        on={Signal.RESUMED: State.EXPL, **_ENDS, Signal.SEEK: State.SEARCH,
+            Signal.EXPLORE: State.EXPL, Signal.GOTO: State.GOTO}),
+    State.HOME: Spec(ReturnState, requests=Requests.CALL_OFF, cruises=True,
+        on={Signal.ARRIVED: State.LAND, Signal.TAKEN_OVER: State.PASSIVE,
+            Signal.GROUNDED: State.DONE, **_ASKED}),
+    State.LAND: Spec(LandState, requests=Requests.CALL_OFF, keeps_target=True,
+        on={Signal.GROUNDED: State.DONE, Signal.TAKEN_OVER: State.PASSIVE}),
+    State.PASSIVE: Spec(GivenAway, requests=Requests.NOT_OURS, ours=False, keeps_target=True,
+        on={Signal.GROUNDED: State.DONE, Signal.RESUMED: State.EXPL,
+            Signal.COME_HOME: State.HOME}),
+    State.DONE: Spec(GivenAway, requests=Requests.OVER, ours=False, keeps_target=True, on={}),
+})
+# fmt: on
+"""The mission's state machine. What is not here does not happen."""
+
+
+def next_state(state: State, signal: Signal, *, explores: bool = True) -> State | None:
+    """The state that follows; None: the signal changes nothing.
+
+    A vehicle that only searches, as the paper's second UAV, searches where another would explore.
+    """
+    target = STATES[state].on.get(signal)
+    if target is not None and STATES[target].explores and not explores:
+        return State.SEARCH
+    return target
