@@ -102,8 +102,8 @@ class Controller:
         self.navigator = Navigator(context)
         gate = self.gate = CommandGate(context, self.navigator, plan)
         self.commanded_mode = gate.commanded_mode
-        self.exploration = Exploration(mission.waypoints)
-        self.exploration.skip(mission.skipped)  # of a flight that is gone on with
+        # Of a flight that is gone on with some waypoints may be skipped already.
+        self.exploration = Exploration(mission.waypoints, mission.skipped)
         self.search = Search(context, seek, self.exploration, explore=explore)
         flight_phase = self._flight_phase = FlightPhase()
         reachability = self._reachability = HomeReachability(context)

@@ -147,7 +147,9 @@ class Departure:
 
     def _area(self, end: Point) -> list[Point]:
         """The corners of what the vehicle may sweep if it is sent to `end`, as late as may be."""
-        elsewhere = (on.reach for on in self.pending if math.dist(on.place, end) > _SAME_M)
+        if not self.pending:
+            return [self.start, self.rest, end]
+        elsewhere = [on.reach for on in self.pending if math.dist(on.place, end) > _SAME_M]
         return [self.start, self.rest, *elsewhere, end]
 
     @property

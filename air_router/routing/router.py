@@ -7,6 +7,7 @@ what a first leg may do when the vehicle is where it should not be, or moves, is
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -16,7 +17,6 @@ from air_router.routing.planners import Leg, Planner, planner_of
 from geo.airspace.airspace import FENCE
 from geo.frame import Point
 from geo.paths.regions import Regions
-from geo.paths.shortest import path_length_m
 
 __all__ = ["Leg", "NoRoute", "Route", "Router"]
 
@@ -56,7 +56,9 @@ class Router:
         self.graph = graph
         self._mission = graph.mission
         self._airspace = graph.mission.planning_airspace
-        self._departing = self._airspace.with_margin(graph.mission.planner.departure_margin_m)
+        departing = self._airspace.with_margin(graph.mission.planner.departure_margin_m)
+        # A first leg keeps the whole tracking margin; where that is too much to ask, half of it.
+        self._margins = (self._airspace, departing)
         self._paths = graph.paths
         self._planner = planner or planner_of(graph.mission.planner.kind, graph)
 
@@ -83,7 +85,8 @@ class Router:
         target = self._goal(goal)
         if not self._airspace.point_clear(target.to):
             return self._bad_goal(target)
-        for rule in self._departures(start, stopping, pending):
+        for airspace in self._margins:
+            rule = Departure(airspace, self._paths, start, stopping, pending)
             legs = self._planner.legs(rule, target)
             if legs is not None:
                 return _route(start, legs, rule.warnings)
@@ -105,17 +108,11 @@ class Router:
     ) -> bool:
         """Whether the vehicle, now at `start`, may be sent straight to `end`."""
         clear = self._airspace.point_clear(end)
-        for rule in self._departures(start, stopping, pending):
+        for airspace in self._margins:
+            rule = Departure(airspace, self._paths, start, stopping, pending)
             if clear and rule.allows(end):
                 return True
         return rule.leads_out(end)
-
-    def _departures(
-        self, start: Point, stopping: Point | None, pending: Sequence[PendingSetpoint]
-    ) -> Iterator[Departure]:
-        """With the whole tracking margin, and where that is too much to ask, with half of it."""
-        for airspace in (self._airspace, self._departing):
-            yield Departure(airspace, self._paths, start, stopping, pending)
 
     def _departure(self, start: Point) -> Departure:
         return Departure(self._airspace, self._paths, start, None)
@@ -169,5 +166,8 @@ class Router:
 
 
 def _route(start: Point, legs: Sequence[Leg], warnings: tuple[str, ...]) -> Route:
-    length_m = path_length_m((start, *(leg.to for leg in legs)))
+    length_m, here = 0.0, start
+    for leg in legs:
+        length_m += math.dist(here, leg.to)
+        here = leg.to
     return Route(tuple(legs), length_m, warnings)

@@ -6,7 +6,7 @@ Pure: ages come with the telemetry, the time with the event.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from operator import attrgetter, lt
 from typing import Final, NamedTuple
@@ -179,13 +179,13 @@ class InputOutlook(NamedTuple):
 _CALM: Final = Outlook(Stop.NONE, "", back=False, home_why=None, news=())
 
 
+@dataclass(slots=True, eq=False)
 class InputWatch:
     """Looks at the ages in every telemetry, and at whether GPS has a fix."""
 
-    def __init__(self) -> None:
-        self._stopped: dict[str, Stop] = {}
-        self._told: dict[str, tuple[bool, float]] = {}
-        self._good_since_s: float | None = None
+    _stopped: dict[str, Stop] = field(default_factory=dict)
+    _told: dict[str, tuple[bool, float]] = field(default_factory=dict)
+    _good_since_s: float | None = None
 
     def why_no_leg(self, telemetry: Telemetry | None) -> str | None:
         """Why the vehicle is sent nowhere; None if nothing is missing for that."""

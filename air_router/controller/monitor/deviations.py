@@ -22,7 +22,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import dataclass, field
 from enum import Enum
+from functools import partial
 from typing import Final, NamedTuple
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
@@ -103,6 +105,7 @@ class Deviation(NamedTuple):
     words: str
 
 
+@dataclass(slots=True, eq=False)
 class Deviations:
     """Looks at every telemetry.
 
@@ -110,28 +113,27 @@ class Deviations:
         waits: Its altitude has jumped, and it holds until that is over: no leg is begun.
     """
 
-    def __init__(self, context: MissionContext) -> None:
-        self.waits = False
-        self._context = context
-        self._home_told: HomeMove | None = None
-        self._before: tuple[float, float] | None = None  # time, altitude above sea level
-        # The altitude of the satellite receiver beside the autopilot's, since the take-off.
-        self._receiver_began_m: float | None = None
-        self._receiver_off_m = 0.0
-        self._receiver_at_s = 0.0
-        self._receiver_told_m = 0.0
-        self._out_m = 0.0  # the least that it was off its altitudes lately
-        self._out_since_s: float | None = None
-        self._off_since_s: float | None = None
-        self._back_since_s: float | None = None
-        self._spare_told_m: float | None = 0.0  # None: the clearance is kept
-        # So much was to spare there, among the zones of that airspace and mission.
-        self._spare: tuple[float, Point, Airspace, Mission] | None = None
-        self._fast_since_s: float | None = None
-        self._fast_told = True
-        self._slow_since_s: float | None = None
-        self._slow_told = False
-        self._times: deque[float] = deque(maxlen=TIMES)
+    _context: MissionContext
+    waits: bool = False
+    _home_told: HomeMove | None = None
+    _before: tuple[float, float] | None = None  # time, altitude above sea level
+    # The altitude of the satellite receiver beside the autopilot's, since the take-off.
+    _receiver_began_m: float | None = None
+    _receiver_off_m: float = 0.0
+    _receiver_at_s: float = 0.0
+    _receiver_told_m: float = 0.0
+    _out_m: float = 0.0  # the least that it was off its altitudes lately
+    _out_since_s: float | None = None
+    _off_since_s: float | None = None
+    _back_since_s: float | None = None
+    _spare_told_m: float | None = 0.0  # None: the clearance is kept
+    # So much was to spare there, among the zones of that airspace and mission.
+    _spare: tuple[float, Point, Airspace, Mission] | None = None
+    _fast_since_s: float | None = None
+    _fast_told: bool = True
+    _slow_since_s: float | None = None
+    _slow_told: bool = False
+    _times: deque[float] = field(default_factory=partial(deque, maxlen=TIMES))
 
     def home(self, telemetry: Telemetry) -> Deviation | None:
         """Whether the autopilot's home was moved since it was told last, in any state."""

@@ -183,12 +183,12 @@ def why_not_started(before: Telemetry, now: Telemetry, *, armed: bool) -> str | 
     return None
 
 
+@dataclass(slots=True)
 class Reminder:
     """What goes on is told at once, then now and then, and that it is over."""
 
-    def __init__(self) -> None:
-        self._what: str | None = None
-        self._told_s = 0.0
+    _what: str | None = None
+    _told_s: float = 0.0
 
     def news(self, what: str | None, now_s: float) -> str | None:
         """What to tell at this time, where this goes on; None: no news."""
@@ -198,6 +198,7 @@ class Reminder:
         return f"over: {before}" if what is None else what
 
 
+@dataclass(slots=True)
 class Silence:
     """What is told of a vehicle that is not heard: at once, then now and then.
 
@@ -205,8 +206,7 @@ class Silence:
         told_s: How long this silence was when it was told last; 0 once the vehicle is heard.
     """
 
-    def __init__(self) -> None:
-        self.told_s = 0.0
+    told_s: float = 0.0
 
     def news(self, silent_s: float) -> str | None:
         """What to tell after `silent_s` wall-clock seconds without a word; None: no news."""

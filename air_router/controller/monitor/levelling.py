@@ -56,10 +56,9 @@ class Levelling:
 
     def first(self, motion: Motion) -> Motion | None:
         """An interlock: the leg of a vehicle that is low waits, and it climbs instead."""
-        telemetry = self._context.heard
         if not self.wanted or not isinstance(motion, FlyToNode | FlyToPoint):
             return motion
-        mission = self._context.mission
+        mission, telemetry = self._context.mission, self._context.heard
         if not low(mission, telemetry):
             self.wanted = False
             return motion

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from operator import attrgetter
 
 from shapely import MultiPoint
 from shapely import Point as ShapelyPoint
@@ -18,6 +20,7 @@ from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere,
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.pending_setpoints import PendingSetpoints
 from air_router.mission.mission import Mission
+from air_router.routing.departure import PendingSetpoint
 from air_router.routing.router import Leg, NoRoute, Route
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import Airspace
@@ -205,9 +208,14 @@ class Navigator:
             return None
         return self._plan(telemetry)
 
-    def _sweep(self, leg: Leg, telemetry: Telemetry) -> None:
+    def _sweep(
+        self, leg: Leg, telemetry: Telemetry, pending: Sequence[PendingSetpoint] | None = None
+    ) -> None:
+        """Remember what was checked for a leg: all that it may sweep, however late it is told."""
+        if pending is None:
+            pending = self.setpoints.pending(telemetry)
         stopping = stopping_point(telemetry, self.reaction_s)
-        reaches = [setpoint.reach for setpoint in self.setpoints.pending(telemetry)]
+        reaches = map(attrgetter("reach"), pending)
         self._swept = (telemetry.position, stopping, *reaches, leg.to)
 
     def _settle(self, telemetry: Telemetry, refusal: str) -> Motion | None:
@@ -256,7 +264,7 @@ class Navigator:
             self._legs = legs
             refusal = self._height_refusal(telemetry, legs[0].to)
             if refusal is None:
-                return self._command(legs.popleft(), telemetry)
+                return self._command(legs.popleft(), telemetry, pending)
             route = refusal
         moves = math.hypot(*telemetry.velocity_m_s) >= STANDING_M_S or bool(pending)
         if (moves and not self._braking) or self.setpoints.open(telemetry):
@@ -275,9 +283,11 @@ class Navigator:
         spare_m = STOP_S * self._context.mission.speed_m_s
         return isinstance(after, Route) and route.length_m > after.length_m + spare_m
 
-    def _command(self, leg: Leg, telemetry: Telemetry) -> Motion:
+    def _command(
+        self, leg: Leg, telemetry: Telemetry, pending: Sequence[PendingSetpoint] | None = None
+    ) -> Motion:
         self.leg = leg
-        self._sweep(leg, telemetry)
+        self._sweep(leg, telemetry, pending)
         self._braking = False
         self.progress = Progress.FLYING
         return self._motion(leg, telemetry)

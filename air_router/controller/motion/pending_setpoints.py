@@ -7,6 +7,7 @@ busy. Until then the vehicle goes on with what it was told before, to the end of
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from itertools import permutations
 from typing import Final
 
@@ -25,6 +26,7 @@ _TURNING_S2_M: Final = 1 / 12
 time, and by what braking at 2 instead of 3 m/s2 takes more while it speeds up sideways."""
 
 
+@dataclass(slots=True, eq=False)
 class PendingSetpoints:
     """The commands that the vehicle may be following, or may yet begin to follow, in order.
 
@@ -33,11 +35,10 @@ class PendingSetpoints:
         speed_m_s: How fast it flies there; faster, if it was seen to.
     """
 
-    def __init__(self, near_m: float, speed_m_s: float) -> None:
-        self._near_m = near_m
-        self._speed_m_s = speed_m_s
-        self._sent: list[Motion] = []
-        self._settled = False
+    near_m: float
+    speed_m_s: float
+    _sent: list[Motion] = field(default_factory=list)
+    _settled: bool = False
 
     def sent(self, motion: Motion) -> None:
         """This was commanded; what was before holds until it is confirmed."""
@@ -73,37 +74,35 @@ class PendingSetpoints:
         under_way = before[self._settled :]
         return bool(under_way) and (shows or jump in before)
 
-    def open(self, telemetry: Telemetry) -> tuple[Point, ...]:
+    def open(self, telemetry: Telemetry) -> list[Point]:
         """Where it was sent by us and has not arrived: there it is flying, or begins to."""
-        here = telemetry.position
-        return tuple(
+        return [
             motion.position
             for motion in self._sent
             if isinstance(motion, FlyToNode | FlyToPoint)
-            and math.dist(motion.position, here) > self._near_m
-        )
+            and math.dist(motion.position, telemetry.position) > self.near_m
+        ]
 
     def pending(self, telemetry: Telemetry) -> tuple[PendingSetpoint, ...]:
-        """Everywhere that it may be flying to now: by our commands, and by its own word."""
-        places, target = self.open(telemetry), telemetry.target
-        if target is not None and math.dist(target, telemetry.position) > _FAR_M:
-            places = (*places, target)
-        speed_m_s = max(self._speed_m_s, math.hypot(*telemetry.velocity_m_s))
+        """Everywhere that it may be flying to now: by our commands, and by its own telemetry."""
+        here, target, places = telemetry.position, telemetry.target, self.open(telemetry)
+        if target is not None and math.dist(target, here) > _FAR_M:
+            places.append(target)
+        if not places:
+            return ()
+        speed_m_s = max(self.speed_m_s, math.hypot(*telemetry.velocity_m_s))
         beyond_m = _TURNING_S * speed_m_s + _TURNING_S2_M * speed_m_s**2
-        here, pending = telemetry.position, dict.fromkeys(places)
-        setpoint = [_setpoint(here, place, beyond_m) for place in pending]
+        ways = [(here, place) for place in dict.fromkeys(places)]
         # It may turn from the end of one to another, and away there.
-        setpoint += [
-            _setpoint(one, other, beyond_m)
-            for one, other in permutations(pending, 2)
-            if math.dist(one, other) > self._near_m
-        ]
-        return tuple(setpoint)
+        for one, other in permutations(dict.fromkeys(places), 2):
+            if math.dist(one, other) > self.near_m:
+                ways.append((one, other))
+        return tuple(_setpoint(start, place, beyond_m) for start, place in ways)
 
 
-def _setpoint(here: Point, place: Point, beyond_m: float) -> PendingSetpoint:
-    share = 1.0 + beyond_m / math.dist(here, place)
-    east_m, north_m = here
+def _setpoint(start: Point, place: Point, beyond_m: float) -> PendingSetpoint:
+    share = 1.0 + beyond_m / math.dist(start, place)
+    east_m, north_m = start
     reach = Point(
         east_m + share * (place.east_m - east_m), north_m + share * (place.north_m - north_m)
     )

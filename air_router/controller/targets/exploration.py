@@ -26,11 +26,11 @@ class Exploration:
     """
 
     waypoints: Sequence[Waypoint]
+    _skipped: frozenset[int] = frozenset()
     left_out: list[int] = field(default_factory=list)
     here: Point | None = None
     began_s: float | None = None
     _next: int = 0
-    _skipped: frozenset[int] = frozenset()
     _passed_s: dict[int, float] = field(default_factory=dict)
 
     @property

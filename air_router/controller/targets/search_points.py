@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.motion.navigator import Goal
 from air_router.controller.targets.exploration import Exploration
-from air_router.controller.targets.seeking import Outlook, policy_of
+from air_router.controller.targets.seeking import POLICIES, Outlook
 from air_router.controller.targets.target_list import SearchPlace, TargetList
 from air_router.routing.departure import names_of
 from air_router.routing.return_planner import Way
@@ -62,7 +62,7 @@ class Search:
         explore: bool = True,
     ) -> None:
         self.targets = TargetList(seek)
-        self._policy = policy_of(context.mission.seek_policy)
+        self._policy = POLICIES[context.mission.seek_policy]
         self.foresees = self._policy.foresees
         self._context = context
         self._exploration = exploration

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Final, Protocol
 
 from air_router.controller.targets.target_list import RECENT_POSE_S, SearchPlace, TargetList
@@ -54,16 +55,6 @@ class Policy(Protocol):
 
     def place(self, robot: str, targets: TargetList, outlook: Outlook) -> SearchPlace:
         """Where to look for one robot."""
-
-
-def policy_of(word: SeekPolicy) -> Policy:
-    """The policy that a mission chose."""
-    policies: dict[SeekPolicy, Policy] = {
-        "round_robin": RoundRobin(),
-        "freshest": Freshest(),
-        "rendezvous": Rendezvous(),
-    }
-    return policies[word]
 
 
 class RoundRobin:
@@ -233,3 +224,9 @@ def _words(course: PredictedPath, along_m: float, outlook: Outlook) -> str:
 def _since_s(now_s: float, *moments_s: float | None) -> float:
     """Seconds since the last of some moments."""
     return max(0.0, now_s - max(moment_s for moment_s in moments_s if moment_s is not None))
+
+
+POLICIES: Final[Mapping[SeekPolicy, Policy]] = MappingProxyType(
+    {"round_robin": RoundRobin(), "freshest": Freshest(), "rendezvous": Rendezvous()}
+)
+"""What a mission can choose."""

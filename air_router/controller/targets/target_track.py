@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import accumulate, pairwise
 from statistics import median
 from typing import Final
@@ -162,7 +163,7 @@ class TargetTrack:
     tries: int = 0
     _poses: _Stamps = field(default_factory=_Stamps)
     _paths: _Stamps = field(default_factory=_Stamps)
-    _marks: deque[Sighting] = field(default_factory=lambda: deque(maxlen=_STRETCHES + 1))
+    _marks: deque[Sighting] = field(default_factory=partial(deque, maxlen=_STRETCHES + 1))
 
     def pose_heard(self, position: Point, stamp_s: float, now_s: float) -> bool:
         """Take its pose in; True if it is newer than the one known before."""

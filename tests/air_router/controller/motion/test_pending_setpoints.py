@@ -34,16 +34,16 @@ def test_what_is_not_confirmed_may_all_be_flown_to():
     setpoints = PendingSetpoints(near_m=2.0, speed_m_s=0.0)
     setpoints.sent(NODE)
     setpoints.sent(PLACE)
-    assert setpoints.open(at(0, 0)) == (NODE.position, PLACE.position)
+    assert setpoints.open(at(0, 0)) == [NODE.position, PLACE.position]
     setpoints.confirmed(NODE)
-    assert setpoints.open(at(0, 0)) == (NODE.position, PLACE.position)
+    assert setpoints.open(at(0, 0)) == [NODE.position, PLACE.position]
     setpoints.confirmed(PLACE)
-    assert setpoints.open(at(0, 0)) == (PLACE.position,)
-    assert setpoints.open(at(0.5, 99.0)) == ()  # arrived
+    assert setpoints.open(at(0, 0)) == [PLACE.position]
+    assert setpoints.open(at(0.5, 99.0)) == []  # arrived
     setpoints.sent(HOLD)
-    assert setpoints.open(at(0, 0)) == (PLACE.position,)
+    assert setpoints.open(at(0, 0)) == [PLACE.position]
     setpoints.confirmed(HOLD)
-    assert setpoints.open(at(0, 0)) == ()
+    assert setpoints.open(at(0, 0)) == []
 
 
 def test_of_two_alike_the_newest_is_confirmed():
@@ -51,7 +51,7 @@ def test_of_two_alike_the_newest_is_confirmed():
     for motion in (NODE, HOLD, PLACE, HOLD, HOLD):
         setpoints.sent(motion)
     setpoints.confirmed(HOLD)
-    assert setpoints.open(at(0, 0)) == ()
+    assert setpoints.open(at(0, 0)) == []
 
 
 def test_what_the_vehicle_says_of_itself_counts_where_it_is_far():

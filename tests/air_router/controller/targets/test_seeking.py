@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from air_router.controller.model.actions import StateChanged
 from air_router.controller.model.events import RobotPath, RobotPose
 from air_router.controller.model.states import State
-from air_router.controller.targets.seeking import EARLY_SHARE, MEETING_M, Outlook, meet, policy_of
+from air_router.controller.targets.seeking import EARLY_SHARE, MEETING_M, POLICIES, Outlook, meet
 from air_router.controller.targets.target_list import LOST_AFTER_S, TargetList
 from air_router.controller.targets.target_track import USUAL_SPEED_M_S, PredictedPath, TargetTrack
 from air_router.files.settings import SEEK_POLICIES
@@ -37,7 +37,7 @@ def outlook(now_s, here=HOME, *, began_s=0.0, walled=()):
 
 
 def order(policy, targets, *args, **how):
-    return [place.robot for place in policy_of(policy).order(targets, outlook(*args, **how))]
+    return [place.robot for place in POLICIES[policy].order(targets, outlook(*args, **how))]
 
 
 def heard(targets, robot, place, now_s, *path, given=True):
@@ -74,8 +74,8 @@ def rosters(draw):
 @given(targets=rosters(), now_s=moments, here=points, wall=points)
 @few
 def test_every_robot_once_the_same_twice_and_in_its_group(policy, targets, now_s, here, wall):
-    first = policy_of(policy).order(targets, outlook(now_s, here, walled=[wall, UNSEEN]))
-    again = policy_of(policy).order(targets, outlook(now_s, here, walled=[wall, UNSEEN]))
+    first = POLICIES[policy].order(targets, outlook(now_s, here, walled=[wall, UNSEEN]))
+    again = POLICIES[policy].order(targets, outlook(now_s, here, walled=[wall, UNSEEN]))
     assert first == again
     robots = [place.robot for place in first]
     assert sorted(robots) == sorted(targets.names)
@@ -210,7 +210,7 @@ def test_a_near_robot_is_sought_before_a_far_one_that_is_hardly_older():
     heard(targets, "far", Point(400, 0), 100.0)
     heard(targets, "near", Point(10, 0), 105.0)
     assert order("freshest", targets, 300.0) == ["near", "far"]
-    (best, _) = policy_of("freshest").order(targets, outlook(300.0))
+    (best, _) = POLICIES["freshest"].order(targets, outlook(300.0))
     assert best.reason == "data, 195 s; 2 s away; its last position"
 
 
@@ -239,7 +239,7 @@ def test_lost_ones_and_those_that_others_seek_come_last_and_those_without_a_way(
 
 def test_robots_never_heard_of_are_looked_for_in_turns():
     targets = TargetList(("a", "b"))
-    policy = policy_of("rendezvous")
+    policy = POLICIES["rendezvous"]
     seen = []
     for _ in range(4):
         first = policy.order(targets, outlook(200.0))[0]
@@ -252,14 +252,14 @@ def test_robots_never_heard_of_are_looked_for_in_turns():
 def test_a_rendezvous_is_ahead_of_the_robot_and_says_so():
     targets = TargetList(("io",))
     heard(targets, "io", Point(100, 0), 100.0, Point(100, 0), Point(100, 300))
-    (place,) = policy_of("rendezvous").order(targets, outlook(120.0))
+    (place,) = POLICIES["rendezvous"].order(targets, outlook(120.0))
     assert place.position[0] == 100
     assert 20 < place.position[1] < 60
     assert "where its path leads it in" in place.reason
-    (place,) = policy_of("rendezvous").order(targets, outlook(500.0))
+    (place,) = POLICIES["rendezvous"].order(targets, outlook(500.0))
     assert place.position == (100, 300)
     assert place.reason.endswith("where its path ends")
-    (place,) = policy_of("freshest").order(targets, outlook(120.0))
+    (place,) = POLICIES["freshest"].order(targets, outlook(120.0))
     assert place.position == (100, 0)
 
 
