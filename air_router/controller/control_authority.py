@@ -47,6 +47,8 @@ class ControlAuthority:
 
     Attributes:
         giving_up: Why hands will be off as soon as it holds; None if they will not.
+        compares: What was replaced on board, while it holds until that was compared; None: it
+            does not.
         taken_by: The pilot or failsafe that has, or had, the vehicle; None: we do.
         on_board: Whose the plan on board is.
     """
@@ -58,7 +60,7 @@ class ControlAuthority:
     giving_up: str | None = None
     taken_by: Taker | None = None
     on_board: OnBoard = OnBoard.OURS
-    _compares: str | None = None  # what was replaced, while it holds for that
+    compares: str | None = None
     _compared_by_s: float = 0.0
     _holds: int = 0
     _hold_again_s: float = 0.0
@@ -73,18 +75,18 @@ class ControlAuthority:
     @property
     def waits(self) -> bool:
         """Whether it only holds: it is about to be given away, or the plan on board is compared."""
-        return self.giving_up is not None or self._compares is not None
+        return self.giving_up is not None or self.compares is not None
 
     def only_hold(self, motion: Motion) -> Motion | None:
         """An interlock: what is to be given away, or may follow another plan, is sent nowhere."""
-        return None if self.waits else motion
+        return motion if self.giving_up is None and self.compares is None else None
 
     # Away.
 
     def give_up(self, why: str) -> None:
         """Have it hold, then hands off."""
         self.giving_up = why
-        self._compares = None
+        self.compares = None
         self._holds = 0
         self._hold_at_last(why)
 
@@ -99,11 +101,11 @@ class ControlAuthority:
         if not self.waits or commanded_mode.pending is not None:
             return
         holds = isinstance(commanded_mode.last, HoldHere)
-        if self._compares is not None:
+        if self.compares is not None:
             if now_s >= self._compared_by_s:
-                self._differs(f"{self._compares}, and cannot be read")
+                self._differs(f"{self.compares}, and cannot be read")
             elif not holds and now_s >= self._hold_again_s:
-                self._hold_at_last(self._compares)
+                self._hold_at_last(self.compares)
         elif self.giving_up is not None:
             if holds:
                 self._let_go(self.giving_up)
@@ -132,7 +134,7 @@ class ControlAuthority:
 
     def settled(self) -> None:
         """Hands are off, or the flight is over: nothing is left to give up."""
-        self.giving_up = self._compares = None
+        self.giving_up = self.compares = None
 
     # The plan on board.
 
@@ -146,7 +148,7 @@ class ControlAuthority:
         what = f"the {'fence' if event.only_fence else 'plan'} on board was replaced"
         self._context.say(f"{what}; comparing it with this mission's")
         if self.in_charge and self._context.state is not State.LAND and self.giving_up is None:
-            self._compares = what
+            self.compares = what
             self._compared_by_s = self._context.now_s + COMPARED_S
             self._hold_again_s = self._context.now_s + RETRY_S
             self._gate.navigator.stop()
@@ -159,10 +161,10 @@ class ControlAuthority:
             return
         self.on_board = OnBoard.OURS
         again = "the plan on board flies as this mission's does"
-        if self._compares is None:
+        if self.compares is None:
             self._context.say(again)
             return
-        self._compares = None
+        self.compares = None
         self._context.say(f"{again}: going on")
         self._levelling.wanted = True  # it may have sunk, or have been stopped in its climb
         if not self._context.in_air:

@@ -225,15 +225,17 @@ class Controller:
 
     def handle(self, event: Event, now_s: float) -> list[Action]:
         """Take one event in at vehicle time `now_s`; returns what to do about it, in order."""
-        self._context.begin(now_s)
+        context = self._context
+        context.actions = []
+        context.now_s = max(context.now_s, now_s)
         reaction = self._reactions.get(type(event))
         if reaction is not None:
             reaction(event)
-        sought = self._search_state.robot if self._context.spec.seeks else None
+        sought = self._search_state.robot if context.spec.seeks else None
         if sought != self._told_sought:
             self._told_sought = sought
-            self._context.do(Seeking(sought))
-        return self._context.actions
+            context.do(Seeking(sought))
+        return context.actions
 
     def objection(self, motion: Motion, now_s: float) -> str | None:
         """Why a motion that was decided a moment ago must not be commanded now; None if it may."""
@@ -303,7 +305,7 @@ class Controller:
         return self.return_state.need_home
 
     @property
-    def walled_in(self) -> bool:
+    def no_way_home(self) -> bool:
         """Whether zones that were drawn in flight leave no clear way home from here."""
         return self._reachability.walls is not None
 

@@ -1,4 +1,4 @@
-"""What each word of the vehicle leads to, and in which order: take-off, hands off, flying on."""
+"""What each telemetry message leads to, and in which order: take-off, hands off, flying on."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ class TelemetryHandler:
     """Asks the other parts in turn, the gravest matter first.
 
     Args:
-        context: Where the vehicle's word is kept.
+        context: Where telemetry is kept.
         gate: Flies on.
         plan: The plan on board, for the autopilot's item numbers.
         exploration: Told where the vehicle passes.
         flight_phase: What has been seen of take-off and landing.
         monitor: What is found wrong in flight.
         deviations: What is off what was planned.
-        inputs: What of the vehicle's word is missing.
+        inputs: Which inputs are missing.
         authority: Whose the vehicle is.
         return_state: Whether the mission ends.
         airspace_update: Whether zones are being changed.
@@ -101,7 +101,7 @@ class TelemetryHandler:
             who = Taker.FAILSAFE if telemetry.failsafe else Taker.PILOT
             self._chosen = (telemetry.mode, context.now_s)
             authority.take_over(who, f"{who.value} chose {telemetry.mode.value} mode")
-        elif authority.waits:
+        elif authority.giving_up is not None or authority.compares is not None:
             authority.check()
         elif context.state is State.READY:
             self._take_off(telemetry)
@@ -204,7 +204,7 @@ class TelemetryHandler:
 
     def _may_retry(self) -> bool:
         """Whether nothing waits to be tried again, or its time has come."""
-        return self._context.take_retry() or not self._context.retrying
+        return self._context.take_retry() or self._context.retry_at_s is None
 
     def _go_on(self, telemetry: Telemetry, moved: Deviation | None) -> None:
         """Back to what was planned; home if it is time; zones that change; the state's handler."""
@@ -232,7 +232,8 @@ class TelemetryHandler:
         motion = navigator.update(telemetry)
         if motion is not None or navigator.progress is not Progress.FLYING:
             gate.advance(motion)
-        if not gate.commanded_mode.pending and context.take_retry():
+        waits = context.retry_at_s is not None and not gate.commanded_mode.pending
+        if waits and context.take_retry():
             context.handler.retry()
 
     def item_reached(self, event: ItemReached) -> None:

@@ -105,7 +105,7 @@ class CommandService:
             "goal": None if goal is None else self._pair(goal.position),
             "points_left": 0,
             "waypoints_left": controller.exploration.remaining,
-            "walled_in": controller.walled_in,
+            "walled_in": controller.no_way_home,
             "reload": None if reading is None else dataclasses.asdict(reading),
         }
         if controller.state.name == "GOTO" and goto_task is not None:

@@ -73,8 +73,8 @@ class StatusLine:
 def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str:
     """State, target, time left in the state, next node, battery and links in one line."""
     parts = [controller.state.name.ljust(6)]
-    if controller.walled_in:
-        parts.append("WALLED IN")
+    if controller.no_way_home:
+        parts.append("NO WAY HOME")
     signals = {
         peer: f"{link.rssi_dbm:.0f}"
         for peer, link in sorted(links.items())

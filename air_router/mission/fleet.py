@@ -72,11 +72,8 @@ def ceiling_m(layers: Sequence[Layer], uav: str | None, separation_m: float) -> 
 
 def top_m(layers: Sequence[Layer], uav: str | None) -> float:
     """How high above its own home a UAV counts as in its own layer: halfway to the next."""
-    return (ceiling_m(layers, uav, 0.0) + _own_m(layers, uav)) / 2
-
-
-def _own_m(layers: Sequence[Layer], uav: str | None) -> float:
-    return next((layer.altitude_m for layer in layers if layer.uav == uav), math.inf)
+    own = next((layer for layer in layers if layer.uav == uav), None)
+    return math.inf if own is None else (ceiling_m(layers, uav, 0.0) + own.altitude_m) / 2
 
 
 def variants(draft: MissionDocument) -> list[MissionDocument]:

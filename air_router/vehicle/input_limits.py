@@ -176,7 +176,7 @@ class InputOutlook(NamedTuple):
     news: tuple[InputNews, ...]
 
 
-_CALM: Final = Outlook(Stop.NONE, "", back=False, home_why=None, news=())
+_CALM: Final = InputOutlook(Stop.NONE, "", back=False, home_why=None, news=())
 
 
 @dataclass(slots=True, eq=False)

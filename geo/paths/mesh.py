@@ -86,7 +86,12 @@ class Mesh:
         for triangle in self._index.near(*point):
             one, two, three, _, _ = self.entries[3 * triangle]
             a, b, c = places[one], places[two], places[three]
-            if _beside(a, b, point) and _beside(b, c, point) and _beside(c, a, point):
+            for start, end in ((a, b), (b, c), (c, a)):  # on the left of each side, or on it
+                along_e, along_n = end[0] - start[0], end[1] - start[1]
+                hand = along_e * (point[1] - start[1]) - along_n * (point[0] - start[0])
+                if hand < -ON_M * math.hypot(along_e, along_n):
+                    break
+            else:
                 found.append(triangle)
         return found
 
@@ -221,13 +226,6 @@ class _Cells:
 
     def _squares(self, steps: Floats) -> Integers:
         return np.clip(steps, 0, self._side - 1).astype(np.intp)
-
-
-def _beside(start: Place, end: Place, point: Point) -> bool:
-    """Whether a point is on the left hand of a line, or as good as on it."""
-    along_e, along_n = end[0] - start[0], end[1] - start[1]
-    hand = along_e * (point[1] - start[1]) - along_n * (point[0] - start[0])
-    return hand >= -ON_M * math.hypot(along_e, along_n)
 
 
 def _cross(a_east: Floats, a_north: Floats, b_east: Floats, b_north: Floats) -> Floats:

@@ -116,7 +116,7 @@ def test_the_tutorial(home):
     assert out.count("Pennovation: 39 waypoints") == 2
     assert "9 no-fly zones" in out
     assert out.count("accepted") == 4
-    assert "came home: a program's word" in table
+    assert "came home: a program's request" in table
     assert "callisto" in table
     assert "the same" in said[-1]
     assert "crane" in (home / "flight.html").read_text(encoding="utf-8")

@@ -167,7 +167,7 @@ def test_a_flight_outlives_the_session_that_it_was_started_from(
         assert uav.status()["state"] == "READY"
         assert uav.home().accepted
         out, _ = flight.communicate(timeout=60)
-    assert json.loads(out)["outcome"] == "ended: a program's word, before take-off"
+    assert json.loads(out)["outcome"] == "ended: a program's request, before take-off"
 
 
 def test_a_team_that_is_killed_leaves_the_vehicle_on_its_route(command, short_mission):

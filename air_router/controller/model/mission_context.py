@@ -53,9 +53,10 @@ class MissionContext:
         spec: The row of the table of states for it.
         handler: What is flown in this state.
         telemetry: What the vehicle said last; None before it was heard.
-        silent_s: For how long nothing has come since, by the link's word.
+        silent_s: For how long nothing has come since, as the link reports.
         now_s: Seconds on the vehicle's clock, which never runs back here.
         actions: What to do about the event that is being taken in, in order.
+        retry_at_s: When something that could not be done is tried again; None: nothing waits.
     """
 
     mission: Mission
@@ -71,7 +72,7 @@ class MissionContext:
     _limit_s: float | None = None
     _carried_s: float | None = None
     _from_s: float | None = None
-    _retry_at_s: float | None = None
+    retry_at_s: float | None = None
 
     def knows(self, signal: Signal) -> bool:
         """Whether the state reacts to a signal."""
@@ -93,17 +94,12 @@ class MissionContext:
         assert self.telemetry is not None  # noqa: S101 - in the air there was telemetry
         return self.telemetry
 
-    def begin(self, now_s: float) -> None:
-        """Another event is taken in: nothing is done about it yet."""
-        self.actions = []
-        self.now_s = max(self.now_s, now_s)
-
     def enter(self, state: State, spec: Spec, handler: StateHandler) -> None:
         """Another state begins, or the same anew, and its timer; only the state machine says so."""
         self.state, self.spec, self.handler = state, spec, handler
         limit_s = None if spec.timer is None else getattr(self.mission.timers, spec.timer)
         self._limit_s = limit_s if self._carried_s is None else self._carried_s
-        self._carried_s = self._retry_at_s = None
+        self._carried_s = self.retry_at_s = None
         self._from_s = None if spec.timer_from is From.ARRIVAL else self.now_s
 
     def do(self, action: Action) -> None:
@@ -136,18 +132,13 @@ class MissionContext:
             return None
         return max(0.0, self._limit_s - (self.now_s - self._from_s))
 
-    @property
-    def retrying(self) -> bool:
-        """Whether something waits to be tried again."""
-        return self._retry_at_s is not None
-
     def retry_in(self, pause_s: float) -> None:
         """Something is to be tried again after a pause."""
-        self._retry_at_s = self.now_s + pause_s
+        self.retry_at_s = self.now_s + pause_s
 
     def take_retry(self) -> bool:
         """Whether it is time to try again; says so once."""
-        if self._retry_at_s is None or self.now_s < self._retry_at_s:
+        if self.retry_at_s is None or self.now_s < self.retry_at_s:
             return False
-        self._retry_at_s = None
+        self.retry_at_s = None
         return True

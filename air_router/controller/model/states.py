@@ -38,7 +38,7 @@ class Signal(Enum):
     FOUND = "the robot that is sought was heard"
     SYNCED = "both directions have synced"
     NO_TARGET = "no robot can be sought now"
-    COME_HOME = "duration, battery reserve or the operator's word"
+    COME_HOME = "duration, battery reserve or the operator's request"
     ARRIVED = "above home"
     GROUNDED = "landed and disarmed"
     TAKEN_OVER = "the pilot or the autopilot changed the mode"

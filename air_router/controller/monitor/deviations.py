@@ -34,7 +34,6 @@ from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of
 from air_router.vehicle.height_frame import HomeMove
 from air_router.vehicle.vehicle import Telemetry
-from geo.airspace.airspace import Airspace
 from geo.frame import Point
 
 OFF_M: Final = 5.0
@@ -127,8 +126,8 @@ class Deviations:
     _off_since_s: float | None = None
     _back_since_s: float | None = None
     _spare_told_m: float | None = 0.0  # None: the clearance is kept
-    # So much was to spare there, among the zones of that airspace and mission.
-    _spare: tuple[float, Point, Airspace, Mission] | None = None
+    # So much was to spare there: below (-1), at or above (1) the cruise altitudes of that mission.
+    _spare: tuple[float, Point, int, Mission] | None = None
     _fast_since_s: float | None = None
     _fast_told: bool = True
     _slow_since_s: float | None = None
@@ -236,16 +235,17 @@ class Deviations:
 
     def _clearance(self, telemetry: Telemetry) -> Deviation | None:
         here = telemetry.position
-        mission = self._context.mission
-        airspace = mission.airspace_at(telemetry.altitude_m)
+        mission, altitude_m = self._context.mission, telemetry.altitude_m
+        side = (altitude_m > mission.cruise.upper_m) - (altitude_m < mission.cruise.lower_m)
         if self._spare is not None:
-            spare_m, there, of, among = self._spare
+            spare_m, there, at, among = self._spare
             if among is not mission:
                 self._spare_told_m = 0.0  # a zone may have been drawn near to the vehicle
-            elif of is airspace and math.dist(here, there) < spare_m:
+            elif at == side and math.dist(here, there) < spare_m:
                 return None
+        airspace = mission.airspace_at(altitude_m)
         spare_m, name = airspace.spare_m(here)
-        self._spare = (spare_m, here, airspace, mission)
+        self._spare = (spare_m, here, side, mission)
         told_m = self._spare_told_m
         if spare_m >= -NOISE_M:
             if spare_m >= 0.0:

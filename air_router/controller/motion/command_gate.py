@@ -225,7 +225,7 @@ class CommandGate:
 
     def wait_for_way(self, refusal: str) -> None:
         """Hover where no way is clear, unless it waits for another already."""
-        if not self._context.retrying:
+        if self._context.retry_at_s is None:
             self.wait_here(refusal)
 
     def wait_here(self, why: str) -> None:

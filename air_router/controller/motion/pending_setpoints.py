@@ -17,7 +17,7 @@ from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
 _FAR_M: Final = 5.0
-"""Its own word of where it flies to counts from here on: nearer, its stopping distance covers it,
+"""The target that it reports counts from here on: nearer, its stopping distance covers it,
 and where it hovers it is as far off as estimates wander."""
 
 _TURNING_S: Final = 0.3

@@ -131,11 +131,11 @@ class HomeReachability:
         charge = "" if telemetry.battery is None else f" (battery at {telemetry.battery:.0%})"
         if not due:
             return (
-                f"walled in{charge}: no clear way home past {named}{more}; take a zone away and "
+                f"no way home{charge}: {named}{more} cut it off; take a zone away and "
                 "reload, or fly it out by hand"
             )
         return (
-            f"walled in{charge}: it should come home and cannot, for {named}{more}; it hovers "
+            f"no way home{charge}: it should come home and cannot, for {named}{more}; it hovers "
             "until a zone is taken away, a pilot flies it out, or the autopilot's battery "
             "failsafe acts, which may fly through zones"
         )
@@ -213,7 +213,7 @@ class ReturnState(StateHandler):
     def come_home_on_request(self, who: str) -> None:
         """The same on request; the operator may call it off."""
         self._by_request = self._context.state is not State.READY
-        self.come_home(f"{who}'s word")
+        self.come_home(f"{who}'s request")
 
     def call_off(self) -> None:
         """The way home is not flown on."""
@@ -262,5 +262,5 @@ class ReturnState(StateHandler):
         near = known and all(math.dist(place, home) <= near_m for place in places)
         if near and not under_way:
             self._context.signal(Signal.ARRIVED)
-        elif not (self._gate.commanded_mode.pending or self._context.retrying):
+        elif not (self._gate.commanded_mode.pending or self._context.retry_at_s is not None):
             self._context.retry_in(RETRY_S)

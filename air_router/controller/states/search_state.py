@@ -133,7 +133,7 @@ class SearchState(StateHandler):
     # What is heard of robots.
 
     def pose_heard(self, event: RobotPose) -> None:
-        """A robot is, or was, there; its own word of that is the robot itself."""
+        """A robot is, or was, there; its own pose from itself means that it was found."""
         news = self._search.targets.pose_heard(
             event.robot, event.position, event.stamp_s, self._context.now_s
         )
@@ -164,7 +164,7 @@ class SearchState(StateHandler):
         # A requested robot is not given up.
         free = self._context.state is State.SEARCH and self.robot != self._asked_for
         ours = free and self.robot is not None and self.robot == event.robot
-        # A repeated word, or one that leaves no other robot, changes nothing.
+        # A repeated message, or one that leaves no other robot, changes nothing.
         if ours and news and event.by < self._name and targets.free(now_s):
             self._context.say(f"{event.by} seeks {event.robot} as well, and keeps it")
             self._context.signal(Signal.YIELDED)

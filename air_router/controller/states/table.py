@@ -19,7 +19,7 @@ from air_router.controller.states.hold_state import GivenAway, HoldState, LandSt
 from air_router.controller.states.return_state import ReturnState
 from air_router.controller.states.search_state import SearchState
 
-# Common to states in the air: home on the word of duration, battery or operator; hands off when a
+# Common to states in the air: home when duration, battery or operator demand it; hands off when a
 # pilot flies; done when the ground has the vehicle. And what the operator may ask for.
 _ENDS: Final = {
     Signal.COME_HOME: State.HOME,

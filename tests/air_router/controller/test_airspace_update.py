@@ -505,7 +505,7 @@ def walls(centre, half_m=16.0, thick_m=3.0):
         yield Zone(name, tuple(Point(east_m + e, north_m + n) for e, n in corners))
 
 
-def walled_in(pretend, **changes):
+def enclosed(pretend, **changes):
     flight = cruising(pretend, **{"duration_s": None, **changes})
     flight.give(HoldNow())
     flight.fly_until(lambda: math.hypot(*flight.velocity) < 0.01, 10.0)
@@ -516,64 +516,64 @@ def walled_in(pretend, **changes):
         flight.fly_until(lambda: flight.controller.airspace_update.phase is Phase.BOARDING, 10.0)
         flight.give(PlanRenewed())
         flight.step()
-        if flight.controller.walled_in:  # what the mission has beside it is a wall too
+        if flight.controller.no_way_home:  # what the mission has beside it is a wall too
             return flight, drawn
     raise AssertionError(drawn)
 
 
-def told_walled_in(flight):
-    return [text for text in flight.said if text.startswith("walled in")]
+def told_no_way_home(flight):
+    return [text for text in flight.said if text.startswith("no way home")]
 
 
-def test_walled_in_by_several_reloads_it_says_so_at_once_and_now_and_then(pretend):
-    flight, drawn = walled_in(pretend)
-    (told,) = told_walled_in(flight)
+def test_without_a_way_home_by_several_reloads_it_says_so_at_once_and_now_and_then(pretend):
+    flight, drawn = enclosed(pretend)
+    (told,) = told_no_way_home(flight)
     assert f"'{drawn[-1].name}'" in told
     assert "take a zone away and reload" in told
-    flight.fly_until(lambda: len(told_walled_in(flight)) == 3, 70.0)
+    flight.fly_until(lambda: len(told_no_way_home(flight)) == 3, 70.0)
     assert flight.controller.state is State.HOLD
 
 
-def test_walled_in_at_its_reserve_it_hovers_and_says_what_will_happen(pretend):
-    flight, _ = walled_in(pretend)
+def test_without_a_way_home_at_its_reserve_it_hovers_and_says_what_will_happen(pretend):
+    flight, _ = enclosed(pretend)
     commanded = len(flight.motions)
     flight.battery = flight.mission.battery_reserve
     flight.step()
     assert flight.controller.state is State.HOME
     flight.step()
-    assert "it should come home and cannot" in told_walled_in(flight)[-1]
-    assert "autopilot's battery failsafe" in told_walled_in(flight)[-1]
+    assert "it should come home and cannot" in told_no_way_home(flight)[-1]
+    assert "autopilot's battery failsafe" in told_no_way_home(flight)[-1]
     for _ in range(600):
         flight.step()
     assert moves(flight, commanded) == []
-    assert len(told_walled_in(flight)) == 3  # every half minute, and once for its reserve
+    assert len(told_no_way_home(flight)) == 3  # every half minute, and once for its reserve
     flight.failsafe = True  # the autopilot acts: it is left to it
     flight.step()
     assert flight.controller.state is State.PASSIVE
 
 
-def test_walled_in_it_comes_home_once_a_zone_is_taken_away(pretend):
-    flight, (*rest, _) = walled_in(pretend)
+def test_without_a_way_home_it_comes_home_once_a_zone_is_taken_away(pretend):
+    flight, (*rest, _) = enclosed(pretend)
     flight.battery, before = flight.mission.battery_reserve, boarding(flight)
     flight.step()
     change(flight, *rest)
     since = len(flight.track)
     flight.step()
     assert flight.said.count("a clear way leads home again") == 1
-    assert not flight.controller.walled_in
+    assert not flight.controller.no_way_home
     flight.fly_until(lambda: boarding(flight) == before + 1, 10.0)
     flight.give(PlanRenewed())
     to_the_end(flight)
     assert min(clear_of(flight, zone, since) for zone in rest) >= 5.0
 
 
-def test_walled_in_it_goes_on_with_what_it_can_do_inside(pretend):
-    flight, drawn = walled_in(pretend)
+def test_without_a_way_home_it_goes_on_with_what_it_can_do_inside(pretend):
+    flight, drawn = enclosed(pretend)
     flight.give(GoOn())
     since = len(flight.track)
     for _ in range(1200):
         flight.step()
-    assert told_walled_in(flight)
+    assert told_no_way_home(flight)
     assert min(clear_of(flight, zone, since) for zone in drawn) >= 5.0
 
 

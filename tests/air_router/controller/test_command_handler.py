@@ -286,7 +286,7 @@ def test_a_way_home_on_request_can_be_called_off_until_something_else_demands_it
     in_state,
 ):
     flight = in_state(State.HOME, duration_s=100.0)
-    assert flight.controller.came_home_why == "the operator's word"
+    assert flight.controller.came_home_why == "the operator's request"
     assert ask(flight, ExploreNow())[0].accepted
     assert flight.controller.came_home_why is None
     ask(flight, ComeHome())

@@ -284,7 +284,7 @@ def test_on_the_ground_the_operator_s_word_ends_the_mission(pretend):
     flight = pretend()
     flight.step()
     flight.operator_asks(ComeHome())
-    assert flight.finished.why == "the operator's word, before take-off"
+    assert flight.finished.why == "the operator's request, before take-off"
     assert flight.motions == []
 
 

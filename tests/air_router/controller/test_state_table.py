@@ -56,7 +56,7 @@ def in_state(pretend, state):
 def signalled(flight, signal):
     """What a signal makes of a controller in a state of its own, without an event around it."""
     context = flight.controller._context
-    context.begin(flight.now_s)
+    context.actions = []
     context.signal(signal)
     return context.actions
 

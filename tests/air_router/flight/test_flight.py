@@ -218,7 +218,7 @@ def test_a_signal_from_elsewhere_brings_it_home(rig):
         lambda: os.kill(os.getpid(), signal.SIGUSR1),
     )
     assert flight.run().outcome == "done"
-    assert any("the operator's word" in text for text in flight.vehicle.announced)
+    assert any("the operator's request" in text for text in flight.vehicle.announced)
 
 
 def test_everything_is_closed_whatever_holding_ends_in(rig):

@@ -33,8 +33,8 @@ def test_it_is_over_when_down_and_disarmed_after_having_been_armed(flight_phase)
 
 
 def test_how_it_ended(flight_phase):
-    flight_phase.stayed_why = "the operator's word"
-    assert flight_phase.ending(landed_by_us=False) == "the operator's word, before take-off"
+    flight_phase.stayed_why = "the operator's request"
+    assert flight_phase.ending(landed_by_us=False) == "the operator's request, before take-off"
     flight_phase.note(seen(armed=True, in_air=True))
     assert flight_phase.ending(landed_by_us=False) == "landed, but not by our command"
     assert flight_phase.ending(landed_by_us=True) == "landed at home"
