@@ -529,3 +529,18 @@ def test_memory_grows_with_what_came_and_not_with_what_was_announced():
     tracemalloc.stop()
     assert after - before < 8 * came
     assert peak - before < 8 * came + 2**21
+
+
+@pytest.mark.parametrize("ahead", [False, True])
+def test_a_damaged_message_that_the_network_repeats_is_asked_for_again(ahead):
+    """Twice in one pull it would be hopeless; the same frame twice is not twice."""
+    asking = Asking()
+    first = asking.chunks((sync.message_id_of(3, 3, START_MS), body()))
+    damaged = bytearray(asking.chunks((LONG, body())))
+    damaged[-1] ^= 1
+    for frame in [damaged, damaged, first] if ahead else [first, damaged, damaged]:
+        asking.hear(bytes(frame))
+    asking.done()
+    assert len(asking.refusals) == 1
+    assert not asking.receiver.over
+    assert asking.round == 1
