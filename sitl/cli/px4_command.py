@@ -12,12 +12,10 @@ from typing import Any
 from air_router.errors import ExitCode
 from sitl.cli.vehicle_command import (
     add_place,
-    battery,
+    add_speed_and_parameters,
     instance,
-    parameter,
+    parameters_of,
     place_of,
-    positive,
-    speed,
 )
 from sitl.process.px4_install import ENVIRONMENT, IMAGE, find_px4
 from sitl.process.px4_process import Px4Process, Px4Settings
@@ -53,24 +51,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--instance", type=instance, metavar="N", help="PX4's (default: the first that is free)"
     )
-    parser.add_argument(
-        "--speed", type=speed, default=1.0, metavar="X", help="times real time (default 1)"
-    )
-    parser.add_argument(
-        "--param",
-        type=parameter,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a parameter that is to differ from PX4's default; may be given again",
-    )
-    parser.add_argument(
-        "--battery-minutes",
-        type=positive,
-        default=25.0,
-        metavar="M",
-        help="minutes from full to empty (default 25)",
-    )
+    add_speed_and_parameters(parser, "times real time (default 1)")
     parser.add_argument(
         "--log-dir", type=Path, metavar="DIR", help="keep PX4's files and what it says there"
     )
@@ -83,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     settings = Px4Settings(
         place_of(arguments),
         speed=arguments.speed,
-        parameters=battery(arguments.battery_minutes) | dict(arguments.param),
+        parameters=parameters_of(arguments),
         instance=arguments.instance,
         folder=arguments.log_dir,
     )

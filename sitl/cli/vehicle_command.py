@@ -58,9 +58,7 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--instance", type=instance, default=0, metavar="N", help="ports +N, system id N+1"
     )
-    parser.add_argument(
-        "--speed", type=speed, default=1.0, metavar="X", help="at most, times real time (default 1)"
-    )
+    add_speed_and_parameters(parser, "at most, times real time (default 1)")
     parser.add_argument(
         "--pace",
         type=_address,
@@ -82,13 +80,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "--epoch", type=epoch, metavar="UNIX_S", help="Unix time at time zero (default: now)"
     )
     parser.add_argument(
-        "--battery-minutes",
-        type=positive,
-        default=25.0,
-        metavar="M",
-        help="minutes from full to empty (default 25)",
-    )
-    parser.add_argument(
         "--wind",
         type=_wind,
         default=WindSettings(),
@@ -97,14 +88,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     parser.add_argument(
         "--px4-version", choices=VERSIONS, default=VERSIONS[0], help="that it behaves as"
-    )
-    parser.add_argument(
-        "--param",
-        type=parameter,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a parameter that is to differ from PX4's default; may be given again",
     )
     parser.add_argument(
         "--api-to",
@@ -138,6 +121,32 @@ def add_place(parser: argparse.ArgumentParser) -> None:
     add_uav(parser)
 
 
+def add_speed_and_parameters(parser: argparse.ArgumentParser, speed_help: str) -> None:
+    """Add --speed, --battery-minutes and --param; `parameters_of` reads the last two."""
+    parser.add_argument("--speed", type=speed, default=1.0, metavar="X", help=speed_help)
+    parser.add_argument(
+        "--battery-minutes",
+        type=positive,
+        default=25.0,
+        metavar="M",
+        help="minutes from full to empty (default 25)",
+    )
+    parser.add_argument(
+        "--param",
+        type=parameter,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a parameter that is to differ from PX4's default; may be given again",
+    )
+
+
+def parameters_of(arguments: argparse.Namespace) -> dict[str, float]:
+    """The parameters that the command line sets; PX4's own battery stops draining at half."""
+    drain_s = arguments.battery_minutes * 60.0
+    return {"SIM_BAT_DRAIN": drain_s, "SIM_BAT_MIN_PCT": 0.0} | dict(arguments.param)
+
+
 def place_of(arguments: argparse.Namespace) -> Place:
     """Where the command line says that the vehicle starts."""
     home: Place | None = arguments.home
@@ -161,7 +170,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
         seed=arguments.seed,
         speed=arguments.speed,
         start_unix_s=time.time() if arguments.epoch is None else arguments.epoch,
-        parameters=battery(arguments.battery_minutes) | dict(arguments.param),
+        parameters=parameters_of(arguments),
         wind=arguments.wind,
         ground_link=not arguments.no_gcs,
         px4_version=arguments.px4_version,
@@ -238,11 +247,6 @@ def _place(text: str) -> Place:
     if not (abs(latitude_deg) < 90 and abs(longitude_deg) <= 180 and abs(altitude_m) < 10000):
         raise argparse.ArgumentTypeError(f"'{text}' is not a place on Earth")
     return place
-
-
-def battery(minutes: float) -> dict[str, float]:
-    """Parameters of a battery that lasts so long; PX4's own stops draining at half."""
-    return {"SIM_BAT_DRAIN": minutes * 60.0, "SIM_BAT_MIN_PCT": 0.0}
 
 
 def parameter(text: str) -> tuple[str, float]:

@@ -57,9 +57,6 @@ class Line(Protocol):
         """Let go of it."""
 
 
-_NO_FRAMES: Final[list[tuple[Link, Frame]]] = []
-
-
 class LocalLine:
     """A `Line` to a simulated vehicle of our own.
 

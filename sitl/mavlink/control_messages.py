@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
-from sitl.mavlink.position_messages import degrees_e7, quaternion
-from sitl.px4sim.autopilot import Autopilot
+from sitl.mavlink.position_messages import (
+    Builders,
+    Fields,
+    MessageBuilder,
+    degrees_e7,
+    quaternion,
+)
 from sitl.px4sim.motion.dynamics import GRAVITY_M_S2
 from sitl.px4sim.motion.guidance import SetpointKind
 
@@ -20,34 +24,19 @@ _ALL_IMU_FIELDS: Final = 0x1FFF
 _NAN: Final = math.nan
 _NO_COVARIANCE: Final = (_NAN, *(0.0,) * 20)
 
-Fields = dict[str, Any]
 
+class ControlMessages(MessageBuilder):
+    """Of targets, servos and sensors."""
 
-class ControlMessages:
-    """Builds their fields; None means: nothing to say."""
-
-    def __init__(self, autopilot: Autopilot) -> None:
-        self._autopilot = autopilot
-        self._situation = autopilot.situation
-
-    def builders(self) -> dict[str, Callable[[], Fields | None]]:
+    def builders(self) -> Builders:
         """By message name."""
         return {
             "POSITION_TARGET_LOCAL_NED": self._local_target,
             "POSITION_TARGET_GLOBAL_INT": self._global_target,
-            "ATTITUDE_TARGET": self._attitude_target,
             "SERVO_OUTPUT_RAW": self._servos,
             "ODOMETRY": self._odometry,
             "HIGHRES_IMU": self._imu,
         }
-
-    @property
-    def _boot_ms(self) -> int:
-        return round(self._situation.time_s * 1e3)
-
-    @property
-    def _boot_us(self) -> int:
-        return round(self._situation.time_s * 1e6)
 
     def _target(self) -> tuple[float, float, float]:
         """North, east and altitude that are flown to; NaN where there are none."""
@@ -65,7 +54,7 @@ class ControlMessages:
         north, east, altitude_m = self._target()
         velocity_north, velocity_east, velocity_up = self._situation.velocity_m_s
         return {
-            "time_boot_ms": self._boot_ms,
+            "time_boot_ms": self.boot_ms,
             "coordinate_frame": _LOCAL_NED,
             "type_mask": 0,
             "x": north,
@@ -85,7 +74,7 @@ class ControlMessages:
             return None
         latitude, longitude = degrees_e7(*self._situation.projection.to_global(north, east))
         return {
-            "time_boot_ms": self._boot_ms,
+            "time_boot_ms": self.boot_ms,
             "coordinate_frame": _GLOBAL_INT,
             "type_mask": 0,
             "lat_int": latitude,
@@ -96,21 +85,11 @@ class ControlMessages:
             "yaw_rate": 0.0,
         }
 
-    def _attitude_target(self) -> Fields:
-        return {
-            "time_boot_ms": self._boot_ms,
-            "type_mask": 0,
-            "q": quaternion(*self._autopilot.airframe.attitude_rad()),
-            **dict.fromkeys(("body_roll_rate", "body_pitch_rate", "body_yaw_rate"), 0.0),
-            "thrust": 0.0 if self._situation.landed else 0.56,
-            "thrust_body": (0.0, 0.0, 0.0 if self._situation.landed else -0.56),
-        }
-
     def _servos(self) -> Fields:
         turning = self._autopilot.armed and not self._autopilot.terminated
         pulse = _HOVER_US if turning and not self._situation.landed else _IDLE_US
         return {
-            "time_usec": self._boot_us & 0xFFFFFFFF,
+            "time_usec": self.boot_us & 0xFFFFFFFF,
             "port": 0,
             **{f"servo{number}_raw": pulse if number <= 4 else 0 for number in range(1, 17)},
         }
@@ -120,7 +99,7 @@ class ControlMessages:
         north, east, up = situation.velocity_m_s
         cosine, sine = math.cos(situation.heading_rad), math.sin(situation.heading_rad)
         return {
-            "time_usec": self._boot_us,
+            "time_usec": self.boot_us,
             "frame_id": _LOCAL_NED,
             "child_frame_id": _BODY_FRD,
             "x": situation.north_m,
@@ -144,7 +123,7 @@ class ControlMessages:
         airframe, noise = self._autopilot.airframe, self._autopilot.errors.sensor_noise
         roll, pitch, _ = airframe.attitude_rad()
         return {
-            "time_usec": self._boot_us,
+            "time_usec": self.boot_us,
             "xacc": GRAVITY_M_S2 * math.sin(pitch) + noise(0.04),
             "yacc": -GRAVITY_M_S2 * math.sin(roll) + noise(0.04),
             "zacc": -GRAVITY_M_S2 - airframe.acceleration_up_m_s2 + noise(0.05),

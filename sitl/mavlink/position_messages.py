@@ -16,14 +16,37 @@ _GPS_ALTITUDE_NOISE_M: Final = 0.45
 Fields = dict[str, Any]
 
 
-class PositionMessages:
-    """Builds the fields of position and attitude messages; None means: nothing known yet."""
+Builders = dict[str, Callable[[], Fields | None]]
+"""By message name; None means: nothing to say."""
+
+
+class MessageBuilder:
+    """Builds the fields of some of a vehicle's messages.
+
+    Attributes:
+        boot_ms: time_boot_ms.
+        boot_us: time_usec.
+    """
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
         self._situation = autopilot.situation
 
-    def builders(self) -> dict[str, Callable[[], Fields | None]]:
+    @property
+    def boot_ms(self) -> int:
+        """Milliseconds since the start."""
+        return round(self._situation.time_s * 1e3)
+
+    @property
+    def boot_us(self) -> int:
+        """Microseconds since the start."""
+        return round(self._situation.time_s * 1e6)
+
+
+class PositionMessages(MessageBuilder):
+    """Of position and attitude."""
+
+    def builders(self) -> Builders:
         """By message name."""
         return {
             "GPS_RAW_INT": self._gps,
@@ -37,14 +60,6 @@ class PositionMessages:
             "WIND_COV": self._wind,
             "HIL_STATE_QUATERNION": self._truth,
         }
-
-    @property
-    def _boot_ms(self) -> int:
-        return round(self._situation.time_s * 1e3)
-
-    @property
-    def _boot_us(self) -> int:
-        return round(self._situation.time_s * 1e6)
 
     def _gps(self) -> Fields:
         """What the receiver says: the truth and its own noise, not the estimate."""
@@ -60,7 +75,7 @@ class PositionMessages:
         satellites = int(self._situation.parameters.limited("SIM_GPS_USED", 0, 254))
         fix = satellites >= FEWEST_SATELLITES
         return {
-            "time_usec": self._boot_us,
+            "time_usec": self.boot_us,
             "fix_type": 3 if fix else 0,
             "lat": latitude,
             "lon": longitude,
@@ -81,7 +96,7 @@ class PositionMessages:
     def _attitude(self) -> Fields:
         roll, pitch, yaw = self._autopilot.airframe.attitude_rad()
         return {
-            "time_boot_ms": self._boot_ms,
+            "time_boot_ms": self.boot_ms,
             "roll": roll,
             "pitch": pitch,
             "yaw": yaw,
@@ -90,7 +105,7 @@ class PositionMessages:
     def _attitude_quaternion(self) -> Fields:
         q1, q2, q3, q4 = quaternion(*self._autopilot.airframe.attitude_rad())
         return {
-            "time_boot_ms": self._boot_ms,
+            "time_boot_ms": self.boot_ms,
             "q1": q1,
             "q2": q2,
             "q3": q3,
@@ -106,7 +121,7 @@ class PositionMessages:
         situation = self._situation
         north, east, up = situation.velocity_m_s
         return {
-            "time_boot_ms": self._boot_ms,
+            "time_boot_ms": self.boot_ms,
             "x": situation.north_m,
             "y": situation.east_m,
             "z": self._autopilot.place.altitude_m - situation.altitude_m,
@@ -122,7 +137,7 @@ class PositionMessages:
         latitude, longitude = self._estimated_degrees_e7()
         north, east, up = situation.velocity_m_s
         return {
-            "time_boot_ms": self._boot_ms,
+            "time_boot_ms": self.boot_ms,
             "lat": latitude,
             "lon": longitude,
             "alt": _int32(situation.altitude_m * 1e3),
@@ -147,7 +162,7 @@ class PositionMessages:
     def _altitude(self) -> Fields:
         situation = self._situation
         return {
-            "time_usec": self._boot_us,
+            "time_usec": self.boot_us,
             "altitude_monotonic": situation.altitude_m,
             "altitude_amsl": situation.altitude_m,
             "altitude_local": situation.altitude_m - self._autopilot.place.altitude_m,
@@ -162,7 +177,7 @@ class PositionMessages:
         if autopilot.parameters["EKF2_DRAG_CTRL"] == 0 or self._situation.landed:
             return None
         return {
-            "time_usec": self._boot_us,
+            "time_usec": self.boot_us,
             "wind_x": autopilot.wind.north_m_s,
             "wind_y": autopilot.wind.east_m_s,
             "wind_z": 0.0,
@@ -189,7 +204,7 @@ class PositionMessages:
             "approach_x": 0.0,
             "approach_y": 0.0,
             "approach_z": 0.0,
-            "time_usec": self._boot_us,
+            "time_usec": self.boot_us,
         }
 
     def _truth(self) -> Fields:
@@ -199,7 +214,7 @@ class PositionMessages:
         )
         speed = _uint16(math.hypot(airframe.velocity_north_m_s, airframe.velocity_east_m_s) * 100)
         return {
-            "time_usec": self._boot_us,
+            "time_usec": self.boot_us,
             "attitude_quaternion": quaternion(*airframe.attitude_rad()),
             "lat": latitude,
             "lon": longitude,

@@ -176,9 +176,6 @@ _STICKS: Final = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 10 | 1 << 15
 _WITHOUT_POSITION: Final = _USUAL_MODES & 0x80003A80 | 0x00010000
 
 # health_component_t
-_GLOBAL_POSITION: Final = 1 << 24
-_LOCAL_POSITION: Final = 1 << 17
-_ATTITUDE: Final = 1 << 16
 _SYSTEM: Final = 1 << 20
 _REMOTE_CONTROL: Final = 1 << 7
 _PRESENT: Final = 0x38021C0A

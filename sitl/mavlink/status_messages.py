@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
-from sitl.mavlink.position_messages import POSITION_AFTER_S
+from sitl.mavlink.position_messages import POSITION_AFTER_S, Builders, Fields, MessageBuilder
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.state.px4_modes import FlightMode
 
@@ -28,10 +27,8 @@ _STANDARD_MODES: Final = {
     FlightMode.AUTO_TAKEOFF: 8,
 }
 
-Fields = dict[str, Any]
 
-
-class StatusMessages:
+class StatusMessages(MessageBuilder):
     """Builds the fields of status messages.
 
     Args:
@@ -44,13 +41,12 @@ class StatusMessages:
     """
 
     def __init__(self, autopilot: Autopilot, start_unix_s: float, version: int) -> None:
-        self._autopilot = autopilot
-        self._situation = autopilot.situation
+        super().__init__(autopilot)
         self._start_unix_s = start_unix_s
         self._version_number = version
         self.events_sent = 0
 
-    def builders(self) -> dict[str, Callable[[], Fields | None]]:
+    def builders(self) -> Builders:
         """By message name."""
         return {
             "HEARTBEAT": self._heartbeat,
@@ -65,16 +61,6 @@ class StatusMessages:
             "AUTOPILOT_VERSION": self._version,
             "FLIGHT_INFORMATION": self._flight_information,
         }
-
-    @property
-    def boot_ms(self) -> int:
-        """time_boot_ms."""
-        return round(self._situation.time_s * 1e3)
-
-    @property
-    def boot_us(self) -> int:
-        """time_usec."""
-        return round(self._situation.time_s * 1e6)
 
     def _heartbeat(self) -> Fields:
         autopilot = self._autopilot

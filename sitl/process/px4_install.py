@@ -8,7 +8,7 @@ import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from air_router.errors import NoVehicleError
 
@@ -32,75 +32,49 @@ class NoPx4Error(NoVehicleError):
     """There is no PX4 SITL on this machine; the message says what to install."""
 
 
-class Px4Install(Protocol):
-    """A PX4 that can be started."""
+@dataclass(frozen=True, slots=True)
+class Px4Install:
+    """A PX4 that can be started: an executable, or the official container image.
+
+    Attributes:
+        program: The executable, or the container runtime.
+        etc: The files that an executable starts from, where they are known.
+        container: What the container is to be called; empty: it is an executable.
+    """
+
+    program: Path
+    etc: Path | None = None
+    container: str = ""
 
     @property
     def words(self) -> str:
         """What and where it is."""
+        return f"{self.program.name} image {IMAGE}" if self.container else str(self.program)
 
     def command(self, instance: int, folder: Path, environment: Mapping[str, str]) -> list[str]:
-        """Program and arguments.
+        """Program and arguments; a container shares this machine's network.
 
         Args:
             instance: PX4's, 0 or more.
             folder: Where it may write; there it is started, too.
             environment: PX4_* variables; those of the process are the caller's business.
         """
-
-    def stop_command(self) -> list[str] | None:
-        """A program that ends it, where a signal to the first one does not."""
-
-
-@dataclass(frozen=True, slots=True)
-class BuiltPx4:
-    """An executable, with the files that it starts from where they are known."""
-
-    program: Path
-    etc: Path | None
-
-    @property
-    def words(self) -> str:
-        """See `Px4Install`."""
-        return str(self.program)
-
-    def command(self, instance: int, folder: Path, environment: Mapping[str, str]) -> list[str]:
-        """See `Px4Install`."""
-        del environment
+        if self.container:
+            arguments = [str(self.program), "run", "--rm", "--init", "--network", "host"]
+            arguments += ["--name", self.container]
+            for name, value in sorted(environment.items()):
+                arguments += ["--env", f"{name}={value}"]
+            return [*arguments, IMAGE, "-d", *(["-i", str(instance)] if instance else [])]
         arguments = [str(self.program), "-d", "-i", str(instance)]
         if self.etc is not None:
             arguments += ["-w", str(folder), "-s", _RC, str(self.etc)]
         return arguments
 
     def stop_command(self) -> list[str] | None:
-        """See `Px4Install`."""
-        return None
-
-
-@dataclass(frozen=True, slots=True)
-class ContainedPx4:
-    """The official container image; it shares this machine's network."""
-
-    runtime: str
-    name: str
-
-    @property
-    def words(self) -> str:
-        """See `Px4Install`."""
-        return f"{Path(self.runtime).name} image {IMAGE}"
-
-    def command(self, instance: int, folder: Path, environment: Mapping[str, str]) -> list[str]:
-        """See `Px4Install`."""
-        del folder
-        arguments = [self.runtime, "run", "--rm", "--init", "--network", "host"]
-        arguments += ["--name", self.name]
-        for name, value in sorted(environment.items()):
-            arguments += ["--env", f"{name}={value}"]
-        return [*arguments, IMAGE, "-d", *(["-i", str(instance)] if instance else [])]
-
-    def stop_command(self) -> list[str] | None:
-        """See `Px4Install`."""
-        return [self.runtime, "stop", "--time", "3", self.name]
+        """A program that ends it, where a signal to the first one does not."""
+        return (
+            [str(self.program), "stop", "--time", "3", self.container] if self.container else None
+        )
 
 
 def find_px4(asked: str | None = None, environment: Mapping[str, str] | None = None) -> Px4Install:
@@ -133,18 +107,18 @@ def find_px4(asked: str | None = None, environment: Mapping[str, str] | None = N
     raise NoPx4Error(f"no PX4 simulator found: {'; '.join(reasons)}.\n{WHAT_TO_INSTALL}")
 
 
-def _built(path: Path) -> BuiltPx4:
+def _built(path: Path) -> Px4Install:
     if path.is_dir():
         for build in _BUILDS:
             program = path / build / "bin" / "px4"
             if program.is_file():
-                return BuiltPx4(program.resolve(), _etc(program))
+                return Px4Install(program.resolve(), _etc(program))
         raise NoPx4Error(
             f"{path}: no bin/px4 in there, nor in its build folder.\n{WHAT_TO_INSTALL}"
         )
     if not path.is_file() or not os.access(path, os.X_OK):
         raise NoPx4Error(f"{path}: no such folder or executable.\n{WHAT_TO_INSTALL}")
-    return BuiltPx4(path.absolute(), _etc(path))
+    return Px4Install(path.absolute(), _etc(path))
 
 
 def _etc(program: Path) -> Path | None:
@@ -153,7 +127,7 @@ def _etc(program: Path) -> Path | None:
     return root / "etc" if (root / _RC).is_file() else None
 
 
-def _contained(name: str, path: str | None) -> ContainedPx4:
+def _contained(name: str, path: str | None) -> Px4Install:
     """A runtime that has the image; nothing is downloaded without being asked for."""
     runtime = shutil.which(name, path=path)
     if runtime is None:
@@ -171,4 +145,4 @@ def _contained(name: str, path: str | None) -> ContainedPx4:
     if done.returncode != 0:
         said = (done.stderr.strip().splitlines() or ["no words"])[-1]
         raise NoPx4Error(f"{name} has no image {IMAGE} ({said})\n{WHAT_TO_INSTALL}")
-    return ContainedPx4(runtime, f"air-router-px4-{os.getpid()}")
+    return Px4Install(Path(runtime), container=f"air-router-px4-{os.getpid()}")

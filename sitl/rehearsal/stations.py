@@ -15,7 +15,6 @@ from sitl.px4sim.state.px4_modes import FlightMode
 
 GROUND_CONTROL: Final = 190
 SET_MODE, SET_HOME, CHANGE_SPEED, ARM_DISARM = 176, 179, 178, 400  # MAV_CMD
-FORCE: Final = 21196.0
 ZONE_M: Final = 15.0
 STOP_M: Final = 12.0
 REAL32: Final = 9  # MAV_PARAM_TYPE

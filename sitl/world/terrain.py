@@ -7,10 +7,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from geo.frame import Point
 from geo.grid import Cells, Terrain
+
+Floats = npt.NDArray[np.float64]
 
 VEHICLE_RADIUS_M = 2.2
 """A parked vehicle covers the cells whose centres lie within this distance."""
@@ -78,17 +82,42 @@ class Raster:
                 f"the world would have {rows} x {columns} cells of {resolution_m} m, more than "
                 f"{MAX_CELLS}; make resolution_m coarser"
             )
-        east_m = (np.arange(west, east) + 0.5) * resolution_m
-        north_m = (np.arange(south, north) + 0.5) * resolution_m
-        centres = np.meshgrid(east_m, north_m)
         cells = np.full((rows, columns), Terrain.GRASS, dtype=np.uint8)
-        for terrain, shape in _layers(scene):
+        raster = cls(west * resolution_m, south * resolution_m, resolution_m, cells)
+        raster.fill(_layers(scene))
+        return raster
+
+    def fill(self, layers: Iterable[tuple[Terrain, BaseGeometry]]) -> None:
+        """Draw shapes, the later over the earlier: into cells whose centres lie inside."""
+        size_m = self.resolution_m
+        rows, columns = self.cells.shape
+        for terrain, shape in layers:
+            if shape.is_empty:
+                continue
+            west_m, south_m, east_m, north_m = shape.bounds
+            left = max(0, int((west_m - self.west_m) / size_m))
+            right = min(columns, int((east_m - self.west_m) / size_m) + 1)
+            bottom = max(0, int((south_m - self.south_m) / size_m))
+            top = min(rows, int((north_m - self.south_m) / size_m) + 1)
+            if left >= right or bottom >= top:
+                continue
+            east = self.west_m + (np.arange(left, right) + 0.5) * size_m
+            north = self.south_m + (np.arange(bottom, top) + 0.5) * size_m
             shapely.prepare(shape)
-            cells[shapely.contains_xy(shape, *centres)] = terrain
-        return cls(west * resolution_m, south * resolution_m, resolution_m, cells)
+            inside = shapely.contains_xy(shape, *np.meshgrid(east, north))
+            self.cells[bottom:top, left:right][inside] = terrain
+
+    def classes_at(self, east_m: Floats, north_m: Floats) -> Cells:
+        """The classes at places; unknown where the raster shows nothing."""
+        columns = np.floor((east_m - self.west_m) / self.resolution_m).astype(np.intp)
+        rows = np.floor((north_m - self.south_m) / self.resolution_m).astype(np.intp)
+        height, width = self.cells.shape
+        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        found = self.cells[rows.clip(0, height - 1), columns.clip(0, width - 1)]
+        return np.where(inside, found, np.uint8(Terrain.UNKNOWN))
 
 
-def _layers(scene: Scene) -> Iterable[tuple[Terrain, shapely.Geometry]]:
+def _layers(scene: Scene) -> Iterable[tuple[Terrain, BaseGeometry]]:
     yield Terrain.VEGETATION, shapely.union_all([shapely.Polygon(r) for r in scene.vegetation])
     roads = [
         shapely.LineString(road.points).buffer(road.width_m / 2)

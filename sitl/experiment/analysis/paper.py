@@ -51,8 +51,6 @@ TABLE: Final = tuple(
     )
 )
 
-FIELD_MINUTES: Final = 116
-FIELD_DRIVEN_KM: Final = 17.8
 FIELD_INTERACTIONS: Final = 1720
 FIELD_INTERRUPTED: Final = 7
 

@@ -32,7 +32,6 @@ def seen_links(result: RunResult, raster: Raster) -> list[list[list[int]]]:
     """Cases of a run, counted: [distance][building] = [cases, in contact]."""
     ground = [i for i, kind in enumerate(result.kinds) if kind != "uav"]
     counts = np.zeros((len(DISTANCES_M) - 1, len(BUILDINGS_M) - 1, 2), dtype=np.int64)
-    inside = raster.cells == Terrain.BUILDING
     contacts = result.contacts
     for place, a in enumerate(ground):
         for b in ground[place + 1 :]:
@@ -44,7 +43,7 @@ def seen_links(result: RunResult, raster: Raster) -> list[list[list[int]]]:
             linked = ((own["began_s"] <= times_s) & (times_s < own["ended_s"])).any(axis=1)
             start, end = (result.positions_m[:, i].astype(np.float64) for i in (a, b))
             away_m = np.hypot(*(end - start).T)
-            between_m = _building_m(start, end, away_m, inside, raster)
+            between_m = _building_m(start, end, away_m, raster)
             for column, chosen in ((0, np.ones_like(linked)), (1, linked)):
                 found, _, _ = np.histogram2d(
                     away_m[chosen], between_m[chosen], bins=(DISTANCES_M, BUILDINGS_M)
@@ -54,17 +53,11 @@ def seen_links(result: RunResult, raster: Raster) -> list[list[list[int]]]:
     return plain
 
 
-def _building_m(
-    start: Numbers, end: Numbers, away_m: Numbers, inside: npt.NDArray[np.bool_], raster: Raster
-) -> Numbers:
+def _building_m(start: Numbers, end: Numbers, away_m: Numbers, raster: Raster) -> Numbers:
     """Metres of building between places."""
     along = ((np.arange(_STEPS) + 0.5) / _STEPS)[None, :, None]
     points = start[:, None] + along * (end - start)[:, None]
-    columns = ((points[..., 0] - raster.west_m) / raster.resolution_m).astype(int)
-    rows = ((points[..., 1] - raster.south_m) / raster.resolution_m).astype(int)
-    height, width = inside.shape
-    within = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-    hit = within & inside[rows.clip(0, height - 1), columns.clip(0, width - 1)]
+    hit = raster.classes_at(points[..., 0], points[..., 1]) == Terrain.BUILDING
     result: Numbers = hit.mean(axis=1) * away_m
     return result
 

@@ -18,7 +18,6 @@ from sitl.experiment.channels.channel import Change, Link, Load, Places
 from sitl.experiment.settings import PathLossModel
 from sitl.experiment.towns.town import Town
 from sitl.world.radio import Antenna, RadioModel
-from sitl.world.terrain import Raster
 
 FULL_RATE_DB: Final = 30.0
 """So much above the trigger a link carries all that it can."""
@@ -47,7 +46,7 @@ class PathLossChannel:
         self.pull_every_s = model.pull_every_s
         self._model = model
         self._names = names
-        self._buildings = _Buildings(town.raster, model.building_loss_db_m, model.most_building_db)
+        self._raster = town.raster
         self._radio = RadioModel(
             tx_power_dbm=model.tx_power_dbm,
             reference_loss_db=model.reference_loss_db,
@@ -115,31 +114,18 @@ class PathLossChannel:
             if rssi_dbm < self._radio.sensitivity_dbm:
                 continue
             if antennas[a].on_ground and antennas[b].on_ground:
-                rssi_dbm -= self._buildings.loss_db(places[a], places[b])
+                rssi_dbm -= self._building_db(places[a], places[b])
             self._rssi_dbm[a, b] = round(rssi_dbm, 6)
             if rssi_dbm >= self._model.carrier_dbm:
                 self._hears[a].add(b)
                 self._hears[b].add(a)
 
-
-class _Buildings:
-    """What a straight line through the town loses in buildings."""
-
-    def __init__(self, raster: Raster, loss_db_m: float, most_db: float) -> None:
-        self._inside = raster.cells == Terrain.BUILDING
-        self._raster = raster
-        self._loss_db_m = loss_db_m
-        self._most_db = most_db
-
-    def loss_db(self, start: Places, end: Places) -> float:
-        """Metres of building between two places, and what they cost."""
+    def _building_db(self, start: Places, end: Places) -> float:
+        """What a straight line through the town loses in buildings."""
         east_m, north_m = end[0] - start[0], end[1] - start[1]
         count = max(2, int(np.hypot(east_m, north_m) / _SAMPLE_M))
         along = (np.arange(count) + 0.5) / count
-        raster = self._raster
-        columns = ((start[0] + along * east_m - raster.west_m) / raster.resolution_m).astype(int)
-        rows = ((start[1] + along * north_m - raster.south_m) / raster.resolution_m).astype(int)
-        height, width = self._inside.shape
-        within = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-        hits = np.count_nonzero(self._inside[rows[within], columns[within]])
-        return float(min(self._most_db, self._loss_db_m * hits * _SAMPLE_M))
+        classes = self._raster.classes_at(start[0] + along * east_m, start[1] + along * north_m)
+        building_m = np.count_nonzero(classes == Terrain.BUILDING) * _SAMPLE_M
+        model = self._model
+        return float(min(model.most_building_db, model.building_loss_db_m * building_m))

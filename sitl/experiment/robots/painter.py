@@ -6,8 +6,6 @@ unknown are looked at, with the camera's own arithmetic.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from geo.frame import Point
@@ -51,34 +49,18 @@ class Painter:
             height_m: Height above the ground.
             heading_deg: Where the upper edge of the picture points, clockwise from north.
         """
-        view = position, height_m, heading_deg
-        if view == self._last or height_m < self._camera.min_height_m:
+        seen_from = position, height_m, heading_deg
+        if seen_from == self._last:
             return 0
-        self._last = view
-        across_m, along_m = self._camera.half_sizes_m(height_m)
-        sine = math.sin(math.radians(heading_deg))
-        cosine = math.cos(math.radians(heading_deg))
-        reach_east_m = abs(across_m * cosine) + abs(along_m * sine)
-        reach_north_m = abs(across_m * sine) + abs(along_m * cosine)
-        raster, size_m = self._raster, self._raster.resolution_m
-        rows, columns = raster.cells.shape
-        west = max(0, math.floor((position.east_m - reach_east_m - raster.west_m) / size_m))
-        east = min(columns, math.ceil((position.east_m + reach_east_m - raster.west_m) / size_m))
-        south = max(0, math.floor((position.north_m - reach_north_m - raster.south_m) / size_m))
-        north = min(rows, math.ceil((position.north_m + reach_north_m - raster.south_m) / size_m))
-        if west >= east or south >= north:
+        view = self._camera.view(self._raster, *seen_from)
+        if view is None:
             return 0
-        box = self.grid.cells[south:north, west:east]
+        self._last = seen_from
+        box = self.grid.cells[view.rows, view.columns]
         row, column = np.nonzero(box == Terrain.UNKNOWN)
-        if not row.size:
-            return 0
-        east_m = raster.west_m + (np.arange(west, east) + 0.5) * size_m - position.east_m
-        north_m = raster.south_m + (np.arange(south, north) + 0.5) * size_m - position.north_m
-        sideways_m = (east_m * cosine)[column] - (north_m * sine)[row]
-        ahead_m = (east_m * sine)[column] + (north_m * cosine)[row]
-        seen = (np.abs(sideways_m) <= across_m) & (np.abs(ahead_m) <= along_m)
+        seen = view.shows(view.east_m[column], view.north_m[row])
         row, column = row[seen], column[seen]
-        box[row, column] = raster.cells[south:north, west:east][row, column]
+        box[row, column] = self._raster.cells[view.rows, view.columns][row, column]
         self.known_cells += row.size
         return int(row.size)
 

@@ -8,6 +8,7 @@ of how anything moves.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -78,20 +79,23 @@ class Town:
             round((east_m - west_m) / RESOLUTION_M),
         )
         cells = np.full((rows, columns), Terrain.GRAVEL, dtype=np.uint8)
-        brush = _Brush(cells, west_m, south_m)
-        brush.fill(Terrain.GRASS, shapely.Polygon(self.outline))
-        for ring in self.vegetation:
-            brush.fill(Terrain.VEGETATION, shapely.Polygon(ring))
-        for road in self.roads:
-            brush.fill(Terrain.ROAD, shapely.LineString(road.points).buffer(road.width_m / 2))
-        for ring in self.buildings:
-            brush.fill(Terrain.BUILDING, shapely.Polygon(ring))
-        for ring in self.yards:
-            brush.fill(Terrain.GRAVEL, shapely.Polygon(ring))
-        for goal in self.goals:
-            brush.fill(Terrain.VEHICLE, shapely.Point(goal.position).buffer(VEHICLE_RADIUS_M))
+        raster = Raster(west_m, south_m, RESOLUTION_M, cells)
+        raster.fill(self._layers())
         cells.setflags(write=False)
-        return Raster(west_m, south_m, RESOLUTION_M, cells)
+        return raster
+
+    def _layers(self) -> Iterator[tuple[Terrain, BaseGeometry]]:
+        yield Terrain.GRASS, shapely.Polygon(self.outline)
+        for ring in self.vegetation:
+            yield Terrain.VEGETATION, shapely.Polygon(ring)
+        for road in self.roads:
+            yield Terrain.ROAD, shapely.LineString(road.points).buffer(road.width_m / 2)
+        for ring in self.buildings:
+            yield Terrain.BUILDING, shapely.Polygon(ring)
+        for ring in self.yards:
+            yield Terrain.GRAVEL, shapely.Polygon(ring)
+        for goal in self.goals:
+            yield Terrain.VEHICLE, shapely.Point(goal.position).buffer(VEHICLE_RADIUS_M)
 
     @cached_property
     def lattice(self) -> Lattice:
@@ -120,14 +124,11 @@ class Town:
         return {}
 
     def _hidden(self, here: Point, there: Point) -> bool:
-        raster = self.raster
         steps = max(1, math.ceil(math.dist(here, there) / RESOLUTION_M))
         parts = np.arange(steps + 1) / steps
         east = here[0] + parts * (there[0] - here[0])
         north = here[1] + parts * (there[1] - here[1])
-        rows = ((north - raster.south_m) // RESOLUTION_M).astype(np.intp)
-        columns = ((east - raster.west_m) // RESOLUTION_M).astype(np.intp)
-        return bool((raster.cells[rows, columns] == Terrain.BUILDING).any())
+        return bool((self.raster.classes_at(east, north) == Terrain.BUILDING).any())
 
     @cached_property
     def ground(self) -> Cells:
@@ -135,27 +136,3 @@ class Town:
         cells = coarse(self.raster.cells, round(GRAIN_M / RESOLUTION_M)).ravel()
         cells.setflags(write=False)
         return cells
-
-
-@dataclass(slots=True)
-class _Brush:
-    """Fills shapes into cells: those whose centres lie inside."""
-
-    cells: Cells
-    west_m: float
-    south_m: float
-
-    def fill(self, terrain: Terrain, shape: BaseGeometry) -> None:
-        west_m, south_m, east_m, north_m = shape.bounds
-        rows, columns = self.cells.shape
-        left = max(0, int((west_m - self.west_m) / RESOLUTION_M))
-        right = min(columns, int((east_m - self.west_m) / RESOLUTION_M) + 1)
-        bottom = max(0, int((south_m - self.south_m) / RESOLUTION_M))
-        top = min(rows, int((north_m - self.south_m) / RESOLUTION_M) + 1)
-        if left >= right or bottom >= top:
-            return
-        east = self.west_m + (np.arange(left, right) + 0.5) * RESOLUTION_M
-        north = self.south_m + (np.arange(bottom, top) + 0.5) * RESOLUTION_M
-        shapely.prepare(shape)
-        inside = shapely.contains_xy(shape, *np.meshgrid(east, north))
-        self.cells[bottom:top, left:right][inside] = terrain

@@ -11,7 +11,7 @@ import time
 import pytest
 
 from sitl.cli import cli
-from sitl.process.px4_install import BuiltPx4, ContainedPx4, NoPx4Error, find_px4
+from sitl.process.px4_install import NoPx4Error, Px4Install, find_px4
 from sitl.process.px4_process import (
     PortsInUseError,
     Px4Error,
@@ -98,7 +98,7 @@ class TestFinding:
         folder = root / "build" / "px4_sitl_default"
         for place in (root, folder, folder / "bin" / "px4"):
             install = find_px4(str(place), {})
-            assert install == BuiltPx4(folder / "bin" / "px4", folder / "etc")
+            assert install == Px4Install(folder / "bin" / "px4", folder / "etc")
         command = install.command(3, root, {})
         assert command[1:4] == ["-d", "-i", "3"]
         assert command[-1] == str(folder / "etc")
@@ -116,7 +116,7 @@ class TestFinding:
     def test_a_container(self, tmp_path):
         (tmp_path / "podman").symlink_to("/bin/true")
         install = find_px4(None, {"PATH": str(tmp_path)})
-        assert isinstance(install, ContainedPx4)
+        assert install.container
         command = install.command(2, tmp_path, {"PX4_HOME_LAT": "1.5"})
         assert command[:2] == [str(tmp_path / "podman"), "run"]
         assert "PX4_HOME_LAT=1.5" in command

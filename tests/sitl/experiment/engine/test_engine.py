@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from replaying import replay
 
 import air_router.controller.flight_setup
 from air_router.controller.controller import Controller
@@ -19,7 +20,6 @@ from air_router.files.settings import Timers
 from geo.frame import Geodetic, LocalFrame, Point
 from sitl.experiment.channels import paper as channel_paper
 from sitl.experiment.engine.engine import Run, run
-from sitl.experiment.engine.replay import replay
 from sitl.experiment.engine.result import STAGES
 from sitl.experiment.robots import explorer, uav
 from sitl.experiment.settings import PaperModel, RunSettings, TraceModel
