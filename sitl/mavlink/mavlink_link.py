@@ -22,10 +22,10 @@ from sitl.mavlink.telemetry import StreamSchedule, Telemetry
 from sitl.px4sim.autopilot import Autopilot
 from sitl.px4sim.commands import CommandRequest, CommandResult, Commands
 from sitl.px4sim.motion.guidance import Direct
+from sitl.px4sim.safety.watchdog import GROUND_STATION
 from sitl.px4sim.state.notice import Notice, Outgoing
 from sitl.px4sim.state.parameters import DEFAULTS
 from sitl.px4sim.state.situation import Situation
-from sitl.px4sim.watchdog import GROUND_STATION
 
 _log = logging.getLogger(__name__)
 

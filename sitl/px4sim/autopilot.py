@@ -23,14 +23,13 @@ from sitl.px4sim.motion.wind import Wind, WindSettings
 from sitl.px4sim.plan.plan_store import PlanStore
 from sitl.px4sim.plan_intake import PlanIntake
 from sitl.px4sim.positioning import Positioning
-from sitl.px4sim.safety.arming import ArmingReason, disarm_due
-from sitl.px4sim.safety.failsafe import Action, Cause, Failsafe
+from sitl.px4sim.safety.failsafe import Action, ArmingReason, Cause, Failsafe, disarm_due
 from sitl.px4sim.safety.fence_guard import FenceGuard
+from sitl.px4sim.safety.watchdog import Watchdog
 from sitl.px4sim.state.notice import Notice, Severity
 from sitl.px4sim.state.parameters import Parameters
 from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.px4sim.state.situation import Place, Situation
-from sitl.px4sim.watchdog import Watchdog
 
 HOME_AFTER_S: Final = 2.2
 ARMABLE_AFTER_S: Final = 4.5

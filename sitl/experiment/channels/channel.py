@@ -1,17 +1,21 @@
-"""The radio channel as the engine sees it: a port with several models behind it.
+"""The radio channel as the engine sees it: a port with several models behind it; the paper's model.
 
 A model says who is in contact, how long a transmission takes, which transmissions exclude each
-other, and in which order those that wait get their turn. It moves nothing itself; see `air`.
+other, and in which order those that wait get their turn. What moves is in `engine.channel_sim`.
 """
 
 from __future__ import annotations
 
+import math
+import random
 from collections.abc import Iterable, Sequence
 from enum import IntEnum
 from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
+
+from sitl.experiment.settings import PaperModel
 
 Places = npt.NDArray[np.float64]
 """(robots, 3): east, north, height above ground, in metres."""
@@ -80,3 +84,61 @@ class Channel(Protocol):
 
     def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:
         """Which of those that wait may begin beside those under way; None: none may."""
+
+
+class PaperChannel:
+    """Exponential latencies per stage, one transmission at a time anywhere, contact by radius.
+
+    Args:
+        model: Rates and readings.
+        radius_m: Horizontal distance below which two robots are in contact.
+        robots: How many there are.
+        seed: Makes the latencies.
+    """
+
+    def __init__(self, model: PaperModel, radius_m: float, robots: int, seed: int) -> None:
+        patience_s = {"timeout": model.timeout_s, "hold": math.inf, "drop": 0.0}
+        self.patience_s = patience_s[model.cut]
+        self.pull_every_s = model.pull_every_s
+        self._order = model.order
+        self.frame_by_frame = model.piece == "frame"
+        self._radius_m = radius_m
+        self._rates_1_s = {
+            Stage.HEADER: model.header_rate_1_s,
+            Stage.DATA: model.data_rate_1_s,
+            Stage.END: model.end_rate_1_s,
+        }
+        self._chance = random.Random(f"{seed} channel")  # noqa: S311 - repeatable on purpose
+        self._near = np.zeros((robots, robots), dtype=bool)
+        self._upper = np.triu(np.ones((robots, robots), dtype=bool), 1)
+
+    def look(self, now_s: float, places: Places) -> list[Change]:  # noqa: ARG002 - a port's
+        """Who came nearer than the radius, horizontally, and who went."""
+        east, north = places[:, 0], places[:, 1]
+        squared = (east[:, None] - east) ** 2 + (north[:, None] - north) ** 2
+        near = squared < self._radius_m**2
+        changed = np.argwhere((near != self._near) & self._upper)
+        self._near = near
+        return [Change(int(a), int(b), bool(near[a, b])) for a, b in changed]
+
+    def duration_s(self, link: Link, load: Load, now_s: float) -> float:  # noqa: ARG002
+        """A latency of the stage; of data one for each message, unless a frame counts as one."""
+        rate_1_s = self._rates_1_s[load.stage]
+        count = load.stage is Stage.DATA and not self.frame_by_frame
+        pieces = max(load.messages, 1) if count else 1
+        return math.fsum(self._latency_s(rate_1_s) for _ in range(pieces))
+
+    def turn(self, link: Link, ready_s: float) -> tuple[float, ...]:
+        """As the model's reading has it."""
+        if self._order == "arrival":
+            return (ready_s, *link)
+        if self._order == "random":
+            return (self._chance.random(), *link)
+        return link
+
+    def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:  # noqa: ARG002
+        """The first, unless anybody sends anywhere."""
+        return None if busy else 0
+
+    def _latency_s(self, rate_1_s: float) -> float:
+        return -math.log(1.0 - self._chance.random()) / rate_1_s

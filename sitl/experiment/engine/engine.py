@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -22,15 +22,16 @@ import numpy as np
 from air_router.controller.motion.navigator import REACTION_S
 from geo.frame import Point
 from mocha_link.links.link_events import LinkEvent, MessageStored
-from sitl.experiment.channels.by_name import channel_of
+from sitl.experiment.channels.channel import Channel, PaperChannel
+from sitl.experiment.channels.path_loss import PathLossChannel
+from sitl.experiment.channels.trace import TraceChannel
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.result import GoalVisit, RunResult
 from sitl.experiment.engine.statistics import AirtimeStats, Samples
 from sitl.experiment.events import EventLog, EventQueue
-from sitl.experiment.robots.base_station import BaseStation
 from sitl.experiment.robots.explorer import GroundRobot
 from sitl.experiment.robots.fleet import fleet_of
-from sitl.experiment.robots.node import Node
+from sitl.experiment.robots.node import BaseStation, Node
 from sitl.experiment.robots.scenery import Scenery, scenery_of
 from sitl.experiment.robots.uav import COMMAND_S, Uav, controllers_of
 from sitl.experiment.settings import RunSettings
@@ -250,3 +251,21 @@ def _starts(town: Town, count: int) -> list[Point]:
     if not town.starts:
         raise ValueError(f"{town.name} has no place where a ground robot could start")
     return [town.starts[number % len(town.starts)] for number in range(count)]
+
+
+def channel_of(settings: RunSettings, town: Town, names: Sequence[str], seed: int) -> Channel:
+    """The channel of a run.
+
+    Raises:
+        ValueError: a trace is asked for, and none is named.
+        TraceError: the trace is none.
+    """
+    match settings.channel:
+        case "paper":
+            return PaperChannel(settings.paper, settings.radius_m, len(names), seed)
+        case "path_loss":
+            return PathLossChannel(settings.path_loss, town, names, seed)
+        case "trace":
+            if settings.trace is None:
+                raise ValueError("the channel is a trace, and no trace is named; write trace: path")
+            return TraceChannel(settings.trace, names)

@@ -1,17 +1,155 @@
-"""The figures of an experiment, drawn from its finished runs. Needs matplotlib."""
+"""The figures of an experiment, drawn from its finished runs; those that compare rows.
+
+Ours and the paper's, with 95 % confidence intervals. Needs matplotlib.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from air_router.counted import counted
+from sitl.experiment.analysis.statistics import Interval
+from sitl.experiment.analysis.tables import Line, lines, of_the_paper
 from sitl.experiment.campaign.plan import Experiment, Record
-from sitl.experiment.figures.figure_curves import draw_ages, draw_bandwidth, draw_goals, draw_waits
-from sitl.experiment.figures.figure_links import draw_links
+from sitl.experiment.campaign.rows import words
+from sitl.experiment.figures.figure_curves import (
+    draw_ages,
+    draw_bandwidth,
+    draw_goals,
+    draw_links,
+    draw_waits,
+)
 from sitl.experiment.figures.figure_places import draw_contacts, draw_places
-from sitl.experiment.figures.figure_rows import draw_comparison, draw_table
-from sitl.experiment.figures.figure_sheet import save, styled
+from sitl.experiment.figures.figure_sheet import (
+    COLOURS,
+    FAINT,
+    INK,
+    panel_sheet,
+    save,
+    sheet,
+    styled,
+)
+
+_MEASURES: Final = (
+    ("goals_percent", "goals_percent", "goals reached (%)", False),
+    ("time_min", "mean_time_min", "time to a goal (min)", False),
+    ("wait_mean_s", "wait_mean_s", "message wait, mean (s)", True),
+)
+_COMPARED: Final = (
+    ("goals_percent", "goals reached (%)"),
+    ("time_min", "time to a goal (min)"),
+    ("pose_age_s", "age of poses (s)"),
+    ("map_age_s", "age of the map at ground robots (s)"),
+    ("wait_mean_s", "message wait, mean (s)"),
+    ("sent_mb", "sent (MB)"),
+)
+_MOST_ROWS: Final = 16
+
+
+def draw_table(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
+    """The paper's table as curves over the radius, ours beside the paper's."""
+    found = lines(experiment, records)
+    if not of_the_paper(experiment):
+        return None
+    sizes = sorted({line.settings["ugvs"] for line in found})
+    figure, axes = panel_sheet(
+        len(_MEASURES),
+        len(sizes),
+        "Our runs beside the paper's table",
+        "Filled, with 95 % confidence intervals: ours. Hollow and dashed: the paper's three runs",
+    )
+    for (ours, theirs, label, logarithmic), row in zip(_MEASURES, axes, strict=True):
+        for size, one in zip(sizes, row, strict=True):
+            team = [line for line in found if line.settings["ugvs"] == size]
+            _draw_team(one, team, ours, theirs)
+            one.set_title(counted(size, "ground robots"), loc="left")
+            one.set_xlabel("radius (m)")
+            one.set_ylabel(label)
+            if logarithmic:
+                _logarithmic(one)
+    for row in axes:
+        low = min(one.get_ylim()[0] for one in row)
+        high = max(one.get_ylim()[1] for one in row)
+        for one in row:
+            one.set_ylim(low, high)
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, labelcolor=INK)
+    return figure
+
+
+def _logarithmic(one: Axes) -> None:
+    """A logarithmic axis with numbers that people read: 0.2, 0.5, 1, 2."""
+    one.set_yscale("log")
+    one.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    one.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    one.yaxis.set_minor_locator(NullLocator())
+
+
+def _draw_team(one: Axes, team: Sequence[Line], ours: str, theirs: str) -> None:
+    for uavs, colour, marker, shift in ((1, COLOURS[0], "o", -0.35), (2, COLOURS[1], "s", 0.35)):
+        own = sorted(
+            (line for line in team if line.settings["uavs"] == uavs),
+            key=lambda line: line.settings["radius_m"],
+        )
+        if not own:
+            continue
+        radii_m = np.array([line.settings["radius_m"] for line in own]) + shift
+        style: dict[str, Any] = {"color": colour, "marker": marker, "ms": 5}
+        values = [getattr(line, ours) for line in own]
+        _bars(one, radii_m, values, {**style, "label": f"{counted(uavs, 'UAVs')}, ours"})
+        paper = [getattr(line.paper, theirs) if line.paper else np.nan for line in own]
+        hollow: dict[str, Any] = {"linestyle": (0, (3, 2)), "mfc": "white", "lw": 1, "zorder": 2}
+        one.plot(radii_m, paper, label=f"{counted(uavs, 'UAVs')}, paper", **style, **hollow)
+
+
+def _bars(one: Axes, across: Any, found: Sequence[Interval], style: dict[str, Any]) -> None:
+    value = np.array([estimate.value for estimate in found])
+    low = np.nan_to_num(value - np.array([estimate.low for estimate in found]))
+    high = np.nan_to_num(np.array([estimate.high for estimate in found]) - value)
+    reach = np.maximum(np.array([low, high]), 0)
+    one.errorbar(across, value, yerr=reach, lw=1.6, elinewidth=1.1, capsize=2.5, zorder=3, **style)
+
+
+def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure | None:
+    """Every row's goals, times, ages and waits, one dot each."""
+    found = lines(experiment, records)
+    if not 1 < len(found) <= _MOST_ROWS:
+        return None
+    last = experiment.varied[0] if experiment.varied else ""
+    groups = list(dict.fromkeys(words({last: line.settings.get(last)}, [last]) for line in found))
+    names = [line.label for line in found]
+    figure, axes = sheet(
+        len(_COMPARED),
+        "The rows compared",
+        f"{experiment.title}; means with 95 % confidence intervals",
+        high=0.9 + 0.19 * len(found),
+    )
+    height = np.arange(len(found))[::-1]
+    for one, (measure, label) in zip(axes, _COMPARED, strict=True):
+        for index, line in enumerate(found):
+            estimate = getattr(line, measure)
+            colour = COLOURS[
+                groups.index(words({last: line.settings.get(last)}, [last])) % len(COLOURS)
+            ]
+            if not np.isnan(estimate.low):
+                ends = [estimate.low, estimate.high]
+                one.plot(ends, [height[index]] * 2, color=colour, lw=1.6)
+            one.plot(estimate.value, height[index], "o", color=colour, ms=5)
+        one.set_yticks(height, names, fontsize=7.5)
+        one.set_xlabel(label)
+        one.set_ylim(-0.7, len(found) - 0.3)
+        one.grid(visible=True, axis="x")
+        one.margins(x=0.08)
+        one.tick_params(axis="y", length=0, labelcolor=INK, color=FAINT)
+    return figure
+
 
 FOLDER: Final = "figures"
 

@@ -15,8 +15,7 @@ from air_router.messages import MAP_TOPIC, MessageError
 from geo.frame import FrameError, Point
 from geo.grid import GridError, Terrain
 from sitl.experiment.lattice import Cell
-from sitl.experiment.robots.goal_book import GoalBook
-from sitl.experiment.robots.knowledge import Knowledge, read_map
+from sitl.experiment.robots.knowledge import GoalBook, Knowledge, read_map
 from sitl.experiment.robots.messages import (
     CLAIMS_TOPIC,
     OBJECTS_TOPIC,

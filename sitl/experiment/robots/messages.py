@@ -28,8 +28,7 @@ from air_router.messages import (
     Stamp,
 )
 from geo.frame import LocalFrame, Point
-from sitl.experiment.robots.goal_book import MOST_GOALS, Claim, Status
-from sitl.experiment.robots.knowledge import Knowledge
+from sitl.experiment.robots.knowledge import MOST_GOALS, Claim, Knowledge, Status
 
 DEGREE_DIGITS: Final = 9
 """Decimals of degrees in messages, 0.1 mm: what follows differs from machine to machine."""

@@ -1,4 +1,8 @@
-"""A robot's gossip node in simulated time: `mocha_link`'s own, without sockets and threads."""
+"""A robot's gossip node in simulated time: `mocha_link`'s own, without sockets and threads.
+
+The base station of a run is hardly more than its node: it stands at home, and tells whom it meets
+which goals it knows.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Final
 
+from air_router.messages import POSE_TOPIC, PoseMessage
 from mocha_link.clock import Instant
 from mocha_link.links.link_events import ContactBegan, ContactEnded, LinkEvent, MessageStored
 from mocha_link.links.trigger import NOT_HEARD
@@ -16,6 +21,8 @@ from mocha_link.store import payload
 from mocha_link.sync.protocol import ID_BYTES
 from mocha_link.team.team import Team
 from sitl.experiment.events import EventQueue
+from sitl.experiment.robots.messages import TARGETS_TOPIC, degrees, target_goals
+from sitl.experiment.towns.town import Town
 
 EPOCH_S: Final = 26_000 * 65_536 + 3_600.0
 """Unix seconds at the beginning of a run: no header's time wraps within 17 hours of it."""
@@ -114,3 +121,38 @@ class Node:
             robot_id = self._team.robot(robot).robot_id
             known = self._known_ids[key] = (robot_id, self._team.topic(robot, topic).topic_id)
         return known
+
+
+class BaseStation:
+    """A station that does not move.
+
+    Args:
+        goals: Ids of the goals that it knows.
+
+    Raises:
+        ValueError: the town has no such goal.
+    """
+
+    def __init__(self, town: Town, goals: tuple[str, ...], queue: EventQueue) -> None:
+        places = {goal.id: goal.position for goal in town.goals}
+        for goal in goals:
+            if goal not in places:
+                raise ValueError(
+                    f"base_goals: {town.name} has no goal '{goal}'; use {', '.join(places)}"
+                )
+        self.position = town.home
+        self._queue = queue
+        self._frame = town.frame
+        self._goals = [places[goal] for goal in goals]
+        self._told = False
+
+    def say(self) -> list[tuple[str, bytes]]:
+        """What it has to say to a peer that asks now."""
+        stamp_s = EPOCH_S + self._queue.now_s
+        latitude_deg, longitude_deg = degrees(self._frame, self.position)
+        pose = PoseMessage(stamp_s=stamp_s, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
+        said = [(POSE_TOPIC, pose.encode())]
+        if self._goals and not self._told:
+            self._told = True
+            said.append((TARGETS_TOPIC, target_goals(stamp_s, self._goals, self._frame)))
+        return said

@@ -11,6 +11,8 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
+import numpy as np
+
 from air_router.controller.controller import Controller
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import (
@@ -42,16 +44,76 @@ from air_router.messages import (
 )
 from air_router.mission.mission import Mission
 from geo.frame import FrameError, Point
+from geo.grid import SemanticGrid, Terrain
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.fleet import Fleet
 from sitl.experiment.robots.flyer import Flyer
 from sitl.experiment.robots.messages import degrees
 from sitl.experiment.robots.node import EPOCH_S, Node
-from sitl.experiment.robots.painter import Painter
 from sitl.experiment.robots.scenery import Scenery
 from sitl.experiment.settings import RunSettings
+from sitl.experiment.towns.town import Town
 from sitl.world.camera import Camera
+
+
+class Painter:
+    """The map that a UAV paints of a town, as `air_router.gossip.mapper.Mapper` does from patches.
+
+    Attributes:
+        grid: The map, over the town's bounds at the raster's resolution.
+        known_cells: How many of its cells are known.
+    """
+
+    def __init__(self, town: Town, camera: Camera) -> None:
+        self._raster = raster = town.raster
+        self._camera = camera
+        self._last: tuple[Point, float, float] | None = None
+        self._published = 0
+        self.known_cells = 0
+        self.grid = SemanticGrid(
+            town.frame.origin,
+            raster.resolution_m,
+            raster.west_m,
+            raster.south_m,
+            np.zeros_like(raster.cells),
+        )
+
+    @property
+    def known_share(self) -> float:
+        """How much of the town's bounds is known, 0..1."""
+        return self.known_cells / self.grid.cells.size
+
+    def look(self, position: Point, height_m: float, heading_deg: float) -> int:
+        """Take a picture from above; returns how many cells became known.
+
+        Args:
+            position: Where the camera is, metres east/north.
+            height_m: Height above the ground.
+            heading_deg: Where the upper edge of the picture points, clockwise from north.
+        """
+        seen_from = position, height_m, heading_deg
+        if seen_from == self._last:
+            return 0
+        view = self._camera.view(self._raster, *seen_from)
+        if view is None:
+            return 0
+        self._last = seen_from
+        box = self.grid.cells[view.rows, view.columns]
+        row, column = np.nonzero(box == Terrain.UNKNOWN)
+        seen = view.shows(view.east_m[column], view.north_m[row])
+        row, column = row[seen], column[seen]
+        box[row, column] = self._raster.cells[view.rows, view.columns][row, column]
+        self.known_cells += row.size
+        return int(row.size)
+
+    def publish(self) -> bytes | None:
+        """The map for the gossip node, or None when nothing was painted since the last call."""
+        if self.known_cells == self._published:
+            return None
+        self._published = self.known_cells
+        return self.grid.encode()
+
 
 COMMAND_S: Final = 0.05
 """From a decision to the vehicle following it."""

@@ -14,18 +14,10 @@ from sitl.px4sim.modes.auto_modes import (
 )
 from sitl.px4sim.modes.direct_modes import OffboardFlight, OrbitFlight, Pilot, StickFlight
 from sitl.px4sim.modes.mission_flight import MissionFlight
-from sitl.px4sim.safety.failsafe import Action
+from sitl.px4sim.safety.failsafe import STICK_LOSS_ACTIONS, Action
 from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.px4sim.state.situation import Situation
 
-# By NAV_RCL_ACT, which also stands in for COM_OBL_RC_ACT's stick modes where there are no sticks.
-STICK_LOSS_ACTIONS: Final[Mapping[int, Action]] = {
-    1: Action.HOLD,
-    2: Action.RTL,
-    3: Action.LAND,
-    5: Action.TERMINATE,
-    6: Action.DISARM,
-}
 _SETPOINT_LOSS_ACTIONS: Final[Mapping[int, Action]] = {
     3: Action.RTL,
     4: Action.LAND,

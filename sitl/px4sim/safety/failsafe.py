@@ -1,17 +1,21 @@
-"""PX4's failsafes: what forces another mode on the vehicle, and how the pilot gets out of it.
+"""PX4's failsafes, arming and disarming.
 
-Pure. A failsafe acts when its condition appears, not while it lasts; a mode command ends it
-("the pilot took over"), and then the same condition does nothing until it appears anew.
+What forces another mode on the vehicle, and how the pilot gets out of it; the reasons that PX4
+names, and when it disarms by itself. Pure. A failsafe acts when its condition appears, not while
+it lasts; a mode command ends it ("the pilot took over"), and then the same condition does nothing
+until it appears anew.
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
 from sitl.px4sim.state.notice import Severity
+from sitl.px4sim.state.parameters import Parameters
 from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.px4sim.state.situation import Situation
 
@@ -30,6 +34,16 @@ class Action(IntEnum):
     DESCEND = 8
     DISARM = 9
     TERMINATE = 10
+
+
+# By NAV_RCL_ACT, which also stands in for COM_OBL_RC_ACT's stick modes where there are no sticks.
+STICK_LOSS_ACTIONS: Final[Mapping[int, Action]] = {
+    1: Action.HOLD,
+    2: Action.RTL,
+    3: Action.LAND,
+    5: Action.TERMINATE,
+    6: Action.DISARM,
+}
 
 
 class Cause(IntEnum):
@@ -166,3 +180,44 @@ class Failsafe:
             event = "commander_failsafe_enter"
             arguments = struct.pack("<IBB", intended.custom_mode, worst.action, worst.cause)
         situation.say("Failsafe activated", event, Severity.CRITICAL, arguments=arguments)
+
+
+class ArmingReason(IntEnum):
+    """Why the motors were started or stopped; numbers are those of PX4's events."""
+
+    COMMAND = 4
+    MISSION_START = 5
+    LANDED = 6
+    NO_TAKEOFF = 7
+
+    @property
+    def words(self) -> str:
+        """As in "Armed by ..."."""
+        return _WORDS[self]
+
+
+_WORDS = {
+    ArmingReason.COMMAND: "external command",
+    ArmingReason.MISSION_START: "mission start",
+    ArmingReason.LANDED: "landing",
+    ArmingReason.NO_TAKEOFF: "auto preflight disarming",
+}
+
+
+def disarm_due(
+    parameters: Parameters, *, armed_for_s: float, landed_for_s: float | None, in_mission: bool
+) -> ArmingReason | None:
+    """Whether an armed vehicle on the ground is to be disarmed now.
+
+    Args:
+        parameters: On board.
+        armed_for_s: Seconds since arming.
+        landed_for_s: Seconds since the landing; None if it has not flown since it was armed.
+        in_mission: Whether a mission is under way, which may take off again.
+    """
+    if landed_for_s is not None:
+        limit_s = parameters.limited("COM_DISARM_LAND", -1.0, 3600.0)
+        return ArmingReason.LANDED if 0 < limit_s <= landed_for_s and not in_mission else None
+    limit_s = parameters.limited("COM_DISARM_PRFLT", -1.0, 3600.0)
+    spool_up_s = parameters.limited("COM_SPOOLUP_TIME", 0.0, 30.0)
+    return ArmingReason.NO_TAKEOFF if 0 < limit_s <= armed_for_s - spool_up_s else None

@@ -15,8 +15,7 @@ from air_router.messages import MAP_TOPIC, PATH_TOPIC, POSE_TOPIC, PathMessage, 
 from geo.frame import Geodetic, Point
 from geo.grid import SemanticGrid, Terrain
 from sitl.experiment.robots.explorer import GroundRobot
-from sitl.experiment.robots.goal_book import Claim, GoalBook, Status
-from sitl.experiment.robots.knowledge import read_map
+from sitl.experiment.robots.knowledge import Claim, GoalBook, Status, read_map
 from sitl.experiment.robots.messages import (
     CLAIMS_TOPIC,
     OBJECTS_TOPIC,

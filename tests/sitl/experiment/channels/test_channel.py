@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sitl.experiment.channels.channel import Link, Load, Stage
-from sitl.experiment.channels.paper import PaperChannel
+from sitl.experiment.channels.channel import Link, Load, PaperChannel, Stage
 from sitl.experiment.channels.path_loss import PathLossChannel
 from sitl.experiment.channels.trace import TraceChannel, TraceError
 from sitl.experiment.settings import PaperModel, PathLossModel, TraceModel

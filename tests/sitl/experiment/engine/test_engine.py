@@ -18,7 +18,7 @@ from air_router.controller.controller import Controller
 from air_router.controller.model.states import State
 from air_router.files.settings import Timers
 from geo.frame import Geodetic, LocalFrame, Point
-from sitl.experiment.channels import paper as channel_paper
+from sitl.experiment.channels import channel
 from sitl.experiment.engine.engine import Run, run
 from sitl.experiment.engine.result import STAGES
 from sitl.experiment.robots import explorer, uav
@@ -156,7 +156,7 @@ class OtherLibrary:
 
 
 def test_the_last_digits_of_another_machine_change_nothing(original, monkeypatch):
-    for module in (channel_paper, uav, explorer, camera):
+    for module in (channel, uav, explorer, camera):
         monkeypatch.setattr(module, "math", OtherLibrary())
     to_local, to_geodetic = LocalFrame.to_local, LocalFrame.to_geodetic
 

@@ -16,7 +16,7 @@ from geo.grid import SemanticGrid, Terrain
 from mocha_link.team.document import DocumentError
 from sitl.cli import cli
 from sitl.experiment.lattice import Bounds, Lattice, coarse
-from sitl.experiment.robots.painter import Painter
+from sitl.experiment.robots.uav import Painter
 from sitl.experiment.towns.town_file import load_town, town_text
 from sitl.experiment.towns.town_generator import APART_M, drawn_starts, generate, scatter
 from sitl.experiment.towns.town_mission import mission_over

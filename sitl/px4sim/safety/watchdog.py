@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from sitl.px4sim.modes.flight_modes import STICK_LOSS_ACTIONS
 from sitl.px4sim.motion.battery import Battery, BatteryWarning
-from sitl.px4sim.safety.failsafe import Action, Cause
+from sitl.px4sim.safety.failsafe import STICK_LOSS_ACTIONS, Action, Cause
 from sitl.px4sim.state.notice import Severity
 from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.px4sim.state.situation import Situation
