@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,54 +20,30 @@ from sitl.experiment.campaign.links import (
     halves,
     predicted,
 )
-from sitl.experiment.campaign.plan import Experiment, Record, Row
+from sitl.experiment.campaign.plan import Experiment, Record
 from sitl.experiment.engine.result import BIN_S, WAIT_EDGES_S
-from sitl.experiment.figures.figure_sheet import (
-    COLOURS,
-    DASHES,
-    FAINT,
-    INK,
-    Panel,
-    example_sheet,
-    panels,
-    runs_of,
-    sheet,
-    styles,
-)
+from sitl.experiment.figures.figure_sheet import COLOURS, DASHES, FAINT, INK, sheet
 from sitl.experiment.settings import value_of
 
 Numbers = npt.NDArray[np.float64]
 
 _STEP_S = 15.0
-_Corner = Literal["upper left", "lower left", "lower right"]
+_SHOWN = (0, 3, 5, 7)
 
 
-def draw_goals(experiment: Experiment, records: Sequence[Record]) -> Figure:
+def plot_goals(one: Axes, runs: Sequence[Record], style: dict[str, Any]) -> None:
     """Goals over time: the mean of all runs, with a band of one standard error."""
-    shown = panels(experiment, records)
-    figure, axes = sheet(
-        len(shown),
-        "Goals reached over time",
-        f"{experiment.title}; mean of the runs of each team, band: one standard error",
-    )
-    for one, panel in zip(axes, shown, strict=True):
-        for row, label, style in _lines(experiment, panel):
-            found = runs_of(row, records)
-            longest_s = max(value_of(run["settings"], "duration_s") for run in found)
-            times_s = np.arange(0, longest_s + _STEP_S, _STEP_S)
-            curves = np.array([_reached(run, times_s) for run in found])
-            mean = curves.mean(axis=0)
-            one.plot(times_s / 60, mean, lw=1.7, label=label, **style)
-            if len(curves) > 1:
-                error = curves.std(axis=0, ddof=1) / np.sqrt(len(curves))
-                band = {"color": style["color"], "alpha": 0.13, "linewidth": 0}
-                one.fill_between(times_s / 60, mean - error, mean + error, **band)
-        _dress(one, panel, "time (min)", "goals reached (%)")
-        one.set_ylim(0, 100)
-        one.set_xlim(0, float(times_s[-1]) / 60)
-        if panel.labels != shown[0].labels or panel is shown[0]:
-            _legend(one, loc="lower right")
-    return figure
+    longest_s = max(value_of(run["settings"], "duration_s") for run in runs)
+    times_s = np.arange(0, longest_s + _STEP_S, _STEP_S)
+    curves = np.array([_reached(run, times_s) for run in runs])
+    mean = curves.mean(axis=0)
+    one.plot(times_s / 60, mean, lw=1.7, **style)
+    if len(curves) > 1:
+        error = curves.std(axis=0, ddof=1) / np.sqrt(len(curves))
+        band = {"color": style["color"], "alpha": 0.13, "linewidth": 0}
+        one.fill_between(times_s / 60, mean - error, mean + error, **band)
+    one.set_ylim(0, 100)
+    one.set_xlim(0, float(times_s[-1]) / 60)
 
 
 def _reached(run: Record, times_s: Numbers) -> Numbers:
@@ -77,39 +53,26 @@ def _reached(run: Record, times_s: Numbers) -> Numbers:
     return share
 
 
-def draw_waits(experiment: Experiment, records: Sequence[Record]) -> Figure:
+def plot_waits(one: Axes, runs: Sequence[Record], style: dict[str, Any]) -> None:
     """How long messages wait: the share of them that waited longer than a time."""
-    shown = panels(experiment, records)
-    figure, axes = sheet(
-        len(shown),
-        "How long messages wait for the channel",
-        f"{experiment.title}; all messages of all runs. Dots: the means",
-    )
     middle_s = WAIT_EDGES_S[1:]
-    for one, panel in zip(axes, shown, strict=True):
-        least = 1e-4
-        for row, label, style in _lines(experiment, panel):
-            counts = np.zeros(len(WAIT_EDGES_S) - 1)
-            for run in runs_of(row, records):
-                own = run["curves"]["wait_counts"]
-                counts[: len(own)] += own
-            if not counts.sum():
-                continue
-            longer = 1 - np.cumsum(counts) / counts.sum()
-            seen = longer > 1e-9
-            one.plot(middle_s[seen], longer[seen], lw=1.5, label=label, **style)
-            least = min(least, longer[seen][-1]) if seen.any() else least
-            mean_s = _mean_wait_s(runs_of(row, records))
-            height = float(np.interp(np.log(mean_s), np.log(middle_s), longer))
-            one.plot(mean_s, height, "o", ms=4, color=style["color"], mec="white", mew=0.7)
-        _dress(one, panel, "wait longer than (s)", "share of messages")
-        one.set_xscale("log")
-        one.set_yscale("log")
-        one.set_xlim(1e-2, 2e3)
-        one.set_ylim(max(least / 2, 1e-6), 1)
-        if panel.labels != shown[0].labels or panel is shown[0]:
-            _legend(one, loc="lower left")
-    return figure
+    one.set_xscale("log")
+    one.set_yscale("log")
+    one.set_xlim(1e-2, 2e3)
+    counts = np.zeros(len(WAIT_EDGES_S) - 1)
+    for run in runs:
+        own = run["curves"]["wait_counts"]
+        counts[: len(own)] += own
+    if not counts.sum():
+        return
+    longer = 1 - np.cumsum(counts) / counts.sum()
+    seen = longer > 1e-9
+    one.plot(middle_s[seen], longer[seen], lw=1.5, **style)
+    mean_s = _mean_wait_s(runs)
+    height = float(np.interp(np.log(mean_s), np.log(middle_s), longer))
+    one.plot(mean_s, height, "o", ms=4, color=style["color"], mec="white", mew=0.7)
+    lowest = min((float(np.min(line.get_ydata())) for line in one.get_lines()), default=1.0)
+    one.set_ylim(min(max(lowest / 2, 1e-6), 5e-5), 1)
 
 
 def _mean_wait_s(runs: Sequence[Record]) -> float:
@@ -118,96 +81,43 @@ def _mean_wait_s(runs: Sequence[Record]) -> float:
     return max(float(total / max(sum(run["waits"] for run in own), 1)), 1e-3)
 
 
-def draw_bandwidth(experiment: Experiment, records: Sequence[Record]) -> Figure:
-    """Bandwidth over time of single runs, as the paper's figure of the field."""
-    figure, shown = example_sheet(
-        experiment,
-        records,
-        "Bandwidth over time, all robots together",
-        f"the first run of some teams, in bins of {BIN_S:.0f} s",
-        high=2.1,
-    )
-    for one, run in shown:
-        rate = np.array(run["curves"]["bin_bytes"], dtype=np.float64) / BIN_S / 1e3
-        times_min = (np.arange(len(rate)) + 0.5) * BIN_S / 60
-        one.bar(times_min, rate, width=BIN_S / 60, color=COLOURS[0], linewidth=0)
-        silent = 100 * float(np.mean(rate == 0)) if len(rate) else 0.0
-        one.text(
-            0.995,
-            1.02,
-            f"mean {rate.mean():.1f} kB/s, silent {silent:.0f} % of the time",
-            transform=one.transAxes,
-            ha="right",
-            va="bottom",
-            color=FAINT,
-            fontsize=8,
-        )
-        one.set_xlabel("time (min)")
-        one.set_ylabel("kB/s")
-        one.set_xlim(0, len(rate) * BIN_S / 60)
-    return figure
+def plot_bandwidth(one: Axes, runs: Sequence[Record]) -> None:
+    """Bandwidth over time of a single run, as the paper's figure of the field."""
+    rate = np.array(runs[0]["curves"]["bin_bytes"], dtype=np.float64) / BIN_S / 1e3
+    times_min = (np.arange(len(rate)) + 0.5) * BIN_S / 60
+    one.bar(times_min, rate, width=BIN_S / 60, color=COLOURS[0], linewidth=0)
+    silent = 100 * float(np.mean(rate == 0)) if len(rate) else 0.0
+    said = f"mean {rate.mean():.1f} kB/s, silent {silent:.0f} % of the time"
+    style: dict[str, Any] = {"ha": "right", "va": "bottom", "color": FAINT, "fontsize": 8}
+    one.text(0.995, 1.02, said, transform=one.transAxes, **style)
+    one.set_xlim(0, len(rate) * BIN_S / 60)
 
 
-def draw_ages(experiment: Experiment, records: Sequence[Record]) -> Figure:
+def plot_ages(one: Axes, runs: Sequence[Record]) -> None:
     """Age of information: how old the others' newest word of each robot is."""
-    figure, shown = example_sheet(
-        experiment,
-        records,
-        "Age of information",
-        "age of the others' newest word of each robot, mean of the runs",
-    )
-    for one, example in shown:
-        runs = [record for record in records if record["row"] == example["row"]]
-        times_min = np.array(example["curves"]["curve_times_s"]) / 60
-        ages_s = np.mean([run["curves"]["pose_age_s"] for run in runs], axis=0)
-        maps_s = np.mean([run["curves"]["map_age_s"] for run in runs], axis=0)
-        kinds = example["curves"]["kinds"]
-        for kind, colour, what in (
-            ("ugv", COLOURS[0], "ground robots' poses"),
-            ("uav", COLOURS[1], "UAVs' poses"),
-        ):
-            own = ages_s[:, [k == kind for k in kinds]] / 60
-            if own.size:
-                one.plot(times_min, own, color=colour, lw=0.7, alpha=0.35)
-                one.plot(times_min, own.mean(axis=1), color=colour, lw=2, label=what)
-        own = maps_s[:, [k == "ugv" for k in kinds]] / 60
-        if own.size:
-            style: dict[str, Any] = {"color": COLOURS[2], "linestyle": (0, (4, 1.6))}
-            one.plot(
-                times_min, own.mean(axis=1), lw=2, label="the UAV's map at ground robots", **style
-            )
-        one.plot(times_min, times_min, color=FAINT, lw=0.8, ls=":", label="never heard")
-        one.set_title(f"{example['row']} ({counted(len(runs), 'runs')})", loc="left")
-        one.set_xlabel("time (min)")
-        one.set_ylabel("age (min)")
-        end_min = max(float(times_min[-1]), 1.0)
-        one.set_xlim(0, end_min)
-        top = max(float(np.max(ages_s)), float(np.max(maps_s))) / 60
-        one.set_ylim(0, min(max(top, 1) * 1.25, end_min))
-    shown[0][0].legend(loc="upper left", fontsize=7.5, labelcolor=INK)
-    return figure
-
-
-def _lines(experiment: Experiment, panel: Panel) -> list[tuple[Row, str, dict[str, Any]]]:
-    """Each row of a panel, what it is called there, and how it is drawn."""
-    keys = [
-        key for key in experiment.varied if len({str(r.settings.get(key)) for r in panel.rows}) > 1
-    ]
-    return list(zip(panel.rows, panel.labels, styles(panel.rows, keys), strict=True))
-
-
-def _dress(one: Axes, panel: Panel, across: str, up: str) -> None:
-    one.set_title(panel.title, loc="left")
-    one.set_xlabel(across)
-    one.set_ylabel(up)
-
-
-def _legend(one: Axes, loc: _Corner) -> None:
-    if one.get_legend_handles_labels()[1]:
-        one.legend(loc=loc, fontsize=7.5, labelcolor=INK, handlelength=2.4)
-
-
-_SHOWN = (0, 3, 5, 7)
+    curves = runs[0]["curves"]
+    times_min = np.array(curves["curve_times_s"]) / 60
+    ages_s = np.mean([run["curves"]["pose_age_s"] for run in runs], axis=0)
+    maps_s = np.mean([run["curves"]["map_age_s"] for run in runs], axis=0)
+    ground = [kind == "ugv" for kind in curves["kinds"]]
+    aerial = [kind == "uav" for kind in curves["kinds"]]
+    for ages_min, colour, what in (
+        (ages_s[:, ground] / 60, COLOURS[0], "ground robots' poses"),
+        (ages_s[:, aerial] / 60, COLOURS[1], "UAVs' poses"),
+    ):
+        if ages_min.size:
+            one.plot(times_min, ages_min, color=colour, lw=0.7, alpha=0.35)
+            one.plot(times_min, ages_min.mean(axis=1), color=colour, lw=2, label=what)
+    if any(ground):
+        mean_min = maps_s[:, ground].mean(axis=1) / 60
+        dashed: dict[str, Any] = {"color": COLOURS[2], "linestyle": (0, (4, 1.6)), "lw": 2}
+        one.plot(times_min, mean_min, label="the UAV's map at ground robots", **dashed)
+    one.plot(times_min, times_min, color=FAINT, lw=0.8, ls=":", label="never heard")
+    one.set_title(f"{runs[0]['row']} ({counted(len(runs), 'runs')})", loc="left")
+    end_min = max(float(times_min[-1]), 1.0)
+    one.set_xlim(0, end_min)
+    top = max(float(np.max(ages_s)), float(np.max(maps_s))) / 60
+    one.set_ylim(0, min(max(top, 1) * 1.25, end_min))
 
 
 def draw_links(experiment: Experiment, records: Sequence[Record]) -> Figure | None:

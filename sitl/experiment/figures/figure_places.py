@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from matplotlib.patches import Polygon
 
 from sitl.experiment.campaign.plan import Experiment, Record
 from sitl.experiment.campaign.shipped import town_file
-from sitl.experiment.figures.figure_sheet import COLOURS, FAINT, INK, example_sheet
+from sitl.experiment.figures.figure_sheet import COLOURS, FAINT, INK, Chart, example_chart
 from sitl.experiment.towns.town import Town
 from sitl.experiment.towns.town_file import load_town
 
@@ -29,32 +30,33 @@ def draw_places(experiment: Experiment, records: Sequence[Record]) -> Figure | N
     placed = [record for record in records if "places_m" in record["curves"]]
     if not placed:
         return None
-    figure, shown = example_sheet(
-        experiment,
-        placed,
+    chart = Chart(
         "Where the robots were",
         "the first run of some teams. Goals: filled where reached",
+        "metres east",
+        "metres north",
         high=3.4,
     )
-    for one, run in shown:
-        town = load_town(town_file(run["settings"]["town"], Path(experiment.folder)))
-        _draw_town(one, town)
-        _draw_ways(one, run)
-        _draw_goals(one, run)
-        one.set_aspect("equal")
-        one.grid(visible=False)
-        one.set_xlim(town.bounds.west_m, town.bounds.east_m)
-        one.set_ylim(town.bounds.south_m, town.bounds.north_m)
-        one.set_xlabel("metres east")
-        one.set_ylabel("metres north")
+    figure = example_chart(chart, partial(_draw_run, experiment), experiment, placed)
     handles: dict[str, Any] = {}
-    for one, _ in shown:
+    for one in figure.axes:
         for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     figure.legend(
         list(handles.values()), list(handles), loc="outside lower center", ncols=5, fontsize=8
     )
     return figure
+
+
+def _draw_run(experiment: Experiment, one: Axes, runs: Sequence[Record]) -> None:
+    town = load_town(town_file(runs[0]["settings"]["town"], Path(experiment.folder)))
+    _draw_town(one, town)
+    _draw_ways(one, runs[0])
+    _draw_goals(one, runs[0])
+    one.set_aspect("equal")
+    one.grid(visible=False)
+    one.set_xlim(town.bounds.west_m, town.bounds.east_m)
+    one.set_ylim(town.bounds.south_m, town.bounds.north_m)
 
 
 def _draw_town(one: Axes, town: Town) -> None:
@@ -98,22 +100,8 @@ def _draw_goals(one: Axes, run: Record) -> None:
             one.scatter(*zip(*places, strict=True), color=colour, zorder=7, label=label, **style)
 
 
-def draw_contacts(experiment: Experiment, records: Sequence[Record]) -> Figure:
-    """Who met whom for how long: the mean of the runs of some rows."""
-    figure, shown = example_sheet(
-        experiment,
-        records,
-        "Who met whom",
-        "the wider a line, the longer the contact, mean of the runs. "
-        "Orange: UAVs, blue: ground robots",
-        high=3.2,
-    )
-    for one, example in shown:
-        _draw_graph(one, [record for record in records if record["row"] == example["row"]])
-    return figure
-
-
-def _draw_graph(one: Axes, runs: Sequence[Record]) -> None:
+def plot_contacts(one: Axes, runs: Sequence[Record]) -> None:
+    """Who met whom for how long: the mean of the runs of a row."""
     names, kinds = runs[0]["curves"]["robots"], runs[0]["curves"]["kinds"]
     places = _around(kinds)
     total: dict[tuple[int, int], float] = {}

@@ -6,11 +6,11 @@ dashes too, so the figures can be read in black and white.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from air_router.errors import PictureError
 from sitl.experiment.campaign.plan import Experiment, Record, Row
@@ -124,20 +124,71 @@ def examples(experiment: Experiment, records: Sequence[Record]) -> list[Record]:
     return [found[round(i * last / steps)] for i in range(_MOST_EXAMPLES)]
 
 
-def example_sheet(
-    experiment: Experiment,
-    records: Sequence[Record],
-    title: str,
-    subtitle: str,
-    *,
-    high: float = 2.7,
-) -> tuple[Figure, list[tuple[Axes, Record]]]:
-    """A figure with a panel for each example, under one title; and the first run of each."""
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """How the panels of a figure look.
+
+    Attributes:
+        title: Above all of them.
+        subtitle: Below it, after the experiment's.
+        across, up: What the axes show.
+        high: Inches of a panel.
+        legend: Where in a panel; panels with the same lines have one together; None: none.
+    """
+
+    title: str
+    subtitle: str
+    across: str = ""
+    up: str = ""
+    high: float = 2.7
+    legend: Literal["upper left", "lower left", "lower right"] | None = None
+
+    def dress(self, one: Axes, *, legend: bool) -> None:
+        """Name the axes of a panel, and its lines."""
+        one.set_xlabel(self.across)
+        one.set_ylabel(self.up)
+        if self.legend and legend and one.get_legend_handles_labels()[1]:
+            one.legend(loc=self.legend, fontsize=7.5, labelcolor=INK, handlelength=2.4)
+
+
+PlotRow = Callable[[Axes, Sequence[Record], dict[str, Any]], None]
+"""Draws the runs of a row into a panel, as one line."""
+
+PlotExample = Callable[[Axes, Sequence[Record]], None]
+"""Draws the runs of a row, or the first of them, into a panel of its own."""
+
+
+def panel_chart(
+    chart: Chart, plot: PlotRow, experiment: Experiment, records: Sequence[Record]
+) -> Figure:
+    """A figure in which each panel has some rows, and each row a line."""
+    shown = panels(experiment, records)
+    subtitle = f"{experiment.title}; {chart.subtitle}"
+    figure, axes = sheet(len(shown), chart.title, subtitle, high=chart.high)
+    for one, panel in zip(axes, shown, strict=True):
+        settings = [row.settings for row in panel.rows]
+        keys = [k for k in experiment.varied if len({str(own.get(k)) for own in settings}) > 1]
+        for row, label, style in zip(
+            panel.rows, panel.labels, styles(panel.rows, keys), strict=True
+        ):
+            plot(one, runs_of(row.label, records), {**style, "label": label})
+        one.set_title(panel.title, loc="left")
+        chart.dress(one, legend=panel is shown[0] or panel.labels != shown[0].labels)
+    return figure
+
+
+def example_chart(
+    chart: Chart, plot: PlotExample, experiment: Experiment, records: Sequence[Record]
+) -> Figure:
+    """A figure with a panel for each of a few rows."""
     chosen = examples(experiment, records)
-    figure, axes = sheet(len(chosen), title, f"{experiment.title}; {subtitle}", high=high)
-    for one, run in zip(axes, chosen, strict=True):
-        one.set_title(run["row"], loc="left")
-    return figure, list(zip(axes, chosen, strict=True))
+    subtitle = f"{experiment.title}; {chart.subtitle}"
+    figure, axes = sheet(len(chosen), chart.title, subtitle, high=chart.high)
+    for one, example in zip(axes, chosen, strict=True):
+        one.set_title(example["row"], loc="left")
+        plot(one, runs_of(example["row"], records))
+        chart.dress(one, legend=one is axes[0])
+    return figure
 
 
 def styled() -> AbstractContextManager[None]:
@@ -168,9 +219,9 @@ def panel_sheet(
     return figure, [list(row) for row in grid]
 
 
-def runs_of(row: Row, records: Sequence[Record]) -> list[Record]:
+def runs_of(label: str, records: Sequence[Record]) -> list[Record]:
     """The runs of a row."""
-    return [record for record in records if record["row"] == row.label]
+    return [record for record in records if record["row"] == label]
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -5,7 +5,8 @@ Ours and the paper's, with 95 % confidence intervals. Needs matplotlib.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,18 +20,22 @@ from sitl.experiment.analysis.statistics import Interval
 from sitl.experiment.analysis.tables import Line, lines, of_the_paper
 from sitl.experiment.campaign.plan import Experiment, Record
 from sitl.experiment.campaign.rows import words
+from sitl.experiment.engine.result import BIN_S
 from sitl.experiment.figures.figure_curves import (
-    draw_ages,
-    draw_bandwidth,
-    draw_goals,
     draw_links,
-    draw_waits,
+    plot_ages,
+    plot_bandwidth,
+    plot_goals,
+    plot_waits,
 )
-from sitl.experiment.figures.figure_places import draw_contacts, draw_places
+from sitl.experiment.figures.figure_places import draw_places, plot_contacts
 from sitl.experiment.figures.figure_sheet import (
     COLOURS,
     FAINT,
     INK,
+    Chart,
+    example_chart,
+    panel_chart,
     panel_sheet,
     save,
     sheet,
@@ -154,6 +159,53 @@ def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure
 FOLDER: Final = "figures"
 
 
+_GOALS: Final = Chart(
+    "Goals reached over time",
+    "mean of the runs of each team, band: one standard error",
+    "time (min)",
+    "goals reached (%)",
+    legend="lower right",
+)
+_WAITS: Final = Chart(
+    "How long messages wait for the channel",
+    "all messages of all runs. Dots: the means",
+    "wait longer than (s)",
+    "share of messages",
+    legend="lower left",
+)
+_BANDWIDTH: Final = Chart(
+    "Bandwidth over time, all robots together",
+    f"the first run of some teams, in bins of {BIN_S:.0f} s",
+    "time (min)",
+    "kB/s",
+    high=2.1,
+)
+_CONTACTS: Final = Chart(
+    "Who met whom",
+    "the wider a line, the longer the contact, mean of the runs. Orange: UAVs, blue: ground robots",
+    high=3.2,
+)
+_AGES: Final = Chart(
+    "Age of information",
+    "age of the others' newest word of each robot, mean of the runs",
+    "time (min)",
+    "age (min)",
+    legend="upper left",
+)
+_FIGURES: Final[Mapping[str, Callable[[Experiment, Sequence[Record]], Figure | None]]] = {
+    "table": draw_table,
+    "compare": draw_comparison,
+    "goals": partial(panel_chart, _GOALS, plot_goals),
+    "waits": partial(panel_chart, _WAITS, plot_waits),
+    "bandwidth": partial(example_chart, _BANDWIDTH, plot_bandwidth),
+    "places": draw_places,
+    "contacts": partial(example_chart, _CONTACTS, plot_contacts),
+    "ages": partial(example_chart, _AGES, plot_ages),
+    "links": draw_links,
+}
+"""In the order in which to look at them."""
+
+
 def draw_all(experiment: Experiment, records: Sequence[Record], folder: Path) -> list[Path]:
     """Draw every figure into DIR/figures; the files, in the order in which to look at them.
 
@@ -163,17 +215,7 @@ def draw_all(experiment: Experiment, records: Sequence[Record], folder: Path) ->
     into = folder / FOLDER
     into.mkdir(exist_ok=True)
     drawn = []
-    for name, draw in (
-        ("table", draw_table),
-        ("compare", draw_comparison),
-        ("goals", draw_goals),
-        ("waits", draw_waits),
-        ("bandwidth", draw_bandwidth),
-        ("places", draw_places),
-        ("contacts", draw_contacts),
-        ("ages", draw_ages),
-        ("links", draw_links),
-    ):
+    for name, draw in _FIGURES.items():
         path = into / f"{name}.png"
         with styled():
             figure = draw(experiment, records)

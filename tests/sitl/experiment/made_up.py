@@ -1,9 +1,5 @@
 """Runs that were not simulated, for tests of what stands around the engine."""
 
-import os
-import time
-from pathlib import Path
-
 import numpy as np
 
 from geo.frame import Point
@@ -99,24 +95,8 @@ def work(task):
     return recorded(task, settings, made_up_result(settings, task.seed))
 
 
-def dying_work(task):
-    """The first try of every second run kills its worker; so do all tries of seed number 3."""
-    mark = Path(os.environ["MADE_UP_MARKS"]) / f"{task.seed}"
-    if task.number == 3 or (task.number % 2 and not mark.exists()):
-        mark.touch()
-        os.kill(os.getpid(), 9)
-    return work(task)
-
-
 def failing_work(task):
     """One of the runs meets a fault of the program."""
     if task.number == 1:
         raise ZeroDivisionError("the model's own fault")
-    return work(task)
-
-
-def slow_work(task):
-    """Takes a while, as a real run does; tells by a file that it has begun."""
-    (Path(os.environ["MADE_UP_MARKS"]) / f"{os.getpid()}").touch()
-    time.sleep(0.15)
     return work(task)
