@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from dataclasses import dataclass, field, replace
 from functools import reduce
@@ -378,6 +379,12 @@ def test_two_nodes_with_the_same_clock_agree_which_one_is_newer(one, other, now_
         assert follows(one, other, latest) != follows(other, one, latest)
     else:
         assert follows(one, other, latest) == (today(one, latest) > today(other, latest))
+
+
+def test_a_clock_that_was_never_set_takes_the_shorter_way_round():
+    for now_s, earlier_h, later_h in itertools.product((0, 12 * HOUR, YEAR), range(18), (1, 5, 9)):
+        earlier_ms, apart_ms = earlier_h * HOUR * 1000, later_h * HOUR * 1000
+        assert follows((earlier_ms + apart_ms) % WRAP_MS, earlier_ms, latest_ms(now_s))
 
 
 def test_long_lists_agree_with_single_questions():
