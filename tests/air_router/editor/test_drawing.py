@@ -178,7 +178,7 @@ class Hand:
 
 
 @pytest.mark.parametrize("name", TEXTS)
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(data=st.data())
 def test_any_edits_in_any_order(name, data):
     hand = Hand(data.draw, Manuscript.read(TEXTS[name], Path(name)))

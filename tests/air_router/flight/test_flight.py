@@ -142,20 +142,6 @@ def test_without_arm_the_pilot_starts_it(rig):
     assert "start" not in flight.vehicle.verbs
 
 
-def test_the_pilot_takes_over_and_lands(rig):
-    flight = rig(duration_s=None)
-    airframe = flight.vehicle.airframe
-
-    def take():
-        airframe.mode, airframe.target = FlightMode.LAND, None
-
-    flight.at(lambda: airframe.now_s > 150.0, take)
-    result = flight.run()
-    assert (result.outcome, result.exit_code) == ("pilot", ExitCode.PILOT_TOOK_OVER)
-    assert "hold" not in flight.vehicle.verbs
-    assert "land" not in flight.vehicle.verbs
-
-
 def test_nothing_that_waited_is_sent_once_the_pilot_has_it(rig):
     flight = rig(duration_s=None)
     airframe, vehicle = flight.vehicle.airframe, flight.vehicle
@@ -367,7 +353,7 @@ def test_on_the_ground_there_is_nothing_to_resume(rig):
         flight.run()
 
 
-def test_a_pilot_who_takes_over_is_told_so_in_the_ground_station(rig):
+def test_a_pilot_who_takes_over_lands_it_and_is_told_so_in_the_ground_station(rig):
     flight = rig(duration_s=None)
     airframe = flight.vehicle.airframe
 
@@ -375,7 +361,9 @@ def test_a_pilot_who_takes_over_is_told_so_in_the_ground_station(rig):
         airframe.mode, airframe.target = FlightMode.LAND, None
 
     flight.at(lambda: airframe.now_s > 150.0, take)
-    flight.run()
+    result = flight.run()
+    assert (result.outcome, result.exit_code) == ("pilot", ExitCode.PILOT_TOOK_OVER)
+    assert not {"hold", "land"} & set(flight.vehicle.verbs)
     assert "air_router: hands off: the pilot chose Land mode" in flight.vehicle.announced
     assert "hands off" in flight.out.getvalue()
 
@@ -492,26 +480,18 @@ def test_a_vehicle_that_is_silent_for_less_than_a_minute_is_not_lost(rig):
     assert flight.run().outcome == "done"
 
 
-def test_a_vehicle_that_restarts_on_the_ground_is_not_flown(rig):
-    flight = rig(arm=False)
+@pytest.mark.parametrize("arm", [False, True], ids=["on the ground", "in the air"])
+def test_a_vehicle_that_restarts_is_not_commanded(rig, arm):
+    flight = rig(arm=arm, duration_s=None)
+    airframe = flight.vehicle.airframe
     flight.at(
-        lambda: "waiting for the pilot" in flight.out.getvalue(),
-        lambda: setattr(flight.vehicle.airframe, "now_s", 3.0),
+        lambda: airframe.now_s > 150.0 if arm else "waiting for the pilot" in flight.out.getvalue(),
+        lambda: setattr(airframe, "now_s", 3.0),
     )
     result = flight.run()
     assert result.exit_code == ExitCode.ENDED_OTHERWISE
     assert "restarted" in result.outcome
-
-
-def test_a_vehicle_that_restarts_in_the_air_is_not_commanded(rig):
-    flight = rig(duration_s=None)
-    vehicle = flight.vehicle
-    flight.at(
-        lambda: vehicle.airframe.now_s > 150.0,
-        lambda: setattr(vehicle.airframe, "now_s", 3.0),
-    )
-    assert "restarted" in flight.run().outcome
-    assert "hold" not in vehicle.verbs
+    assert "hold" not in flight.vehicle.verbs
 
 
 def test_what_the_pilot_armed_meanwhile_is_not_started(rig):
@@ -614,16 +594,15 @@ def sends_a_hold(flight, then):
     return round((seen["held_s"] - seen["at_s"]) / 0.1)
 
 
-def test_a_hold_that_is_asked_for_does_not_wait_for_an_unconfirmed_jump(rig):
+def ask_for_it(flight):
+    flight.flight.commands.ask(HoldNow())
+
+
+def replace_the_fence(flight):  # hands off, and a hold before
+    flight.vehicle.callback(PlanReplaced(flight.vehicle.airframe.now_s, only_fence=True))
+
+
+@pytest.mark.parametrize("why", [ask_for_it, replace_the_fence])
+def test_a_hold_does_not_wait_for_an_unconfirmed_jump(rig, why):
     flight = rig(duration_s=None)
-    assert sends_a_hold(flight, lambda: flight.flight.commands.ask(HoldNow())) <= 1
-
-
-def test_the_hold_before_hands_are_off_does_not_wait_for_an_unconfirmed_jump(rig):
-    flight = rig(duration_s=None)
-    vehicle = flight.vehicle
-
-    def replace_fence():
-        vehicle.callback(PlanReplaced(vehicle.airframe.now_s, only_fence=True))
-
-    assert sends_a_hold(flight, replace_fence) <= 1
+    assert sends_a_hold(flight, lambda: why(flight)) <= 1

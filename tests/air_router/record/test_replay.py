@@ -48,8 +48,8 @@ def flown(pretend, pennovation, tmp_path):
 
 
 def fly(pretend, pennovation, folder):
-    timers = dataclasses.replace(pennovation.timers, init_s=20.0, explore_s=20.0)
-    flight = pretend(timers=timers, duration_s=100.0, radius_m=150.0, **SETUP)
+    timers = dataclasses.replace(pennovation.timers, init_s=5.0, explore_s=10.0)
+    flight = pretend(timers=timers, duration_s=60.0, radius_m=150.0, **SETUP)
     flight.robots = {"callisto": Point(-90.0, 60.0), "io": Point(30.0, 0.0)}
     handle = flight.controller.handle
     with Recorder(folder, "m", unix_s=lambda: 1.7e9) as recorder:
@@ -97,8 +97,8 @@ def test_the_first_difference_is_told_with_what_was_before(flown, capsys):
     changed = entries[jumps[3]].value
     entries[jumps[3]] = entries[jumps[3]]._replace(value=dataclasses.replace(changed, node=99))
     found = replay(entries).difference
-    assert found.recorded[-1].node == 99
-    assert found.replayed[-1] == changed
+    assert dataclasses.replace(changed, node=99) in found.recorded
+    assert changed in found.replayed
     assert found.t == entries[jumps[3]].t
     lines = list(found.lines())
     assert lines[0].startswith(f"first difference at {found.t:.3f} s, in ")

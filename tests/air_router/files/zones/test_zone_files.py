@@ -391,9 +391,9 @@ def test_rings_and_zones_without_end_are_bounded(tmp_path):
 
     draft = draft_at(Geodetic(47.0, 8.0))
     started = time.process_time()
-    assert add(tmp_path, draft, star(2000)) == ["z0"]
+    assert add(tmp_path, draft, star(1000)) == ["z0"]
     assert len(draft.zones[0].shape.ring) < 50_000
-    assert time.process_time() - started < 5
+    assert time.process_time() - started < 4
     draft = draft_at(Geodetic(47.0, 8.0))
     assert add(tmp_path, draft, star(20_001)) == []
     assert [problem.code for problem in draft.problems] == ["too-large"]
@@ -412,14 +412,14 @@ def test_a_countrys_geozones_are_read_in_seconds(tmp_path):
                     [5 + i % 60 / 10 + math.cos(k) / 50, 46 + i // 60 / 20 + math.sin(k) / 50]
                     for k in range(7)
                 ]]}}])
-        for i in range(3000)
+        for i in range(1000)
     ]  # fmt: skip
     path = tmp_path / "country.json"
     path.write_text(json.dumps({"features": zones}, indent=2))
     draft = draft_at(Geodetic(47.0, 8.0))
     started = time.process_time()
     add_zones(draft, path, (), ())
-    assert time.process_time() - started < 8
+    assert time.process_time() - started < 3
     assert 1 < len(draft.zones) < 1000
 
 
