@@ -18,7 +18,8 @@ from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import Signal, State
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import BRAKING_M_S2, STANDING_M_S, Goal, Progress
+from air_router.controller.motion.navigator import STANDING_M_S, Goal, Progress
+from air_router.controller.motion.pending_setpoints import BRAKING_M_S2
 from air_router.controller.states.return_state import ReturnState
 from air_router.controller.targets.exploration import Exploration
 from air_router.mission.mission import Mission

@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
-from air_router.controller.control_authority import ControlAuthority
+from air_router.controller.control_authority import ControlAuthority, Levelling
 from air_router.controller.model.actions import Action, Finish, Motion, Seeking, StateChanged
 from air_router.controller.model.events import (
     AirspaceChanged,
@@ -31,17 +31,15 @@ from air_router.controller.model.requests import AnyRequest
 from air_router.controller.model.states import Signal, State
 from air_router.controller.monitor.deviations import Deviations
 from air_router.controller.monitor.flight_phase import FlightPhase
-from air_router.controller.monitor.levelling import Levelling
 from air_router.controller.monitor.safety_monitor import SafetyMonitor
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Navigator
 from air_router.controller.preconditions import Preconditions
-from air_router.controller.states.comm_state import CommState
 from air_router.controller.states.explore_state import ExploreState
 from air_router.controller.states.goto_state import GotoState, GotoTask, GotoValidator
 from air_router.controller.states.hold_state import GivenAway, HoldState, LandState
 from air_router.controller.states.return_state import HomeReachability, ReturnState
-from air_router.controller.states.search_state import SearchState
+from air_router.controller.states.search_state import CommState, SearchState
 from air_router.controller.states.table import STATES, next_state
 from air_router.controller.targets.exploration import Exploration
 from air_router.controller.targets.search_points import Search

@@ -34,8 +34,17 @@ class Preconditions:
     _authority: ControlAuthority
 
     def to_stop(self) -> Refused | None:
-        """It is ours, in the air, and not on a way home that may not be called off."""
-        return self.to_decide() or self.in_the_air() or self._not_bound_home()
+        """It is ours, in the air, and not on a way home that may not be called off.
+
+        A way home is only called off if it was requested, and nothing else demands it.
+        """
+        requests = self._context.spec.requests
+        if self._authority.giving_up is not None:
+            return self.to_decide()
+        if requests is Requests.CALL_OFF:
+            why = self._return_state.objection()
+            return None if why is None else comes_home(why)
+        return None if requests is Requests.ANY else self.in_the_air()
 
     def to_move(self) -> Refused | None:
         """And beside that it is known where it is."""
@@ -78,13 +87,6 @@ class Preconditions:
             who = taker.value if taker else "the pilot"
             return Refused(Refusal.NOT_OURS, f"{who} has the vehicle; {self._authority.way_back}")
         return None
-
-    def _not_bound_home(self) -> Refused | None:
-        """A way home is only called off if it was requested, and nothing else demands it."""
-        if self._context.spec.requests is not Requests.CALL_OFF:
-            return None
-        why = self._return_state.objection()
-        return None if why is None else comes_home(why)
 
 
 def comes_home(why: str | None) -> Refused:

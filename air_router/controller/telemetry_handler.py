@@ -8,7 +8,7 @@ from typing import Final
 
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
-from air_router.controller.control_authority import ControlAuthority
+from air_router.controller.control_authority import ControlAuthority, Levelling
 from air_router.controller.model.actions import FlyToNode, HoldHere, Motion, Taker
 from air_router.controller.model.events import CommandConfirmed
 from air_router.controller.model.mission_context import MissionContext
@@ -22,7 +22,6 @@ from air_router.controller.monitor.flight_phase import (
     TakeOff,
     take_off,
 )
-from air_router.controller.monitor.levelling import Levelling
 from air_router.controller.monitor.safety_monitor import EventKind, SafetyMonitor
 from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Progress

@@ -35,7 +35,7 @@ from air_router.controller.model.events import Event
 from air_router.controller.model.requests import GoOn
 from air_router.controller.model.states import State
 from air_router.controller.monitor.flight_phase import why_not_started
-from air_router.controller.motion.navigator import REACTION_S
+from air_router.controller.motion.pending_setpoints import REACTION_S
 from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, RefusedError
 from air_router.flight.command_service import CommandService
 from air_router.flight.flight_result import FlightResult, ending_of

@@ -18,20 +18,17 @@ from shapely import Point as ShapelyPoint
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, LandHere, Motion
 from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.motion.pending_setpoints import PendingSetpoints
+from air_router.controller.motion.pending_setpoints import (
+    REACTION_S,
+    PendingSetpoints,
+    stopping_point,
+)
 from air_router.mission.mission import Mission
 from air_router.routing.departure import PendingSetpoint
 from air_router.routing.router import Leg, NoRoute, Route
 from air_router.vehicle.vehicle import Telemetry
 from geo.airspace.airspace import Airspace
 from geo.frame import Point
-
-BRAKING_M_S2 = 2.0
-"""Deceleration to count on. PX4 brakes with MPC_ACC_HOR 3 m/s2, but jerk-limited, so later."""
-
-REACTION_S = 0.6
-"""Flight time between the telemetry that a decision rests on and the vehicle braking: a PX4 takes
-half a second to build its deceleration up, and the link its time."""
 
 STOP_S = 4.0
 """What stopping and setting out again takes: a way that avoids it may be longer by so much."""
@@ -363,18 +360,6 @@ class Navigator:
             f"flies, where {' and '.join(names) or 'a zone'} is in the way; {way_out} first",
             names,
         )
-
-
-def stopping_point(telemetry: Telemetry, reaction_s: float = REACTION_S) -> Point:
-    """Where the vehicle comes to rest if it is told now to brake.
-
-    Told in time it sweeps at most the triangle of its position, this point and its new target.
-    """
-    east_m_s, north_m_s = telemetry.velocity_m_s
-    speed_m_s = math.hypot(east_m_s, north_m_s)
-    travel_s = reaction_s + speed_m_s / (2 * BRAKING_M_S2)
-    east_m, north_m = telemetry.position
-    return Point(east_m + east_m_s * travel_s, north_m + north_m_s * travel_s)
 
 
 def _items_moved(telemetry: Telemetry) -> bool:

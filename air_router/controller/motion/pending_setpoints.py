@@ -16,6 +16,13 @@ from air_router.routing.departure import PendingSetpoint
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 
+BRAKING_M_S2: Final = 2.0
+"""Deceleration to count on. PX4 brakes with MPC_ACC_HOR 3 m/s2, but jerk-limited, so later."""
+
+REACTION_S: Final = 0.6
+"""Flight time between the telemetry that a decision rests on and the vehicle braking: a PX4 takes
+half a second to build its deceleration up, and the link its time."""
+
 _FAR_M: Final = 5.0
 """The target that it reports counts from here on: nearer, its stopping distance covers it,
 and where it hovers it is as far off as estimates wander."""
@@ -107,3 +114,15 @@ def _setpoint(start: Point, place: Point, beyond_m: float) -> PendingSetpoint:
         east_m + share * (place.east_m - east_m), north_m + share * (place.north_m - north_m)
     )
     return PendingSetpoint(place, reach)
+
+
+def stopping_point(telemetry: Telemetry, reaction_s: float = REACTION_S) -> Point:
+    """Where the vehicle comes to rest if it is told now to brake.
+
+    Told in time it sweeps at most the triangle of its position, this point and its new target.
+    """
+    east_m_s, north_m_s = telemetry.velocity_m_s
+    speed_m_s = math.hypot(east_m_s, north_m_s)
+    travel_s = reaction_s + speed_m_s / (2 * BRAKING_M_S2)
+    east_m, north_m = telemetry.position
+    return Point(east_m + east_m_s * travel_s, north_m + north_m_s * travel_s)

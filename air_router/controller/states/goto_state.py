@@ -11,7 +11,8 @@ from air_router.controller.model.actions import Refusal
 from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.model.states import Signal
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import STANDING_M_S, Goal, stopping_point
+from air_router.controller.motion.navigator import STANDING_M_S, Goal
+from air_router.controller.motion.pending_setpoints import stopping_point
 from air_router.controller.targets.search_points import Search
 from air_router.messages import FARTHEST_M
 from air_router.mission.flight_plan import HOME_NODE

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, LandHere
 from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.motion.command_gate import CommandGate
-from air_router.controller.motion.navigator import stopping_point
+from air_router.controller.motion.pending_setpoints import stopping_point
 
 
 @dataclass(slots=True, eq=False)

@@ -14,7 +14,8 @@ from air_router.controller.model.mission_context import MissionContext, StateHan
 from air_router.controller.model.states import Signal, State
 from air_router.controller.monitor.flight_phase import FlightPhase
 from air_router.controller.motion.command_gate import RETRY_S, CommandGate
-from air_router.controller.motion.navigator import Goal, stopping_point
+from air_router.controller.motion.navigator import Goal
+from air_router.controller.motion.pending_setpoints import stopping_point
 from air_router.mission.flight_plan import HOME_NODE
 from air_router.mission.mission import Mission
 from air_router.routing.departure import names_of

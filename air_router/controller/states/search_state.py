@@ -1,12 +1,13 @@
-"""Going where a robot should be: the state SEARCH, and who is sought."""
+"""Going where a robot should be, and hovering over it while data are exchanged: SEARCH, COMM."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
+from air_router.controller.model.actions import PublishMap
 from air_router.controller.model.events import RobotPath, RobotPose, RobotSought
 from air_router.controller.model.mission_context import MissionContext, StateHandler
 from air_router.controller.model.states import Signal, State
@@ -14,6 +15,7 @@ from air_router.controller.motion.command_gate import CommandGate
 from air_router.controller.motion.navigator import Progress
 from air_router.controller.targets.exploration import Exploration
 from air_router.controller.targets.search_points import RadioEvent, Search, SearchPoint
+from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 
 FOLLOW_M: Final = 8.0
 """A robot that has moved so far from where we hover (or search) is followed."""
@@ -168,3 +170,56 @@ class SearchState(StateHandler):
         if ours and news and event.by < self._name and targets.free(now_s):
             self._context.say(f"{event.by} seeks {event.robot} as well, and keeps it")
             self._context.signal(Signal.YIELDED)
+
+
+@dataclass(slots=True, eq=False)
+class CommState(StateHandler):
+    """Stays over the robot that was found until both have all that the other has.
+
+    Only a sync that began after the robot was found counts: it alone carries all that both had by
+    then.
+
+    Args:
+        context: Where it signals that both directions have synced.
+        gate: Waits where no way leads on.
+        search_state: Which robot was found; follows it.
+    """
+
+    _context: MissionContext
+    _gate: CommandGate
+    _search_state: SearchState
+    _began: set[Direction] = field(default_factory=set)
+    _synced: set[Direction] = field(default_factory=set)
+
+    def begin(self) -> None:
+        """Have the newest map ready, and go over the robot."""
+        self._began.clear()
+        self._synced.clear()
+        self._context.do(PublishMap())
+        self._context.say(f"COMM {self._search_state.robot}: found")
+        self._search_state.follow(force=True)
+
+    def no_route(self, refusal: str) -> None:
+        """Wait where it is."""
+        self._gate.wait_for_way(refusal)
+
+    def retry(self) -> None:
+        """Over the robot, wherever it is now."""
+        self._search_state.follow(force=True)
+
+    replan = retry
+
+    def sync_started(self, event: SyncStarted) -> None:
+        """Data begin to flow."""
+        if event.peer == self._search_state.robot:
+            self._began.add(event.direction)
+        self._search_state.radio_heard(event)
+
+    def sync_ended(self, event: SyncEnded) -> None:
+        """One direction has everything."""
+        if event.peer == self._search_state.robot and event.direction in self._began:
+            self._began.discard(event.direction)
+            self._synced.add(event.direction)
+        self._search_state.radio_heard(event)
+        if self._context.state is State.COMM and len(self._synced) == len(Direction):
+            self._context.signal(Signal.SYNCED)

@@ -12,12 +12,11 @@ from typing import Final
 
 from air_router.controller.model.mission_context import StateHandler
 from air_router.controller.model.states import From, Requests, Signal, Spec, State
-from air_router.controller.states.comm_state import CommState
 from air_router.controller.states.explore_state import ExploreState
 from air_router.controller.states.goto_state import GotoState
 from air_router.controller.states.hold_state import GivenAway, HoldState, LandState
 from air_router.controller.states.return_state import ReturnState
-from air_router.controller.states.search_state import SearchState
+from air_router.controller.states.search_state import CommState, SearchState
 
 # Common to states in the air: home when duration, battery or operator demand it; hands off when a
 # pilot flies; done when the ground has the vehicle. And what the operator may ask for.

@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from air_router.controller.motion.navigator import REACTION_S
+from air_router.controller.motion.pending_setpoints import REACTION_S
 from geo.frame import Point
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from sitl.experiment.channels.channel import Channel, PaperChannel

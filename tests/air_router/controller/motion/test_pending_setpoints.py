@@ -12,6 +12,7 @@ from air_router.controller.model.states import State
 from air_router.controller.motion.navigator import Goal, Navigator
 from air_router.controller.motion.pending_setpoints import PendingSetpoints
 from air_router.routing.departure import PendingSetpoint
+from air_router.routing.router import Leg, Route
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Zone
@@ -109,6 +110,14 @@ def test_a_jump_that_may_arrive_late_is_given_at_once(bend):
     navigator.setpoints.sent(way)
     moving = at(15.0, 0.0, velocity_m_s=(3.5, 0.0))
     assert navigator.go(Goal(Point(15.0, 60.0)), moving) == FlyToPoint(Point(15.0, 60.0), 40.0)
+
+
+def test_a_near_end_of_a_leg_is_only_passed_where_the_next_leg_is_clear(bend):
+    near, beyond = Point(51.0, -5.0), Point(50.0, -60.0)
+    route = Route((Leg(near), Leg(beyond)), 60.0)
+    bend.router.route = lambda *_, **__: route
+    navigator = Navigator(MissionContext(bend.mission, bend.router))
+    assert navigator.go(Goal(beyond), at(50.0, -5.0)) == FlyToPoint(near, 40.0)
 
 
 class LateFlight:
