@@ -14,7 +14,8 @@ import pytest
 import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
-from mocha_link.cli.command_help import CompletionError, coloured, log_level, script
+from mocha_link.cli.command_help import coloured, log_level
+from mocha_link.cli.program import CompletionError, script
 
 ROOT = Path(__file__).parents[1]
 PROGRAMS = {

@@ -26,16 +26,11 @@ exit codes: 0 accepted, 2 wrong usage, 4 no flight answers, 5 refused
 """
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `ask` to the command line."""
-    parser = commands.add_parser(
-        "ask",
-        help="have a flight hold, resume, seek a robot, explore, come home or fly to points",
-        description="Have a flight that runs with --control on this machine do something.",
-        usage="%(prog)s [-h] [ENDPOINT] VERB [WHAT ...] [options]",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = "Have a flight that runs with --control on this machine do something."
+    parser.usage = "%(prog)s [-h] [ENDPOINT] VERB [WHAT ...] [options]"
+    parser.epilog = _EPILOG
     parser.add_argument(
         "words",
         nargs="+",
@@ -56,7 +51,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         help="for an answer (default 5 s)",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

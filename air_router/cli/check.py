@@ -27,15 +27,10 @@ exit codes: 0 it can be flown, 3 it cannot: every problem is listed with its pla
 """
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `check` to the command line."""
-    parser = commands.add_parser(
-        "check",
-        help="check a mission file and say what to expect",
-        description="Check a mission: prints every error as file:line:column, or a summary.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = "Check a mission: prints every error as file:line:column, or a summary."
+    parser.epilog = _EPILOG
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument(
@@ -43,7 +38,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     add_start(parser)
     add_uav(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

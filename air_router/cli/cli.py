@@ -6,8 +6,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from air_router.cli.command_line import Program
-from mocha_link.cli.command_help import Command
+from air_router.cli.command_line import program_of
+from mocha_link.cli.program import Command
 
 _EXIT_CODES = """\
 exit codes:
@@ -46,7 +46,7 @@ COMMANDS = (
     Command("report", "air_router.cli.report", "a recorded flight as one HTML page"),
 )
 
-PROGRAM = Program(
+PROGRAM = program_of(
     "air-router",
     "Fly PX4 missions around no-fly zones, and seek robots to exchange data with.",
     _EXIT_CODES,

@@ -72,15 +72,10 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
 """
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `convert` to the command line."""
-    parser = commands.add_parser(
-        "convert",
-        help="a mission or zones into another format (plan, YAML, GeoJSON, KML)",
-        description="Convert a mission or zones; says what could not be carried over.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = "Convert a mission or zones; says what could not be carried over."
+    parser.epilog = _EPILOG
     parser.add_argument("source", type=Path, metavar="FROM", help="a mission or a file of zones")
     parser.add_argument("target", type=Path, metavar="TO", help="the file to write")
     parser.add_argument(
@@ -114,7 +109,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     parser.add_argument("--force", action="store_true", help="replace TO if it is there")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

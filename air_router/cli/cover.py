@@ -45,15 +45,10 @@ class CoverError(AirRouterError):
     """The area cannot be covered."""
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `cover` to the command line."""
-    parser = commands.add_parser(
-        "cover",
-        help="lawnmower waypoints over an area, no-fly zones cut out",
-        description="Plan rows from which a camera sees an area, clear of no-fly zones.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = "Plan rows from which a camera sees an area, clear of no-fly zones."
+    parser.epilog = _EPILOG
     parser.add_argument("area", type=Path, metavar="AREA", help="what to cover")
     parser.add_argument("--camera", required=True, metavar="CAMERA", help="what sees it; see below")
     parser.add_argument("--portrait", action="store_true", help="longer side along the rows")
@@ -100,7 +95,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument("--force", action="store_true", help="let --out replace a file")
     parser.add_argument("--png", type=Path, metavar="F", help="draw it into F")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

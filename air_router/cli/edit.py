@@ -17,16 +17,14 @@ from air_router.web.serving import add_page_options, needs_server, page_port, sh
 _DEFAULT_PORT = 8424
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `edit` to the command line."""
-    parser = commands.add_parser(
-        "edit",
-        help="edit a mission on a map",
-        description="Open a map page to drag waypoints and zone corners, see the route graph and "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Open a map page to drag waypoints and zone corners, see the route graph and "
         "all problems change at once, and save the same file with its comments intact. "
-        "Ctrl-C ends.",
-        epilog="example: air-router edit missions/pennovation/mission.yaml",
+        "Ctrl-C ends."
     )
+    parser.epilog = "example: air-router edit missions/pennovation/mission.yaml"
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     parser.add_argument(
         "--port",
@@ -41,7 +39,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         "--new", metavar="LAT,LON", help="begin a new mission there; MISSION must not exist yet"
     )
     parser.add_argument("--no-open", action="store_true", help="do not open a browser")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -208,15 +208,15 @@ def ground_robots(team: Team, uav: str) -> tuple[str, ...]:
     return tuple(peer for peer in team.robot(uav).peers if team.robot(peer).kind != AERIAL)
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `fly` to the command line."""
-    parser = commands.add_parser(
-        "fly",
-        help="fly a mission with a vehicle that is already there",
-        description="Fly a mission with a PX4 that is already there. Waits for the pilot to arm "
-        "and to choose Mission mode, unless --arm is confirmed.",
-        epilog="example: air-router fly missions/pennovation/mission.yaml "
-        "--connect udpin://127.0.0.1:14540",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Fly a mission with a PX4 that is already there. Waits for the pilot to arm "
+        "and to choose Mission mode, unless --arm is confirmed."
+    )
+    parser.epilog = (
+        "example: air-router fly missions/pennovation/mission.yaml "
+        "--connect udpin://127.0.0.1:14540"
     )
     add_vehicle_arguments(parser)
     add_uav(parser)
@@ -242,7 +242,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(PART, action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--at", type=moment, help=argparse.SUPPRESS)
     parser.add_argument("--pace-from", type=PaceSource.of, help=argparse.SUPPRESS)
-    parser.set_defaults(run=run)
 
 
 def add_vehicle_arguments(parser: argparse.ArgumentParser) -> None:

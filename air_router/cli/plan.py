@@ -29,15 +29,10 @@ _STEPS = (0, -1, 1)
 """Around a place, in the last digit that is printed of a degree: a centimetre."""
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `plan` to the command line."""
-    parser = commands.add_parser(
-        "plan",
-        help="plan a route between two waypoints or places",
-        description="Plan the route between two waypoints (0 is home) or places in degrees.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = "Plan the route between two waypoints (0 is home) or places in degrees."
+    parser.epilog = _EPILOG
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     add_start(parser)
     add_uav(parser)
@@ -47,7 +42,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument("--png", type=Path, metavar="F", help="draw mission and route into F")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

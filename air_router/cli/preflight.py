@@ -40,16 +40,16 @@ class PreflightOptions:
     upload: bool
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `preflight` to the command line."""
-    parser = commands.add_parser(
-        "preflight",
-        help="is this vehicle ready to fly this mission?",
-        description="Look at everything that a flight rests on and print one card. Puts mission "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Look at everything that a flight rests on and print one card. Puts mission "
         "and fence on board, reads them back and has PX4 judge them, unless --look is given. "
-        "Nothing is armed, and no parameter is changed.",
-        epilog="example: air-router preflight missions/pennovation/mission.yaml "
-        "--connect udpin://127.0.0.1:14540",
+        "Nothing is armed, and no parameter is changed."
+    )
+    parser.epilog = (
+        "example: air-router preflight missions/pennovation/mission.yaml "
+        "--connect udpin://127.0.0.1:14540"
     )
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     add_vehicle_arguments(parser)
@@ -59,7 +59,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     add_recording(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

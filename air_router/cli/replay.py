@@ -15,17 +15,17 @@ from air_router.record.replay import replay
 from air_router.web.serving import web_of
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `replay` to the command line."""
-    parser = commands.add_parser(
-        "replay",
-        help="run a recorded flight's decisions again, and compare",
-        description="Give the events of a recorded flight to a new controller and compare what it "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Give the events of a recorded flight to a new controller and compare what it "
         "decides. Exit code 0: the same; 1: otherwise, the first difference is told; 3: the "
-        "record is damaged or holds no decision, so the comparison is not complete.",
-        epilog="examples:\n"
+        "record is damaged or holds no decision, so the comparison is not complete."
+    )
+    parser.epilog = (
+        "examples:\n"
         "  air-router replay flight-20261120T234403Z-titan.mcap\n"
-        "  air-router replay LOG --web --speed 10    (on a map page)",
+        "  air-router replay LOG --web --speed 10    (on a map page)"
     )
     add_record(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
@@ -33,7 +33,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--speed", type=speed_factor, default=1.0, metavar="X", help="of --web: times real time"
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

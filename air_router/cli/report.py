@@ -16,15 +16,13 @@ from air_router.report.flight.page import page_of
 from air_router.report.flight.ulog import read_ulog
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `report` to the command line."""
-    parser = commands.add_parser(
-        "report",
-        help="a recorded flight as one HTML page",
-        description="Draw a recorded flight: track, states, contacts and syncs, bandwidth, age of "
-        "information, map coverage, requests. One HTML file that needs nothing else.",
-        epilog="example: air-router report flight-20261120T234403Z-titan.mcap -o flight.html",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Draw a recorded flight: track, states, contacts and syncs, bandwidth, age of "
+        "information, map coverage, requests. One HTML file that needs nothing else."
     )
+    parser.epilog = "example: air-router report flight-20261120T234403Z-titan.mcap -o flight.html"
     add_record(parser)
     parser.add_argument(
         "-o", "--output", type=Path, metavar="F", help="the page (default: LOG with .html)"
@@ -33,7 +31,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--json", action="store_true", help="the same as JSON on stdout, and no page without -o"
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -11,17 +11,17 @@ from air_router.live.page_address import PageAddress
 from air_router.web.serving import show, web_of
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `watch` to the command line."""
-    parser = commands.add_parser(
-        "watch",
-        help="several flights on one map page",
-        description="Serve one map page for several flights, each flown with --web on a machine "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Serve one map page for several flights, each flown with --web on a machine "
         "of its own. They need not be there yet: the page finds each when it begins, and again "
-        "when it was lost. Ctrl-C ends the page, not the flights.",
-        epilog="examples:\n"
+        "when it was lost. Ctrl-C ends the page, not the flights."
+    )
+    parser.epilog = (
+        "examples:\n"
         "  air-router watch 'http://192.168.1.11:8425/?token=aTbZ' 192.168.1.12:8425\n"
-        "  air-router watch titan.local atlas.local --web 0    (any free port)",
+        "  air-router watch titan.local atlas.local --web 0    (any free port)"
     )
     parser.add_argument(
         "addresses",
@@ -30,7 +30,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         help="what `fly --web` prints there; HOST or HOST:PORT for a page without a token",
     )
     add_joint_web(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -27,14 +27,10 @@ from air_router.sim.sim_world import Seat, SimOptions, SimWorld
 from air_router.web.serving import shown_beside, web_of
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `sim` to the command line."""
-    parser = commands.add_parser(
-        "sim",
-        help="fly a mission in a simulated world",
-        description="Start a simulated PX4, ground robots and radios, and fly a mission there.",
-        epilog="example: air-router sim missions/pennovation/mission.yaml --speed 10",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = "Start a simulated PX4, ground robots and radios, and fly a mission there."
+    parser.epilog = "example: air-router sim missions/pennovation/mission.yaml --speed 10"
     add_flight_arguments(parser)
     add_start(parser)
     parser.add_argument(
@@ -52,7 +48,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         metavar="PATH",
         help="fly a real PX4 instead of our own: found as `sitl px4` finds it, or there",
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -10,12 +10,12 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from mocha_link import bridges
 from mocha_link.bridges import run as ros_bridge
 from mocha_link.bridges.zeromq import ZeroMqBridge
-from mocha_link.cli.command_help import add_command, endpoint, log_level
+from mocha_link.cli.command_help import add_command, endpoint, examples, log_level
 
 WHAT = {
     "zmq": "serve programs in any language, with JSON or bytes",
@@ -37,15 +37,10 @@ NEEDS = {"ros1": ("rospy",), "ros2": ("rclpy", "cyclonedds")}
 DEFAULT_PYTHON = "/usr/bin/python3"  # what Debian's and Ubuntu's ROS packages are installed for
 
 
-def register(commands: Any) -> None:
-    """Add the command to the subcommands of a parser."""
-    command = add_command(
-        commands,
-        "bridge",
-        "connect a running node to ROS 1, ROS 2 or other programs",
-        *(example for kind in EXAMPLES for example in EXAMPLES[kind][:1]),
-    )
-    kinds = command.add_subparsers(required=True, dest="kind", metavar="BRIDGE")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.epilog = examples(*(example for kind in EXAMPLES for example in EXAMPLES[kind][:1]))
+    kinds = parser.add_subparsers(required=True, dest="kind", metavar="BRIDGE")
     served = add_command(kinds, "zmq", WHAT["zmq"], *EXAMPLES["zmq"])
     served.add_argument(
         "--node",
@@ -65,16 +60,19 @@ def register(commands: Any) -> None:
         "--stream", type=endpoint, metavar="ENDPOINT", help="publish all messages there"
     )
     served.add_argument("--json", action="store_true", help="stream values, not data")
-    served.set_defaults(run=_serve)
     for kind in ("ros1", "ros2"):
-        parser = add_command(kinds, kind, WHAT[kind], *EXAMPLES[kind])
-        ros_bridge.add_options(parser, kind)
-        parser.add_argument(
+        ros = add_command(kinds, kind, WHAT[kind], *EXAMPLES[kind])
+        ros_bridge.add_options(ros, kind)
+        ros.add_argument(
             "--python",
             metavar="PATH",
             help=f"the Python that has ROS, if this one has not ({DEFAULT_PYTHON})",
         )
-        parser.set_defaults(run=_run_ros)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
+    return _serve(options) if options.kind == "zmq" else _run_ros(options)
 
 
 def _serve(options: argparse.Namespace) -> int:

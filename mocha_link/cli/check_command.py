@@ -9,29 +9,24 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mocha_link.cli.command_help import add_command
+from mocha_link.cli.command_help import examples
 from mocha_link.cli.display import table
 from mocha_link.cli.keys_command import links, protection_lines
 from mocha_link.team.document import DocumentError
 from mocha_link.team.team import Team
 
 
-def register(commands: Any) -> None:
-    """Add `check` to the commands of `mocha-link`."""
-    check = add_command(
-        commands,
-        "check",
-        "check a team file and show its ids and ports",
-        "mocha-link check missions/pennovation/team.yaml",
-    )
-    check.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
-    check.add_argument(
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.epilog = examples("mocha-link check missions/pennovation/team.yaml")
+    parser.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
+    parser.add_argument(
         "--json", action="store_true", help="print the ids and ports, or the problems, as JSON"
     )
-    check.set_defaults(run=_run)
 
 
-def _run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
     try:
         team = Team.load(options.team)
     except DocumentError as error:

@@ -7,17 +7,8 @@ import logging
 import sys
 from collections.abc import Sequence
 
-from mocha_link.cli.command_help import (
-    Command,
-    add_commands,
-    add_completion,
-    add_verbose,
-    add_version,
-    drop_output,
-    log_level,
-    style,
-)
-from mocha_link.cli.interrupt import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
+from mocha_link.cli.command_help import drop_output, examples
+from mocha_link.cli.program import USAGE, Command, Program
 from mocha_link.errors import MochaLinkError, NotInTeamError
 from mocha_link.team.problem import DocumentError
 
@@ -44,58 +35,43 @@ COMMANDS = (
         "connect a running node to ROS 1, ROS 2 or other programs",
     ),
 )
-DONE, FAILED, USAGE, INVALID_FILE = 0, 1, 2, 3
+DONE, FAILED, INVALID_FILE = 0, 1, 3
 _ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    leave_when_interrupted()  # a command is imported when it is asked for
-    try:
-        options = parser(whole=False).parse_args(arguments)
-    except SystemExit:
-        raise_when_interrupted()
-        raise
-    logging.basicConfig(
-        stream=sys.stderr,
-        level=log_level(options, logging.INFO),
-        format="%(levelname)s %(message)s",
-    )
-    try:
-        raise_when_interrupted()
-        code: int = options.run(options)
-    except DocumentError as error:
-        print(error, file=sys.stderr)
-        code = INVALID_FILE
-    except MochaLinkError as error:
-        print(f"mocha-link: {error}", file=sys.stderr)
-        code = USAGE if isinstance(error, NotInTeamError) else FAILED
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        code = INTERRUPTED
-    except BrokenPipeError:  # e.g. `mocha-link metrics ... --follow | head`
+def _ended(error: Exception) -> tuple[int, str]:
+    if isinstance(error, BrokenPipeError):  # e.g. `mocha-link metrics ... --follow | head`
         drop_output()
-        code = DONE
-    return code
+        return DONE, ""
+    if isinstance(error, DocumentError):
+        return INVALID_FILE, str(error)
+    return USAGE if isinstance(error, NotInTeamError) else FAILED, f"mocha-link: {error}"
 
 
-def parser(*, whole: bool = True) -> argparse.ArgumentParser:
-    """What the command line can say; if not `whole`, of each command when it is asked for."""
-    program = argparse.ArgumentParser(
-        prog="mocha-link",
-        description="Gossip node that carries data between robots whose links come and go.",
-        **style(
-            "mocha-link check missions/pennovation/team.yaml",
-            f"mocha-link node missions/pennovation/team.yaml --robot io --metrics {_ENDPOINT}",
-            f"mocha-link top {_ENDPOINT}",
-        ),
-    )
-    add_verbose(program)
-    add_version(program)
-    commands = program.add_subparsers(required=True, metavar="COMMAND")
-    add_commands(commands, program.prog, COMMANDS, whole=whole)
-    add_completion(commands, program.prog, parser)
-    return program
+PROGRAM = Program(
+    "mocha-link",
+    "Gossip node that carries data between robots whose links come and go.",
+    examples(
+        "mocha-link check missions/pennovation/team.yaml",
+        f"mocha-link node missions/pennovation/team.yaml --robot io --metrics {_ENDPOINT}",
+        f"mocha-link top {_ENDPOINT}",
+    ),
+    COMMANDS,
+    (DocumentError, MochaLinkError, BrokenPipeError),
+    _ended,
+    log_level=logging.INFO,
+    log_format="%(levelname)s %(message)s",
+)
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command line can say."""
+    return PROGRAM.parser()
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns its exit code."""
+    return PROGRAM.run(argv)
 
 
 if __name__ == "__main__":

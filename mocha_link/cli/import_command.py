@@ -5,40 +5,37 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
-from mocha_link.cli.command_help import add_command
+from mocha_link.cli.command_help import examples
 from mocha_link.errors import MochaLinkError
 from mocha_link.team import upstream
 
 
-def register(commands: Any) -> None:
-    """Add the command to the subcommands of a parser."""
-    command = add_command(
-        commands,
-        "import",
-        "make a team file of an original MOCHA's YAML files",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.epilog = examples(
         "mocha-link import robot_configs.yaml topic_configs.yaml radio_configs.yaml -o team.yaml",
         "mocha-link import robot_configs.yaml topic_configs.yaml --ours titan io -o team.yaml",
-        # As argparse would write it, the names of --ours seem to belong before the files.
-        usage="mocha-link import [-h] [-v] ROBOT_CONFIGS TOPIC_CONFIGS [RADIO_CONFIGS]\n"
-        "                         [-o TEAM] [--ours NAME [NAME ...]] [--ros {1,2}]",
+    )
+    # As argparse would write it, the names of --ours seem to belong before the files.
+    parser.usage = (
+        "mocha-link import [-h] [-v] ROBOT_CONFIGS TOPIC_CONFIGS [RADIO_CONFIGS]\n"
+        "                         [-o TEAM] [--ours NAME [NAME ...]] [--ros {1,2}]"
     )
     for name, what in (("robot_configs", "robots"), ("topic_configs", "topics")):
-        command.add_argument(name, type=Path, metavar=name.upper(), help=f"its {what} (YAML)")
-    command.add_argument(
+        parser.add_argument(name, type=Path, metavar=name.upper(), help=f"its {what} (YAML)")
+    parser.add_argument(
         "radio_configs", type=Path, nargs="?", metavar="RADIO_CONFIGS", help="its radios (YAML)"
     )
-    command.add_argument(
+    parser.add_argument(
         "-o", "--output", type=Path, metavar="TEAM", help="write the team file there, not to stdout"
     )
-    command.add_argument(
+    parser.add_argument(
         "--ours", nargs="+", default=[], metavar="NAME", help="robots that run our node (none)"
     )
-    command.add_argument(
+    parser.add_argument(
         "--ros", type=int, choices=(1, 2), default=1, help="the ROS of the robots (1)"
     )
-    command.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mocha_link.cli.command_help import add_command
+from mocha_link.cli.command_help import examples
 from mocha_link.errors import MochaLinkError
 from mocha_link.team import keys
 from mocha_link.team.document import Document, DocumentError
@@ -44,12 +44,9 @@ class _Plan(NamedTuple):
     public: str | None = None
 
 
-def register(commands: Any) -> None:
-    """Add the command to the parsers of `mocha-link`."""
-    parser = add_command(
-        commands,
-        "keys",
-        "make keys for the robots, so that only they connect",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.epilog = examples(
         "mocha-link keys team.yaml",
         "mocha-link keys team.yaml --robot io --force     # io's secret is lost",
     )
@@ -68,7 +65,6 @@ def register(commands: Any) -> None:
     parser.add_argument(
         "--print", action="store_true", help="print the lines for TEAM instead of changing it"
     )
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

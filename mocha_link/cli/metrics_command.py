@@ -4,33 +4,27 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import Any
 
-from mocha_link.cli.command_help import add_command, endpoint
+from mocha_link.cli.command_help import endpoint, examples
 from mocha_link.cli.display import News, event_line, links_table
 from mocha_link.service.metrics_client import MetricsError, watch
 
 _ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
 
 
-def register(commands: Any) -> None:
-    """Add `metrics` to the commands of `mocha-link`."""
-    metrics = add_command(
-        commands,
-        "metrics",
-        "show the links of a running node",
-        f"mocha-link metrics {_ENDPOINT}",
-        f"mocha-link metrics {_ENDPOINT} --json --follow",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.epilog = examples(
+        f"mocha-link metrics {_ENDPOINT}", f"mocha-link metrics {_ENDPOINT} --json --follow"
     )
-    metrics.add_argument(
+    parser.add_argument(
         "endpoint", type=endpoint, metavar="ENDPOINT", help="what the node got as --metrics"
     )
-    metrics.add_argument("--json", action="store_true", help="print JSON, one object per line")
-    metrics.add_argument("--follow", action="store_true", help="go on with events as they happen")
-    metrics.add_argument(
+    parser.add_argument("--json", action="store_true", help="print JSON, one object per line")
+    parser.add_argument("--follow", action="store_true", help="go on with events as they happen")
+    parser.add_argument(
         "--timeout", type=_seconds, default=5.0, metavar="S", help="wait so long, in s (5)"
     )
-    metrics.set_defaults(run=_run)
 
 
 def _seconds(text: str) -> float:
@@ -43,7 +37,8 @@ def _seconds(text: str) -> float:
     return value
 
 
-def _run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
     shown, news = False, News()
     for kind, fields in watch(options.endpoint, timeout_s=options.timeout):
         try:

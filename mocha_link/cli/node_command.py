@@ -11,9 +11,9 @@ import signal
 import sys
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import NoReturn
 
-from mocha_link.cli.command_help import add_command, drop_output, endpoint, web_address
+from mocha_link.cli.command_help import drop_output, endpoint, examples, web_address
 from mocha_link.cli.display import News, event_line
 from mocha_link.links.metrics import LinkEvent
 from mocha_link.node.node import Node
@@ -33,58 +33,55 @@ class _Terminated(BaseException):
     """SIGTERM came."""
 
 
-def register(commands: Any) -> None:
-    """Add `node` to the commands of `mocha-link`."""
-    node = add_command(
-        commands,
-        "node",
-        "run the node of a robot",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.epilog = examples(
         "mocha-link node team.yaml --robot io",
         f"mocha-link node team.yaml --robot io --metrics {_ENDPOINT} --prometheus :9464",
         "mocha-link node team.yaml --robot io --storage io.db --keys /etc/mocha-link",
         "mocha-link node team.yaml --robot io --serve ipc:///tmp/io.node",
     )
-    node.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
-    node.add_argument("--robot", required=True, metavar="NAME", help="which robot this is")
-    node.add_argument(
+    parser.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
+    parser.add_argument("--robot", required=True, metavar="NAME", help="which robot this is")
+    parser.add_argument(
         "--metrics",
         type=endpoint,
         metavar="ENDPOINT",
         help=f"serve metrics there, e.g. {_ENDPOINT}",
     )
-    node.add_argument(
+    parser.add_argument(
         "--prometheus",
         type=web_address,
         metavar="HOST:PORT",
         help="serve metrics for Prometheus there, e.g. :9464 (this machine only)",
     )
-    node.add_argument(
+    parser.add_argument(
         "--storage",
         type=Path,
         metavar="FILE",
         help="keep the messages in this file, so that they survive a restart; default: in memory",
     )
-    node.add_argument(
+    parser.add_argument(
         "--keys",
         type=Path,
         metavar="DIR",
         help="the folder with the robot's secret, NAME.key, if the team has a key for it",
     )
-    node.add_argument(
+    parser.add_argument(
         "--serve",
         type=endpoint,
         metavar="ENDPOINT",
         help="serve bridges there, e.g. ipc:///tmp/io.node",
     )
-    node.add_argument(
+    parser.add_argument(
         "--json",
         action="store_true",
         help="print every event as a JSON line; as text syncs that repeat are left out",
     )
-    node.set_defaults(run=_run)
 
 
-def _run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
+    """Do it; returns the exit code."""
     node = Node(Team.load(options.team), options.robot, storage=options.storage, keys=options.keys)
     events: queue.Queue[LinkEvent] = queue.Queue(QUEUE_EVENTS)
 

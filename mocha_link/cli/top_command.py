@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import Any
 
-from mocha_link.cli.command_help import add_command, coloured, endpoint
+from mocha_link.cli.command_help import coloured, endpoint, examples
 from mocha_link.cli.monitor import Picture, Size, Style
 from mocha_link.service.metrics_client import MetricsError, Subscription
 
@@ -34,18 +34,12 @@ class _Terminated(BaseException):
     """SIGTERM came."""
 
 
-def register(commands: Any) -> None:
-    """Add the command to the parsers of `mocha-link`."""
-    parser = add_command(
-        commands,
-        "top",
-        "watch the links of a running node live; q ends it",
-        "mocha-link top tcp://127.0.0.1:24500",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.epilog = examples("mocha-link top tcp://127.0.0.1:24500")
     parser.add_argument(
         "endpoint", type=endpoint, metavar="ENDPOINT", help="what the node got as --metrics"
     )
-    parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -6,8 +6,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from air_router.cli.command_line import Program
-from mocha_link.cli.command_help import Command
+from air_router.cli.command_line import program_of
+from mocha_link.cli.program import Command
 
 COMMANDS = (
     Command(
@@ -39,7 +39,7 @@ COMMANDS = (
     ),
 )
 
-PROGRAM = Program(
+PROGRAM = program_of(
     "sitl",
     "The simulated world: a PX4 vehicle, ground robots, radios, a camera.",
     "exit codes: 0 done, 1 ended otherwise, 2 wrong usage, 3 invalid file, 4 no answer, "

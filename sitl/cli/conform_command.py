@@ -46,15 +46,10 @@ of its is taken
 """
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `conform` to the command line."""
-    parser = commands.add_parser(
-        "conform",
-        help="compare a vehicle with how PX4 was recorded to behave",
-        description="Hold recorded conversations with a vehicle and report where it departs.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = "Hold recorded conversations with a vehicle and report where it departs."
+    parser.epilog = _EPILOG
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help="only those whose name contains this"
     )
@@ -83,7 +78,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--beside", type=Path, metavar="FILE", help="as a Markdown table beside another run's JSON"
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

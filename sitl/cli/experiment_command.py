@@ -35,17 +35,14 @@ examples:
 """
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `experiment` to the command line."""
-    parser = commands.add_parser(
-        "experiment",
-        help="run many simulated teams and compare them",
-        description="Run an experiment: every row of its file with several seeds, each run half an "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Run an experiment: every row of its file with several seeds, each run half an "
         "hour of a town with robots in a second or so. Prints a table with confidence intervals; "
-        "writes results.csv, figures and what the runs say about the paper's claims.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "writes results.csv, figures and what the runs say about the paper's claims."
     )
+    parser.epilog = _EPILOG
     parser.add_argument(
         "experiment", nargs="?", metavar="NAME|FILE", help=f"one of {', '.join(experiment_names())}"
     )
@@ -71,7 +68,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument("--no-figures", action="store_true", help="draw nothing")
     parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
     parser.add_argument("--list", action="store_true", help="list the experiments and their rows")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

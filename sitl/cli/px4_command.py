@@ -33,15 +33,10 @@ examples:
 """
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `px4` to the command line."""
-    parser = commands.add_parser(
-        "px4",
-        help="start a real PX4 simulator",
-        description="Find a PX4 SITL on this machine and run it at a mission's home.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = "Find a PX4 SITL on this machine and run it at a mission's home."
+    parser.epilog = _EPILOG
     add_place(parser)
     parser.add_argument(
         "--px4",
@@ -55,7 +50,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--log-dir", type=Path, metavar="DIR", help="keep PX4's files and what it says there"
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -40,16 +40,13 @@ example: sitl team missions/pennovation/mission.yaml --free-ports /tmp/world --r
 """
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `team` to the command line."""
-    parser = commands.add_parser(
-        "team",
-        help="simulate the ground robots, radios and the camera beside a vehicle",
-        description="Simulate the ground robots of a team, the radios and the camera around a "
-        "simulated vehicle, whose true position and time are followed.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Simulate the ground robots of a team, the radios and the camera around a "
+        "simulated vehicle, whose true position and time are followed."
     )
+    parser.epilog = _EPILOG
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission file or .plan")
     parser.add_argument("--team", type=Path, metavar="FILE", help="default: the mission's team")
     parser.add_argument("--world", type=Path, metavar="FILE", help="default: the mission's world")
@@ -91,7 +88,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         metavar="HOST:PORT",
         help="let that vehicle's clock (`sitl vehicle --pace`) wait for the team",
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -45,15 +45,10 @@ examples:
 """
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `vehicle` to the command line."""
-    parser = commands.add_parser(
-        "vehicle",
-        help="simulate a vehicle that behaves as PX4 does, over MAVLink",
-        description="Simulate a multirotor with an autopilot that behaves as PX4 1.17 does.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = "Simulate a multirotor with an autopilot that behaves as PX4 1.17 does."
+    parser.epilog = _EPILOG
     add_place(parser)
     parser.add_argument(
         "--instance", type=instance, default=0, metavar="N", help="ports +N, system id N+1"
@@ -102,7 +97,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument(
         "--truth-to", type=_address, metavar="HOST:PORT", help="the same for the truth (19410+N)"
     )
-    parser.set_defaults(run=run)
 
 
 def add_place(parser: argparse.ArgumentParser) -> None:

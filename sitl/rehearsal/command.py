@@ -64,18 +64,18 @@ MOST_VIOLATIONS: Final = 3
 """So many of a flight's are printed; all of them are in --json."""
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `rehearse` to the command line."""
-    parser = commands.add_parser(
-        "rehearse",
-        help="fly a mission hundreds of times while something goes wrong",
-        description="Fly a mission with the real flight program and the simulated PX4 in one "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Fly a mission with the real flight program and the simulated PX4 in one "
         "process, faster than real time; in each something else goes wrong. A judge that knows "
         "only the true track, the messages and the mission file says how each went. Prints a "
-        "table.",
-        epilog="examples:\n"
+        "table."
+    )
+    parser.epilog = (
+        "examples:\n"
         "  sitl rehearse missions/pennovation/mission.yaml\n"
-        "  sitl rehearse missions/pennovation/mission.yaml --fault GUSTS --seed 3",
+        "  sitl rehearse missions/pennovation/mission.yaml --fault GUSTS --seed 3"
     )
     parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML")
     parser.add_argument(
@@ -106,7 +106,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         help=f"with --mavlink and --px4: times real time (default {SPEED:g})",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object per flight instead")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from air_router.cli.cli import main
-from air_router.cli.cover import register
 from air_router.coverage.camera import CAMERAS
 from air_router.mission.loading import load_mission
 from air_router.preflight.check_facts import facts_of
@@ -44,7 +43,6 @@ def test_the_snippet_runs(capsys):
 def test_every_camera_is_named():
     (names,) = re.findall(r"\* a name: (.*?) \(sensor", DOCS["coverage"], re.DOTALL)
     assert {name.strip() for name in names.split(",")} == set(CAMERAS)
-    assert register.__doc__
 
 
 def test_every_key_is_documented(capsys):

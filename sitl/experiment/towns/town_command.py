@@ -28,15 +28,10 @@ examples:
 _BLOCKS: Final = re.compile(r"(\d{1,2})x(\d{1,2})")
 
 
-def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add `town` to the command line."""
-    parser = commands.add_parser(
-        "town",
-        help="check, draw or make a town for experiments",
-        description="Check a town's file, draw it, or make one of any size.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = "Check a town's file, draw it, or make one of any size."
+    parser.epilog = _EPILOG
     parser.add_argument("town", metavar="TOWN", help="a file, or COLUMNSxROWS for a new town")
     parser.add_argument(
         "--seed", type=int, metavar="N", help="makes a new town, or new places (default 1)"
@@ -51,7 +46,6 @@ def register(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     parser.add_argument("--force", action="store_true", help="replace what is there")
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw it (png, svg, pdf)")
     parser.add_argument("--json", action="store_true", help="print facts as JSON")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

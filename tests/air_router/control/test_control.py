@@ -298,8 +298,8 @@ def test_an_endpoint_that_others_reach_is_refused():
 def test_of_several_simulated_uavs_each_has_its_own_endpoints():
     def options(*more):
         parser = argparse.ArgumentParser()
-        sim.register(parser.add_subparsers())
-        arguments = parser.parse_args(["sim", "m.yaml", *more])
+        sim.add_arguments(parser)
+        arguments = parser.parse_args(["m.yaml", *more])
         seats = [Seat(name, "udp://x", 1, "tcp://y") for name in ("titan", "atlas")]
         world = SimpleNamespace(team=Path("t"), pace=None)
         commands = [sim._command(seat, n, world, arguments) for n, seat in enumerate(seats)]

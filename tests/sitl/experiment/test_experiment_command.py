@@ -71,8 +71,8 @@ def sitl(tmp_path, monkeypatch):
 
     def call(*words, pool=None, work=made_up.work, figures=False, try_out=None):
         parser = argparse.ArgumentParser()
-        command.register(parser.add_subparsers())
-        fixed = ["experiment", str(path), "--out", str(tmp_path / "out")]
+        command.add_arguments(parser)
+        fixed = [str(path), "--out", str(tmp_path / "out")]
         arguments = parser.parse_args([*fixed, *([] if figures else ["--no-figures"]), *words])
         pool = pool or Here()
         monkeypatch.setattr(command, "ProcessPool", lambda _jobs: pool)
@@ -281,8 +281,8 @@ def test_remaining_time_follows_the_robots_of_what_is_left(sitl):
 
 def test_what_there_is_can_be_listed(capsys):
     parser = argparse.ArgumentParser()
-    command.register(parser.add_subparsers())
-    assert command.run(parser.parse_args(["experiment", "--list", "--json"])) == 0
+    command.add_arguments(parser)
+    assert command.run(parser.parse_args(["--list", "--json"])) == 0
     names = [each["name"] for each in json.loads(capsys.readouterr().out)]
     assert "table1" in names
 

@@ -1,0 +1,193 @@
+"""A program of several commands, each a module: its parser, its end, completion by the shell.
+
+A command's module is imported when the command is asked for: a program of many commands starts as
+quickly as the one that is run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import logging
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mocha_link.cli.command_help import Help, add_command, add_verbose, log_level, sentence
+from mocha_link.cli.interrupt import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
+from mocha_link.errors import MochaLinkError
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command of a program.
+
+    Attributes:
+        module: Its `add_arguments(parser)` says what the command does and takes, its
+            `run(arguments)` does it and returns the exit code.
+        about: What it is for, in a line without a capital and a full stop.
+    """
+
+    name: str
+    module: str
+    about: str
+
+    def parser(self, program: str) -> argparse.ArgumentParser:
+        """The parser of its arguments, as a command of `program`."""
+        module = importlib.import_module(self.module)
+        parser = argparse.ArgumentParser(
+            prog=f"{program} {self.name}",
+            description=sentence(self.about),
+            formatter_class=Help,
+        )
+        module.add_arguments(parser)
+        add_verbose(parser, default=argparse.SUPPRESS)  # what stands before the command counts, too
+        parser.set_defaults(run=module.run)
+        return parser
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A program of several commands.
+
+    Attributes:
+        expected: What ends a command with one message; anything else is a fault of ours.
+        ended: The exit code and the message, "" for none, of one of those.
+        prepared: What is made of the words of the command line before they are parsed.
+    """
+
+    name: str
+    description: str
+    epilog: str
+    commands: tuple[Command, ...]
+    expected: tuple[type[Exception], ...]
+    ended: Callable[[Exception], tuple[int, str]]
+    prepared: Callable[[Sequence[str]], Sequence[str]] = list
+    log_level: int = logging.WARNING
+    log_format: str = "%(levelname)s %(name)s: %(message)s"
+
+    def parser(self, *, whole: bool = True) -> argparse.ArgumentParser:
+        """What its command line can say.
+
+        If `whole`, the modules of all commands are imported now: for code that looks into their
+        parsers, to write documentation or to complete words. Otherwise each when it is asked for.
+        """
+        parser = argparse.ArgumentParser(
+            prog=self.name, description=self.description, epilog=self.epilog, formatter_class=Help
+        )
+        add_verbose(parser)
+        parser.add_argument("--version", action=_Version)
+        commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+        for command in self.commands:
+            commands.add_parser(command.name, help=command.about)
+            stand_in = _StandIn(command, self.name)
+            commands.choices[command.name] = command.parser(self.name) if whole else stand_in
+        completion = add_command(
+            commands,
+            "completion",
+            "print a script that has a shell complete commands and options",
+            *(line.format(prog=self.name) for line in SHELLS.values()),
+        )
+        completion.add_argument("shell", choices=tuple(SHELLS), help="for which shell")
+        completion.set_defaults(run=self._complete)
+        return parser
+
+    def _complete(self, arguments: argparse.Namespace) -> int:
+        sys.stdout.write(script(self.parser(), arguments.shell) + "\n")
+        return 0
+
+    def run(self, argv: Sequence[str] | None) -> int:
+        """Run one command; returns its exit code. Results go to stdout, all else to stderr."""
+        leave_when_interrupted()  # a command is imported when it is asked for
+        words = self.prepared(sys.argv[1:] if argv is None else argv)
+        try:
+            arguments = self.parser(whole=False).parse_args(words)
+        except SystemExit as end:  # argparse has said why
+            raise_when_interrupted()
+            return end.code if isinstance(end.code, int) else USAGE
+        logging.basicConfig(
+            level=log_level(arguments, self.log_level), format=self.log_format, stream=sys.stderr
+        )
+        try:
+            raise_when_interrupted()
+            return int(arguments.run(arguments))
+        except KeyboardInterrupt:
+            code, message = INTERRUPTED, "interrupted"
+        except self.expected as error:
+            code, message = self.ended(error)
+        if message:
+            print(message, file=sys.stderr)
+        return code
+
+
+USAGE = 2
+
+
+class _StandIn(argparse.ArgumentParser):
+    """Stands where a command's parser belongs, until there is something for it to parse."""
+
+    def __init__(self, command: Command, program: str) -> None:
+        super().__init__(add_help=False)
+        self._command, self._program = command, program
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        return self._command.parser(self._program).parse_known_args(args, namespace)
+
+
+class _Version(argparse.Action):
+    """Prints the version; unlike argparse's own, it looks it up only when it is asked for."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str) -> None:
+        told = "show program's version number and exit"
+        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=told)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        sys.stdout.write(version(parser.prog) + "\n")
+        parser.exit()
+
+
+def version(program: str) -> str:
+    """What ``--version`` prints."""
+    from importlib import metadata  # noqa: PLC0415 - half of what a command's start would take
+
+    try:
+        return f"{program} {metadata.version('air-router')}"
+    except metadata.PackageNotFoundError:  # run from the sources
+        return f"{program} of an unknown version"
+
+
+SHELLS = {
+    "bash": "source <({prog} completion bash)    # a line for ~/.bashrc",
+    "zsh": "{prog} completion zsh > ~/.zfunc/_{prog}    # a folder of fpath",
+    "fish": "{prog} completion fish > ~/.config/fish/completions/{prog}.fish",
+}
+"""How each is told, in words of its own."""
+
+
+class CompletionError(MochaLinkError):
+    """The script cannot be made."""
+
+
+def script(program: argparse.ArgumentParser, shell: str) -> str:
+    """The script for one of `SHELLS`; arguments that are paths are completed as files.
+
+    Raises:
+        CompletionError: what writes it is not installed.
+    """
+    try:
+        import shtab  # noqa: PLC0415 - an extra
+    except ModuleNotFoundError:
+        raise CompletionError(
+            "completion needs shtab, which is not installed; "
+            "run: pip install 'air-router[completion]'"
+        ) from None
+    waiting = [program]
+    while waiting:
+        for action in waiting.pop()._actions:  # noqa: SLF001 - no public way to walk a parser
+            if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001
+                waiting += action.choices.values()
+            elif action.type is Path:
+                action.complete = shtab.FILE  # type: ignore[attr-defined] # shtab looks there
+    return str(shtab.complete(program, shell=shell))
