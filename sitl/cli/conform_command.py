@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from air_router.cli.arguments import speed_factor
 from air_router.errors import ExitCode, UsageError
-from sitl.cli.vehicle_command import PX4_HOME, speed
+from sitl.cli.vehicle_command import PX4_HOME
 from sitl.conformance.conversation import (
     Conversation,
     Outcome,
@@ -68,7 +69,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--gcs", metavar="URL", help="with --connect: where its ground station link is sent to"
     )
     parser.add_argument(
-        "--speed", type=speed, default=5.0, metavar="X", help="of PX4, times real time (default 5)"
+        "--speed",
+        type=speed_factor,
+        default=5.0,
+        metavar="X",
+        help="of PX4, times real time (default 5)",
     )
     parser.add_argument(
         "--px4-version", choices=VERSIONS, default=VERSIONS[0], help="that ours behaves as"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
-import json
 import os
 import signal
 import sys
@@ -13,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from air_router.cli.command_line import print_json
 from air_router.counted import counted
 from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.flight.status import StatusLine
@@ -183,7 +183,7 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
     figures = [] if arguments.no_figures else _figures(experiment, records, folder)
     if arguments.json:
         answer = {**summary, "figures": [str(p) for p in figures], "folder": str(folder)}
-        sys.stdout.write(json.dumps(results.without_nan(answer)) + "\n")
+        print_json(results.without_nan(answer))
     else:
         sys.stdout.write(text + "\n")
         for claim in claims:
@@ -226,7 +226,7 @@ def _print_list(as_json: bool) -> None:
             }
         )
     if as_json:
-        sys.stdout.write(json.dumps(found) + "\n")
+        print_json(found)
         return
     for entry in found:
         count = f"{counted(len(entry['rows']), 'rows')}, {counted(entry['seeds'], 'seeds')}"

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
+from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode
 from sitl.cli.vehicle_command import (
     add_place,
@@ -64,8 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     with stop_signal() as stopped, Px4Process(install, settings) as process:
         if process.wait_until_armable(stopped):
-            sys.stdout.write(json.dumps(_ready(process, settings, install.words)) + "\n")
-            sys.stdout.flush()
+            print_json(_ready(process, settings, install.words))
         while process.running and not stopped():
             time.sleep(0.2)
         ended = not stopped()

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import logging
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
@@ -109,8 +108,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
             PaceClient(arguments.pace_from, "team") as pace,
             TeamSimulation(mission, team, plan, places, epoch_s=arguments.epoch) as simulation,
         ):
-            sys.stdout.write(json.dumps(simulation.ready()) + "\n")
-            sys.stdout.flush()
+            print_json(simulation.ready())
             simulation.run(stopped, pace.reached)
             content = simulation.report()
         if arguments.report is not None:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
-import math
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.cli.arguments import add_uav
+from air_router.cli.arguments import (
+    ANY_FINITE,
+    MORE_THAN_0,
+    add_uav,
+    number,
+    speed_factor,
+)
+from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
 from air_router.vehicle.pace import PaceSource
@@ -31,7 +35,9 @@ PX4_HOME: Final = Place(47.397742, 8.545594, 489.4)
 
 _MOST_INSTANCES: Final = 250
 _MOST_WIND_M_S: Final = 25.0
-_LAST_EPOCH_S: Final = 2.0**32
+epoch = number("a time in Unix seconds", MORE_THAN_0, 2.0**32)
+"""Unix seconds of a command line."""
+
 _EPILOG = """\
 Prints one JSON line on stdout when it runs: {"ready": true, "mavlink": ..., "gcs": ...,
 "truth": ..., "system_id": ..., "speed": ..., "home": ...}. Runs until SIGINT or SIGTERM, and ends
@@ -117,10 +123,10 @@ def add_place(parser: argparse.ArgumentParser) -> None:
 
 def add_speed_and_parameters(parser: argparse.ArgumentParser, speed_help: str) -> None:
     """Add --speed, --battery-minutes and --param; `parameters_of` reads the last two."""
-    parser.add_argument("--speed", type=speed, default=1.0, metavar="X", help=speed_help)
+    parser.add_argument("--speed", type=speed_factor, default=1.0, metavar="X", help=speed_help)
     parser.add_argument(
         "--battery-minutes",
-        type=positive,
+        type=number("a number above zero", MORE_THAN_0, ANY_FINITE),
         default=25.0,
         metavar="M",
         help="minutes from full to empty (default 25)",
@@ -171,14 +177,12 @@ def _simulate(arguments: argparse.Namespace) -> None:
     )
     ports = _ports(arguments)
     with stop_signal() as stopped, VehicleProcess(settings, ports, _pace(arguments)) as process:
-        sys.stdout.write(json.dumps(_ready(settings, ports)) + "\n")
-        sys.stdout.flush()
+        print_json(_ready(settings, ports))
         process.run(stopped)
         simulated_s = round(process.vehicle.autopilot.time_s, 1)
         ended = {"simulated_s": simulated_s, "pace": process.pace()}
     with contextlib.suppress(BrokenPipeError):  # the program that started it has gone
-        sys.stdout.write(json.dumps(ended) + "\n")
-        sys.stdout.flush()
+        print_json(ended)
 
 
 def _pace(arguments: argparse.Namespace) -> WorldPace:
@@ -246,15 +250,10 @@ def _place(text: str) -> Place:
 def parameter(text: str) -> tuple[str, float]:
     """NAME=VALUE of a command line; the name must be one of PX4's."""
     name, _, value = text.partition("=")
-    try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise argparse.ArgumentTypeError(f"'{text}' is not NAME=VALUE; write GF_ACTION=3")
+    set_to = number("the value of NAME=VALUE; write GF_ACTION=3", -ANY_FINITE, ANY_FINITE)(value)
     if name not in DEFAULTS:
         raise argparse.ArgumentTypeError(f"'{name}' is not a parameter of PX4's SITL")
-    return name, number
+    return name, set_to
 
 
 def _wind(text: str) -> WindSettings:
@@ -288,17 +287,6 @@ def _address(text: str) -> Address:
     return host, int(port)
 
 
-def positive(text: str) -> float:
-    """A number above zero of a command line."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or value <= 0:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number above zero")
-    return value
-
-
 def instance(text: str) -> int:
     """A PX4 instance of a command line."""
     if not text.isdecimal() or int(text) > _MOST_INSTANCES:
@@ -306,19 +294,3 @@ def instance(text: str) -> int:
             f"'{text}' is not an instance; write 0 to {_MOST_INSTANCES}"
         )
     return int(text)
-
-
-def speed(text: str) -> float:
-    """A speed factor of a command line."""
-    value = positive(text)
-    if not 0.1 <= value <= 100:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a speed between 0.1 and 100")
-    return value
-
-
-def epoch(text: str) -> float:
-    """Unix seconds of a command line; raises ArgumentTypeError on what is no such time."""
-    value = positive(text)
-    if value > _LAST_EPOCH_S:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a time in Unix seconds")
-    return value

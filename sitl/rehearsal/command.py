@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import functools
-import json
 import logging
 import os
 import sys
@@ -16,6 +15,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
 
+from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode
 from sitl.rehearsal.faults import Fault, Scene, scenes
 from sitl.rehearsal.judge.acceptance import End
@@ -122,8 +122,7 @@ def run(arguments: argparse.Namespace) -> int:
     for scene, verdict in rehearse(arguments.mission, chosen, arguments.jobs):
         verdicts.append((scene.fault.name, verdict))
         if arguments.json:
-            sys.stdout.write(json.dumps(_as_json(scene, verdict)) + "\n")
-            sys.stdout.flush()
+            print_json(_as_json(scene, verdict))
         for violation in verdict.violations[:MOST_VIOLATIONS]:
             sys.stderr.write(f"{verdict.scene}: {verdict.end.value}: {violation}\n")
     if not arguments.json:

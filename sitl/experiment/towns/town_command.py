@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import sys
 from pathlib import Path
 from typing import Any, Final
 
+from air_router.cli.command_line import print_json
 from air_router.counted import counted
 from air_router.errors import ExitCode, UsageError
 from air_router.files.whole_file import write_whole
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
         _draw(town, arguments.picture)
     facts = _facts(town)
     if arguments.json:
-        print(json.dumps(facts))
+        print_json(facts)
     else:
         print(
             f"{town.name}: {facts['area_m2']:,} m2, {counted(len(town.goals), 'vehicles')}, "

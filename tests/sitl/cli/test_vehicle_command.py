@@ -86,8 +86,8 @@ def test_a_taken_port_is_one_clear_error(capsys):
     [
         (["--home", "here"], "LAT,LON,ALT"),
         (["--home", "95,0,0"], "not a place"),
-        (["--speed", "0"], "above zero"),
-        (["--speed", "fast"], "above zero"),
+        (["--speed", "0"], "between 0.1 and 100"),
+        (["--speed", "fast"], "between 0.1 and 100"),
         (["--instance", "-1"], "instance"),
         (["--api-to", "14540"], "HOST:PORT"),
         (["--battery-minutes", "nan"], "above zero"),
