@@ -103,14 +103,16 @@ def run_with(
                     try_out(task)
             if arguments.fresh:
                 log.clear()
-            interrupted = _carry_out(campaign, arguments, work, log)
+            interrupted = _run_campaign(campaign, arguments, work, log)
     _evaluate(campaign, folder, arguments)
     if interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.ENDED_OTHERWISE if campaign.failed else ExitCode.DONE
 
 
-def _carry_out(campaign: Campaign, arguments: argparse.Namespace, work: Work, log: RunLog) -> bool:
+def _run_campaign(
+    campaign: Campaign, arguments: argparse.Namespace, work: Work, log: RunLog
+) -> bool:
     """Make the missing runs; whether the user stopped it."""
     missing, wanted = len(campaign.missing), len(campaign.wanted)
     if not missing:

@@ -19,7 +19,7 @@ from typing import Any, Final
 import yaml
 
 from sitl.conformance.expecting import disarmed, same
-from sitl.conformance.interpreter import Step, play
+from sitl.conformance.interpreter import Step, run_steps
 from sitl.conformance.line import Line, Link, SilentVehicleError
 from sitl.conformance.session import GROUND_STATION, DepartureError, Session
 from sitl.conformance.transfers import KINDS, clear, read_parameter, set_parameter
@@ -112,7 +112,7 @@ def converse(conversation: Conversation, line: Line) -> Outcome:
             return Outcome(conversation.name, held=False, departure=unfit, left_out=True)
         session.notes.clear()
         begun_s, when = session.now_s, ""
-        play(session, conversation.steps)
+        run_steps(session, conversation.steps)
         took_s, notes = session.now_s - begun_s, tuple(session.notes)
         when = "after it: "
         if not line.fresh:
@@ -169,7 +169,7 @@ def _prepare(conversation: Conversation, session: Session, before: dict[str, flo
             before[name] = read_parameter(session, name)
         _set(session, name, value)
     if conversation.start is Start.AIR:
-        play(session, _TO_THE_AIR)
+        run_steps(session, _TO_THE_AIR)
     return ""
 
 

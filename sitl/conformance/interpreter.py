@@ -54,7 +54,7 @@ VERBS: Final[Mapping[str, Callable[..., None]]] = {
 }
 
 
-def play(session: Session, steps: Iterable[Step]) -> None:
+def run_steps(session: Session, steps: Iterable[Step]) -> None:
     """Say and expect what the steps say.
 
     Raises:

@@ -192,7 +192,7 @@ class RunSettings:
         protocol: What the nodes speak.
         duration_s: Simulated time of the run.
         policy: Whom the UAVs seek, a choice of the mission file (`seek`).
-        passive: The UAVs never seek anybody: they go round the waypoints, and talk to whom they
+        passive: The UAVs never seek a robot: they go round the waypoints, and talk to whom they
             pass.
         timers: Of the UAVs' mission.
         uav_speed_m_s, uav_altitude_m, uav_acceleration_m_s2: How UAVs fly.

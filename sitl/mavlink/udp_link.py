@@ -24,7 +24,7 @@ class PortInUseError(AirRouterError):
 
 
 class UdpLink:
-    """Sends to a partner, receives from anybody.
+    """Sends to a partner, receives from any sender.
 
     PX4 sends to a fixed port of its own machine until a partner sends to it; from then on, and for
     as long as it runs, it sends to that first one. Others are heard, but never answered.

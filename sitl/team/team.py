@@ -271,7 +271,7 @@ class TeamSimulation:
             for name, there in self._others.items()
             if (other := self._truth_of(there, self._ground_amsl_m)) is not None
         }
-        self._carry_out(self.world.step(truth, others))
+        self._apply(self.world.step(truth, others))
 
     def _truth_of(self, state: VehicleState, ground_amsl_m: float) -> Truth | None:
         """Where a vehicle is now; None if that is on the far side of the Earth."""
@@ -288,7 +288,7 @@ class TeamSimulation:
         )
 
     def report(self) -> Mapping[str, Any]:
-        """What became of everybody so far."""
+        """What became of all robots so far."""
         self._nodes.take_maps()
         holdings = Holdings(self._nodes.messages(), self._nodes.links(), self._nodes.keepers)
         now_s = self.clock.now_s()
@@ -305,7 +305,7 @@ class TeamSimulation:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _carry_out(self, step: Step) -> None:
+    def _apply(self, step: Step) -> None:
         for change in step.links:
             self._relay.set_link(change.a, change.b, up=change.up)
             _log.info("%s and %s %s", change.a, change.b, "in contact" if change.up else "lost")

@@ -36,7 +36,7 @@ PATH_INTERVAL_S = 10.0
 SIGHTINGS_INTERVAL_S = 5.0
 GROUND_ANTENNA_M = 0.5
 _ABOVE_M = 15.0  # so near across, one vehicle counts as above the other
-LANDED_BELOW_M = 1.5  # lower than this the vehicle's antenna is as low as everybody's
+LANDED_BELOW_M = 1.5  # lower than this the vehicle's antenna is as low as a robot's
 
 
 @dataclass(frozen=True, slots=True)

@@ -191,7 +191,7 @@ class _Reader:
         if name not in robots:
             known = ", ".join(robots) or "none"
             message = f"no ground robot '{name}' in the team; use one of {known}"
-            self._complain(keys, message, "unknown-robot")
+            self._report(keys, message, "unknown-robot")
             return None
         points = self._points(robot.patrol, (*keys, "patrol"))
         if len(points) < len(robot.patrol):
@@ -201,7 +201,7 @@ class _Reader:
             polygon = shapely.Polygon(building)
             if any(polygon.intersects(shapely.LineString(leg)) for leg in patrol.legs()):
                 what = self._building_name(index)
-                self._complain(
+                self._report(
                     (*keys, "patrol"),
                     f"the patrol of {name} drives through {what}; lead it around",
                     "patrol-through-building",
@@ -231,7 +231,7 @@ class _Reader:
                 rings.append(checked_ring(points))
             except ZoneError as error:
                 message = f"cannot be an area: {error}; draw it again"
-                self._complain((*keys, index), message, error.code)
+                self._report((*keys, index), message, error.code)
         return tuple(rings)
 
     def _points(self, pairs: Iterable[list[float]], keys: Keys) -> tuple[Point, ...]:
@@ -241,7 +241,7 @@ class _Reader:
                 points.append(self._point(first, second))
             except FrameError as error:
                 message = f"{error}; correct it (latitude comes first)"
-                self._complain((*keys, index), message, "not-on-earth")
+                self._report((*keys, index), message, "not-on-earth")
         return tuple(points)
 
     def _point(self, first: float, second: float) -> Point:
@@ -252,7 +252,7 @@ class _Reader:
             raise FrameError(f"{first}, {second} lies more than 100 km from the mission")
         return point
 
-    def _complain(self, keys: Keys, message: str, code: str) -> None:
+    def _report(self, keys: Keys, message: str, code: str) -> None:
         self.problems.append(self.document.problem(keys, message, code))
 
 

@@ -41,7 +41,7 @@ TIME: Final = "time_to_goal_mean_min"
 WAIT: Final = "wait_mean_s"
 MAP_AGE: Final = "map_age_mean_s"
 NO_HELP_POINTS: Final = 5.0
-"""Less than so many percentage points of goals is no help that anybody would fly for."""
+"""Less than so many percentage points of goals is no help worth a flight."""
 
 FACTOR: Final = 2.0
 

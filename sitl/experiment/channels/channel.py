@@ -137,7 +137,7 @@ class PaperChannel:
         return link
 
     def pick(self, waiting: Iterable[Link], busy: Sequence[Link]) -> int | None:  # noqa: ARG002
-        """The first, unless anybody sends anywhere."""
+        """The first, unless any robot sends anywhere."""
         return None if busy else 0
 
     def _latency_s(self, rate_1_s: float) -> float:

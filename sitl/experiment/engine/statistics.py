@@ -98,7 +98,7 @@ class Samples:
         self._shares: list[float] = []
 
     def take(self, now_s: float, places: Places, known_share: float) -> None:
-        """Look at everybody now."""
+        """Look at every robot now."""
         self._times_s.append(now_s)
         self._places.append(places[:, :2].astype(np.float32))
         self._shares.append(known_share)

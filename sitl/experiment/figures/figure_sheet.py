@@ -1,4 +1,4 @@
-"""What the figures share: colours that everybody can tell apart, panels, titles, legends.
+"""What the figures share: colours that colour-blind readers can tell apart, panels, legends.
 
 The colours are those of M. Okabe and K. Ito; lines that differ in one setting more differ in their
 dashes too, so the figures can be read in black and white.

@@ -47,7 +47,7 @@ class Fleet:
 
 @lru_cache(maxsize=16)
 def fleet_of(uavs: int, ugvs: int, *, base: bool, original: bool) -> Fleet:
-    """A team in which everybody may talk to everybody.
+    """A team in which every robot may talk to every other one.
 
     Topics and priorities are those of the authors' simulations; whom a UAV seeks, and where the
     base station stands, are said besides. A robot publishes as often as it likes: how often that

@@ -1,7 +1,7 @@
 """What a ground robot knows: of the ground, by its eyes and by maps, and of goals.
 
 A place within `same_goal_m` of another is the same goal. Of two robots that claim one goal without
-having heard each other, the first by name keeps it as soon as they hear; a goal that anybody has
+having heard each other, the first by name keeps it as soon as they hear; a goal that any robot has
 visited is no longer claimed.
 """
 

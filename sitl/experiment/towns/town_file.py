@@ -105,7 +105,7 @@ class _Reader:
             return LocalFrame(Geodetic(*self.model.frame.origin))
         except FrameError as error:
             message = f"{error}; correct it (latitude comes first)"
-            self._complain(("frame", "origin"), message, "not-on-earth")
+            self._report(("frame", "origin"), message, "not-on-earth")
             return None
 
     def _bounds(self) -> Bounds:
@@ -113,14 +113,14 @@ class _Reader:
         for key, value in bounds._asdict().items():
             if value % GRAIN_M:
                 message = f"{key}: {value} is no multiple of {GRAIN_M:g} m; round it outwards"
-                self._complain(("bounds", key), message, "bounds-uneven")
+                self._report(("bounds", key), message, "bounds-uneven")
         width_m, height_m = bounds.east_m - bounds.west_m, bounds.north_m - bounds.south_m
         if width_m <= 0 or height_m <= 0:
             message = "the bounds enclose nothing; exchange west and east, or south and north"
-            self._complain(("bounds",), message, "bounds-inverted")
+            self._report(("bounds",), message, "bounds-inverted")
         elif width_m * height_m / RESOLUTION_M**2 > MAX_CELLS:
             message = f"larger than {MAX_CELLS} cells of {RESOLUTION_M} m; make the town smaller"
-            self._complain(("bounds",), message, "too-large")
+            self._report(("bounds",), message, "too-large")
         return bounds
 
     def _rings(self, polygons: Sequence[list[list[float]]], key: str) -> tuple[Ring, ...]:
@@ -131,7 +131,7 @@ class _Reader:
             return checked_ring(_points(pairs))
         except ZoneError as error:
             message = f"cannot be an area: {error}; draw it again"
-            self._complain(keys, message, error.code)
+            self._report(keys, message, error.code)
             return ()
 
     def _check_places(self, town: Town) -> None:
@@ -139,19 +139,19 @@ class _Reader:
         standing = PASSABLE[town.ground[[town.lattice.cell(place) for place in town.starts]]]
         for index in np.flatnonzero(~standing).tolist():
             message = "no robot can stand here: a building reaches into this 2 m cell; move it"
-            self._complain(("starts", index), message, "start-in-building")
+            self._report(("starts", index), message, "start-in-building")
         if not standing[0]:
             return
         ways = Ways(town.lattice, town.ground, town.lattice.cell(town.starts[0]))
         for index, place in enumerate(town.starts):
             if standing[index] and math.isinf(ways.costs[town.lattice.cell(place)]):
                 message = "no way leads from the first start to this one; open one, or move it"
-                self._complain(("starts", index), message, "start-unreachable")
+                self._report(("starts", index), message, "start-unreachable")
         for goal in town.goals:
             keys = ("goals", goal.id)
             if ways.nearest(goal.position, _SETTINGS.arrival_m) is None:
                 message = f"no way leads from the first start to {goal.id}; open one, or move it"
-                self._complain(keys, message, "goal-unreachable")
+                self._report(keys, message, "goal-unreachable")
         for index, goal in enumerate(town.goals):
             for other in town.goals[:index]:
                 distance_m = math.dist(goal.position, other.position)
@@ -160,9 +160,9 @@ class _Reader:
                         f"{distance_m:.1f} m from {other.id}: robots take both for one goal; "
                         f"move it beyond {_SETTINGS.same_goal_m} m"
                     )
-                    self._complain(("goals", goal.id), message, "goals-too-near")
+                    self._report(("goals", goal.id), message, "goals-too-near")
 
-    def _complain(self, keys: Keys, message: str, code: str) -> None:
+    def _report(self, keys: Keys, message: str, code: str) -> None:
         self.problems.append(self.document.problem(keys, message, code))
 
 

@@ -36,7 +36,7 @@ class FenceArea:
         return inside == self.inclusion
 
 
-class FenceComplaint(Enum):
+class FenceConflict(Enum):
     """Why an area is left out."""
 
     HOME = "home"
@@ -54,7 +54,7 @@ class Fence:
         areas: tuple[FenceArea, ...],
         home: tuple[float, float] | None,
         vehicle: tuple[float, float] | None,
-        complain: Callable[[FenceComplaint], None],
+        report: Callable[[FenceConflict], None],
     ) -> None:
         """Replace the fence.
 
@@ -62,17 +62,17 @@ class Fence:
             areas: From `fence_areas`.
             home: North, east in metres, if known.
             vehicle: North, east in metres, if it flies.
-            complain: Called once for each reason and area that is left out.
+            report: Called once for each reason and area that is left out.
         """
         kept = []
         for area in areas:
             fits = True
-            for point, complaint in (
-                (home, FenceComplaint.HOME),
-                (vehicle, FenceComplaint.VEHICLE),
+            for point, conflict in (
+                (home, FenceConflict.HOME),
+                (vehicle, FenceConflict.VEHICLE),
             ):
                 if point is not None and not area.allows(*point):
-                    complain(complaint)
+                    report(conflict)
                     fits = False
             if fits:
                 kept.append(area)

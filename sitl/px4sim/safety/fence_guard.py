@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from sitl.px4sim.plan.fence import Fence, FenceArea, FenceComplaint, fence_areas
+from sitl.px4sim.plan.fence import Fence, FenceArea, FenceConflict, fence_areas
 from sitl.px4sim.plan.mission_items import MissionType
 from sitl.px4sim.plan.plan_store import PlanStore
 from sitl.px4sim.safety.failsafe import Action
@@ -21,12 +21,12 @@ _ACTIONS: Final = {
     4: Action.TERMINATE,
     5: Action.LAND,
 }
-_COMPLAINTS: Final = {
-    FenceComplaint.HOME: (
+_CONFLICTS: Final = {
+    FenceConflict.HOME: (
         "Geofence invalid, doesn't contain Home position",
         "navigator_geofence_invalid_against_home",
     ),
-    FenceComplaint.VEHICLE: (
+    FenceConflict.VEHICLE: (
         "Geofence invalid, doesn't contain current vehicle position",
         "navigator_geofence_invalid_against_cur_pos",
     ),
@@ -103,11 +103,11 @@ class FenceGuard:
         return not too_far and not too_high
 
     def _load(self, areas: tuple[FenceArea, ...], situation: Situation) -> None:
-        def complain(complaint: FenceComplaint) -> None:
-            text, event = _COMPLAINTS[complaint]
+        def report(conflict: FenceConflict) -> None:
+            text, event = _CONFLICTS[conflict]
             situation.say(text, event, Severity.CRITICAL)
 
         acts = situation.parameters["GF_ACTION"] > 0
         flying = acts and not situation.landed
         vehicle = (situation.north_m, situation.east_m) if flying else None
-        self.fence.load(areas, situation.home, vehicle, complain)
+        self.fence.load(areas, situation.home, vehicle, report)

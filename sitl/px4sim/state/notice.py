@@ -1,7 +1,7 @@
 """What the autopilot says: MAVLink messages, and words as a STATUSTEXT, an EVENT, or both.
 
 PX4 writes most of its texts twice: as a STATUSTEXT, which only ground stations are sent, and as
-an EVENT with a numeric id, which everybody gets. A text that has an event twin ends in a tab, so
+an EVENT with a numeric id, which every link gets. A text that has an event twin ends in a tab, so
 that a ground station that shows events can leave it out.
 """
 

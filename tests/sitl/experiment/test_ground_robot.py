@@ -374,7 +374,7 @@ def do(book, deed):
     deeds=st.lists(DEEDS, max_size=30),
 )
 def test_claims_converge_however_news_travel(known, deeds):
-    """Once everybody has heard everybody, no goal is in progress twice, or visited and claimed."""
+    """Once every robot has heard the others, no goal is in progress twice, or visited and open."""
     books = {name: GoalBook(name, 17.85) for name in NAMES}
     told = {}
 
