@@ -47,9 +47,13 @@ def heard(states):
             yield WireMessage(at_s, 1, 1, 0, name, fields)
 
 
+HEARD = {id(states): tuple(heard(states)) for states in (FLOWN, HOVERS)}
+
+
 def flight(states=FLOWN, spoil=lambda message: message, **others):
     """A flight of which every message that was heard is spoilt; None: it was not."""
-    told = [m for m in map(spoil, heard(states)) if m is not None]
+    messages = HEARD.get(id(states)) or heard(states)
+    told = [m for m in map(spoil, messages) if m is not None]
     return dataclasses.replace(evidence(states, **others), heard=tuple(told))
 
 
