@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from air_router.controller.control_authority import ControlAuthority
+from air_router.controller.control_authority import ControlAuthority, OnBoard
 from air_router.controller.model.actions import HoldHere, Motion, RenewPlan
 from air_router.controller.model.events import AirspaceChanged, PlanRenewed
 from air_router.controller.model.mission_context import MissionContext
@@ -256,7 +256,7 @@ class AirspaceUpdate:
         # Who knows what plan is on board if it was not renewed.
         self._gate.navigator.by_points = event.why_not is not None
         if event.why_not is None:
-            self._authority.boarded()
+            self._authority.on_board = OnBoard.OURS
             self._context.say(f"{self._what} is on board")
         else:
             self._context.say(f"{self._what} is not on board: {event.why_not}")

@@ -277,10 +277,6 @@ class ControlAuthority:
         elif self.in_charge and self.giving_up is None:
             self.give_up(why)
 
-    def boarded(self) -> None:
-        """Our plan was put on board again and read back."""
-        self.on_board = OnBoard.OURS
-
     # And back.
 
     def why_not_back(self, *, flies_plan: bool = True) -> str | None:

@@ -40,7 +40,7 @@ from air_router.controller.states.goto_state import GotoState, GotoTask, GotoVal
 from air_router.controller.states.hold_state import GivenAway, HoldState, LandState
 from air_router.controller.states.return_state import HomeReachability, ReturnState
 from air_router.controller.states.search_state import CommState, SearchState
-from air_router.controller.states.table import STATES, next_state
+from air_router.controller.states.table import STATES, transitions
 from air_router.controller.targets.exploration import Exploration
 from air_router.controller.targets.search_points import Search
 from air_router.controller.telemetry_handler import TelemetryHandler
@@ -90,7 +90,7 @@ class Controller:
         explore: bool = True,
         name: str = "",
     ) -> None:
-        self._explores = explore
+        self._transitions = transitions(explores=explore)
         self._left = State.READY
         self._told_sought: str | None = None
         # What is known and kept.
@@ -190,13 +190,13 @@ class Controller:
     def _signal(self, signal: Signal) -> None:
         """Something has happened to the mission: another state is entered, or the same anew."""
         context, left = self._context, self._context.state
-        target = next_state(left, signal, explores=self._explores)
+        target = self._transitions[left].get(signal)
         if target is None:
             return
         self._left = left
         spec, handler = STATES[target], self._handlers[target]
         context.enter(target, spec, handler)
-        context.do(StateChanged(left, signal, target, self._search_state.robot))
+        context.actions.append(StateChanged(left, signal, target, self._search_state.robot))
         if not spec.keeps_target:
             self._search_state.robot = None
         handler.begin()

@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from air_router.routing.departure import Departure, PendingSetpoint, names_of
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.planners import Leg, Planner, planner_of
-from geo.airspace.airspace import FENCE
+from geo.airspace.airspace import FENCE, Airspace
 from geo.frame import Point
 from geo.paths.regions import Regions
 
@@ -60,6 +61,7 @@ class Router:
         # A first leg keeps the whole tracking margin; where that is too much to ask, half of it.
         self._margins = (self._airspace, departing)
         self._paths = graph.paths
+        self._positions = graph.positions
         self._planner = planner or planner_of(graph.mission.planner.kind, graph)
 
     def route(
@@ -114,6 +116,42 @@ class Router:
                 return True
         return rule.leads_out(end)
 
+    def off_cruise(self, altitude_m: float, swept: Sequence[Point]) -> NoRoute | None:
+        """Why a leg is not clear that begins off the cruise altitudes; None if it is.
+
+        The vehicle climbs or sinks on its way: which part of it is low, or high, is not known, so
+        all of it counts.
+
+        Args:
+            altitude_m: how high above home the vehicle is.
+            swept: what it may sweep, from where it is to the end of the leg.
+        """
+        low = altitude_m < self._mission.cruise.lower_m
+        airspace = self._below_cruise if low else self._above_cruise
+        if airspace is None or airspace.swept_clear(swept):
+            return None
+        names = airspace.blockers(swept[0], swept[-1])
+        where, way_out = ("lower", "climb") if low else ("higher", "descend")
+        return NoRoute(
+            f"the vehicle is {altitude_m:.0f} m above home, {where} than the mission "
+            f"flies, where {' and '.join(names) or 'a zone'} is in the way; {way_out} first",
+            names,
+        )
+
+    @cached_property
+    def _below_cruise(self) -> Airspace | None:
+        return self._with_more_zones(self._mission.column_airspace)
+
+    @cached_property
+    def _above_cruise(self) -> Airspace | None:
+        return self._with_more_zones(self._mission.above_airspace)
+
+    def _with_more_zones(self, airspace: Airspace) -> Airspace | None:
+        """What legs are checked with off the cruise altitudes; None where that is the same."""
+        if len(airspace.zones) == len(self._mission.airspace.zones):
+            return None
+        return airspace.with_margin(self._mission.planner.departure_margin_m)
+
     def _departure(self, start: Point) -> Departure:
         return Departure(self._airspace, self._paths, start, None)
 
@@ -127,9 +165,9 @@ class Router:
 
     def _goal(self, goal: Point | int) -> Leg:
         if isinstance(goal, int):
-            return Leg(self.graph.position(goal), goal)
+            return Leg(self._positions[goal], goal)
         away_m, node = self.graph.nearest_node(goal)
-        return Leg(self.graph.position(node), node) if away_m <= _SAME_M else Leg(goal)
+        return Leg(self._positions[node], node) if away_m <= _SAME_M else Leg(goal)
 
     def _bad_goal(self, target: Leg) -> NoRoute:
         holders = self._airspace.holders(target.to)

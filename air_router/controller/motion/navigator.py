@@ -23,11 +23,9 @@ from air_router.controller.motion.pending_setpoints import (
     PendingSetpoints,
     stopping_point,
 )
-from air_router.mission.mission import Mission
 from air_router.routing.departure import PendingSetpoint
 from air_router.routing.router import Leg, NoRoute, Route
 from air_router.vehicle.vehicle import Telemetry
-from geo.airspace.airspace import Airspace
 from geo.frame import Point
 
 STOP_S = 4.0
@@ -99,8 +97,6 @@ class Navigator:
         self._settle_until_s = -math.inf
         self._stands_since_s: float | None = None
         self._swept: tuple[Point, ...] = ()
-        # What legs off the cruise altitudes are checked with: of this mission, low and high.
-        self._off_cruise: tuple[Mission, dict[bool, Airspace]] = (mission, {})
 
     def go(self, goal: Goal, telemetry: Telemetry) -> Motion | None:
         """Set out for a goal from where the vehicle is, however fast it moves.
@@ -322,44 +318,17 @@ class Navigator:
             and self._height_refusal(telemetry, target, age_s) is None
         )
 
-    def _airspace_off_cruise(self, *, low: bool) -> Airspace | None:
-        """What legs are checked with off the cruise altitudes; None where that is the same."""
-        mission, kept = self._context.mission, self._off_cruise
-        if kept[0] is not mission:
-            kept = self._off_cruise = (mission, {})
-        airspace = mission.column_airspace if low else mission.above_airspace
-        if len(airspace.zones) == len(mission.airspace.zones):
-            return None
-        if low not in kept[1]:
-            kept[1][low] = airspace.with_margin(mission.planner.departure_margin_m)
-        return kept[1][low]
-
     def _height_refusal(
         self, telemetry: Telemetry, target: Point, age_s: float = 0.0
     ) -> NoRoute | None:
-        """Why a leg is not clear that begins off the cruise altitudes, where other zones count.
-
-        The vehicle climbs or sinks on its way: which part of it is low, or high, is not known, so
-        all of it counts.
-        """
+        """Why a leg is not clear that begins off the cruise altitudes, where other zones count."""
         cruise, altitude_m = self._context.mission.cruise, telemetry.altitude_m
         if cruise.lower_m <= altitude_m <= cruise.upper_m:
             return None
-        low = altitude_m < cruise.lower_m
-        airspace = self._airspace_off_cruise(low=low)
-        if airspace is None:
-            return None
         stopping = stopping_point(telemetry, self.reaction_s + age_s)
-        setpoint = (on.place for on in self.setpoints.pending(telemetry))
-        if airspace.swept_clear([telemetry.position, stopping, *setpoint, target]):
-            return None
-        names = airspace.blockers(telemetry.position, target)
-        where, way_out = ("lower", "climb") if low else ("higher", "descend")
-        return NoRoute(
-            f"the vehicle is {altitude_m:.0f} m above home, {where} than the mission "
-            f"flies, where {' and '.join(names) or 'a zone'} is in the way; {way_out} first",
-            names,
-        )
+        places = [setpoint.place for setpoint in self.setpoints.pending(telemetry)]
+        swept = (telemetry.position, stopping, *places, target)
+        return self._context.router.off_cruise(altitude_m, swept)
 
 
 def _items_moved(telemetry: Telemetry) -> bool:

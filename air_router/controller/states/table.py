@@ -65,12 +65,17 @@ STATES: Final[Mapping[State, Spec]] = MappingProxyType({
 """The mission's state machine. What is not here does not happen."""
 
 
-def next_state(state: State, signal: Signal, *, explores: bool = True) -> State | None:
-    """The state that follows; None: the signal changes nothing.
+def transitions(*, explores: bool) -> Mapping[State, Mapping[Signal, State]]:
+    """Which state follows a signal in each state.
 
     A vehicle that only searches, as the paper's second UAV, searches where another would explore.
     """
-    target = STATES[state].on.get(signal)
-    if target is not None and STATES[target].explores and not explores:
-        return State.SEARCH
-    return target
+    if explores:
+        return {state: spec.on for state, spec in STATES.items()}
+    return {
+        state: {
+            signal: State.SEARCH if STATES[target].explores else target
+            for signal, target in spec.on.items()
+        }
+        for state, spec in STATES.items()
+    }

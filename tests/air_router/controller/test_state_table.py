@@ -7,7 +7,7 @@ import pytest
 from air_router.controller.model.actions import CommandAck, Refusal, StateChanged
 from air_router.controller.model.requests import ExploreNow, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import From, Requests, Signal, State
-from air_router.controller.states.table import STATES, next_state
+from air_router.controller.states.table import STATES, transitions
 from geo.frame import Point
 
 PAPER = {
@@ -130,8 +130,9 @@ def test_a_vehicle_that_only_searches_never_explores_unless_it_is_asked_to():
     reached = {State.READY}
     while (
         fresh := {
-            next_state(state, signal, explores=False)
-            for state, signal in TRANSITIONS
+            target
+            for state, row in transitions(explores=False).items()
+            for signal, target in row.items()
             if state in reached and signal not in left_out
         }
         - reached
@@ -183,10 +184,10 @@ def from_the_air():
 
 def searcher_diagram():
     others = {
-        (s, signal): State.SEARCH
-        for (s, signal), t in TRANSITIONS.items()
-        if next_state(s, signal, explores=False) is not t
-        and signal not in {Signal.NO_TARGET, Signal.EXPLORE}
+        (s, signal): target
+        for s, row in transitions(explores=False).items()
+        for signal, target in row.items()
+        if target is not TRANSITIONS[s, signal] and signal not in {Signal.NO_TARGET, Signal.EXPLORE}
     }
     return ["stateDiagram-v2", *arrows(others)]
 
