@@ -420,3 +420,12 @@ def test_words_and_who_asks(pennovation):
     assert wish.asked(frame) == HoldNow(by="eve?[2J")
     assert command_request_of({"request": "hold", "by": " "}).asked(frame, "a page").by == "a page"
     assert spoken("status").asked(frame) is None
+
+
+def test_a_budget_fills_up_to_what_may_be_spent_at_once():
+    now_s = [0.0]
+    budget = Budget(5.0, 10.0, lambda: now_s[0])
+    now_s[0] = 3600.0
+    assert [budget.spend() for _ in range(11)] == [True] * 10 + [False]
+    now_s[0] += 0.25
+    assert [budget.spend() for _ in range(2)] == [True, False]

@@ -338,6 +338,26 @@ def test_a_drifting_vehicle_beside_the_margin_is_not_stranded(tmp_path):
     assert mission.planner.distance_m == 6.5
 
 
+def test_no_leg_ends_nearer_to_a_zone_than_routes_keep(tmp_path):
+    """Half of the tracking margin is for the way there, not for where it stays."""
+    mission, _, router, _ = wall_world(tmp_path)
+    keeps_m = mission.planner.distance_m
+    start = Point(10, -25)
+    assert router.check_leg(start, Point(10, -2 - keeps_m - 0.1))
+    assert not router.check_leg(start, Point(10, -2 - keeps_m + 0.3))
+
+
+def test_where_no_node_is_near_the_way_leads_onto_the_graph_from_afar(tmp_path):
+    _, _, router, _ = made(
+        tmp_path,
+        waypoints=[[0, 40], [40, 40]],
+        no_fly_zones=[{"name": "hides waypoint 2", "polygon": box(10, -30, 30, 20)}],
+        planner={"max_edge_m": 45.0},
+    )
+    route = router.route(Point(0, -60), 2)
+    assert [leg.node for leg in route.legs] == [1, 2]
+
+
 def test_a_vehicle_a_bit_off_a_tight_leg_may_fly_it_on(pennovation):
     mission, graph, router, judge = pennovation
     a, b = graph.position(21), graph.position(22)

@@ -91,6 +91,15 @@ def test_a_mission_that_is_wrong_is_refused_with_its_reason_at_once(pennovation)
     assert board.uploads == 1
 
 
+@pytest.mark.parametrize("what", ["geofence", "rally_points", "mission"])
+def test_what_px4_did_not_keep_is_noticed_before_take_off(pennovation, what):
+    board = Board()
+    take = getattr(board, f"upload_{what}_async")
+    setattr(board, f"upload_{what}_async", lambda items, answer: take(items[:-1], answer))
+    with pytest.raises(PlanRefusedError, match=r"\d+ items sent, \d+ are on board"):
+        asyncio.run(upload_plan(board, board, FlightPlan.of(pennovation)))
+
+
 def test_a_list_that_an_item_of_the_one_before_broke_off_is_sent_again(pennovation, monkeypatch):
     monkeypatch.setattr(px4_plan, "BUSY_S", 0.0)
     plan, board = FlightPlan.of(pennovation), Board()
