@@ -338,6 +338,21 @@ def test_a_drifting_vehicle_beside_the_margin_is_not_stranded(tmp_path):
     assert mission.planner.distance_m == 6.5
 
 
+def test_out_of_a_narrow_lane_no_leg_leads_deeper_into_it(tmp_path):
+    _, _, router, _ = made(
+        tmp_path,
+        home=[85, 0],
+        waypoints=[[85, 50], [85, -50]],
+        no_fly_zones=[
+            {"name": "north", "polygon": box(-90, 5.5, 60, 40)},
+            {"name": "south", "polygon": box(-90, -40, 60, -5.5)},
+        ],
+    )
+    start = Point(0, 0)  # 5.5 m from both
+    assert router.check_leg(start, Point(10, 0))
+    assert not router.check_leg(start, Point(-10, 0))
+
+
 def test_no_leg_ends_nearer_to_a_zone_than_routes_keep(tmp_path):
     """Half of the tracking margin is for the way there, not for where it stays."""
     mission, _, router, _ = wall_world(tmp_path)

@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 
 from mocha_link.links.metrics import (
     ContactBegan,
+    Direction,
     LinkState,
     MessageStored,
     RssiChanged,
+    SyncEnded,
     SyncStarted,
     SyncTimedOut,
 )
@@ -87,6 +89,7 @@ def test_a_failed_pull_is_tried_again_at_the_next_trigger(net):
     assert [type(e) for e in events] == [
         RssiChanged,
         ContactBegan,
+        Direction,
         SyncStarted,
         SyncTimedOut,
         SyncStarted,
@@ -220,3 +223,18 @@ def test_whatever_is_cut_everything_arrives_in_the_end(team, way, steps):
         ):
             net.pull(client, server)
     assert all(net.held(name) == newest for name in NAMES)
+
+
+def test_a_sync_whose_end_was_lost_is_ended_when_the_peer_asks_again(team):
+    net = make(team, "udp", delay_s=0.05)
+    net.publish("titan", "/map", b"a map")
+
+    def end_is_lost(piece) -> bool:
+        return piece.source == "titan" or net.held("io") == {} or net.time_s > 0.8
+
+    net.lets_by = end_is_lost
+    net.pull("io", "titan")
+    net.wait(10.0)
+    (ended,) = net.told("titan", SyncEnded)
+    assert (ended.direction, ended.complete) == (Direction.OUT, True)
+    assert net.told("titan", SyncTimedOut) == []

@@ -125,7 +125,7 @@ def test_numbers_are_never_given_twice(shelter, tmp_path):
 
 
 def test_numbers_go_on_far_beyond_those_on_disk_however_the_dice_fall(shelter, monkeypatch):
-    monkeypatch.setattr("secrets.randbits", lambda bits: 0)
+    monkeypatch.setattr("secrets.randbits", lambda _: 0)
     node = shelter()
     node.write(*range(10))
     node.storage.close()
