@@ -106,11 +106,6 @@ class Gossip:
         if self._metrics is not None:
             self._metrics.start()
 
-    @property
-    def metrics_endpoint(self) -> str | None:
-        """Where the metrics are served; with port `*` known after the start."""
-        return None if self._metrics is None else self._metrics.endpoint
-
     def links(self) -> Mapping[str, LinkMetrics]:
         """Metrics of the link to every peer."""
         return self.node.links()

@@ -61,7 +61,7 @@ def table(report: dict[str, Any]) -> str:
                 name,
                 str(robot["found"]),
                 f"{robot['syncs_in']}/{robot['syncs_out']}",
-                f"{_bytes(robot['bytes_in'])}/{_bytes(robot['bytes_out'])}",
+                f"{size_words(robot['bytes_in'])}/{size_words(robot['bytes_out'])}",
                 "none" if robot["newest_age_s"] is None else f"{robot['newest_age_s']:.0f} s old",
                 "none" if robot["map_share"] is None else f"{robot['map_share']:.0%}",
             ]
@@ -125,9 +125,10 @@ def several(report: dict[str, Any], codes: Mapping[str, int]) -> str:
     return "".join(parts) + ("\n" + "".join(lines) if lines else "") + pace_line(report)
 
 
-def _bytes(count: int) -> str:
+def size_words(count: float) -> str:
+    """So many bytes, in words of at most four digits."""
     if count < 10_000:
-        return f"{count} B"
+        return f"{count:.0f} B"
     if count < 10_000_000:
         return f"{count / 1e3:.0f} kB"
     return f"{count / 1e6:.0f} MB"

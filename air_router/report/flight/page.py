@@ -14,6 +14,7 @@ from air_router.report.flight.flight_summary import FlightSummary
 from air_router.report.flight.svg import clock
 from air_router.report.flight.track import track_figure
 from air_router.report.flight.ulog import UlogTrack
+from air_router.report.report import size_words
 
 
 def page_of(summary: FlightSummary, source: str, ulog: UlogTrack | None = None) -> str:
@@ -82,8 +83,8 @@ def _tiles(facts: dict[str, Any]) -> str:
         ),
         (
             "exchanged",
-            _bytes(got + given),
-            f"{_bytes(got)} in, {_bytes(given)} out",
+            size_words(got + given),
+            f"{size_words(got)} in, {size_words(given)} out",
         ),
     ]
     if charges:
@@ -123,7 +124,7 @@ def _robots(summary: FlightSummary, facts: dict[str, Any]) -> str:
                 f"{len(robot['contacts'])}, {clock(reach_s)}",
                 f"{complete['in']}/{len(done['in'])}",
                 f"{complete['out']}/{len(done['out'])}",
-                _bytes(sum(s["bytes"] for s in syncs)),
+                size_words(sum(s["bytes"] for s in syncs)),
                 f"{max(ages):.0f} s" if ages else "never heard of",
                 "" if not share else f"{share:.0%}",
             )
@@ -190,9 +191,3 @@ def _foot(facts: dict[str, Any], source: str, ulog: UlogTrack | None) -> str:
             "(median)."
         )
     return f"<footer>{escape(' '.join(words))}</footer>"
-
-
-def _bytes(count: float) -> str:
-    if count < 1e4:
-        return f"{count:.0f} B"
-    return f"{count / 1e3:.0f} kB" if count < 1e7 else f"{count / 1e6:.0f} MB"

@@ -12,11 +12,10 @@ from typing import Any, Final
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 
-from air_router.vehicle.clock import VehicleClock
+from air_router.vehicle.clock import VehicleClock, loop_s
 from air_router.vehicle.events.px4_events import WARNING, ArmingReports, Px4Event
 from air_router.vehicle.height_frame import HeightFrame
 from air_router.vehicle.inspection import GpsFix
-from air_router.vehicle.loop_clock import loop_s
 from air_router.vehicle.mavlink.mavsdk_bridge import Received, subscribe
 from air_router.vehicle.px4.continuity import Continuity, HeardPlace
 from air_router.vehicle.px4.px4_mode import ModeState
@@ -178,11 +177,6 @@ class Px4Telemetry:
     def target(self) -> Point | None:
         """Where it flies to or hovers in its present mode, by its own word."""
         return self._target if self.mode in TARGETED else None
-
-    @property
-    def plan_guarded(self) -> bool:
-        """Whether it is known which plan is on board, so that another one would be noticed."""
-        return self._guarding and self._plan_ids is not None
 
     def leave_plan_alone(self) -> None:
         """The plan on board is about to be another, by our own hand."""

@@ -292,7 +292,7 @@ def test_a_plan_is_edited_in_place(plan):
 def test_every_part_of_a_plan_can_be_taken_hold_of(plan):
     handles = list(plan.manuscript.drawing.sketch.handles())
     assert len(handles) > 90
-    for handle in handles[::7]:
+    for handle in handles[::20]:
         plan.edit(move(handle.keys, FREE))
         (moved,) = [h for h in plan.manuscript.drawing.sketch.handles() if h.keys == handle.keys]
         assert moved.pair == FREE
@@ -401,16 +401,6 @@ def test_line_breaks_and_marks_stay(path):
     raw = path.read_bytes()
     assert raw.startswith(b"\xef\xbb\xbf#")
     assert raw.count(b"\r\n") == raw.count(b"\n") == text.count("\n") + 1
-
-
-def test_a_link_stays_a_link(path):
-    link = path.with_name("link.yaml")
-    link.symlink_to(path)
-    session = EditSession(MissionText(link))
-    session.edit(move(waypoint(1), FREE))
-    session.save()
-    assert link.is_symlink()
-    assert "[39.9426000, -75.2002000]" in path.read_text()
 
 
 def test_a_failed_save_leaves_file_and_folder_as_they_were(path, session, monkeypatch):

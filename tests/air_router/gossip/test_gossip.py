@@ -175,7 +175,7 @@ def test_other_programs_can_watch_the_links_and_the_map_is_published(pennovation
         events = []
         made.start(events.append)
         try:
-            watching = asyncio.to_thread(lambda: next(watch(made.metrics_endpoint)))
+            watching = asyncio.to_thread(lambda: next(watch(made._metrics.endpoint)))
             kind, snapshot = await watching
             cells = np.full((3, 3), Terrain.ROAD, dtype=np.uint8)
             corner = (mapper.grid.west_m, mapper.grid.south_m)
