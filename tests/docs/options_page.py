@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from pathlib import Path
 
 import air_router.cli.cli
@@ -18,27 +19,40 @@ and exit codes: [commands.md](commands.md). All take `-h` (`--help`, with exampl
 `-vv`: still more) and `--log-level` (`debug`, `info`, `warning`, `error`).
 """
 EVERYWHERE = {"--help", "--verbose", "--log-level"}
+SHARED = """\
+## Shared options
+
+What several commands take; each command names those that it has.
+"""
 
 
 def page() -> str:
-    """The whole page."""
-    parts = [HEAD]
-    for module in (air_router.cli.cli, mocha_link.cli.cli, sitl.cli.cli):
-        program = module.parser()
-        parts += [f"## {program.prog}\n", f"{program.description}\n", *_commands(program)]
+    """The whole page; what several commands take is explained once."""
+    modules = (air_router.cli.cli, mocha_link.cli.cli, sitl.cli.cli)
+    programs = [module.parser() for module in modules]
+    count = Counter(row for program in programs for _, rows in _commands(program) for row in rows)
+    means = {name: said for (name, said), times in reversed(count.most_common()) if times > 1}
+    shared = sorted(means.items())
+    parts = [HEAD, SHARED, "\n".join(f"* {name}: {said}" for name, said in shared) + "\n"]
+    for program in programs:
+        parts += [f"## {program.prog}\n", f"{program.description}\n"]
+        for command, rows in _commands(program):
+            parts += [f"### {command.prog}\n", f"{' '.join((command.description or '').split())}\n"]
+            own = [f"* {name}: {said}" for name, said in rows if (name, said) not in shared]
+            also = ", ".join(name for name, said in rows if (name, said) in shared)
+            lines = [*own, *([f"* shared: {also}"] if also else [])]
+            if lines:
+                parts.append("\n".join(lines) + "\n")
     return "\n".join(parts)
 
 
 def _commands(parser):
+    """Each command and its options: pairs of name and explanation."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():
-                yield f"### {command.prog}\n"
-                yield f"{' '.join((command.description or '').split())}\n"
                 expand = command._get_formatter()._expand_help
-                rows = [_row(a, expand) for a in command._actions if _told(a)]
-                if rows:
-                    yield "\n".join(rows) + "\n"
+                yield command, [_row(a, expand) for a in command._actions if _told(a)]
                 yield from _commands(command)
 
 
@@ -68,4 +82,4 @@ def _row(action, expand):
         )
     needed = " (needed)" if action.option_strings and action.required else ""
     said = " ".join(expand(action).split()) if action.help else ""
-    return f"* `{name}`{needed}: {said}"
+    return f"`{name}`{needed}", said
