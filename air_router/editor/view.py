@@ -11,7 +11,7 @@ from air_router.editor.sketch import Handle, Pair, Region
 from air_router.files.mission_document import Area, Keys
 from air_router.mission.mission import Mission
 from air_router.routing.router import Route
-from air_router.web.outlines import Degrees, Rings, beside, buffer, degrees
+from air_router.web.outlines import Degrees, Rings, area_beside, beside, buffer, degrees
 from geo.airspace.zone import Shape
 from geo.frame import LocalFrame
 from mocha_link.team.document import Problem
@@ -57,17 +57,12 @@ class Viewer:
             }
         for area in (area for area in draft.zones if area.place is not None):
             if draft.frame is not None:  # from another file: to be seen, not to be edited
-                yield {
-                    "keys": None,
-                    "name": area.name,
-                    "fence": False,
-                    "outline": self._buffer(draft.frame, area.shape, 0.0),
-                    "rings": [],
-                    "circle": None,
-                    "wrong": False,
-                    "notes": _notes(area, judgement.mission),
-                    "buffers": self._kept(judgement, area, is_fence=False),
-                }
+                yield area_beside(
+                    area.name,
+                    self._buffer(draft.frame, area.shape, 0.0),
+                    self._kept(judgement, area, is_fence=False),
+                    _notes(area, judgement.mission),
+                )
 
     def _kept(
         self, judgement: Judgement, area: Area | None, *, is_fence: bool

@@ -18,12 +18,12 @@ from air_router.control.command_request import CommandRequest, CommandRequestErr
 from air_router.controller.controller import Controller
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import PublishMap
-from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.errors import RefusedError
 from air_router.gossip.gossip import MAP_INTERVAL_S
 from air_router.gossip.mapper import Mapper
 from air_router.live.server import TICK_S, LivePage
 from air_router.record.log import RecordEntry
+from air_router.record.replay import about_own
 from air_router.vehicle.vehicle import Telemetry
 from air_router.web.serving import Say, Web
 from mocha_link.links.metrics import LinkMetrics
@@ -117,12 +117,8 @@ class Film:
                 self.mapper.paint(entry.value)
 
     def _decide(self, entry: RecordEntry, page: LivePage) -> None:
-        event = entry.value
-        page.event(event, entry.t)
-        if isinstance(event, CommandConfirmed | CommandFailed):
-            # Of motions that are alike the controller knows its own: the object counts.
-            own = [mine for theirs, mine in self._motions if theirs is event.action]
-            event = dataclasses.replace(event, action=own[-1]) if own else event
+        page.event(entry.value, entry.t)
+        event = about_own(entry.value, self._motions)
         self._decided = deque(self.controller.handle(event, entry.t))
         for action in self._decided:
             page.action(action, entry.t)

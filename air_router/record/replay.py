@@ -187,14 +187,21 @@ def _prepared(
     return controller
 
 
-def _decide(controller: Controller, step: Told, motions: Iterable[tuple[Any, Any]]) -> list[Any]:
-    event = step.event
+def about_own(event: Any, motions: Iterable[tuple[Any, Any]]) -> Any:
+    """The event, but about the motion that was decided now; `motions`: (recorded, decided now).
+
+    Of motions that are alike the controller knows its own: the object counts.
+    """
     if isinstance(event, CommandConfirmed | CommandFailed):
-        # Of motions that are alike the controller knows its own: the object counts.
-        own = [mine for theirs, mine in motions if theirs is event.action]
-        event = dataclasses.replace(event, action=own[0]) if own else event
+        for recorded, own in motions:
+            if recorded is event.action:
+                return dataclasses.replace(event, action=own)
+    return event
+
+
+def _decide(controller: Controller, step: Told, motions: Iterable[tuple[Any, Any]]) -> list[Any]:
     try:
-        return list(controller.handle(event, step.t))
+        return list(controller.handle(about_own(step.event, motions), step.t))
     except Exception as error:  # noqa: BLE001 - a flight that ended so does it again
         return [f"{type(error).__name__}: {error}"]
 

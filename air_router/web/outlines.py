@@ -35,6 +35,28 @@ def beside(origin: tuple[float, float], place: tuple[float, float]) -> tuple[flo
     return place if turns == 0 else (place[0], round(place[1] + 360 * turns, DECIMALS))
 
 
+def area_beside(
+    name: str,
+    outline: list[Rings],
+    buffers: list[list[Rings]],
+    notes: list[str],
+    *,
+    is_fence: bool = False,
+) -> dict[str, Any]:
+    """An area without handles; `buffers`: what is kept from it, at least and when planning."""
+    return {
+        "keys": None,
+        "name": name,
+        "fence": is_fence,
+        "outline": outline,
+        "rings": [],
+        "circle": None,
+        "wrong": False,
+        "notes": notes,
+        "buffers": buffers,
+    }
+
+
 def buffer(frame: LocalFrame, shape: Shape, distance_m: float) -> list[Rings]:
     """A shape grown by a distance (shrunk, where that is negative), as polygons with holes."""
     if isinstance(shape, Circle):
