@@ -109,7 +109,7 @@ class Scenario:
         self._path = path
         self.now_s = 0.0
         self.companion: Companion | None = None
-        self._dice = scene.chance("scenario")
+        self._dice = scene.chance("stage")  # the name of its dice: another would be other flights
         self._speaker = Speaker(1, COMPANION)
         self._step_at_s = self._tick_at_s = STEP_S
         self._stalled_until_s = self._deaf_from_s = math.inf
