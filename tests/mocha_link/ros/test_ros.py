@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
 from mocha_link.ros import ros_store
 from mocha_link.ros.ros import RosCodec, RosError
+from tests.mocha_link.fuzz import EXPLORE
 
 CAPTURED = json.loads((Path(__file__).parents[2] / "data/mocha/ros_payloads.json").read_text())
 CAPTURED_BYTES = {ros: bytes.fromhex(CAPTURED[f"ros{ros}"]) for ros in (1, 2)}
@@ -208,8 +209,8 @@ def test_cut_and_grown_messages(codec, kind, ros):
 
 
 @pytest.mark.parametrize("ros", [1, 2])
-@pytest.mark.parametrize("kind", TYPES)
-@given(data=st.data())
+@settings(max_examples=5000 if EXPLORE else 75)
+@given(kind=st.sampled_from(TYPES), data=st.data())
 def test_hostile_bytes(codec, kind, ros, data):
     """Whatever comes is a message, which can be written and shown, or a RosError."""
     good = codec.encode(kind, GOAL if kind == "field/Goal" else {}, ros)
