@@ -7,8 +7,6 @@ import sqlite3
 import threading
 from pathlib import Path
 
-from mocha_link.service.service_client import Place
-
 SPARE = 8  # headers of a topic that are remembered beyond its history
 
 LOG = logging.getLogger("mocha_link")
@@ -52,7 +50,7 @@ class Progress:
         return file
 
     @property
-    def place(self) -> Place | None:
+    def place(self) -> tuple[str, int] | None:
         """Where to go on in the node's sequence; None: from the beginning."""
         with self._lock:
             row = self._file.execute("SELECT epoch, sequence FROM place").fetchone()
@@ -76,7 +74,7 @@ class Progress:
                 (channel, history + SPARE),
             )
 
-    def move(self, place: Place) -> None:
+    def move(self, place: tuple[str, int]) -> None:
         """All up to a place was handed on."""
         with self._lock, self._file:
             self._file.execute("INSERT OR REPLACE INTO place VALUES (1, ?, ?)", place)

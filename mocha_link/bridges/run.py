@@ -7,7 +7,6 @@ import importlib.util
 import logging
 import os
 import re
-import signal
 import sys
 import threading
 from collections.abc import Sequence
@@ -17,6 +16,7 @@ from typing import Any
 from mocha_link.bridges.bridge import Bridge
 from mocha_link.bridges.progress import Progress
 from mocha_link.errors import MochaLinkError
+from mocha_link.node.lifetime import until_terminated
 from mocha_link.service.service_client import ServiceClient, ServiceUnreachableError
 
 DONE, FAILED, INTERRUPTED = 0, 1, 130
@@ -27,10 +27,6 @@ LOG = logging.getLogger("mocha_link")
 
 class BridgeError(MochaLinkError):
     """A bridge cannot run here; the message says what it needs."""
-
-
-class _EndedError(BaseException):
-    """SIGTERM came."""
 
 
 def add_options(parser: argparse.ArgumentParser, kind: str) -> None:
@@ -60,17 +56,8 @@ def add_options(parser: argparse.ArgumentParser, kind: str) -> None:
 
 def run(kind: str, options: argparse.Namespace) -> int:
     """Run a bridge until a signal comes; returns the exit code. Raises MochaLinkError."""
-
-    def end(_number: int, _frame: Any) -> None:
-        raise _EndedError
-
-    before = signal.signal(signal.SIGTERM, end)
-    try:
+    with until_terminated():
         _run(kind, options)
-    except _EndedError:
-        return DONE
-    finally:
-        signal.signal(signal.SIGTERM, before)
     return DONE
 
 

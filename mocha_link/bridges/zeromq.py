@@ -22,7 +22,6 @@ from mocha_link.service import requests
 from mocha_link.service.endpoint import bind, connect
 from mocha_link.service.requests import Frames, RequestError
 from mocha_link.service.service_client import (
-    Place,
     ServiceClient,
     ServiceError,
     ServiceUnreachableError,
@@ -172,7 +171,7 @@ class ZeroMqBridge(Closeable):
 
     def _follow(self) -> None:
         """Stream what the node stores."""
-        place: Place | None = None
+        place: tuple[str, int] | None = None
         with ServiceClient(self._node, timeout_s=2.0) as client:
             while not self._stopping.is_set():
                 try:

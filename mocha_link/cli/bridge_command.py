@@ -6,7 +6,6 @@ import argparse
 import logging
 import os
 import shutil
-import signal
 import sys
 import threading
 from pathlib import Path
@@ -16,6 +15,7 @@ from mocha_link import bridges
 from mocha_link.bridges import run as ros_bridge
 from mocha_link.bridges.zeromq import ZeroMqBridge
 from mocha_link.cli.command_help import add_command, endpoint, examples, log_level
+from mocha_link.node.lifetime import until_terminated
 
 WHAT = {
     "zmq": "serve programs in any language, with JSON or bytes",
@@ -76,19 +76,17 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _serve(options: argparse.Namespace) -> int:
-    ending = threading.Event()
-    before = signal.signal(signal.SIGTERM, lambda *_: ending.set())
-    try:
-        with ZeroMqBridge(
+    with (
+        until_terminated(),
+        ZeroMqBridge(
             options.node, options.serve, stream=options.stream, as_json=options.json
-        ) as bridge:
-            print(f"answers on {bridge.endpoint}", file=sys.stderr)
-            if bridge.stream:
-                print(f"streams on {bridge.stream}", file=sys.stderr)
-            print("ready; Ctrl-C ends", file=sys.stderr, flush=True)
-            ending.wait()
-    finally:
-        signal.signal(signal.SIGTERM, before)
+        ) as bridge,
+    ):
+        print(f"answers on {bridge.endpoint}", file=sys.stderr)
+        if bridge.stream:
+            print(f"streams on {bridge.stream}", file=sys.stderr)
+        print("ready; Ctrl-C ends", file=sys.stderr, flush=True)
+        threading.Event().wait()
     return 0
 
 

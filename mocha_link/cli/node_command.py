@@ -7,15 +7,14 @@ import contextlib
 import json
 import logging
 import queue
-import signal
 import sys
 from pathlib import Path
-from types import FrameType
 from typing import NoReturn
 
 from mocha_link.cli.command_help import drop_output, endpoint, examples, web_address
 from mocha_link.cli.display import News, event_line
 from mocha_link.links.metrics import LinkEvent
+from mocha_link.node.lifetime import until_terminated
 from mocha_link.node.node import Node
 from mocha_link.service.prometheus import PrometheusServer
 from mocha_link.service.service import ServiceServer
@@ -27,10 +26,6 @@ QUEUE_EVENTS = 10_000  # not yet printed; what comes on top is not shown
 _ENDPOINT = "tcp://127.0.0.1:24500"  # in examples
 
 LOG = logging.getLogger("mocha_link")
-
-
-class _Terminated(BaseException):
-    """SIGTERM came."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,41 +84,32 @@ def run(options: argparse.Namespace) -> int:
         with contextlib.suppress(queue.Full):
             events.put_nowait(event)
 
-    def terminate(_number: int, _frame: FrameType | None) -> None:
-        raise _Terminated
-
     node.subscribe(keep)
-    before = signal.signal(signal.SIGTERM, terminate)
-    try:
-        with node, contextlib.ExitStack() as stack:
-            if options.metrics:
-                server = stack.enter_context(MetricsServer(node, options.metrics))
-                _say(f"metrics on {server.endpoint}")
-            if options.prometheus:
-                web = stack.enter_context(PrometheusServer(node, options.prometheus))
-                _say(f"metrics on {web.url}")
-            if options.serve:
-                service = stack.enter_context(ServiceServer(node, options.serve))
-                _say(f"serves bridges on {service.endpoint}")
-            robot = node.robot
-            if robot.original:
-                LOG.warning(
-                    "%s says that %s runs the original node: the others speak the old protocol "
-                    "with it; if this node is to stay, take 'original' away in every team file",
-                    options.team,
-                    robot.name,
-                )
-            if options.storage and not node.storage_fault:
-                count = len(node.messages())
-                _say(f"{options.storage} has {count} message{'s' * (count != 1)}")
-            for peer in robot.peers:
-                _say(f"{robot.name} answers {peer} on {robot.listen}:{robot.port_for(peer)}")
-            _say("ready; Ctrl-C ends")
-            _show(events, as_json=options.json)
-    except _Terminated:
-        return 0
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    with until_terminated(), node, contextlib.ExitStack() as stack:
+        if options.metrics:
+            server = stack.enter_context(MetricsServer(node, options.metrics))
+            _say(f"metrics on {server.endpoint}")
+        if options.prometheus:
+            web = stack.enter_context(PrometheusServer(node, options.prometheus))
+            _say(f"metrics on {web.url}")
+        if options.serve:
+            service = stack.enter_context(ServiceServer(node, options.serve))
+            _say(f"serves bridges on {service.endpoint}")
+        robot = node.robot
+        if robot.original:
+            LOG.warning(
+                "%s says that %s runs the original node: the others speak the old protocol "
+                "with it; if this node is to stay, take 'original' away in every team file",
+                options.team,
+                robot.name,
+            )
+        if options.storage and not node.storage_fault:
+            count = len(node.messages())
+            _say(f"{options.storage} has {count} message{'s' * (count != 1)}")
+        for peer in robot.peers:
+            _say(f"{robot.name} answers {peer} on {robot.listen}:{robot.port_for(peer)}")
+        _say("ready; Ctrl-C ends")
+        _show(events, as_json=options.json)
     return 0
 
 

@@ -17,6 +17,7 @@ from typing import Any
 
 from mocha_link.cli.command_help import coloured, endpoint, examples
 from mocha_link.cli.monitor import Picture, Size, Style
+from mocha_link.node.lifetime import until_terminated
 from mocha_link.service.metrics_client import MetricsError, Subscription
 
 DONE = 0
@@ -28,10 +29,6 @@ PRINTED = Size(200, 100)  # without a terminal
 _ENTER = "\x1b[?1049h\x1b[?25l"  # another screen, no cursor
 _LEAVE = "\x1b[?25h\x1b[?1049l"
 _HOME, _END_OF_LINE, _BELOW = "\x1b[H", "\x1b[K", "\x1b[J"
-
-
-class _Terminated(BaseException):
-    """SIGTERM came."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         if not (sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"):
             _write("\n".join(picture.lines(PRINTED, style, time.monotonic())) + "\n")
             return DONE
-        with contextlib.suppress(_Terminated), _screen() as resized:
+        with until_terminated(), _screen() as resized:
             _follow(subscription, picture, style, resized)
     return DONE
 
@@ -132,13 +129,7 @@ def _screen() -> Iterator[list[bool]]:
     def note(_number: int, _frame: FrameType | None) -> None:
         resized.append(True)
 
-    def terminate(_number: int, _frame: FrameType | None) -> None:
-        raise _Terminated
-
-    before = {
-        number: signal.signal(number, handler)
-        for number, handler in ((signal.SIGWINCH, note), (signal.SIGTERM, terminate))
-    }
+    before = signal.signal(signal.SIGWINCH, note)
     keys = _Keys()
     try:
         _write(_ENTER)
@@ -146,8 +137,7 @@ def _screen() -> Iterator[list[bool]]:
     finally:
         _write(_LEAVE)
         keys.give_back()
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        signal.signal(signal.SIGWINCH, before)
 
 
 def _shows_blocks() -> bool:

@@ -17,8 +17,6 @@ from mocha_link.errors import MochaLinkError
 from mocha_link.node.lifetime import Closeable
 from mocha_link.service.endpoint import EndpointError, connect, folder
 
-Place = tuple[str, int]  # epoch and sequence number
-
 LOOK_S = 0.05
 """So often it is looked whether the program that is to answer has begun."""
 
@@ -200,13 +198,13 @@ class ServiceClient(Asker):
 
     def since(
         self,
-        place: Place | None = None,
+        place: tuple[str, int] | None = None,
         *,
         limit: int = 100,
         wait_s: float = 0.0,
         own: bool = False,
         ros: int | None = None,
-    ) -> tuple[Place, list[tuple[dict[str, Any], bytes]]]:
+    ) -> tuple[tuple[str, int], list[tuple[dict[str, Any], bytes]]]:
         """What was stored after a place in the sequence; waits up to `wait_s` for something.
 
         Returns the place to ask from next time, and the messages. A caller that remembers the place
