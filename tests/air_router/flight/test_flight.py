@@ -461,7 +461,7 @@ def test_an_unconfirmed_jump_is_repeated(rig):
 
 
 def test_a_vehicle_that_stays_silent_is_lost(rig):
-    flight = rig(duration_s=None)
+    flight = rig(duration_s=200.0)
     flight.at(
         lambda: flight.vehicle.airframe.now_s > 150.0,
         lambda: flight.vehicle.callback(LinkSilent(150.0, 61.0)),
