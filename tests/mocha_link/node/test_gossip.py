@@ -89,7 +89,6 @@ def test_a_failed_pull_is_tried_again_at_the_next_trigger(net):
     assert [type(e) for e in events] == [
         RssiChanged,
         ContactBegan,
-        Direction,
         SyncStarted,
         SyncTimedOut,
         SyncStarted,
