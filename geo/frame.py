@@ -34,6 +34,15 @@ class Point(NamedTuple):
     north_m: float
 
 
+def off_line_m(place: Point, start: Point, end: Point) -> float:
+    """Distance of a place from the straight line between two others."""
+    east_m, north_m = end[0] - start[0], end[1] - start[1]
+    length_2 = east_m**2 + north_m**2
+    along = (place[0] - start[0]) * east_m + (place[1] - start[1]) * north_m
+    share = min(max(along / length_2, 0.0), 1.0) if length_2 > 0 else 0.0
+    return math.dist(place, (start[0] + share * east_m, start[1] + share * north_m))
+
+
 class Geodetic(NamedTuple):
     """A place on the WGS-84 ellipsoid, in degrees; latitude first, as in plans and MAVLink."""
 

@@ -26,7 +26,7 @@ from air_router.controller.motion.pending_setpoints import (
 from air_router.routing.departure import PendingSetpoint
 from air_router.routing.router import Leg, NoRoute, Route
 from air_router.vehicle.vehicle import Telemetry
-from geo.frame import Point
+from geo.frame import Point, off_line_m
 
 STOP_S = 4.0
 """What stopping and setting out again takes: a way that avoids it may be longer by so much."""
@@ -180,7 +180,7 @@ class Navigator:
 
     def _astray(self, here: Point) -> bool:
         """Whether a gust, or a jump of the position estimate, took it out of what was checked."""
-        if not self._swept or _off_line_m(here, self._swept[0], self._swept[-1]) <= ASTRAY_M:
+        if not self._swept or off_line_m(here, self._swept[0], self._swept[-1]) <= ASTRAY_M:
             return False
         swept = MultiPoint(self._swept).convex_hull
         return bool(swept.distance(ShapelyPoint(here)) > ASTRAY_M)
@@ -334,12 +334,3 @@ class Navigator:
 def _items_moved(telemetry: Telemetry) -> bool:
     """Whether the plan's items lie higher or lower than planned, because home does."""
     return telemetry.home_moved is not None and telemetry.home_moved.changes_heights
-
-
-def _off_line_m(point: Point, start: Point, end: Point) -> float:
-    """Distance of a point from a straight line between two."""
-    east_m, north_m = end[0] - start[0], end[1] - start[1]
-    length_2 = east_m**2 + north_m**2
-    along = (point[0] - start[0]) * east_m + (point[1] - start[1]) * north_m
-    share = min(max(along / length_2, 0.0), 1.0) if length_2 > 0 else 0.0
-    return math.dist(point, (start[0] + share * east_m, start[1] + share * north_m))

@@ -10,7 +10,7 @@ from itertools import accumulate, pairwise
 from statistics import median
 from typing import Final
 
-from geo.frame import Point
+from geo.frame import Point, off_line_m
 
 USUAL_SPEED_M_S: Final = 1.0
 """Of a ground robot, where no robot's speed is known."""
@@ -252,15 +252,7 @@ def _ahead(path: tuple[Point, ...], place: Point) -> tuple[tuple[Point, ...], fl
     """What of a path lies ahead of a place, and how far off the path that place is."""
     best, off_m = 0, math.dist(path[0], place)
     for index, (a, b) in enumerate(pairwise(path), start=1):
-        away_m = _off_leg_m(a, b, place)
+        away_m = off_line_m(place, a, b)
         if away_m < off_m:
             best, off_m = index, away_m
     return path[best:], off_m
-
-
-def _off_leg_m(a: Point, b: Point, place: Point) -> float:
-    east_m, north_m = b[0] - a[0], b[1] - a[1]
-    length_2 = east_m**2 + north_m**2
-    along = (place[0] - a[0]) * east_m + (place[1] - a[1]) * north_m
-    share = min(max(along / length_2, 0.0), 1.0) if length_2 > 0 else 0.0
-    return math.dist(place, (a[0] + share * east_m, a[1] + share * north_m))
