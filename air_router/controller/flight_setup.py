@@ -25,7 +25,7 @@ class FlightSetup:
 
     mission: Mission
     seek: tuple[str, ...] = ()
-    patient: bool = False
+    pilot_arms: bool = False
     explore: bool = True
     name: str = ""
 
@@ -38,7 +38,7 @@ class FlightSetup:
             plan if plan is not None else FlightPlan.of(self.mission),
             router if router is not None else Router(WaypointGraph(self.mission)),
             self.seek,
-            pilot_arms=self.patient,
+            pilot_arms=self.pilot_arms,
             explore=self.explore,
             name=self.name,
         )

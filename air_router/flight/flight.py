@@ -128,7 +128,7 @@ class Flight:
         setup = FlightSetup(
             mission,
             seek,
-            patient=not (arm or resume),
+            pilot_arms=not (arm or resume),
             explore=mission.explore,
             name=mission.uav or "",
         )

@@ -36,6 +36,9 @@ Plain = Any
 RECORDED_AS: Final = {"CommandAck": "Answered"}
 """Classes by name that records call otherwise: records of before are to be read."""
 
+FIELDS_RECORDED_AS: Final = {("FlightSetup", "pilot_arms"): "patient"}
+"""The same of fields."""
+
 _NOT_NUMBERS: Final = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 _MADE_OF: Final[dict[Any, dict[str, Any]]] = {
     Airspace: {
@@ -81,8 +84,8 @@ def _writer(kind: type) -> Callable[[Any], Plain]:
     fields = fields_of(kind)
     if fields is not None:
         tag: dict[str, Plain] = {TYPE_KEY: fields.name} if fields.tagged else {}
-        names = fields.names
-        return lambda value: {**tag, **{name: encode(getattr(value, name)) for name in names}}
+        names = fields.recorded.items()
+        return lambda value: {**tag, **{key: encode(getattr(value, name)) for key, name in names}}
     for base, write in _WRITERS.items():
         if issubclass(kind, base):
             return write
@@ -274,6 +277,7 @@ class Fields:
     Attributes:
         kind: The class; `name`: what records call it.
         names: Its fields that the constructor takes.
+        recorded: The same, by what records call each.
         needed: Those of them that have no default.
         tagged: It is written with its name; named tuples are not.
     """
@@ -299,6 +303,8 @@ class Fields:
             optional = set(kind._field_defaults)
         if TYPE_KEY in self.names:
             raise TypeError(f"{self.name} cannot be recorded: it has a field `{TYPE_KEY}`")
+        called = {name: FIELDS_RECORDED_AS.get((self.name, name), name) for name in self.names}
+        self.recorded = {key: name for name, key in called.items()}
         self.needed = frozenset(self.names) - optional
 
     @cached_property
@@ -330,7 +336,9 @@ class Fields:
         if not isinstance(plain, dict) or plain.get(TYPE_KEY) != tag:
             raise CodecError(f"{shown(plain)} is no {self.name}")
         values = dict(self._absent)
-        values |= {key: self._field(key, part) for key, part in plain.items() if key != TYPE_KEY}
+        for key, part in plain.items():
+            if key != TYPE_KEY:
+                values[self.recorded[key]] = self._field(key, part)
         if lacking := self.needed - values.keys():
             raise CodecError(f"{self.name} without {', '.join(sorted(lacking))}")
         try:
@@ -339,7 +347,7 @@ class Fields:
             raise CodecError(f"no {self.name}: {error}") from None
 
     def _field(self, key: str, plain: Plain) -> Any:
-        read = self._readers.get(key)
+        read = self._readers.get(self.recorded.get(key, ""))
         if read is None:
             raise CodecError(f"{self.name} has no {shown(key)}")
         try:

@@ -128,8 +128,12 @@ def schema_of(hint: Any) -> dict[str, Any]:  # noqa: PLR0911 - one for each kind
         return {
             "type": "object",
             "title": fields.name,
-            "properties": tags | {name: schema_of(part) for name, part in fields.hints.items()},
-            "required": [*tags, *(name for name in fields.names if name in fields.needed)],
+            "properties": tags
+            | {key: schema_of(fields.hints[name]) for key, name in fields.recorded.items()},
+            "required": [
+                *tags,
+                *(key for key, name in fields.recorded.items() if name in fields.needed),
+            ],
         }
     if isinstance(hint, type) and issubclass(hint, Enum):
         return {**_TEXT, "enum": list(hint.__members__)}

@@ -220,7 +220,7 @@ def construction_of(setup: Mapping[str, Any]) -> Callable[[], Controller]:
     flight = FlightSetup(
         mission,
         tuple(setup["seek"]),
-        patient=setup["pilot_arms"],
+        pilot_arms=setup["pilot_arms"],
         explore=setup["explore"],
         name=setup["name"],
     )

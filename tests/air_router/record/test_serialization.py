@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
+from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import CommandAck, FlyToNode, StateChanged
 from air_router.controller.model.events import AirspaceChanged, CommandFailed, RobotPose
 from air_router.controller.model.requests import ComeHome
@@ -110,6 +111,13 @@ def test_records_call_a_class_as_before():
     plain = encode(CommandAck("1", "kim", accepted=True, why="it stops"))
     assert plain["type"] == "Answered"
     assert isinstance(decode(plain), CommandAck)
+
+
+def test_records_call_a_field_as_before(pennovation):
+    plain = codec.encode(FlightSetup(pennovation, pilot_arms=True))
+    assert plain["patient"] is True
+    assert "pilot_arms" not in plain
+    assert decoder(FlightSetup)(plain).pilot_arms
 
 
 @pytest.mark.parametrize("kind", members().values(), ids=lambda kind: kind.__name__)

@@ -297,6 +297,16 @@ def wall_world(tmp_path):
     )
 
 
+def test_a_leg_that_ends_nearer_to_a_zone_than_routes_keep_is_not_flown(tmp_path):
+    hall = {"name": "hall", "polygon": box(10, 20, 20, 30)}
+    mission, _, router, _ = made(tmp_path, no_fly_zones=[hall])
+    start = Point(15, -20)
+    keeps_m = mission.planner.distance_m
+    half_m = mission.planner.clearance_m + mission.planner.departure_margin_m
+    assert not router.check_leg(start, Point(15, 20 - (keeps_m + half_m) / 2))
+    assert router.check_leg(start, Point(15, 20 - keeps_m - 0.1))
+
+
 @pytest.mark.parametrize("off_m", [0.01, 0.4, 1.4, 3, 4.5, 6.4])
 def test_a_vehicle_inside_the_margin_leaves_it_without_coming_closer(tmp_path, off_m):
     mission, _, router, judge = wall_world(tmp_path)
