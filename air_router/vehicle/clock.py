@@ -1,4 +1,4 @@
-"""The vehicle's clock, as the companion reads it between two messages; and the companion's own.
+"""The vehicle's clock, as the companion reads it between two messages.
 
 Every timer of a mission runs on it, so that a simulation at ten times real time (or one that
 stops and goes on) behaves as the real flight does.
@@ -6,7 +6,6 @@ stops and goes on) behaves as the real flight does.
 
 from __future__ import annotations
 
-import asyncio
 import threading
 import time
 from collections.abc import Callable
@@ -19,18 +18,6 @@ _RATE_WINDOW_S: Final = 0.3
 
 _SILENCE_S: Final = 2.0
 """Wall time for which the clock is carried on after the last message; then it stands still."""
-
-
-def loop_s() -> float:
-    """Seconds on the running event loop's clock, on which all waits and ages are measured.
-
-    It is `time.monotonic` on an ordinary loop; a rehearsal flies on a loop whose clock is simulated
-    time. Without a running loop (on another thread, or before the flight) it is `time.monotonic`.
-    """
-    try:
-        return asyncio.get_running_loop().time()
-    except RuntimeError:
-        return time.monotonic()
 
 
 class VehicleClock:

@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple, Self
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect, MavlinkDirectError
 
 from air_router.errors import NotConfirmedError
-from air_router.vehicle.clock import loop_s
+from air_router.vehicle.loop_clock import loop_s
 from air_router.vehicle.mavlink.mavsdk_bridge import message
 from air_router.vehicle.mavlink.px4_connection import COMPANION_COMPONENT
 from air_router.vehicle.px4.px4_order import Px4Order

@@ -12,10 +12,11 @@ from typing import Any, Final
 
 from mavsdk.plugins.mavlink_direct.mavlink_direct import MavlinkDirect
 
-from air_router.vehicle.clock import VehicleClock, loop_s
+from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.events.px4_events import WARNING, ArmingReports, Px4Event
 from air_router.vehicle.height_frame import HeightFrame
 from air_router.vehicle.inspection import GpsFix
+from air_router.vehicle.loop_clock import loop_s
 from air_router.vehicle.mavlink.mavsdk_bridge import Received, subscribe
 from air_router.vehicle.px4.continuity import Continuity, HeardPlace
 from air_router.vehicle.px4.px4_mode import ModeState
