@@ -77,7 +77,8 @@ def test_a_listener_that_hangs_and_a_slow_disk_do_not_add_up(field, tmp_path, mo
     node.sync("io")
     assert hanging.wait(WAIT_S)
     SlowDisk.released.clear()
-    threading.Thread(target=node.publish, args=("/map", b"grid"), daemon=True).start()
+    publishing = threading.Thread(target=node.publish, args=("/map", b"grid"), daemon=True)
+    publishing.start()
     assert SlowDisk.waiting.wait(WAIT_S)
     granted_s = []
     ends = Storage.close
@@ -87,5 +88,6 @@ def test_a_listener_that_hangs_and_a_slow_disk_do_not_add_up(field, tmp_path, mo
     node.close()
     released.set()
     SlowDisk.released.set()
+    publishing.join(WAIT_S)
     join_nodes()
     assert granted_s == [LEAST_CLOSE_S]  # the listener has had the rest
