@@ -37,7 +37,8 @@ def page() -> str:
     for program in programs:
         parts += [f"## {program.prog}\n", f"{program.description}\n"]
         for command, rows in _commands(program):
-            parts += [f"### {command.prog}\n", f"{' '.join((command.description or '').split())}\n"]
+            purpose = " ".join((command.description or "").split()).partition(". ")[0].rstrip(".")
+            parts += [f"### {command.prog}\n", f"{purpose}.\n"]
             own = [f"* {name}: {said}" for name, said in rows if (name, said) not in shared]
             also = ", ".join(name for name, said in rows if (name, said) in shared)
             lines = [*own, *([f"* shared: {also}"] if also else [])]
