@@ -16,7 +16,8 @@ HEAD = """\
 
 Written from the programs themselves (`DOCS_WRITE=1 pytest tests/docs`). What the commands are for,
 and exit codes: [commands.md](commands.md). All take `-h` (`--help`, with examples), `-v` (log more;
-`-vv`: still more) and `--log-level` (`debug`, `info`, `warning`, `error`).
+`-vv`: still more) and `--log-level` (`debug`, `info`, `warning`, `error`). Each program has
+`completion {bash,zsh,fish}`, which prints a script for the shell.
 """
 EVERYWHERE = {"--help", "--verbose", "--log-level"}
 SHARED = """\
@@ -51,7 +52,9 @@ def _commands(parser):
     """Each command and its options: pairs of name and explanation."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
-            for command in action.choices.values():
+            for name, command in action.choices.items():
+                if name == "completion":
+                    continue
                 expand = command._get_formatter()._expand_help
                 yield command, [_row(a, expand) for a in command._actions if _told(a)]
                 yield from _commands(command)
