@@ -26,7 +26,7 @@ _Index = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
 class EditError(AirRouterError):
-    """What was asked for cannot be done to the mission; the message says why."""
+    """An edit that cannot be applied to the mission; the message says why."""
 
 
 class _Edit(BaseModel):

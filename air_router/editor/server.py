@@ -87,7 +87,7 @@ class EditorServer:
             )
 
     async def _work(self, worker: ThreadPoolExecutor) -> None:
-        """Do what is asked for, one after the other."""
+        """Apply requests, one after the other."""
         loop = asyncio.get_running_loop()
         while True:
             outbox, text = await self._requests.get()

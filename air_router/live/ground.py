@@ -1,4 +1,4 @@
-"""The map that the UAV paints, as a page is told of it: what is new, and who holds how much."""
+"""The map that the UAV paints, as pages receive it: what is new, and who holds how much."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Ground:
         self._mapper = mapper
         self._frame = frame
         self._step = max(1, math.ceil(math.sqrt(mapper.grid.cells.size / _MOST_CELLS)))
-        self._told: Cells = np.zeros_like(self._shown())
-        self._told_cells = -1
+        self._sent: Cells = np.zeros_like(self._shown())
+        self._sent_cells = -1
         self._began_s: dict[str, float] = {}
         self._held: dict[str, int] = {}
 
@@ -45,9 +45,9 @@ class Ground:
         return None if not held or not known else round(min(held / known, 1.0), 3)
 
     def whole(self) -> dict[str, Any]:
-        """Where the map lies, and all of it that pages were told."""
+        """Where the map lies, and all of it that pages received."""
         grid = self._mapper.grid
-        rows, columns = self._told.shape
+        rows, columns = self._sent.shape
         size_m = self._step * grid.resolution_m
         south_west = Point(grid.west_m, grid.south_m)
         north_east = Point(grid.west_m + columns * size_m, grid.south_m + rows * size_m)
@@ -55,19 +55,19 @@ class Ground:
             "bounds": [degrees(self._frame, south_west), degrees(self._frame, north_east)],
             "rows": rows,
             "columns": columns,
-            "piece": self._piece(np.nonzero(self._told)),
+            "piece": self._piece(np.nonzero(self._sent)),
         }
 
     def news(self) -> dict[str, Any] | None:
         """The piece of the map that has changed since this was asked last; None: nothing."""
-        if self._mapper.known_cells == self._told_cells:
+        if self._mapper.known_cells == self._sent_cells:
             return None
-        self._told_cells = self._mapper.known_cells
+        self._sent_cells = self._mapper.known_cells
         shown = self._shown()
-        changed = np.nonzero(shown != self._told)
+        changed = np.nonzero(shown != self._sent)
         if not len(changed[0]):
             return None
-        self._told = shown.copy()
+        self._sent = shown.copy()
         return self._piece(changed)
 
     def _shown(self) -> Cells:
@@ -80,7 +80,7 @@ class Ground:
             return None
         south, north = int(rows.min()), int(rows.max()) + 1
         west, east = int(columns.min()), int(columns.max()) + 1
-        cells = np.ascontiguousarray(self._told[south:north, west:east])
+        cells = np.ascontiguousarray(self._sent[south:north, west:east])
         return {
             "row": south,
             "column": west,

@@ -1,4 +1,4 @@
-"""Where a flight's page is, as `fly --web` says it and `watch` is told it."""
+"""The address of a flight's page, as `fly --web` prints it and `watch` takes it."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class PageAddress:
 
     @classmethod
     def heard(cls, line: str) -> PageAddress | None:
-        """The address in what a flight says; None if it says something else."""
+        """The address in a line that a flight printed; None if there is none."""
         _, _, address = line.partition(SHOWN_AT)
         with suppress(UsageError):
             return cls.of(address.strip())

@@ -1,7 +1,7 @@
 """Carries texts between a browser and a flight's page that is served elsewhere.
 
 Nothing is kept, and nothing read: for each browser there is a connection of its own to the flight,
-so that a browser is welcomed, told and answered as if it were there. What one end does not take
+so that a browser is served as if it were there. What one end does not take
 is not read from the other.
 """
 

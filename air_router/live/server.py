@@ -31,7 +31,7 @@ SLOW_TICKS: Final = 5
 """What the node measures, and the map, are looked at every so many ticks."""
 
 CHART_TICKS: Final = 10
-"""Charts are told every so many ticks."""
+"""Charts are sent every so many ticks."""
 
 REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 40.0
 
@@ -78,7 +78,7 @@ class LivePage:
         self._commands = command_service
         self._links = links
         self._web = web
-        self._told: dict[str, str] = {}
+        self._sent: dict[str, str] = {}
         self._ticks = self._faults = 0
         self._begin(controller, mapper)
         self.steer: Steer | None = None
@@ -97,7 +97,7 @@ class LivePage:
         except Exception:  # noqa: BLE001 - of whatever kind
             self._faults += 1
             if self._faults <= _MOST_FAULTS:
-                _LOG.exception("the page could not be told what is new")
+                _LOG.exception("the page could not be updated")
 
     def _begin(self, controller: Controller, mapper: Mapper) -> None:
         mission = controller.mission
@@ -105,11 +105,11 @@ class LivePage:
         self._ground = Ground(mapper, mission.frame)
         self._controller = controller
         self._draw_scenery()
-        self._told_track = self._told_news = 0
+        self._sent_track = self._sent_news = 0
 
     def restart(self, controller: Controller, mapper: Mapper) -> None:
         """Show another flight from its beginning, or the same one anew."""
-        self._told.clear()
+        self._sent.clear()
         self._begin(controller, mapper)
         for kind, text in self._greeting():
             self._audience.tell_all(kind, text)
@@ -121,7 +121,7 @@ class LivePage:
             self._ground.event(event, now_s)
 
     def measured(self, links: Mapping[str, LinkMetrics]) -> None:
-        """Take in what the node measures, where that is not asked for now and then."""
+        """Take in what the node measures, where it is not polled."""
         self.scene.links(links)
 
     def action(self, action: Action, now_s: float) -> None:
@@ -174,18 +174,18 @@ class LivePage:
         self.tell("links", {"links": links})
         if self._ticks % CHART_TICKS == 1:
             self.tell("charts", {"charts": scene.charts()})
-        if scene.track_length > self._told_track:
-            start, self._told_track = self._told_track, scene.track_length
+        if scene.track_length > self._sent_track:
+            start, self._sent_track = self._sent_track, scene.track_length
             self._audience.tell_all(f"track {start}", self._track(start))
-        if scene.news_count > self._told_news:
-            start, self._told_news = self._told_news, scene.news_count
+        if scene.news_count > self._sent_news:
+            start, self._sent_news = self._sent_news, scene.news_count
             self._audience.tell_all(f"news {start}", self._news(start))
 
     def tell(self, kind: str, values: dict[str, Any]) -> None:
         """Tell all pages, unless they know."""
         text = as_json({"type": kind, **values})
-        if self._told.get(kind) != text:
-            self._told[kind] = text
+        if self._sent.get(kind) != text:
+            self._sent[kind] = text
             self._audience.tell_all(kind, text)
 
     def _draw_scenery(self) -> None:
@@ -212,7 +212,7 @@ class LivePage:
         yield "map", as_json({"type": "map", **self._ground.whole()})
         yield "track", self._track(0)
         yield "news", self._news(0)
-        yield from self._told.items()
+        yield from self._sent.items()
 
     def _welcome(self, outbox: PageOutbox) -> None:
         for kind, text in self._greeting():

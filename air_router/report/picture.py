@@ -101,7 +101,7 @@ def draw_mission(  # noqa: PLR0913 - the layers of a picture
         _draw_faults(axes, faults)
     _draw_places(axes, mission, graph, faults)
     _draw_meetings(axes, meetings)
-    label_sheet(figure, axes, mission.name, _subtitle(mission), _told(faults))
+    label_sheet(figure, axes, mission.name, _subtitle(mission), _verdict(faults))
     save(figure, path)
 
 
@@ -130,7 +130,7 @@ def _subtitle(mission: Mission) -> str:
     )
 
 
-def _told(faults: Faults | None) -> str:
+def _verdict(faults: Faults | None) -> str:
     if faults is None:
         return ""
     problems = counted(faults.count, "problems")
@@ -232,7 +232,7 @@ def _draw_around(axes: Axes, legs: Sequence[tuple[Point, Point]]) -> None:
                 linewidths=1.1,
                 linestyles=(0, (4, 2)),
                 zorder=4.5,
-                label="leg that is flown around",
+                label="leg flown around an obstacle",
             )
         )
 

@@ -20,7 +20,7 @@ COLUMNS: Final = (
 )
 
 KEPT_SHARE: Final = 0.95
-"""Of the speed that was asked for; with less it is told who was too slow."""
+"""Share of the requested speed; below it the report names the process that was too slow."""
 
 
 def write_report(
@@ -100,7 +100,7 @@ def pace_line(report: Mapping[str, Any]) -> str:
     waited = {name: of["waited_s"] for name, of in pace.get("processes", {}).items()}
     text = f"simulated at {kept:.1f} times real time"
     if kept < KEPT_SHARE * asked:
-        text += f" of the {asked:g} asked for"
+        text += f" of the {asked:g} requested"
         if any(seconds >= 1 for seconds in waited.values()):
             who = ", ".join(f"{seconds:.0f} s for {name}" for name, seconds in waited.items())
             text += f"; the world waited {who}"

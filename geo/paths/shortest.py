@@ -45,7 +45,7 @@ def shortest_paths(airspace: Airspace) -> ShortestPaths:
 
 
 class ShortestPaths:
-    """Finds shortest clear paths, and tells which places hang together.
+    """Finds shortest clear paths, and which places are connected.
 
     A gap counts as open when it is wider than the distances to keep from both its sides by 0.2 mm;
     between two pointed corners, by up to 0.6 % more.
@@ -78,7 +78,7 @@ class ShortestPaths:
         Args:
             start: where the path begins.
             end: where it ends.
-            first: what the first leg must satisfy, told by its end, instead of being clear.
+            first: what the first leg must satisfy, given its end, instead of being clear.
             doors: with `first`: places where that leg may end beside the corners seen from start.
         """
         start, end = Point(*start), Point(*end)

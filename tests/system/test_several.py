@@ -164,7 +164,7 @@ def test_one_page_shows_both_and_asks_the_one_that_is_chosen(browser, flight):
     page.evaluate(NONSENSE)
     looker.shows("#gone", "titan is not understood")
     page.locator("#gone").wait_for(state="hidden")
-    assert "a place that is none" in looker.faults.pop()
+    assert "not a position" in looker.faults.pop()
 
     page.set_viewport_size({"width": 390, "height": 844})
     looker.choose("titan", looker.tab("titan").click)

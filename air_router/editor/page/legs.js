@@ -1,4 +1,4 @@
-// The route graph, the operator's legs, and a route that was asked for.
+// The route graph, the operator's legs, and a requested route.
 
 import { colour } from "/page/theme.js";
 

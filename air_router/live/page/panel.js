@@ -38,7 +38,7 @@ export class Panel {
       const robot = this.heard[name];
       const share = this.links[name]?.map_share;
       const map = share ? `, map ${percent(share)}` : "";
-      setText(row.age, (robot ? `seen ${age(robot.age_s)} ago` : "not heard of") + map);
+      setText(row.age, (robot ? `seen ${age(robot.age_s)} ago` : "never heard") + map);
     }
   }
 

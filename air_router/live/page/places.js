@@ -1,8 +1,8 @@
-// Whether what a flight tells can be drawn: on one map, a place that is none would stop all others.
+// Whether what a flight tells can be drawn: on one map, an invalid position would stop all others.
 
 /** @param {any} at a place in degrees @throws {TypeError} it is none */
 export function checkPlace(at) {
-  if (!Array.isArray(at) || at.length !== 2 || !at.every(Number.isFinite)) throw new TypeError("a place that is none");
+  if (!Array.isArray(at) || at.length !== 2 || !at.every(Number.isFinite)) throw new TypeError("not a position");
 }
 
 /** @param {any} nested lists of lists, in the end of places @throws {TypeError} it is something else */

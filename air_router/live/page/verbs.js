@@ -5,8 +5,8 @@ import { question } from "/page/question.js";
 
 const L = globalThis.L;
 const SURE = {
-  resume: ["Go on?", "the vehicle goes on with what it did before.", "Resume"],
-  explore: ["Explore?", "the vehicle flies on to the next waypoint.", "Explore"],
+  resume: ["Resume?", "the vehicle resumes what it did before.", "Resume"],
+  explore: ["Explore?", "the vehicle resumes exploration at the next waypoint.", "Explore"],
   home: ["Come home?", "the mission ends: the vehicle flies home along the graph, and lands.", "Come home"],
 };
 
@@ -48,11 +48,11 @@ export class Verbs {
   /** @param {string} robot */
   async seek(robot) {
     const flight = this.chosen();
-    const what = `the vehicle leaves what it does and flies to where ${robot} should be.`;
+    const what = `the vehicle stops its present task and flies to where ${robot} should be.`;
     if (await sure(flight, `Seek ${robot} now?`, what, "Seek")) await this.ask(flight, { request: "seek", robot });
   }
 
-  /** All of them hold, and those that are gone are named. @param {import("./flight.js").Flight[]} flights */
+  /** Have all UAVs hold, and name those that are gone. @param {import("./flight.js").Flight[]} flights */
   async holdAll(flights) {
     this.stop();
     const answers = await Promise.all(flights.map((flight) => answerOf(flight, { request: "hold" })));
@@ -61,7 +61,7 @@ export class Verbs {
 
   choose() {
     this.mark(true);
-    this.say("Click where to fly; more clicks, more points. Press the button again (or Enter) to fly there, Esc to let it be.", true);
+    this.say("Click where to fly; more clicks add points. Press the button again (or Enter) to fly there, Esc to cancel.", true);
   }
 
   /** @param {any} latlng */
@@ -77,7 +77,7 @@ export class Verbs {
     const points = this.wanted.map((marker) => marker.getLatLng().wrap()).map(({ lat, lng }) => [lat, lng]);
     const what = points.length === 1 ? "the point" : `${points.length} points`;
     const flight = this.chosen();
-    if (await sure(flight, "Fly there?", `the vehicle flies to ${what}, hovers, and explores on.`, "Fly")) {
+    if (await sure(flight, "Fly there?", `the vehicle flies to ${what}, hovers, and resumes exploration.`, "Fly")) {
       await this.ask(flight, { request: "goto", points });
     }
     this.stop();

@@ -209,8 +209,8 @@ def _map(summary: FlightSummary) -> Figure | None:
         "map",
         "Map coverage, %",
         f"Of the {number(most)} cells that the UAV had painted at the end: how many it had, and "
-        "how many are in the map that each robot is known to hold: by its own word, or because it "
-        "fetched it. What robots hand to each other is seen when the UAV meets them again.",
+        "how many are in the map that each robot is known to hold: reported by the robot, or "
+        "fetched by it. What robots hand to each other is seen when the UAV meets them again.",
         _both(draw),
         [("own", "the UAV"), *((robot_css(summary, n), n) for n in shares)],
     )
@@ -248,13 +248,15 @@ def _battery(summary: FlightSummary, ulog: UlogTrack | None) -> Figure | None:
         plot = Plot(width, 160, summary.from_s, summary.to_s, 100.0)
         plot.axes([0, 25, 50, 75, 100])
         plot.line(theirs, "theirs", "PX4's log")
-        plot.line([(t, 100 * c) for t, c in [*summary.battery, *end]], "own", "told us", steps=True)
+        plot.line(
+            [(t, 100 * c) for t, c in [*summary.battery, *end]], "own", "telemetry", steps=True
+        )
         if summary.setup is not None:
             reserve = 100 * summary.setup.mission.battery_reserve
             plot.level(reserve, "limit", f"reserve {reserve:g} %")
         return plot.svg("battery over time")
 
-    legend = [("own", "as the vehicle told us"), ("theirs", "in PX4's log")] if theirs else []
+    legend = [("own", "telemetry"), ("theirs", "in PX4's log")] if theirs else []
     return Figure("battery", "Battery, %", "", _both(draw), legend)
 
 

@@ -54,7 +54,7 @@ class Stay:
 
 @dataclass(frozen=True, slots=True)
 class RequestRecord:
-    """Something that was asked for, and the answer (None: none)."""
+    """A request, and the answer (None: none)."""
 
     t: float
     what: str
@@ -77,9 +77,9 @@ class FlightSummary:
         battery: (t, charge 0..1) in the air.
         states: One after the other.
         announcements: (t, text).
-        requests: What was asked for.
+        requests: Requests and their answers.
         failures: (t, text): commands that the vehicle did not follow.
-        robots: Places that robots were heard of at: name -> (t, east_m, north_m, stamp_s).
+        robots: Where robots were heard: name -> (t, east_m, north_m, stamp_s).
         painted: (t, cells of the map that are known).
         exchanges: What went over the links.
         report: The report at the end; empty if there is none.
@@ -298,6 +298,6 @@ def _wish(event: Asked) -> str:
         case GoTo(points=points):
             places = ", ".join(f"{p.east_m:.0f} m east {p.north_m:.0f} m north" for p in points)
             return f"go to {places}"
-    words = {"HoldNow": "hold", "GoOn": "go on", "ExploreNow": "explore", "ComeHome": "come home"}
-    words["Reload"] = "read the mission file again"
+    words = {"HoldNow": "hold", "GoOn": "resume", "ExploreNow": "explore", "ComeHome": "home"}
+    words["Reload"] = "reload the mission file"
     return words.get(type(event).__name__, type(event).__name__)

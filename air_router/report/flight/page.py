@@ -31,8 +31,8 @@ def page_of(summary: FlightSummary, source: str, ulog: UlogTrack | None = None) 
         *map(_section, shown),
         _robots(summary, facts),
         _table("Requests", ("at", "what", "who", "answer"), _requests(summary)),
-        _table("Said in flight", ("at", "text"), _said(summary)),
-        _table("Not followed by the vehicle", ("at", "what"), _failures(summary)),
+        _table("Announcements", ("at", "text"), _said(summary)),
+        _table("Commands not followed", ("at", "what"), _failures(summary)),
         _table("Flight modes in PX4's log", ("at", "mode"), _modes(summary, ulog)),
         _foot(facts, source, ulog),
     ]
@@ -56,7 +56,7 @@ def _head(facts: dict[str, Any], title: str) -> str:
         words.append(f"{vehicle.get('autopilot')} {vehicle.get('version')}")
     ending = ""
     if facts["ending"] is not None:
-        ending = f'<p class="warning">The record is not whole: {escape(facts["ending"])}.</p>'
+        ending = f'<p class="warning">The record is incomplete: {escape(facts["ending"])}.</p>'
     return f"<header><h1>{escape(title)}</h1><p>{escape(' · '.join(words))}</p>{ending}</header>"
 
 
@@ -125,7 +125,7 @@ def _robots(summary: FlightSummary, facts: dict[str, Any]) -> str:
                 f"{complete['in']}/{len(done['in'])}",
                 f"{complete['out']}/{len(done['out'])}",
                 size_words(sum(s["bytes"] for s in syncs)),
-                f"{max(ages):.0f} s" if ages else "never heard of",
+                f"{max(ages):.0f} s" if ages else "never heard",
                 "" if not share else f"{share:.0%}",
             )
         )
@@ -187,7 +187,7 @@ def _foot(facts: dict[str, Any], source: str, ulog: UlogTrack | None) -> str:
     words = [f"Made from {source}.", f"Recorded by {versions}." if versions else ""]
     if ulog is not None:
         words.append(
-            f"PX4's log was laid over it by {ulog.aligned_by}; the tracks are {ulog.off_m} m apart "
+            f"PX4's log is aligned by {ulog.aligned_by}; the tracks are {ulog.off_m} m apart "
             "(median)."
         )
     return f"<footer>{escape(' '.join(words))}</footer>"

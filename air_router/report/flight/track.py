@@ -63,7 +63,7 @@ def track_figure(summary: FlightSummary, ulog: UlogTrack | None = None) -> Figur
             f"Closest approach: {summary.closest[0]:.2f} m to {_named(summary.closest[1])} "
             f"(demanded: {summary.mission.planner.clearance_m:g} m). "
         )
-    words += "Robots are drawn where they said they were."
+    words += "Robots are drawn at their reported positions."
     return Figure("track", "Track", words, pictures, legend)
 
 
@@ -129,7 +129,7 @@ def _robots(summary: FlightSummary, sheet: _Sheet) -> tuple[list[str], list[str]
             spots.setdefault((int(x / _DOT_PX), int(y / _DOT_PX)), (t, x, y))
         step = -(-len(spots) // _MOST_DOTS)
         for t, dot_x, dot_y in list(spots.values())[::step]:
-            title = f"{name}, heard of at {clock(t - summary.from_s)}"
+            title = f"{name}, heard at {clock(t - summary.from_s)}"
             dots.append(
                 f'<circle class="robot {css}" cx="{dot_x:.1f}" cy="{dot_y:.1f}" r="3">'
                 f"<title>{escape(title)}</title></circle>"

@@ -186,7 +186,7 @@ def test_the_facts(summary):
         ("go to 1 m east 2 m north", "a base", False),
         ("go to 3 m east 4 m north", "a base", True),  # who asks counts the requests
         ("hold", "kim", True),
-        ("come home", "the operator", None),
+        ("home", "the operator", None),
     ]
     assert facts["not_followed"] == [{"t": 40.0, "text": "FlyToNode: it was called off"}]
     assert facts["battery"][0][1] == pytest.approx(0.95)
@@ -229,7 +229,7 @@ def test_the_page_needs_nothing_and_believes_nothing(pennovation, robot):
     assert "script" not in page.tags
     assert page.links == []
     assert "url(" not in text
-    assert "The record is not whole: it was cut off." in text
+    assert "The record is incomplete: it was cut off." in text
     pictures = re.findall(r"<svg.*?</svg>", text, re.DOTALL)
     assert len(pictures) == 2 * 7
     for picture in pictures:
