@@ -1,4 +1,4 @@
-"""The operator's word: what is typed at the terminal, and signals from elsewhere."""
+"""The operator's requests: what is typed at the terminal, and signals from elsewhere."""
 
 from __future__ import annotations
 

@@ -147,7 +147,7 @@ def check_fleet(draft: MissionDocument) -> None:
 
 
 def column_radius_m(draft: MissionDocument) -> float:
-    """How far from a home the column above it reaches."""
+    """How far from a home its climb corridor reaches."""
     return draft.planner.home_separation_m / 2
 
 

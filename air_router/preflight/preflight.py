@@ -186,7 +186,7 @@ def place(mission: Mission, router: Router, info: VehicleInfo, telemetry: Teleme
             "place",
             CheckVerdict.BAD,
             f"the vehicle stands {away_m:.1f} m from the home of '{mission.uav}'",
-            f"put it within {nearest_m:g} m: the other UAVs keep away from the column above home",
+            f"put it within {nearest_m:g} m: the other UAVs keep out of the corridor above home",
         )
     if not router.check_leg(telemetry.position, mission.home):
         return Check(

@@ -12,7 +12,7 @@ FIX_2D, FIX_3D = 2, 3
 
 @dataclass(frozen=True, slots=True)
 class GpsFix:
-    """The satellite receiver's own word.
+    """What the satellite receiver reports.
 
     Attributes:
         kind: GPS_FIX_TYPE: 0 and 1 none, 2 without altitude, 3 full, above that corrected.

@@ -69,13 +69,13 @@ class Telemetry:
         velocity_m_s: Velocity (east, north) in metres per second.
         heading_deg: Clockwise from true north, None when unknown.
         armed: Motors may turn.
-        in_air: The autopilot's own word, not a guess from altitude.
+        in_air: As the autopilot reports, not a guess from altitude.
         mode: The flight mode the autopilot reports, never the one that was asked for.
         failsafe: The autopilot acts on a failsafe of its own: it flies another mode than intended.
         battery: Remaining charge from 0 to 1, None when unknown.
         item: Sequence number of the plan item it flies to, None when unknown.
         fix: The satellite receiver has a position; True also while it says nothing of itself.
-        target: Where it flies to or hovers, by its own word; None when unknown.
+        target: Where it reports to fly to or hover; None when unknown.
         altitude_amsl_m: Metres above mean sea level; None when unknown.
         gps_amsl_m: The same by the satellite receiver alone; None when unknown, or old.
         home_moved: By how much the autopilot's home is off that of the take-off, from which the

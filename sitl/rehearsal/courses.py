@@ -149,7 +149,7 @@ def taken_in_haste(dice: random.Random) -> Schedule:
 
 
 def diverted(dice: random.Random) -> Schedule:
-    """It holds by the operator's word, and a station sends it elsewhere, or a pilot flies it."""
+    """It holds on the operator's request, and a station sends it elsewhere, or a pilot flies it."""
     at_s = dice.uniform(40.0, 140.0)
     later_s = [at_s + dice.uniform(6.0, 8.0) + 4.0 * again for again in range(3)]
     happen = [ScheduledFault(at_s, "hold", phase="armed")]

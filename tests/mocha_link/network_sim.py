@@ -170,7 +170,7 @@ class NetworkSim:
         self.carry()
 
     def part(self, seconds: float) -> None:
-        """Time passes at once; nobody is in reach of anybody."""
+        """Time passes at once; no robot is in reach of another."""
         self.left = 0
         self.time_s += seconds
         for name, node in self.nodes.items():
@@ -392,7 +392,7 @@ class OldNode(original.Original):
             self._actions.append(Reply(peer, route, answer))
 
     def heard(self, peer: str, rssi_dbm: float | None, _now: Instant) -> None:
-        """Whoever comes near is pulled from, once."""
+        """A peer that comes near is pulled from, once."""
         if rssi_dbm is not None:
             self.pull(peer)
 

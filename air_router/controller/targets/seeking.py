@@ -8,12 +8,15 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final, Protocol
 
-from air_router.controller.targets.target_list import RECENT_POSE_S, SearchPlace, TargetList
+from air_router.controller.targets.target_list import (
+    NEVER_HEARD,
+    RECENT_POSE_S,
+    SearchPlace,
+    TargetList,
+)
 from air_router.controller.targets.target_track import PredictedPath
 from air_router.files.settings import SeekPolicy
 from geo.frame import Point
-
-_UNHEARD: Final = "never heard of, so where it is longest since we passed"
 
 MEETING_M: Final = 1.0
 """How exactly a meeting point is found along a robot's path."""
@@ -160,7 +163,7 @@ class Freshest:
     def _meeting(self, robot: str, targets: TargetList, outlook: Outlook) -> Meeting:
         course = targets.course(robot)
         if course is None:
-            return Meeting(SearchPlace(robot, None, _UNHEARD), outlook.flight_s(outlook.unseen))
+            return Meeting(SearchPlace(robot, None, NEVER_HEARD), outlook.flight_s(outlook.unseen))
         along_m, flight_s = self._aim(course, outlook)
         words = _words(course, along_m, outlook)
         return Meeting(SearchPlace(robot, course.place(along_m), words), flight_s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from statistics import median
+from typing import Final
 
 from air_router.controller.targets.target_track import USUAL_SPEED_M_S, PredictedPath, TargetTrack
 from geo.frame import Point
@@ -15,14 +16,16 @@ RECENT_POSE_S = 60.0
 LOST_AFTER_S = 1200.0
 """A robot not heard of for so long counts as lost and is skipped while others are not."""
 
-
 SOUGHT_BY_OTHER_S = 180.0
 """What another UAV said of whom it seeks holds for so long: a search takes less, mostly."""
+
+NEVER_HEARD: Final = "never heard, so where the UAV passed longest ago"
+"""Why a robot is sought at no place in particular."""
 
 
 @dataclass(frozen=True, slots=True)
 class SearchPlace:
-    """Where to look for a robot (None: where it is longest since we passed) and why there."""
+    """Where to look for a robot (None: where the UAV passed longest ago) and why there."""
 
     robot: str
     position: Point | None
@@ -141,7 +144,7 @@ class TargetList:
             return SearchPlace(robot, path.points[-1], "where its path ends")
         if pose is not None:
             return SearchPlace(robot, pose.position, "its last known position, an old one")
-        return SearchPlace(robot, None, "never heard of, so where it is longest since we passed")
+        return SearchPlace(robot, None, NEVER_HEARD)
 
     def _sought_by_others(self, now_s: float) -> set[str | None]:
         return {

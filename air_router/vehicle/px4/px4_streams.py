@@ -109,7 +109,7 @@ class Streams:
         return round(self.heard_s - at_s, 1)
 
     def _is_position(self, fields: _Fields) -> bool:
-        """No late one, and none that repeats the one before though it moves by its own word."""
+        """No late one, nor one that repeats the last although its velocity is not zero."""
         last = self._believed = self._position
         if last is None:
             self._position = fields
@@ -132,7 +132,7 @@ class Streams:
         return math.hypot(last["vx"], last["vy"], last["vz"]) >= MOVING_CM_S
 
     def in_air(self, word: bool, *, armed: bool) -> bool:
-        """Whether it is in the air: by its word, and by its height where that is missing."""
+        """Whether it is in the air: as it reports, and by its height where that is missing."""
         if self._age_s("EXTENDED_SYS_STATE") <= IN_AIR_S:
             return word
         high = self._position is not None and self._position["relative_alt"] >= FLYING_M * 1e3

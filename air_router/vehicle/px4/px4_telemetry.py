@@ -176,7 +176,7 @@ class Px4Telemetry:
 
     @property
     def target(self) -> Point | None:
-        """Where it flies to or hovers in its present mode, by its own word."""
+        """Where it flies to or hovers in its present mode, as it reports."""
         return self._target if self.mode in TARGETED else None
 
     def leave_plan_alone(self) -> None:

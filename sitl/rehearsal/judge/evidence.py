@@ -138,7 +138,7 @@ class Evidence:
         happenings: In order of time.
         lines: What the companion announced, in order of time.
         exit_code: Of the companion (`air-router fly`); None: it was killed, or flies on.
-        outcome: The end that the companion announced: last line, or the status' own word.
+        outcome: The end that the companion announced: last line, or as its status says.
     """
 
     scene: str

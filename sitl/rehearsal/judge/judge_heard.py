@@ -50,7 +50,7 @@ def announcements(evidence: Evidence) -> list[tuple[float, str]]:
 
 
 def news(heard: Sequence[WireMessage], numbers: Sequence[int]) -> Iterator[int]:
-    """Those that are news: their clock goes on, and what moves by its own word has moved."""
+    """Those that are news: their clock goes on, and what reports a velocity has moved."""
     last: Mapping[str, Any] = {}
     for at in numbers:
         fields = heard[at].fields

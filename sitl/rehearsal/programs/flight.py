@@ -158,7 +158,7 @@ class RealFlight:
             self._watch(now_s)
             waits = any(a.what == "restart" for a in todo)
             if "-> DONE" in self._companion.last:
-                wait_until(lambda: not self._seen.armed, DISARMED_S)  # its word comes once a second
+                wait_until(lambda: not self._seen.armed, DISARMED_S)  # it reports once a second
                 self._programs.end_vehicles()  # the companion draws its track meanwhile
                 wait_until(lambda: self._companion.ended, WALL_S)
                 return
