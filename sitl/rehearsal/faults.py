@@ -39,6 +39,7 @@ from sitl.rehearsal.courses import (
     walls,
     zone_in_haste,
 )
+from sitl.rehearsal.stand_ins.link import StreamFault
 
 PHASES: Final = ("climb", "INIT", "SEARCH", "COMM", "EXPL", "HOME", "LAND", "landing")
 """Where in a flight something can begin; a third of all begins at any time instead."""
@@ -213,6 +214,16 @@ FLIGHTS: Final = MappingProxyType({fault: fault.value.flights for fault in Fault
 LOSS: Final[Mapping[Fault, float]] = MappingProxyType(
     {Fault.LOSS_1: 0.01, Fault.LOSS_5: 0.05, Fault.LOSS_20: 0.2}
 )
+_WRONG_STREAMS: Final = {
+    POSITION: "LOST_POSITION",
+    BATTERY: "LOST_BATTERY",
+    SATELLITES: "WRONG_FIX",
+    LANDED: "LOST_LANDED",
+    ITEM: "LOST_ITEM",
+    MODE: "LOST_MODE",
+}
+"""The judge's row for a stream whose messages are believable, and not true."""
+
 DRAWN: Final = frozenset({Fault.RELOAD, Fault.WALL, Fault.ZONE_ACROSS, Fault.ZONE_IN_HASTE})
 """Zones are drawn into the mission file."""
 
@@ -245,6 +256,16 @@ class Scene:
         if self.fault is not Fault.TWO:
             return frozenset({self.fault})
         return frozenset(self.chance("two").sample(_SINGLE, 2))
+
+    @property
+    def judged(self) -> frozenset[str]:
+        """The names that it is judged by: a moment of a wrong stream may end as a long one."""
+        wrong = {
+            _WRONG_STREAMS[happening.value[0]]
+            for happening in self.schedule()
+            if happening.what == "stream" and happening.value[1] is StreamFault.WRONG
+        }
+        return frozenset({fault.name for fault in self.faults} | wrong)
 
     @property
     def loss(self) -> float:

@@ -143,7 +143,7 @@ class Scenario:
             exit_code, outcome = self._fly()
         return Evidence(
             scene=str(self.scene),
-            faults=frozenset(fault.name for fault in self.scene.faults),
+            faults=self.scene.judged,
             mission_path=self._path.absolute(),
             mission_text=text,
             samples=tuple(self._samples),

@@ -310,6 +310,7 @@ class Script:
         stations = self._scenario.stations
         if not self._flies:
             return
+        lands = self._scenario.vehicle.autopilot.mode is FlightMode.AUTO_LAND
         match which:
             case "same":
                 stations.same_plan()
@@ -318,7 +319,8 @@ class Script:
                 stations.other_plan()
             case _:
                 stations.delete(MissionType.MISSION)
-        self._taken("plan")
+        if not lands:  # a landing needs no plan: it is ours still
+            self._taken("plan")
 
     def _fence(self, ahead_m: float | None) -> None:
         if not self._flies:

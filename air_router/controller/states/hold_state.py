@@ -73,12 +73,12 @@ class LandState(StateHandler):
         """It stays above home."""
         self._gate.wait_for_way(refusal)
 
-    retry = begin
-
     def replan(self) -> None:
-        """Descend, unless it does."""
+        """Descend, unless it does, or was told to and has not failed."""
         if not isinstance(self._gate.commanded_mode.last, LandHere):
             self.begin()
+
+    retry = replan
 
 
 @dataclass(slots=True, eq=False)

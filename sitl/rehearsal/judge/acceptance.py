@@ -37,12 +37,14 @@ class Row:
         tolerance: What of clearance and heights is excused.
         notice_s: How much longer than usual the companion has to notice that it was taken over.
         says: A pattern that one of its lines has to match; empty: nothing has to be said.
+        shows_s: It has to be said if the vehicle flew on for so long before it landed.
     """
 
     ends: frozenset[End]
     tolerance: Tolerance = NONE
     notice_s: float = 0.0
     says: str = ""
+    shows_s: float = 0.0
 
     def with_(self, other: Row) -> Row:
         """What is accepted when both happen."""
@@ -79,7 +81,7 @@ ACCEPTED: Final = MappingProxyType(
         "DRIFT": _HOME_OR_FAILSAFE,
         "ALTITUDE_JUMPS": _HEIGHT_OFF,
         # It drifts by up to 9 m; home is the answer, and it may be on its way there already.
-        "BAROMETER": replace(_HEIGHT_OFF, tolerance=Tolerance(height_m=5.0)),
+        "BAROMETER": replace(_HEIGHT_OFF, tolerance=Tolerance(height_m=5.0), shows_s=20.0),
         # The link: it comes home, or stays where its plan did not get on board.
         "LOSS_1": _HOME,
         "LOSS_5": _row(End.LANDED, End.STAYED),  # it arms once: that may be lost
@@ -98,6 +100,7 @@ ACCEPTED: Final = MappingProxyType(
         "LOST_POSITION": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),
         "LOST_BATTERY": _HOME,
         "LOST_FIX": _HOME,
+        "WRONG_FIX": _row(End.LANDED, End.NOT),  # one that comes and goes is held for
         "LOST_LANDED": _HOME,
         "LOST_ITEM": _row(End.LANDED, End.NOT),  # a wrong one is another's choice: hands off
         "LOST_MODE": _row(End.LANDED, End.HOVERS, End.FAILSAFE, End.NOT),

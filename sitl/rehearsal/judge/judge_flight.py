@@ -15,7 +15,7 @@ from sitl.rehearsal.judge.evidence import AUTOPILOT, Evidence, What
 from sitl.rehearsal.judge.judge_heard import announcements
 from sitl.rehearsal.judge.judge_inputs import InputJudge
 from sitl.rehearsal.judge.judge_space import SpaceJudge
-from sitl.rehearsal.judge.judge_track import By, Track, Violation, number
+from sitl.rehearsal.judge.judge_track import LAND_MODE, By, Track, Violation, number
 from sitl.rehearsal.judge.judge_wire import WireJudge
 from sitl.rehearsal.judge.mission_reader import MissionFileError
 
@@ -29,6 +29,10 @@ _LAG_S: Final = 0.5
 _BESIDE_M: Final = 1.0
 _LAND_M_S: Final = 0.7
 _DETOUR, _SLACK_S = 1.5, 10.0
+_STALE_S: Final = 1.5
+"""A mode that is heard may be so old, and is believed for so long."""
+
+_CRITICAL: Final = 5  # MAV_STATE_CRITICAL
 _SAYS_PILOT: Final = re.compile(r"pilot (chose|took|has)", re.IGNORECASE)
 _LANDED: Final = "landed at home"
 _TAKEN: Final = frozenset(
@@ -66,7 +70,7 @@ class Verdict:
 
 def judge(evidence: Evidence) -> Verdict:
     """Judge a flight by its evidence alone."""
-    row = accepted(evidence.faults)
+    row = accepted(_that_happened(evidence))
     if row is None:
         return _unjudged(evidence, f"acceptance.py has no row for {sorted(evidence.faults)}")
     if len(evidence.samples) < 2:
@@ -176,9 +180,32 @@ def _battery(track: Track) -> Iterator[Violation]:
         yield Violation(failsafe_s, "battery", f"{text} {needed_s:.0f} s")
 
 
+def _that_happened(evidence: Evidence) -> frozenset[str]:
+    """The faults of the scene, without a pilot whose choice the autopilot refused."""
+    taken = any(h.what is What.PILOT for h in evidence.happenings)
+    return evidence.faults if taken else evidence.faults - {"PILOT"}
+
+
+def _lies_s(track: Track) -> Iterator[float]:
+    """When the companion heard a mode, or a failsafe, that the vehicle was not in about then."""
+    samples = track.evidence.samples
+    for message in track.evidence.heard:
+        if message.component != AUTOPILOT or message.name not in {"HEARTBEAT", "CURRENT_MODE"}:
+            continue
+        first, last = (track.at(message.time_s + seconds) for seconds in (-_STALE_S, _STALE_S))
+        about = samples[first : last + 1]
+        critical = number(message.fields, "system_status") >= _CRITICAL
+        mode = number(message.fields, "custom_mode")
+        if all(s.custom_mode != mode for s in about) or (
+            critical and not any(s.failsafe for s in about)
+        ):
+            yield message.time_s
+
+
 def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
     """What was announced against what happened."""
     evidence = track.evidence
+    lies_s = list(_lies_s(track))
     last_s = float(track.time_s[-1])
     code = evidence.exit_code
     text = "\n".join([line.text for line in evidence.lines] + [evidence.outcome])
@@ -187,12 +214,13 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
         yield Violation(last_s, "told", f"exit 0, 'done': {end.value}")
     if end is not End.LANDED and _LANDED in text:
         yield Violation(last_s, "told", f"'{_LANDED}' was said: {end.value}")
-    if end is End.LANDED and code not in {DONE, None}:
+    if end is End.LANDED and code not in {DONE, None} and not lies_s:
         yield Violation(last_s, "told", f"exit {code}, though it landed at home by our command")
     if code == TAKEN_OVER and not taken:
         yield Violation(last_s, "told", "exit 6: a pilot took over, but none did")
     claims = [line.time_s for line in evidence.lines if _SAYS_PILOT.search(line.text)]
-    if claims and claims[0] < min(taken, default=math.inf) - _LAG_S:
+    believed = claims and any(0.0 <= claims[0] - lie_s < _STALE_S for lie_s in lies_s)
+    if claims and not believed and claims[0] < min(taken, default=math.inf) - _LAG_S:
         yield Violation(claims[0], "told", "a pilot is said to have taken over, but none had")
     # Disarmed by a station there is nothing to take over: the flight ends, and says why.
     disarmed = any(h.what is What.DISARMED for h in evidence.happenings) and "disarm" in text
@@ -204,6 +232,12 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
     # What was said before it went wrong, as by the pre-flight card, is not said of it.
     flies_s = float(track.time_s[int(np.argmax(track.flying))])
     begun_s = min((h.time_s for h in evidence.told(What.FAULT)), default=flies_s)
+    lands_s = next(
+        (s.time_s for s in evidence.samples if s.time_s > flies_s and s.custom_mode == LAND_MODE),
+        math.inf,
+    )
+    if lands_s - begun_s < row.shows_s:
+        return
     since = [text for time_s, text in announcements(evidence) if time_s >= begun_s]
     if not re.search(row.says, "\n".join([*since, evidence.outcome]), re.IGNORECASE):
         yield Violation(last_s, "told", f"nothing was said of it: no line has '{row.says}'")

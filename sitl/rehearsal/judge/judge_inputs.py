@@ -260,7 +260,9 @@ class InputJudge:
                 continue
             if self._state(begin_s) in _ENDING - {"HOME"}:
                 continue
-            if self._answers(begin_s, due_s):
+            said = [text for at_s, text in self._said if at_s <= begin_s and "GPS" in text]
+            flaps = said and "again" not in said[-1]  # it was not back for long enough to say so
+            if self._answers(begin_s, due_s) and not flaps:
                 self._expect("GPS|fix|satellite|failsafe", begin_s, due_s, what, _NEARS_S)
             self._judge_standing(begin_s, (due_s, end_s), what)
 

@@ -29,6 +29,9 @@ RESUMING: Final = frozenset({"resume", "home", "goto", "seek", "explore"})
 SETTLES_S: Final = 8.0
 """For so long an estimate that was wrong is still being corrected."""
 
+_SHOWS_S: Final = 2.0
+"""A mode that was chosen, and not refused, shows within that time."""
+
 _BRAKING_M_S2: Final = 3.0
 """What a PX4 brakes with at its defaults; the flight reckons with less."""
 
@@ -167,7 +170,7 @@ class Track:
         takings = [
             (h.time_s, By.PILOT)
             for h in self.evidence.happenings
-            if h.what in {What.PILOT, What.DISARMED}
+            if h.what in {What.PILOT, What.DISARMED} and self._shows(h)
         ]
         takings += [(h.time_s, By.AUTOPILOT) for h in self.evidence.told(What.REBOOTED)]
         acting = False
@@ -180,6 +183,15 @@ class Track:
             if begin_s >= last.get(by, -math.inf):
                 last[by] = self._given_back_s(begin_s)
                 yield begin_s, last[by], by
+
+    def _shows(self, taking: Happening) -> bool:
+        """Whether anything changed: of two choices at once the second may undo the first."""
+        if not str(taking.value).isupper():
+            return True  # no mode: sticks, another item or place
+        samples = self.evidence.samples
+        before = samples[max(self.at(taking.time_s) - 1, 0)].custom_mode
+        after = samples[self.at(taking.time_s) : self.at(taking.time_s + _SHOWS_S) + 1]
+        return any(sample.custom_mode != before for sample in after)
 
     def _given_back_s(self, since_s: float) -> float:
         """When we moved it first after an operator had asked for that; infinite: never."""
