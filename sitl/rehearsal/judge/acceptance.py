@@ -37,7 +37,7 @@ class Row:
         tolerance: What of clearance and heights is excused.
         notice_s: How much longer than usual the companion has to notice that it was taken over.
         says: A pattern that one of its lines has to match; empty: nothing has to be said.
-        shows_s: It has to be said if the vehicle flew on for so long before it landed.
+        shows_s: It has to be said if the vehicle cruised with it for so long; else always.
     """
 
     ends: frozenset[End]
@@ -69,6 +69,7 @@ _HEIGHT_OFF: Final = _row(
     *(End.LANDED, End.FAILSAFE, End.PILOT),
     tolerance=Tolerance(height_m=4.0),  # until the satellites' altitude shows it
     says="altitude|height|high",
+    shows_s=3.0,
 )
 
 ACCEPTED: Final = MappingProxyType(

@@ -32,6 +32,9 @@ _DETOUR, _SLACK_S = 1.5, 10.0
 _STALE_S: Final = 1.5
 """A mode that is heard may be so old, and is believed for so long."""
 
+_CRUISES: Final = 0.9
+"""Above so much of its altitude it does not climb any more."""
+
 _CRITICAL: Final = 5  # MAV_STATE_CRITICAL
 _SAYS_PILOT: Final = re.compile(r"pilot (chose|took|has)", re.IGNORECASE)
 _LANDED: Final = "landed at home"
@@ -70,8 +73,7 @@ class Verdict:
 
 def judge(evidence: Evidence) -> Verdict:
     """Judge a flight by its evidence alone."""
-    row = accepted(_that_happened(evidence))
-    if row is None:
+    if accepted(evidence.faults) is None:
         return _unjudged(evidence, f"acceptance.py has no row for {sorted(evidence.faults)}")
     if len(evidence.samples) < 2:
         return _unjudged(evidence, "no true track")
@@ -79,6 +81,8 @@ def judge(evidence: Evidence) -> Verdict:
         track = Track(evidence)
     except MissionFileError as error:
         return _unjudged(evidence, str(error))
+    row = accepted(_that_happened(track))
+    assert row is not None  # noqa: S101 - fewer faults than those that have rows
     space = SpaceJudge(track, row.tolerance)
     space.judge()
     wire = WireJudge(track, row.tolerance, row.notice_s)
@@ -180,10 +184,10 @@ def _battery(track: Track) -> Iterator[Violation]:
         yield Violation(failsafe_s, "battery", f"{text} {needed_s:.0f} s")
 
 
-def _that_happened(evidence: Evidence) -> frozenset[str]:
-    """The faults of the scene, without a pilot whose choice the autopilot refused."""
-    taken = any(h.what is What.PILOT for h in evidence.happenings)
-    return evidence.faults if taken else evidence.faults - {"PILOT"}
+def _that_happened(track: Track) -> frozenset[str]:
+    """The faults of the scene, without a pilot's choice that was refused or came too late."""
+    faults = track.evidence.faults
+    return faults if any(by is By.PILOT for *_, by in track.given) else faults - {"PILOT", "PAUSE"}
 
 
 def _lies_s(track: Track) -> Iterator[float]:
@@ -214,7 +218,9 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
         yield Violation(last_s, "told", f"exit 0, 'done': {end.value}")
     if end is not End.LANDED and _LANDED in text:
         yield Violation(last_s, "told", f"'{_LANDED}' was said: {end.value}")
-    if end is End.LANDED and code not in {DONE, None} and not lies_s:
+    # A companion that is started anew while it lands leaves it to do so, and says that.
+    left = code == REFUSED and len(list(evidence.told(What.STARTED))) > 1
+    if end is End.LANDED and code not in {DONE, None} and not (lies_s or left):
         yield Violation(last_s, "told", f"exit {code}, though it landed at home by our command")
     if code == TAKEN_OVER and not taken:
         yield Violation(last_s, "told", "exit 6: a pilot took over, but none did")
@@ -224,7 +230,6 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
         yield Violation(claims[0], "told", "a pilot is said to have taken over, but none had")
     # Disarmed by a station there is nothing to take over: the flight ends, and says why.
     disarmed = any(h.what is What.DISARMED for h in evidence.happenings) and "disarm" in text
-    left = code == REFUSED and len(list(evidence.told(What.STARTED))) > 1
     if end is End.PILOT and code not in {TAKEN_OVER, None} and not (disarmed or left):
         yield Violation(last_s, "told", f"exit {code}, though the pilot has the vehicle")
     if not (row.says and track.flying.any()):
@@ -232,12 +237,18 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
     # What was said before it went wrong, as by the pre-flight card, is not said of it.
     flies_s = float(track.time_s[int(np.argmax(track.flying))])
     begun_s = min((h.time_s for h in evidence.told(What.FAULT)), default=flies_s)
-    lands_s = next(
-        (s.time_s for s in evidence.samples if s.time_s > flies_s and s.custom_mode == LAND_MODE),
-        math.inf,
-    )
-    if lands_s - begun_s < row.shows_s:
+    if row.shows_s and _cruised_s(track, begun_s) < row.shows_s:
         return
     since = [text for time_s, text in announcements(evidence) if time_s >= begun_s]
     if not re.search(row.says, "\n".join([*since, evidence.outcome]), re.IGNORECASE):
         yield Violation(last_s, "told", f"nothing was said of it: no line has '{row.says}'")
+
+
+def _cruised_s(track: Track, since_s: float) -> float:
+    """For how long it flew level from then on, until an offset was taken back."""
+    offs_s = [h.time_s for h in track.evidence.told(What.FAULT) if h.value == "off"]
+    until_s = offs_s[1] if len(offs_s) > 1 else math.inf
+    level = track.flying & (track.above_m > _CRUISES * track.mission.altitudes_m[0])
+    level &= np.array([s.custom_mode != LAND_MODE for s in track.evidence.samples])
+    times_s = track.time_s[level & (track.time_s >= since_s) & (track.time_s < until_s)]
+    return float(np.ptp(times_s)) if len(times_s) else 0.0

@@ -12,6 +12,7 @@ from shapely.geometry import MultiPoint, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from sitl.rehearsal.judge.evidence import AUTOPILOT, COMPANION, WireMessage
+from sitl.rehearsal.judge.judge_heard import announcements
 from sitl.rehearsal.judge.judge_track import Sky, Track, Violation, number
 from sitl.rehearsal.judge.mission_reader import Area, Pair
 
@@ -120,7 +121,12 @@ class PlanJudge:
         later = [s.from_s for s in track.skies if s.from_s > sky.from_s]
         taken = [begin_s for begin_s, _, _ in track.given if begin_s < end_s]
         flying = bool(track.flying[track.at(end_s)]) and track.time_s[-1] >= end_s
-        if flying and not taken and min(later, default=math.inf) > end_s:
+        # PX4 takes no other items while it flies them: that is said, and the flight comes home.
+        told = any(
+            sky.from_s <= at_s < end_s and "is not on board" in text
+            for at_s, text in announcements(track.evidence)
+        )
+        if flying and not (taken or told) and min(later, default=math.inf) > end_s:
             self._judge_fence(end_s, [sky])
 
     def _judge_fence(self, time_s: float, skies: Sequence[Sky]) -> None:

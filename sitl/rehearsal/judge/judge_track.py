@@ -32,6 +32,9 @@ SETTLES_S: Final = 8.0
 _SHOWS_S: Final = 2.0
 """A mode that was chosen, and not refused, shows within that time."""
 
+_HEARD_S: Final = 1.0
+"""So long it may take until the companion hears of another item or place."""
+
 _BRAKING_M_S2: Final = 3.0
 """What a PX4 brakes with at its defaults; the flight reckons with less."""
 
@@ -185,9 +188,15 @@ class Track:
                 yield begin_s, last[by], by
 
     def _shows(self, taking: Happening) -> bool:
-        """Whether anything changed: of two choices at once the second may undo the first."""
+        """Whether anything changed: of two choices at once the second may undo the first.
+
+        So may a command of ours that leaves before another item or place could be heard of.
+        """
+        if taking.value in {"item", "reposition"}:
+            ours = (m.time_s - taking.time_s for m in self.commands() if is_motion(m))
+            return not any(0.0 <= later_s < _HEARD_S for later_s in ours)
         if not str(taking.value).isupper():
-            return True  # no mode: sticks, another item or place
+            return True  # no mode: sticks, another plan
         samples = self.evidence.samples
         before = samples[max(self.at(taking.time_s) - 1, 0)].custom_mode
         after = samples[self.at(taking.time_s) : self.at(taking.time_s + _SHOWS_S) + 1]

@@ -199,7 +199,7 @@ def test_a_leg_to_an_item_is_as_clear_as_one_to_a_place():
     assert "leg" in kinds(evidence(states, more=[jump]))
 
 
-PILOT = (Happening(30.0, What.PILOT, "AUTO_LOITER"),)
+PILOT = (Happening(30.0, What.PILOT, "sticks"),)
 AFTER = [heart(float(at), HOLD) for at in range(1, 90)]
 
 

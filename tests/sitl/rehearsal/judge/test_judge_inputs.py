@@ -180,7 +180,7 @@ def test_only_where_zones_leave_a_way_home_is_it_to_be_flown(gap):
 
 
 def test_a_breach_is_said_also_to_the_pilot_who_flies_it():
-    states, taken = track(THROUGH, speed=2.0), (Happening(15.0, What.PILOT, "POSCTL"),)
+    states, taken = track(THROUGH, speed=2.0), (Happening(15.0, What.PILOT, "sticks"),)
     breach = flight(states, faults=("PILOT",), happenings=taken, code=6)
     hands_off = (16.0, "hands off: the pilot chose Position mode")
     silent = dataclasses.replace(breach, lines=flight(said=[hands_off]).lines)
