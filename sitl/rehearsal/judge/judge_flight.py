@@ -230,7 +230,9 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
         yield Violation(claims[0], "told", "a pilot is said to have taken over, but none had")
     # Disarmed by a station there is nothing to take over: the flight ends, and says why.
     disarmed = any(h.what is What.DISARMED for h in evidence.happenings) and "disarm" in text
-    if end is End.PILOT and code not in {TAKEN_OVER, None} and not (disarmed or left):
+    over_s = max((h.time_s for h in evidence.told(What.ENDED)), default=math.inf)
+    before = min(taken, default=math.inf) > over_s  # it had ended before that
+    if end is End.PILOT and code not in {TAKEN_OVER, None} and not (disarmed or left or before):
         yield Violation(last_s, "told", f"exit {code}, though the pilot has the vehicle")
     if not (row.says and track.flying.any()):
         return

@@ -32,7 +32,7 @@ SETTLES_S: Final = 8.0
 _SHOWS_S: Final = 2.0
 """A mode that was chosen, and not refused, shows within that time."""
 
-_HEARD_S: Final = 1.0
+_HEARD_S: Final = 2.0
 """So long it may take until the companion hears of another item or place."""
 
 _BRAKING_M_S2: Final = 3.0
