@@ -6,6 +6,7 @@ stops and goes on) behaves as the real flight does.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -110,6 +111,11 @@ class VehicleClock:
         """
         with self._lock:
             return self._rate if self._ceiling is None else self._ceiling
+
+    @property
+    def most_ahead_s(self) -> float:
+        """How far the vehicle's time goes on at most while nothing of it is taken in."""
+        return math.inf if self._ceiling is None else ALLOWANCE_S
 
     def now_s(self) -> float:
         """Unix seconds: the vehicle's, or the companion's own until the vehicle told its time."""

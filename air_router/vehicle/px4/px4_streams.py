@@ -57,10 +57,17 @@ class Streams:
         self._believed: _Fields | None = None
         self._gps_us = 0
 
-    def message(self, arrived_s: float, rate: float) -> None:
-        """Anything came, at this time on our clock; the vehicle's runs at this rate against it."""
+    def message(self, arrived_s: float, rate: float, most_s: float = MOST_S) -> None:
+        """Anything came, at this time on our clock.
+
+        Args:
+            arrived_s: When.
+            rate: Of the vehicle's time against ours.
+            most_s: The vehicle's time went on by no more since the message before.
+        """
         if self._last_s is not None:
-            self.heard_s += min(max(0.0, arrived_s - self._last_s) * rate, MOST_S)
+            passed_s = max(0.0, arrived_s - self._last_s) * rate
+            self.heard_s += min(passed_s, most_s, MOST_S)
         self._last_s = max(arrived_s, self._last_s or arrived_s)
 
     def news(self, name: str, fields: _Fields, *, armed: bool) -> bool:

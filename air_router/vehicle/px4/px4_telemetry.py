@@ -235,7 +235,8 @@ class Px4Telemetry:
             self._heard_s = loop_s()
             self._arrived_s[name] = received.arrived_s
             self._clock.alive()
-            self._streams.message(received.arrived_s, self._clock.rate)
+            clock = self._clock
+            self._streams.message(received.arrived_s, clock.rate, clock.most_ahead_s)
             if self._streams.news(name, received.fields, armed=self.armed):
                 handler(received.fields)
             self._mode.settle(received.arrived_s)

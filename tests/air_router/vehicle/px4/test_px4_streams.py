@@ -8,6 +8,7 @@ from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.mavlink.mavsdk_bridge import Received
 from air_router.vehicle.px4.px4 import SET_MESSAGE_INTERVAL, Px4Vehicle
 from air_router.vehicle.px4.px4_mode import ARMED
+from air_router.vehicle.px4.px4_streams import Streams
 from air_router.vehicle.px4.px4_telemetry import Px4Telemetry
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 
@@ -340,3 +341,13 @@ def test_a_stream_that_was_turned_off_is_asked_for_again(px4, pennovation, monke
     asyncio.run(vehicle._ask_again())
     # At our rate; and at the autopilot's own.
     assert asked == [(SET_MESSAGE_INTERVAL, 33, 1e5), (SET_MESSAGE_INTERVAL, 1, 0.0)]
+
+
+@pytest.mark.parametrize(("most_s", "stale"), [(0.2, False), (10.0, True)])
+def test_where_the_simulation_waits_for_a_busy_companion_nothing_ages_meanwhile(most_s, stale):
+    streams = Streams()
+    streams.message(10.0, 10.0, most_s)
+    streams.news("HEARTBEAT", {}, armed=True)
+    for number in range(1, 11):  # late by our clock: the vehicle's goes ten times as fast, or waits
+        streams.message(10.0 + 0.1 * number, 10.0, most_s)
+    assert (streams.ages().mode_s >= 3.0) == stale
