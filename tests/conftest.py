@@ -21,11 +21,10 @@ PATIENT = {"test_px4_commands.py"}
 
 LONG = {"test_hostile.py", "test_soak.py", "test_shortest_maps.py", "test_conformance.py"}
 FLIGHTS = {
-    **dict.fromkeys(("test_whole_flight.py", "test_fly.py", "test_sim_px4.py"), "flights"),
-    **dict.fromkeys(("test_several.py", "test_hostile_flight.py"), "flights"),
-    **dict.fromkeys(("test_px4.py", "test_preflight.py"), "short flights"),
+    *("test_fly.py", "test_hostile_flight.py", "test_preflight.py", "test_px4.py"),
+    *("test_several.py", "test_sim_px4.py", "test_whole_flight.py"),
 }
-"""Of tests/system: vehicles fly in real time or faster. One at a time: the others would wait."""
+"""Of tests/system: vehicles fly in real time or faster, and must not wait for each other."""
 
 
 def _flies(file):
@@ -57,12 +56,12 @@ def pytest_collection_finish():
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Every file stays on one core, as with `--dist loadfile`, and whole flights on the same."""
+    """Every file stays on one core, as with `--dist loadfile`, and all flights on the same."""
     from xdist.scheduler import LoadFileScheduling  # noqa: PLC0415 - there if it asks for this
 
     class OneFlightAtATime(LoadFileScheduling):
         def _split_scope(self, nodeid):
             file = super()._split_scope(nodeid)
-            return FLIGHTS[Path(file).name] if _flies(Path(file)) else file
+            return "flights" if _flies(Path(file)) else file
 
     return OneFlightAtATime(config, log)
