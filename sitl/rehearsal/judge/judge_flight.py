@@ -190,26 +190,28 @@ def _that_happened(track: Track) -> frozenset[str]:
     return faults if any(by is By.PILOT for *_, by in track.given) else faults - {"PILOT", "PAUSE"}
 
 
-def _lies_s(track: Track) -> Iterator[float]:
-    """When the companion heard a mode, or a failsafe, that the vehicle was not in about then."""
-    samples = track.evidence.samples
+def _was_lied_to(track: Track, at_s: float) -> bool:
+    """Whether the companion had just heard a mode, or a failsafe, that the vehicle was not in."""
     for message in track.evidence.heard:
-        if message.component != AUTOPILOT or message.name not in {"HEARTBEAT", "CURRENT_MODE"}:
+        named = message.component == AUTOPILOT and message.name in {"HEARTBEAT", "CURRENT_MODE"}
+        if not (named and 0.0 <= at_s - message.time_s < _STALE_S):
             continue
         first, last = (track.at(message.time_s + seconds) for seconds in (-_STALE_S, _STALE_S))
-        about = samples[first : last + 1]
+        about = track.evidence.samples[first : last + 1]
         critical = number(message.fields, "system_status") >= _CRITICAL
         mode = number(message.fields, "custom_mode")
-        if all(s.custom_mode != mode for s in about) or (
-            critical and not any(s.failsafe for s in about)
-        ):
-            yield message.time_s
+        if all(sample.custom_mode != mode for sample in about):
+            return True
+        if critical and not any(sample.failsafe for sample in about):
+            return True
+    return False
 
 
 def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
     """What was announced against what happened."""
     evidence = track.evidence
-    lies_s = list(_lies_s(track))
+    given_s = [line.time_s for line in evidence.lines if "hands off" in line.text]
+    lied_to = bool(given_s) and _was_lied_to(track, given_s[0])
     last_s = float(track.time_s[-1])
     code = evidence.exit_code
     text = "\n".join([line.text for line in evidence.lines] + [evidence.outcome])
@@ -220,13 +222,12 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
         yield Violation(last_s, "told", f"'{_LANDED}' was said: {end.value}")
     # A companion that is started anew while it lands leaves it to do so, and says that.
     left = code == REFUSED and len(list(evidence.told(What.STARTED))) > 1
-    if end is End.LANDED and code not in {DONE, None} and not (lies_s or left):
+    if end is End.LANDED and code not in {DONE, None} and not (lied_to or left):
         yield Violation(last_s, "told", f"exit {code}, though it landed at home by our command")
     if code == TAKEN_OVER and not taken:
         yield Violation(last_s, "told", "exit 6: a pilot took over, but none did")
     claims = [line.time_s for line in evidence.lines if _SAYS_PILOT.search(line.text)]
-    believed = claims and any(0.0 <= claims[0] - lie_s < _STALE_S for lie_s in lies_s)
-    if claims and not believed and claims[0] < min(taken, default=math.inf) - _LAG_S:
+    if claims and not lied_to and claims[0] < min(taken, default=math.inf) - _LAG_S:
         yield Violation(claims[0], "told", "a pilot is said to have taken over, but none had")
     # Disarmed by a station there is nothing to take over: the flight ends, and says why.
     disarmed = any(h.what is What.DISARMED for h in evidence.happenings) and "disarm" in text

@@ -231,6 +231,33 @@ def test_no_command_while_the_pilot_has_it_until_the_operator_asks():
     assert "authority" not in kinds(unaware)  # nothing reached it that could have told
 
 
+@pytest.mark.parametrize(("choice", "good"), [(None, True), ("POSCTL", True), ("sticks", False)])
+def test_a_choice_that_the_autopilot_did_not_follow_is_no_takeover(choice, good):
+    happenings = () if choice is None else (Happening(30.0, What.PILOT, choice),)
+    assert judge(evidence(faults=("PILOT",), happenings=happenings)).good == good
+
+
+@pytest.mark.parametrize(("at_s", "wrong"), [(30.5, False), (33.0, True)])
+def test_a_place_that_our_next_command_undoes_at_once_was_never_heard_of(at_s, wrong):
+    diverted = (Happening(30.0, What.PILOT, "reposition"),)
+    ours_s = [command(at_s, 176, param2=4.0), command(61.0, 21), *AFTER]
+    assert ("authority" in kinds(evidence(more=ours_s, happenings=diverted))) == wrong
+
+
+@pytest.mark.parametrize(("at_s", "wrong"), [(25.0, True), (74.0, False)])
+def test_heights_are_spoken_of_where_it_cruises_with_them(at_s, wrong):
+    drifts = (Happening(at_s, What.FAULT, "drift"),)
+    assert ("told" in kinds(evidence(faults=("BAROMETER",), happenings=drifts))) == wrong
+
+
+@pytest.mark.parametrize("said", [True, False])
+def test_a_fence_that_did_not_get_on_board_is_spoken_of(said):
+    drawn = TEXT + "  - {name: new, polygon: [[70, 80], [90, 80], [90, 90], [70, 90]]}\n"
+    lines = [(32.0, "the changed fence is not on board: coming home")] if said else []
+    reloaded = (Happening(30.0, What.MISSION_FILE, drawn),)
+    assert ("plan" in kinds(evidence(happenings=reloaded, said=lines))) != said
+
+
 def test_no_command_is_repeated_over_a_choice():
     twice = [command(29.0, 176, param2=4.0), command(32.0, 176, param2=4.0)]
     assert "repeat" in kinds(evidence(more=[*twice, heart(29.5)], happenings=PILOT, code=6))

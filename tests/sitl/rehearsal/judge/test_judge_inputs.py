@@ -241,3 +241,23 @@ def test_a_silent_link_and_the_way_home_are_measured_by_the_companions_own_clock
     for leg_s, wrong in ((60.0, {"blind"}), (68.5, set())):
         stands = [*FLOWN[:950], *[FLOWN[950]] * 460, *FLOWN[950:]]
         assert found(flight(stands, spoil, said=said, more=[goto(leg_s, 60, 0)])) == wrong
+
+
+@pytest.mark.parametrize(("lie_s", "wrong"), [(None, True), (20.0, True), (70.0, False)])
+def test_a_mode_that_was_heard_and_was_not_flown_may_be_believed_at_once(lie_s, wrong):
+    spoil = (
+        (lambda m: m) if lie_s is None else between(lie_s, lie_s + 3.0, "HEARTBEAT", custom_mode=7)
+    )
+    said = [(71.0, "hands off: the pilot chose Hold mode")]
+    assert ("told" in found(flight(spoil=spoil, said=said, code=1))) == wrong
+
+
+@pytest.mark.parametrize(("again", "wrong"), [(False, set()), (True, {"told"})])
+def test_a_fix_that_comes_and_goes_is_told_once(again, wrong):
+    def spoil(message):
+        message = between(70.0, 72.0, FIX, fix_type=1)(message)
+        return between(84.0, 89.0, FIX, fix_type=1)(message)
+
+    said = [(71.0, "GPS has lost its fix: holding")]
+    said += [(73.0, "GPS has its fix again")] if again else []
+    assert found(flight(HOVERS, spoil, said=said)) == wrong
