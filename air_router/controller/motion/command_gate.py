@@ -135,7 +135,8 @@ class CommandGate:
 
     def send(self, motion: Motion) -> None:
         """The same, whatever the interlocks say."""
-        if isinstance(motion, HoldHere) and isinstance(self.commanded_mode.pending, HoldHere):
+        pending = self.commanded_mode.pending
+        if motion == pending or (isinstance(motion, HoldHere) and isinstance(pending, HoldHere)):
             return  # that is under way
         self.commanded_mode.commanded(motion)
         self.navigator.setpoints.sent(motion)

@@ -54,7 +54,8 @@ class ModeState:
     """Mode, arming and failsafe, from HEARTBEAT and CURRENT_MODE as they come.
 
     PX4 falls back to the mode from before a landing when it disarms. CURRENT_MODE, which knows
-    nothing of arming, may tell that up to a second before HEARTBEAT: until then `told` stays Land.
+    nothing of arming, may tell that up to a second before HEARTBEAT: until then `told` stays Land,
+    and another mode intended than Land is no failsafe.
 
     Attributes:
         mode: As told last by either.
@@ -71,6 +72,7 @@ class ModeState:
     failsafe: bool = False
     known: bool = False
     _landing_left_s: float | None = None
+    _overruled: bool = False
 
     def heartbeat(self, fields: Mapping[str, Any]) -> bool:
         """Take a HEARTBEAT; whether the mode is another."""
@@ -79,7 +81,7 @@ class ModeState:
         self.failsafe = fields["system_status"] >= CRITICAL
         self.terminated = fields["system_status"] == TERMINATED
         before, self.mode = self.mode, flight_mode(fields["custom_mode"])
-        self._landing_left_s = None
+        self._landing_left_s, self._overruled = None, False
         self.told = self.mode
         return self.mode is not before
 
@@ -87,9 +89,9 @@ class ModeState:
         """Take a CURRENT_MODE; whether the mode is another."""
         custom, intended = fields["custom_mode"], fields.get("intended_custom_mode", 0)
         before, self.mode = self.mode, flight_mode(custom)
-        if self.armed and intended not in {0, custom}:
-            self.failsafe = True
-        if self._landing_left_s is None and before is FlightMode.LAND and self.mode is not before:
+        self._overruled = self.armed and intended not in {0, custom}
+        landed = before is FlightMode.LAND and (self._overruled or self.mode is not before)
+        if landed and self._landing_left_s is None:
             self._landing_left_s = now_s
         self.settle(now_s)
         return self.mode is not before
@@ -97,6 +99,9 @@ class ModeState:
     def settle(self, now_s: float) -> None:
         """Time goes on: a mode whose HEARTBEAT does not come is told all the same."""
         since_s = self._landing_left_s
-        if since_s is None or now_s - since_s >= SETTLED_S or self.mode is self.told:
-            self._landing_left_s = None
-            self.told = self.mode
+        in_doubt = self._overruled or self.mode is not self.told
+        if since_s is not None and now_s - since_s < SETTLED_S and in_doubt:
+            return
+        self._landing_left_s = None
+        self.told = self.mode
+        self.failsafe = self.failsafe or self._overruled

@@ -88,7 +88,6 @@ class Px4Telemetry:
         self.heading_deg: float | None = None
         self.mode = FlightMode.OTHER
         self.armed = False
-        self.failsafe = False
         self._mode = ModeState()
         self._streams = Streams()
         self._told_s = 0.0
@@ -202,6 +201,11 @@ class Px4Telemetry:
             return False
         return True
 
+    @property
+    def failsafe(self) -> bool:
+        """Whether the autopilot flies by itself."""
+        return self._mode.failsafe
+
     def snapshot(self) -> Telemetry | None:
         """The telemetry of this moment, None before the first position."""
         if self._position is None or not self._mode.known:
@@ -269,7 +273,7 @@ class Px4Telemetry:
 
     def _note_mode(self, *, changed: bool) -> None:
         state = self._mode
-        self.mode, self.armed, self.failsafe = state.mode, state.armed, state.failsafe
+        self.mode, self.armed = state.mode, state.armed
         if changed:
             self._target = None  # it was the other mode's
             self._streams.targets_from_s = self.time_s  # and what is still on its way

@@ -319,6 +319,15 @@ def test_a_requested_robot_is_sought_at_once_and_not_left_to_another(in_state):
     assert ask(flight, SeekNow("oi"))[0].code is Refusal.UNKNOWN_ROBOT
 
 
+def test_a_robot_that_is_found_as_soon_as_it_is_sought_costs_one_command(in_state):
+    flight = in_state(State.HOLD)
+    flight.give(RobotPose("io", ROBOT, 1.0, "europa"))
+    events = SeekNow("io"), RobotPose("io", ROBOT, 2.0, "io")  # before the vehicle confirms
+    actions = [a for event in events for a in flight.controller.handle(event, flight.now_s)]
+    assert flight.controller.state is State.COMM
+    assert len([action for action in actions if isinstance(action, MOVES | HoldHere)]) == 1
+
+
 def test_points_are_flown_to_one_after_the_other_and_then_it_explores_on(in_state):
     flight = in_state(State.SEARCH)
     left = flight.controller.exploration.remaining

@@ -239,6 +239,30 @@ def test_one_that_lands_is_never_shown_flying_in_the_mode_from_before(px4):
     assert (px4.last.armed, px4.last.in_air, px4.last.mode) == (False, False, FlightMode.MISSION)
 
 
+def test_a_landing_that_disarms_is_no_failsafe_though_another_mode_is_intended(px4):
+    px4.mode = px4.intended = LAND
+    px4.run(2.0)
+    px4.off.add("HEARTBEAT")
+    px4.intended = MISSION
+    px4.says("CURRENT_MODE")
+    px4.run(0.9)
+    assert not px4.last.failsafe
+    px4.armed, px4.status, px4.mode = False, 3, MISSION
+    px4.says("HEARTBEAT")
+    px4.run(3.0)
+    assert not any(event.failsafe for event in px4.events if isinstance(event, Telemetry))
+
+
+def test_a_failsafe_that_keeps_a_landing_up_shows_also_without_a_heartbeat(px4):
+    px4.mode = px4.intended = LAND
+    px4.run(2.0)
+    px4.off.add("HEARTBEAT")
+    px4.intended = MISSION
+    px4.says("CURRENT_MODE")
+    px4.run(2.0)
+    assert px4.last.failsafe
+
+
 def test_a_pilot_who_takes_over_a_landing_shows_with_the_next_heartbeat(px4):
     px4.mode = px4.intended = LAND
     px4.run(2.0)
