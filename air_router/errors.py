@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from enum import IntEnum
 from typing import ClassVar
 
-from mocha_link.errors import MochaLinkError
+from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError
 from mocha_link.team.problem import DocumentError, Problem, first_of_each_kind
 
 
@@ -20,6 +20,7 @@ class ExitCode(IntEnum):
     NO_VEHICLE = 4
     REFUSED = 5
     PILOT_TOOK_OVER = 6
+    MISSING_EXTRA = MISSING_EXTRA
     INTERRUPTED = 130
 
 
@@ -91,4 +92,6 @@ def exit_code(error: Exception) -> ExitCode:
         return error.exit_code
     if isinstance(error, DocumentError):
         return ExitCode.INVALID_FILE
+    if isinstance(error, MissingExtraError):
+        return ExitCode.MISSING_EXTRA
     return ExitCode.ENDED_OTHERWISE

@@ -1,4 +1,25 @@
-"""The root of the package's errors; each cause has its own class in the module that finds it."""
+"""The root of the package's errors; each cause has its own class in the module that finds it.
+
+Extras are packages that only some features need: here is what is missing, and how to install it.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final
+from urllib.parse import unquote, urlsplit
+
+MISSING_EXTRA: Final = 7
+"""The exit code of a command that lacks a package."""
+
+_FOLDERS: Final = {"mocha-link": "./packaging/mocha-link", "air-router": "."}
+"""Where the distributions stand in the project's folder."""
+
+_OURS: Final = ("mocha_link", "air_router", "geo", "sitl")
 
 
 class MochaLinkError(Exception):
@@ -19,3 +40,53 @@ class PortInUseError(MochaLinkError):
 
 class ListenError(MochaLinkError):
     """A port or address on which the node cannot listen for another reason."""
+
+
+class MissingExtraError(MochaLinkError):
+    """A package of an extra is not installed; the message has the command that installs it.
+
+    Args:
+        what: Needs it, as the subject of a sentence.
+        package: What is missing.
+        extra: The extra that has it.
+        distribution: Whose extra that is.
+    """
+
+    def __init__(
+        self, what: str, package: str, extra: str, distribution: str = "mocha-link"
+    ) -> None:
+        super().__init__(
+            f"{what} needs {package}, which is not installed; "
+            f"run: {install_command(extra, distribution)}"
+        )
+
+
+@contextmanager
+def needs_extra(what: str, extra: str, distribution: str = "mocha-link") -> Iterator[None]:
+    """Where modules are imported that need an extra.
+
+    Raises:
+        MissingExtraError: one of their packages is not installed.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or str(error)).split(".")[0]
+        if package in _OURS:
+            raise
+        raise MissingExtraError(what, package, extra, distribution) from None
+
+
+def install_command(extra: str, distribution: str = "mocha-link") -> str:
+    """What adds an extra to a distribution, from the checkout or wheel that it came from."""
+    from importlib import metadata  # noqa: PLC0415 - half of what a command's start would take
+
+    origin = {}
+    with suppress(metadata.PackageNotFoundError):  # run from the sources
+        found = metadata.distribution(distribution).read_text("direct_url.json")
+        origin = json.loads(found or "{}")
+    path = Path(unquote(urlsplit(origin.get("url", "")).path))
+    if not path.is_absolute() or not path.exists():
+        return f"pip install '{_FOLDERS[distribution]}[{extra}]' (in the project's folder)"
+    editable = "-e " if origin.get("dir_info", {}).get("editable") else ""
+    return f"pip install {editable}{shlex.quote(f'{path}[{extra}]')}"

@@ -3,10 +3,12 @@
 import argparse
 import dataclasses
 import json
+import os
 import subprocess
 import sys
 import tomllib
 import types
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -15,8 +17,10 @@ import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
 from mocha_link.cli.program import Command
+from mocha_link.errors import install_command
 
 ROOT = Path(__file__).parents[1]
+MISSION = str(ROOT / "missions" / "pennovation" / "mission.yaml")
 PROGRAMS = {
     "air-router": air_router.cli.cli,
     "mocha-link": mocha_link.cli.cli,
@@ -60,7 +64,9 @@ def test_one_by_one_the_commands_say_the_same_as_all_at_once(program, capsys):
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
-@pytest.mark.parametrize("words", [[], ["dance"], ["-v", "dance"], ["--log-level", "loud", "x"]])
+@pytest.mark.parametrize(
+    "words", [["-v"], ["dance"], ["-v", "dance"], ["--log-level", "loud", "x"]]
+)
 def test_wrong_usage_is_told_the_same(program, words, capsys):
     assert asked(program, *words) == 2
     told = capsys.readouterr().err
@@ -68,6 +74,66 @@ def test_wrong_usage_is_told_the_same(program, words, capsys):
     with pytest.raises(SystemExit):
         PROGRAMS[program].parser().parse_args(words)
     assert told == capsys.readouterr().err
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_without_a_command_there_is_the_list_of_them(program, capsys):
+    assert asked(program) == 2
+    assert capsys.readouterr().err == PROGRAMS[program].parser().format_help()
+
+
+@pytest.mark.parametrize(
+    ("program", "missing", "words", "told"),
+    [
+        ("air-router", "aiohttp", ["edit", MISSION], "the page needs aiohttp"),
+        ("air-router", "matplotlib", ["check", MISSION, "--png", "x.png"], "a picture needs"),
+        ("air-router", "pymavlink", ["sim", MISSION], "the simulated world needs pymavlink"),
+        ("mocha-link", "shtab", ["completion", "bash"], "completion needs shtab"),
+        ("sitl", "pymavlink", ["vehicle"], "the simulator needs pymavlink"),
+        ("sitl", "scipy", ["experiment", "table1"], "an experiment needs scipy"),
+    ],
+)
+def test_a_missing_extra_ends_with_7_and_the_command_that_installs_it(
+    program, missing, words, told, tmp_path
+):
+    """Every other command works without it: they are all there until one is asked for."""
+    code = (
+        f"import sys; sys.modules[{missing!r}] = None\n"
+        f"from {PROGRAMS[program].__name__} import main\nsys.exit(main(sys.argv[1:]))\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", code, *words]
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 7
+    assert told in done.stderr
+    assert "; run: pip install " in done.stderr.splitlines()[-1]
+
+
+class Installed:
+    """A distribution whose files say that it came from `url`."""
+
+    def __init__(self, url, *, editable):
+        self.origin = {"url": url, "dir_info": {"editable": editable}}
+
+    def read_text(self, name):
+        assert name == "direct_url.json"
+        return json.dumps(self.origin)
+
+
+def test_the_command_names_the_checkout_or_wheel_that_was_installed(monkeypatch, tmp_path):
+    wheel = tmp_path / "a b.whl"
+    wheel.touch()
+    known = {
+        "air-router": Installed(tmp_path.as_uri(), editable=True),
+        "mocha-link": Installed(wheel.as_uri(), editable=False),
+    }
+    monkeypatch.setattr(metadata, "distribution", known.__getitem__)
+    assert install_command("web", "air-router") == f"pip install -e '{tmp_path}[web]'"
+    assert install_command("keys") == f"pip install '{wheel}[keys]'"
+    wheel.unlink()
+    assert install_command("keys").startswith("pip install './packaging/mocha-link[keys]' (in")
 
 
 def loaded(program, *words):

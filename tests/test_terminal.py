@@ -15,7 +15,7 @@ import air_router.cli.cli
 import mocha_link.cli.cli
 import sitl.cli.cli
 from mocha_link.cli.command_help import coloured, log_level
-from mocha_link.cli.program import CompletionError, script
+from mocha_link.cli.program import script
 
 ROOT = Path(__file__).parents[1]
 PROGRAMS = {
@@ -125,14 +125,6 @@ def test_others_get_a_script_that_they_can_read(shell, try_it, capsys, tmp_path)
         )
         found = done.stdout.split()[:1]  # what it is follows
         assert (found, done.stderr) == (["freshest"] if shell == "fish" else [], "")
-
-
-def test_without_the_extra_it_says_what_to_install(monkeypatch, capsys):
-    monkeypatch.setitem(__import__("sys").modules, "shtab", None)
-    assert mocha_link.cli.cli.main(["completion", "bash"]) == 1
-    assert "air-router[completion]" in capsys.readouterr().err
-    with pytest.raises(CompletionError):
-        script(sitl.cli.cli.parser(), "bash")
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,8 @@ exit codes:
   0 done                      4 no vehicle
   1 ended otherwise           5 refused before take-off
   2 wrong usage               6 the pilot took over
-  3 invalid file            130 interrupted
+  3 invalid file              7 a package is missing
+                            130 interrupted
 """
 
 COMMANDS = (

@@ -12,7 +12,8 @@ from air_router.editor.mission_text import MissionText
 from air_router.editor.session import EditSession
 from air_router.editor.starter import write_starter
 from air_router.errors import ExitCode
-from air_router.web.serving import add_page_options, needs_server, page_port, show, web_of
+from air_router.web.serving import add_page_options, page_port, show, web_of
+from mocha_link.errors import needs_extra
 
 _DEFAULT_PORT = 8424
 
@@ -45,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C; its address goes to stdout."""
     web = web_of(arguments)
     assert web is not None  # noqa: S101 - there always is a port
-    with needs_server():
+    with needs_extra("the page", "web", "air-router"):
         from air_router.editor.server import EditorServer  # noqa: PLC0415 - an extra
     if arguments.new is not None:
         write_starter(arguments.mission, arguments.new)

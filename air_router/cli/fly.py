@@ -35,7 +35,7 @@ from air_router.vehicle.pace import PaceClient, PaceSource
 from air_router.vehicle.px4.px4 import Px4Vehicle
 from air_router.web.serving import Web, web_of
 from mocha_link import ListenError, PortInUseError, RadioError, Team
-from mocha_link.team.keys import KeyFileError, KeyMismatchError, KeysUnavailableError
+from mocha_link.team.keys import KeyFileError, KeyMismatchError
 
 DEFAULT_URL = "udpin://127.0.0.1:14540"
 AERIAL = "aerial_robot"
@@ -46,7 +46,6 @@ _UNUSABLE = (  # the gossip node cannot begin, so the flight does not
     RadioError,
     KeyFileError,
     KeyMismatchError,
-    KeysUnavailableError,
 )
 
 

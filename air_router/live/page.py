@@ -22,10 +22,10 @@ from air_router.web.serving import (
     Served,
     Web,
     add_page_options,
-    needs_server,
     page_port,
     show,
 )
+from mocha_link.errors import needs_extra
 
 
 class Page(Served, Protocol):
@@ -101,7 +101,7 @@ def page_of(  # noqa: PLR0913 - what a page shows comes from many places
     """
     if web is None:
         return NoPage()
-    with needs_server():
+    with needs_extra("the page", "web", "air-router"):
         from air_router.live.server import LivePage  # noqa: PLC0415 - an extra
     return LivePage(mission, controller, commands, gossip.links, mapper=mapper, web=web)
 
@@ -113,7 +113,7 @@ def show_record(path: Path, web: Web, speed: float, say: Say) -> None:
         UsageError: what serves pages is not installed.
         RefusedError, LogError, ServeError: there is nothing to show, or nowhere.
     """
-    with needs_server():
+    with needs_extra("the page", "web", "air-router"):
         from air_router.live.playback import Film, Playback  # noqa: PLC0415 - an extra
     show(Playback(Film(Log(path)), web, speed=speed), say)
 
@@ -124,6 +124,6 @@ def joint_page(names: Iterable[str], web: Web) -> Joined:
     Raises:
         UsageError: what serves pages is not installed.
     """
-    with needs_server():
+    with needs_extra("the page", "web", "air-router"):
         from air_router.live.joint import JointPage  # noqa: PLC0415 - an extra
     return JointPage(names, web)

@@ -22,8 +22,9 @@ from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Route
 from geo.airspace.zone import Zone
 from geo.frame import Point
+from mocha_link.errors import needs_extra
 
-try:
+with needs_extra("a picture", "plot", "air-router"):
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
@@ -45,10 +46,6 @@ try:
         write_number,
     )
     from air_router.report.map_sheet import GROUND, INK, label_sheet, new_sheet
-except ImportError as error:
-    raise PictureError(
-        "pictures need matplotlib, which is not installed; pip install 'air-router[plot]'"
-    ) from error
 
 __all__ = ["PictureError", "draw_airspace", "draw_home", "draw_mission", "draw_zones", "save"]
 

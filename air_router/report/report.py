@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, TextIO
 
+from air_router.errors import PictureError
 from air_router.flight.flight_result import FlightResult
 from air_router.mission.mission import Mission
+from mocha_link.errors import MissingExtraError
 
 COLUMNS: Final = (
     ("robot", "{}"),
@@ -42,11 +44,11 @@ def write_report(
             )
     if picture is None or not result.track:
         return
-    from air_router.report.picture import PictureError, draw_mission  # noqa: PLC0415 - an extra
-
     try:
+        from air_router.report.picture import draw_mission  # noqa: PLC0415 - an extra
+
         draw_mission(mission, picture, track=result.track, meetings=result.meetings)
-    except PictureError as error:
+    except (PictureError, MissingExtraError) as error:
         out.write(f"no picture of the track: {error}\n")
     else:
         out.write(f"the track over the mission: {picture}\n")

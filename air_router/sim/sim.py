@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import importlib.util
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -25,6 +26,7 @@ from air_router.report.report import several
 from air_router.sim.flights import Flights
 from air_router.sim.sim_world import Seat, SimOptions, SimWorld
 from air_router.web.serving import shown_beside, web_of
+from mocha_link.errors import MissingExtraError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,6 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Fly in a world of its own, and report on stdout."""
+    if importlib.util.find_spec("pymavlink") is None:  # the world is other processes
+        raise MissingExtraError("the simulated world", "pymavlink", "sim", "air-router")
     mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
     options = SimOptions(arguments.speed, arguments.seed, arguments.px4)
     if len(mission.layers) > 1:

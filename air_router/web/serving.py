@@ -16,8 +16,6 @@ from typing import Any, Final, Protocol
 from air_router.errors import UsageError
 from air_router.web.backdrop import Backdrop
 
-_MISSING: Final = "the page needs aiohttp, which is not installed; pip install 'air-router[web]'"
-
 _END_S: Final = 5.0
 """A page that has not ended by then ends with the program."""
 
@@ -108,17 +106,6 @@ def page_port(text: str) -> int:
     if not text.isdecimal() or int(text) > 65535:
         raise argparse.ArgumentTypeError(f"{text} is not a port; choose 1 to 65535, or 0")
     return int(text)
-
-
-@contextmanager
-def needs_server() -> Iterator[None]:
-    """Where what serves pages is imported; raises UsageError if it is not installed."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        if error.name != "aiohttp":
-            raise
-        raise UsageError(_MISSING) from None
 
 
 def show(page: Served, say: Say) -> None:

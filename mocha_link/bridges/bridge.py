@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from mocha_link.bridges.progress import Progress
+from mocha_link.errors import install_command
 from mocha_link.service.service_client import (
     ServiceClient,
     ServiceError,
@@ -158,7 +159,7 @@ class Bridge:
             return kind
         why = f"is no type of ROS {self._middleware.ros} that is known here"
         if not team.get("has_ros", True):
-            why = "is unknown to the node: it needs the extra 'ros' (pip install 'air-router[ros]')"
+            why = f"is unknown to the node: it needs the extra 'ros', {install_command('ros')}"
         self._complain(kind, why)
         return None
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from mocha_link.bridges.bridge import Bridge
 from mocha_link.bridges.progress import Progress
-from mocha_link.errors import MochaLinkError
+from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError
 from mocha_link.node.lifetime import until_terminated
 from mocha_link.service.service_client import ServiceClient, ServiceUnreachableError
 
@@ -119,8 +119,10 @@ def _middleware(kind: str, options: argparse.Namespace, team: dict[str, Any]) ->
             os.environ["ROS_DOMAIN_ID"] = str(options.domain)
         return Rcl(name, best_effort=options.best_effort)
     if not has("cyclonedds") or not has("rosbags"):
-        raise BridgeError(
-            f"{sys.executable} has neither rclpy nor the extra 'ros2'; {ADVICE['ros2']}"
+        raise MissingExtraError(
+            f"the bridge to ROS 2, as {sys.executable} has no rclpy (--python PATH names another),",
+            "cyclonedds",
+            "ros2",
         )
     from mocha_link.bridges.dds import Dds  # noqa: PLC0415 - an extra that may be missing
 
@@ -134,7 +136,7 @@ def has(module: str) -> bool:
 
 ADVICE = {
     "ros1": "name one that has it: --python /usr/bin/python3 (Debian: python3-rospy, python3-zmq)",
-    "ros2": "pip install 'air-router[ros2]', or name a Python that has rclpy: --python PATH",
+    "ros2": "name one that has rclpy",
 }
 
 
@@ -152,6 +154,6 @@ def main(arguments: Sequence[str]) -> int:
         return run(options.kind, options)
     except MochaLinkError as error:
         sys.stderr.write(f"mocha-link: {error}\n")
-        return FAILED
+        return MISSING_EXTRA if isinstance(error, MissingExtraError) else FAILED
     except KeyboardInterrupt:
         return INTERRUPTED

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from mocha_link.cli.command_help import drop_output, examples
 from mocha_link.cli.program import USAGE, Command, Program
-from mocha_link.errors import MochaLinkError, NotInTeamError
+from mocha_link.errors import MISSING_EXTRA, MissingExtraError, MochaLinkError, NotInTeamError
 from mocha_link.team.problem import DocumentError
 
 COMMANDS = (
@@ -45,6 +45,8 @@ def _ended(error: Exception) -> tuple[int, str]:
         return DONE, ""
     if isinstance(error, DocumentError):
         return INVALID_FILE, str(error)
+    if isinstance(error, MissingExtraError):
+        return MISSING_EXTRA, f"mocha-link: {error}"
     return USAGE if isinstance(error, NotInTeamError) else FAILED, f"mocha-link: {error}"
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from mocha_link.cli.command_help import Help, add_command, add_verbose, log_level, sentence
 from mocha_link.cli.interrupt import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
-from mocha_link.errors import MochaLinkError
+from mocha_link.errors import needs_extra
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,17 +102,18 @@ class Program:
         """Run one command; returns its exit code. Results go to stdout, all else to stderr."""
         leave_when_interrupted()  # a command is imported when it is asked for
         words = self.prepared(sys.argv[1:] if argv is None else argv)
+        if not words:
+            self.parser(whole=False).print_help(sys.stderr)
+            return USAGE
         try:
             arguments = self.parser(whole=False).parse_args(words)
+            raise_when_interrupted()
+            level = log_level(arguments, self.log_level)
+            logging.basicConfig(level=level, format=self.log_format, stream=sys.stderr)
+            return int(arguments.run(arguments))
         except SystemExit as end:  # argparse has said why
             raise_when_interrupted()
             return end.code if isinstance(end.code, int) else USAGE
-        logging.basicConfig(
-            level=log_level(arguments, self.log_level), format=self.log_format, stream=sys.stderr
-        )
-        try:
-            raise_when_interrupted()
-            return int(arguments.run(arguments))
         except KeyboardInterrupt:
             code, message = INTERRUPTED, "interrupted"
         except self.expected as error:
@@ -166,23 +167,14 @@ SHELLS = {
 """How each is told, in words of its own."""
 
 
-class CompletionError(MochaLinkError):
-    """The script cannot be made."""
-
-
 def script(program: argparse.ArgumentParser, shell: str) -> str:
     """The script for one of `SHELLS`; arguments that are paths are completed as files.
 
     Raises:
-        CompletionError: what writes it is not installed.
+        MissingExtraError: what writes it is not installed.
     """
-    try:
+    with needs_extra("completion", "completion"):
         import shtab  # noqa: PLC0415 - an extra
-    except ModuleNotFoundError:
-        raise CompletionError(
-            "completion needs shtab, which is not installed; "
-            "run: pip install 'air-router[completion]'"
-        ) from None
     waiting = [program]
     while waiting:
         for action in waiting.pop()._actions:  # noqa: SLF001 - no public way to walk a parser

@@ -8,7 +8,7 @@ import socket
 import struct
 from typing import Any
 
-from mocha_link.errors import RadioError
+from mocha_link.errors import RadioError, needs_extra
 from mocha_link.links.reading import Reading, Unit
 from mocha_link.radios.port import Report
 from mocha_link.radios.streams import bound, datagrams
@@ -80,4 +80,5 @@ def _reading(status: Any) -> Reading | None:
 
 @functools.cache
 def _dialect() -> Any:
-    return importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
+    with needs_extra("a radio that tells its state by MAVLink", "mavlink"):
+        return importlib.import_module("pymavlink.dialects.v20.ardupilotmega")

@@ -12,13 +12,11 @@ import contextlib
 from collections.abc import Mapping
 from typing import Any, Literal
 
-try:
+from mocha_link.errors import needs_extra
+
+with needs_extra("what reads ROS messages", "ros"):
     from mocha_link.ros.ros_json import Builder, to_json, translate
     from mocha_link.ros.ros_store import RosError, RosTypes
-except ModuleNotFoundError as error:  # pragma: no cover - the tests have it
-    raise ModuleNotFoundError(
-        f"{error}: ROS messages need the extra 'ros': pip install 'air-router[ros]'"
-    ) from error
 
 __all__ = ["Ros", "RosCodec", "RosError"]
 

@@ -12,7 +12,7 @@ import logging
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, Protocol
 
-from mocha_link.errors import MochaLinkError
+from mocha_link.errors import MissingExtraError, MochaLinkError
 from mocha_link.node.node import Message
 from mocha_link.team.team import Robot, Team, Topic
 
@@ -180,7 +180,7 @@ class Typed:
 def _codec(definitions: Mapping[str, str]) -> Codec | None:
     try:
         from mocha_link.ros.ros import RosCodec  # noqa: PLC0415 - an extra that may be missing
-    except ModuleNotFoundError as error:
+    except MissingExtraError as error:
         LOG.warning("what is not JSON is left as bytes: %s", error)
         return None
     return RosCodec(definitions)

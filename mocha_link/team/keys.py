@@ -17,7 +17,7 @@ from pathlib import Path
 
 from zmq.utils import z85
 
-from mocha_link.errors import MochaLinkError
+from mocha_link.errors import MissingExtraError, MochaLinkError
 from mocha_link.team.team import Robot, Team
 
 try:
@@ -37,13 +37,11 @@ OVERHEAD_BYTES = NONCE_BYTES + 16  # of a sealed packet
 _PURPOSE = b"mocha-link udp 1"
 
 
-class KeysUnavailableError(MochaLinkError):
+class KeysUnavailableError(MissingExtraError):
     """Keys are configured, and the library that reads them is not installed."""
 
     def __init__(self) -> None:
-        super().__init__(
-            "keys need PyNaCl, which is not installed here; run: pip install 'air-router[keys]'"
-        )
+        super().__init__("what has keys", "PyNaCl", "keys")
 
 
 class KeyFileError(MochaLinkError):

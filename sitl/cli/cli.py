@@ -43,7 +43,7 @@ PROGRAM = program_of(
     "sitl",
     "The simulated world: a PX4 vehicle, ground robots, radios, a camera.",
     "exit codes: 0 done, 1 ended otherwise, 2 wrong usage, 3 invalid file, 4 no answer, "
-    "5 refused, 130 interrupted",
+    "5 refused, 7 a package is missing, 130 interrupted",
     COMMANDS,
 )
 

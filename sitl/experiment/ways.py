@@ -14,18 +14,14 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from air_router.errors import UsageError
 from geo.frame import Point
 from geo.grid import Cells, Terrain
+from mocha_link.errors import needs_extra
 from sitl.experiment.lattice import GRAIN_M, Cell, Lattice
 
-try:
+with needs_extra("an experiment", "experiments", "air-router"):
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
-except ImportError as error:
-    raise UsageError(
-        "experiments need scipy, which is not installed; pip install 'air-router[experiments]'"
-    ) from error
 
 Floats = npt.NDArray[np.float64]
 

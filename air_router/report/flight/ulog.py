@@ -11,6 +11,7 @@ from typing import Any, Final
 from air_router.errors import AirRouterError, ExitCode
 from air_router.report.flight.flight_summary import FlightSummary
 from geo.frame import FrameError, LocalFrame
+from mocha_link.errors import needs_extra
 
 TRACK_S: Final = 0.5
 TOPICS: Final = ("vehicle_global_position", "battery_status", "vehicle_status")
@@ -112,10 +113,8 @@ def read_ulog(path: Path, summary: FlightSummary) -> UlogTrack:
 
 
 def _read(path: Path, frame: LocalFrame) -> UlogTrack:
-    try:
+    with needs_extra("PX4's log", "ulog", "air-router"):
         from pyulog import ULog  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise UlogError("PX4's logs need the extra: pip install 'air-router[ulog]'") from None
     try:
         with path.open("rb") as file:
             log = ULog(file, list(TOPICS))

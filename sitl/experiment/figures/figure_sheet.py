@@ -13,18 +13,15 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from air_router.errors import PictureError
+from mocha_link.errors import needs_extra
 from sitl.experiment.campaign.plan import Experiment, Record, Row
 from sitl.experiment.campaign.rows import words
 
-try:
+with needs_extra("a figure", "experiments", "air-router"):
     import matplotlib as mpl
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
-except ImportError as error:
-    raise PictureError(
-        "figures need matplotlib, which is not installed; pip install 'air-router[experiments]'"
-    ) from error
 
 INK, FAINT, GRID = "#30363d", "#7b838b", "#e3e5e8"
 COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")

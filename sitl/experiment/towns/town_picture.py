@@ -11,18 +11,14 @@ from pathlib import Path
 import shapely
 
 from air_router.counted import counted
-from air_router.errors import PictureError
 from geo.frame import Point
+from mocha_link.errors import needs_extra
 from sitl.experiment.towns.town import Town
 
-try:
+with needs_extra("a picture", "plot", "air-router"):
     from air_router.report.map_marks import patch_of
     from air_router.report.map_sheet import INK, label_sheet, sheet_of
     from air_router.report.picture import save
-except ImportError as error:
-    raise PictureError(
-        "pictures need matplotlib, which is not installed; pip install 'air-router[plot]'"
-    ) from error
 
 OPEN, PAVED, ROAD, CROWN = "#e3dccb", "#eef0e4", "#aab4c4", "#8fb27c"
 HOUSE, HOUSE_EDGE, GOAL, START = "#fdfdfb", "#b9b4a8", "#d1495b", "#30638e"

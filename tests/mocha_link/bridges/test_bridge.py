@@ -6,7 +6,6 @@ import contextlib
 import logging
 import queue
 import struct
-import sys
 import threading
 
 import pytest
@@ -16,6 +15,7 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 from mocha_link.bridges.bridge import MAX_HELD, MAX_HELD_BYTES, Bridge, Outbox
 from mocha_link.bridges.progress import Progress
 from mocha_link.links.metrics import MessageStored
+from mocha_link.ros import typed
 from mocha_link.ros.ros import RosCodec
 from mocha_link.service.service import ServiceServer
 from mocha_link.service.service_client import ServiceClient
@@ -113,7 +113,7 @@ def test_what_the_robot_says(server, one, stored, progress, caplog):
 
 def test_a_node_without_the_extra_for_ros(two, progress, caplog, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setitem(sys.modules, "mocha_link.ros.ros", None)
+        patch.setattr(typed, "_codec", lambda _definitions: None)
         bare = ServiceServer(two, "tcp://127.0.0.1:*")
     with bare, ServiceClient(bare.endpoint) as client:
         team = client.team()

@@ -30,7 +30,7 @@ FOREIGN = {
     "mocha_link.node.lifetime",
     "mocha_link.service.service_client",
 }
-TYPING = {"Any", "ClassVar", "Protocol", "TypeVar"}
+TYPING = {"Any", "ClassVar", "Final", "Protocol", "TypeVar"}
 NEWER = {"cache", "removeprefix", "removesuffix", "is_relative_to", "pairwise", "randbytes"}
 
 

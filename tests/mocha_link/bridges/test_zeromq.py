@@ -17,6 +17,7 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
 from mocha_link.bridges.values import Values
 from mocha_link.bridges.zeromq import ZeroMqBridge
+from mocha_link.ros import typed
 from mocha_link.ros.ros import RosCodec
 from mocha_link.service.endpoint import connect
 from mocha_link.service.requests import RequestError
@@ -163,7 +164,7 @@ def values():
 
 
 def test_without_the_extra_for_ros(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mocha_link.ros.ros", None)
+    monkeypatch.setattr(typed, "_codec", lambda _definitions: None)
     request = {"request": "publish", "topic": "/pose", "value": {"x": 1}}
     with pytest.raises(RequestError, match="ROS messages need the extra 'ros' here"):
         Values(TEAM).request(request, [])
