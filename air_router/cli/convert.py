@@ -9,12 +9,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from air_router.cli.arguments import place
+from air_router.cli.arguments import ANY_FINITE, MORE_THAN_0, number, place
 from air_router.cli.command_line import print_json
 from air_router.counted import counted
 from air_router.errors import ExitCode, MissionFileError, UsageError
 from air_router.files.conversion_warnings import ConversionWarnings
-from air_router.files.json_document import JsonDocument, json_text
+from air_router.files.gpx_document import gpx_draft, read_gpx
+from air_router.files.json_document import MAX_BYTES, JsonDocument, json_text
 from air_router.files.maps.feature_set import (
     FeatureSet,
     Line,
@@ -25,14 +26,17 @@ from air_router.files.maps.feature_set import (
     outline_of,
 )
 from air_router.files.maps.geojson_write import geojson_text
+from air_router.files.maps.gpx_write import gpx_text, tell_losses
 from air_router.files.maps.kml_write import kml_text
 from air_router.files.mission_document import MissionDocument
 from air_router.files.qgc.qgc_items import NOT_FLOWN
 from air_router.files.qgc.qgc_write import areas_of, plan_of, tell_settings
+from air_router.files.qgc.waypoint_file import read_waypoints, waypoints_text
 from air_router.files.text.source import TextSource, spliced
-from air_router.files.whole_file import write_whole
+from air_router.files.whole_file import bytes_of, text_in, write_whole
 from air_router.files.yaml.mission_write import mission_text
 from air_router.files.yaml.sim_plan import SUFFIX, sim_plan_draft
+from air_router.files.zip_document import kmz_of
 from air_router.files.zones.zone_files import add_zones, read_zones
 from air_router.mission.loading import judge, read_draft
 from air_router.mission.mission import Mission
@@ -43,6 +47,7 @@ from geo.frame import Point
 from mocha_link.team.document import Document, DocumentError, Problem
 
 _PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
+_KMZ, _GPX, _WAYPOINTS = "KMZ", "GPX", "waypoint"
 _KINDS: Final = {
     ".plan": _PLAN,
     ".yaml": _YAML,
@@ -50,16 +55,26 @@ _KINDS: Final = {
     ".geojson": _GEOJSON,
     ".json": _GEOJSON,
     ".kml": _KML,
+    ".kmz": _KMZ,
+    ".gpx": _GPX,
+    ".waypoints": _WAYPOINTS,
 }
-_MAP_WRITERS: Final[dict[str, Callable[[FeatureSet], str]]] = {
+_MAP_WRITERS: Final[dict[str, Callable[[FeatureSet], str | bytes]]] = {
     _GEOJSON: geojson_text,
     _KML: kml_text,
+    _KMZ: lambda feature_set: kmz_of(kml_text(feature_set)),
+    _GPX: gpx_text,
 }
+_DRAWING: Final = (_GEOJSON, _KML, _KMZ)
+"""Kinds in which buffers, graph and route are drawn."""
+
+_MISSIONS: Final = frozenset({".plan", ".yaml", ".yml", ".waypoints"})
 
 _EPILOG = """\
-FROM is a mission (.yaml, .plan, .sim.yaml of the paper's authors) or a file of zones (.geojson,
-.kml, .json with ED-269 or ED-318 geozones). TO is .plan, .yaml, .geojson or .kml; zones alone
-become .geojson or .kml.
+FROM is a mission (.yaml, .plan, .waypoints of ArduPilot's programs, .sim.yaml of the paper's
+authors, .gpx with --altitude) or a file of zones (.geojson, .kml, .kmz, .gpx, OpenAir .txt or .air,
+.json with ED-269 or ED-318 geozones). TO is .plan, .yaml, .waypoints, .geojson, .kml, .kmz or .gpx;
+zones alone become one of the last four.
 
 examples:
   air-router convert town.plan town.yaml
@@ -86,7 +101,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="WORD",
-        help="leave out geozones of this restriction (CONDITIONAL, ...) or identifier",
+        help="leave out zones of this restriction (CONDITIONAL, ...), class or identifier",
     )
     parser.add_argument(
         "--origin",
@@ -95,17 +110,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where the origin of a FROM in metres (.sim.yaml) stands, in degrees",
     )
     parser.add_argument(
-        "--buffers", action="store_true", help="draw what is kept from zones (.geojson, .kml)"
+        "--altitude",
+        type=number("an altitude above 0 metres", MORE_THAN_0, ANY_FINITE),
+        metavar="M",
+        help="fly the route of a FROM in GPX this high above home, in metres",
     )
     parser.add_argument(
-        "--graph", action="store_true", help="draw the waypoint graph (.geojson, .kml)"
+        "--buffers", action="store_true", help="draw what is kept from zones (.geojson, .kml, .kmz)"
+    )
+    parser.add_argument(
+        "--graph", action="store_true", help="draw the waypoint graph (.geojson, .kml, .kmz)"
     )
     parser.add_argument(
         "--route",
         type=int,
         nargs=2,
         metavar=("A", "B"),
-        help="draw the route from waypoint A to B, 0 is home (.geojson, .kml)",
+        help="draw the route from waypoint A to B, 0 is home (.geojson, .kml, .kmz)",
     )
     parser.add_argument("--force", action="store_true", help="replace TO if it is there")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
@@ -121,15 +142,16 @@ def run(arguments: argparse.Namespace) -> int:
     if target.exists() and not arguments.force:
         raise UsageError(f"{target} is already there; --force replaces it")
     report = _Report(source, target)
-    read = _mission if source.suffix.lower() in (".plan", ".yaml", ".yml") else _zones
+    flown = source.suffix.lower() in _MISSIONS or arguments.altitude is not None
+    read = _mission if flown else _zones
     try:
-        text = read(arguments, kind, report)
+        written = read(arguments, kind, report)
     except (MissionFileError, DocumentError) as error:
         report.problems = error.problems
         if arguments.json:
             report.tell(as_json=True)
         raise
-    write_whole(target, text, replace=arguments.force)
+    write_whole(target, written, replace=arguments.force)
     report.written = True
     report.tell(as_json=arguments.json)
     return ExitCode.DONE
@@ -178,7 +200,7 @@ def _json_name(what: str) -> str:
     return what.removeprefix("no-fly ").replace(" ", "_")
 
 
-def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
+def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str | bytes:
     draft = _draft(arguments)
     own_zones = len(draft.zones)
     for path in arguments.zones:
@@ -186,7 +208,7 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
     if draft.problems or draft.frame is None or draft.home is None:
         raise MissionFileError(draft.problems)
     _check_options(arguments, kind)
-    if kind != _PLAN:
+    if kind != _PLAN or not isinstance(draft.document, JsonDocument):
         for note in draft.notes:
             if note.code == NOT_FLOWN:
                 report.warnings.add(f"{note.path}:{note.line}", note.message, "item-lost")
@@ -196,6 +218,8 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
         "no-fly zones": len(draft.zones),
         "rally points": len(draft.rally_points),
     }
+    if kind == _WAYPOINTS:
+        report.counts = {"waypoints": len(draft.waypoints)}
     text = _written(draft, own_zones, arguments, kind, report)
     report.notes = draft.notes
     report.problems = draft.problems
@@ -203,6 +227,13 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
 
 
 def _draft(arguments: argparse.Namespace) -> MissionDocument:
+    source, suffix = arguments.source, arguments.source.suffix.lower()
+    if arguments.altitude is not None:
+        if suffix != ".gpx":
+            raise UsageError("--altitude is for a FROM in GPX; other missions say it themselves")
+        return gpx_draft(read_gpx(bytes_of(source, MAX_BYTES), source), arguments.altitude)
+    if suffix == ".waypoints":
+        return read_waypoints(text_in(bytes_of(source, MAX_BYTES), source), source)
     in_metres = arguments.source.name.endswith(SUFFIX)
     if in_metres and arguments.origin is None:
         raise UsageError(f"{arguments.source} is in metres: say where it stands, --origin LAT,LON")
@@ -219,7 +250,7 @@ def _written(
     arguments: argparse.Namespace,
     kind: str,
     report: _Report,
-) -> str:
+) -> str | bytes:
     document = draft.document
     if kind in _MAP_WRITERS:
         chart = chart_of(draft)
@@ -227,11 +258,15 @@ def _written(
         if mission is not None:
             _draw(chart, mission, arguments, drawable=not draft.problems)
         tell_settings(draft, report.warnings, f"a {kind} file")
+        if kind == _GPX:
+            tell_losses(chart, report.warnings)
         return _MAP_WRITERS[kind](chart)
     if kind == _YAML:
         text = mission_text(draft, arguments.target.parent)
         if not isinstance(document, JsonDocument):
             report.warnings.add("comments", "they stay in the file that is read", "comments-lost")
+    elif kind == _WAYPOINTS:
+        text = waypoints_text(draft, report.warnings)
     elif isinstance(document, JsonDocument) and draft.frame is not None:
         more = areas_of(draft.zones[own_zones:], draft.frame, report.warnings, inclusion=False)
         text = _with_zones(document, more)
@@ -259,8 +294,8 @@ def _with_zones(plan: JsonDocument, more: dict[str, list[Any]]) -> str:
 
 def _check_options(arguments: argparse.Namespace, kind: str) -> None:
     wanted = [name for name in ("buffers", "graph", "route") if getattr(arguments, name)]
-    if wanted and kind not in _MAP_WRITERS:
-        raise UsageError(f"--{wanted[0]} is drawn into .geojson and .kml only")
+    if wanted and kind not in _DRAWING:
+        raise UsageError(f"--{wanted[0]} is drawn into .geojson, .kml and .kmz only")
 
 
 def _draw(
@@ -300,7 +335,9 @@ def _route(mission: Mission, graph: WaypointGraph, start: int, end: int) -> Line
     return degrees([graph.position(start), *(leg.to for leg in route.legs)], mission.frame)
 
 
-def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
+def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str | bytes:
+    if kind not in _MAP_WRITERS and arguments.source.suffix.lower() == ".gpx":
+        raise UsageError("GPX does not say how high to fly: add --altitude M, above home")
     if kind not in _MAP_WRITERS:
         raise UsageError(
             "zones alone are no mission: give the mission as FROM and these with --zones"
@@ -316,4 +353,6 @@ def _zones(arguments: argparse.Namespace, kind: str, report: _Report) -> str:
         raise MissionFileError([*problems, *broken])
     report.counts = {"no-fly zones": len(chart.zones)}
     report.notes = [note for reading in readings for note in reading.notes]
+    if kind == _GPX:
+        tell_losses(chart, report.warnings)
     return _MAP_WRITERS[kind](chart)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from air_router.errors import UsageError
@@ -14,6 +15,18 @@ from mocha_link.team.problem import DocumentError, Problem
 
 class FileThereError(UsageError):
     """There is such a file already, and the user did not say that it may go."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedSource:
+    """A file that problems are told of; keys are line and column, counted from 1."""
+
+    path: Path
+
+    def problem(self, keys: Sequence[str | int], message: str, code: str) -> Problem:
+        """A problem at a line and column; without them at the file's begin."""
+        line, column = (int(key) for key in keys) if len(keys) == 2 else (1, 1)
+        return Problem(self.path, line, column, message, code)
 
 
 def bytes_of(path: Path, max_bytes: int) -> bytes:

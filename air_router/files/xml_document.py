@@ -6,14 +6,13 @@ we read needs one, so a file that has one is refused before anything in it takes
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 from xml.parsers import expat
 
 from mocha_link.team.document import DocumentError, Problem
-from mocha_link.team.error_text import Key
 
 MAX_DEPTH: Final = 60
 MAX_ELEMENTS: Final = 500_000
@@ -32,7 +31,7 @@ class Element:
 
     @property
     def keys(self) -> tuple[int, int]:
-        """What names the element's place in its file (`XmlSource.problem`)."""
+        """What names the element's place in its file (`PlacedSource.problem`)."""
         return self.line, self.column
 
     def child(self, *names: str) -> Element | None:
@@ -51,18 +50,6 @@ class Element:
         """The text of `child(*names)`, without blanks around it; "" if there is none."""
         element = self.child(*names)
         return "" if element is None else element.text.strip()
-
-
-@dataclass(frozen=True, slots=True)
-class XmlSource:
-    """An XML file that problems are told of; keys are line and column."""
-
-    path: Path
-
-    def problem(self, keys: Sequence[Key], message: str, code: str) -> Problem:
-        """A problem at a line and column."""
-        line, column = (int(key) for key in keys) if len(keys) == 2 else (1, 1)
-        return Problem(self.path, line, column, message, code)
 
 
 def parse_xml(raw: bytes, path: Path) -> Element:

@@ -17,7 +17,7 @@ from air_router.mission.fleet import check_fleet, layers_of, merge, variants
 from air_router.mission.mission import Mission, Waypoint
 from air_router.mission.validation import check_geometry, check_team
 from mocha_link.sanitize import sanitize
-from mocha_link.team.document import Document, DocumentError
+from mocha_link.team.document import Document, DocumentError, Problem
 
 DRAWN_OVER: Final = frozenset(
     {"waypoint-in-zone", "waypoint-outside-fence", "waypoint-too-near", "waypoint-unreachable"}
@@ -69,8 +69,12 @@ def read_draft(path: Path) -> MissionDocument:
     Raises:
         DocumentError: it cannot be read at all.
     """
-    if path.suffix.lower() == ".plan":
+    suffix = path.suffix.lower()
+    if suffix == ".plan":
         return read_plan(path)
+    if suffix in (".waypoints", ".gpx"):
+        message = f"not flown as it is: first `air-router convert {path} {path.stem}.yaml`"
+        raise DocumentError([Problem(path, 1, 1, message, "unknown-format")])
     return read_mission(Document.load(path))
 
 

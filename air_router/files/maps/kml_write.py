@@ -31,12 +31,12 @@ _STYLES: Final = {  # line and fill as KML has them: alpha, blue, green, red
 def kml_text(feature_set: FeatureSet) -> str:
     """The chart as text."""
     root = ET.Element("kml", xmlns=_NAMESPACE)
-    document = _add(root, "Document")
-    _add(document, "name", feature_set.name)
+    document = add(root, "Document")
+    add(document, "name", feature_set.name)
     for kind, (line, fill) in _STYLES.items():
-        style = _add(document, "Style", id=kind)
-        _add(_add(style, "LineStyle"), "color", line)
-        _add(_add(style, "PolyStyle"), "color", fill)
+        style = add(document, "Style", id=kind)
+        add(add(style, "LineStyle"), "color", line)
+        add(add(style, "PolyStyle"), "color", fill)
     for title, kind, areas in (
         ("Fence", "fence", feature_set.fences),
         ("No-fly zones", "zone", feature_set.zones),
@@ -76,14 +76,14 @@ def _area(folder: ET.Element, kind: str, area: MapArea, feature_set: FeatureSet)
     placemark = _placemark(folder, kind, area.name, data)
     upper = area.altitudes.upper if area.altitudes else None
     height = None if upper is None or kind != "zone" else _height(upper, feature_set)
-    polygon = _add(placemark, "Polygon")
+    polygon = add(placemark, "Polygon")
     if height is not None:
-        _add(polygon, "extrude", "1")
-        _add(polygon, "altitudeMode", height[0])
+        add(polygon, "extrude", "1")
+        add(polygon, "altitudeMode", height[0])
     altitude_m = None if height is None else height[1]
-    _ring(_add(polygon, "outerBoundaryIs"), counterclockwise(ring), altitude_m)
+    _ring(add(polygon, "outerBoundaryIs"), counterclockwise(ring), altitude_m)
     for hole in holes:
-        _ring(_add(polygon, "innerBoundaryIs"), counterclockwise(hole), altitude_m)
+        _ring(add(polygon, "innerBoundaryIs"), counterclockwise(hole), altitude_m)
 
 
 def _height(upper: AltitudeLimit, feature_set: FeatureSet) -> tuple[str, float] | None:
@@ -97,9 +97,9 @@ def _height(upper: AltitudeLimit, feature_set: FeatureSet) -> tuple[str, float] 
 
 
 def _line(folder: ET.Element, kind: str, name: str, line: Line) -> None:
-    string = _add(_placemark(folder, kind, name, {"kind": kind}), "LineString")
-    _add(string, "tessellate", "1")
-    _add(string, "coordinates", _coordinates(line, None))
+    string = add(_placemark(folder, kind, name, {"kind": kind}), "LineString")
+    add(string, "tessellate", "1")
+    add(string, "coordinates", _coordinates(line, None))
 
 
 def _spot(folder: ET.Element, kind: str, spot: MapPoint, home_amsl_m: float | None) -> None:
@@ -107,50 +107,52 @@ def _spot(folder: ET.Element, kind: str, spot: MapPoint, home_amsl_m: float | No
     altitude_m = spot.altitude_above_home_m
     if altitude_m is not None:
         data["altitude_above_home_m"] = altitude_m
-    point = _add(_placemark(folder, kind, spot.name, data), "Point")
+    point = add(_placemark(folder, kind, spot.name, data), "Point")
     if altitude_m:
         mode = "relativeToGround" if home_amsl_m is None else "absolute"
-        _add(point, "altitudeMode", mode)
+        add(point, "altitudeMode", mode)
         altitude_m += home_amsl_m or 0.0
-    _add(point, "coordinates", _coordinates((spot.place,), altitude_m or None))
+    add(point, "coordinates", _coordinates((spot.place,), altitude_m or None))
 
 
 def _placemark(folder: ET.Element, kind: str, name: str, data: dict[str, Any]) -> ET.Element:
-    placemark = _add(folder, "Placemark")
-    _add(placemark, "name", name)
+    placemark = add(folder, "Placemark")
+    add(placemark, "name", name)
     if kind in _STYLES:
-        _add(placemark, "styleUrl", f"#{kind}")
-    extended = _add(placemark, "ExtendedData")
+        add(placemark, "styleUrl", f"#{kind}")
+    extended = add(placemark, "ExtendedData")
     for key, value in data.items():
         text = value if isinstance(value, str) else json.dumps(value)
-        _add(_add(extended, "Data", name=key), "value", text)
+        add(add(extended, "Data", name=key), "value", text)
     return placemark
 
 
 def _ring(boundary: ET.Element, ring: MapRing, altitude_m: float | None) -> None:
     text = _coordinates((*ring, ring[0]), altitude_m)
-    _add(_add(boundary, "LinearRing"), "coordinates", text)
+    add(add(boundary, "LinearRing"), "coordinates", text)
 
 
 def _coordinates(places: MapRing, altitude_m: float | None) -> str:
-    height = "" if altitude_m is None else f",{_number(altitude_m, 3)}"
+    height = "" if altitude_m is None else f",{decimal(altitude_m, 3)}"
     return " ".join(
-        f"{_number(place.longitude_deg, 9)},{_number(place.latitude_deg, 9)}{height}"
+        f"{decimal(place.longitude_deg, 9)},{decimal(place.latitude_deg, 9)}{height}"
         for place in places
     )
 
 
-def _number(value: float, digits: int) -> str:
+def decimal(value: float, digits: int) -> str:
+    """A number without zeros at its end."""
     return f"{value:.{digits}f}".rstrip("0").rstrip(".")
 
 
 def _folder(document: ET.Element, title: str, wanted: bool) -> ET.Element:
-    folder = _add(document, "Folder") if wanted else ET.Element("Folder")
-    _add(folder, "name", title)
+    folder = add(document, "Folder") if wanted else ET.Element("Folder")
+    add(folder, "name", title)
     return folder
 
 
-def _add(parent: ET.Element, tag: str, text: str | None = None, /, **attributes: str) -> ET.Element:
+def add(parent: ET.Element, tag: str, text: str | None = None, /, **attributes: str) -> ET.Element:
+    """Add an element; characters that XML has not become question marks."""
     element = ET.SubElement(parent, tag, attributes)
     element.text = None if text is None else _NOT_XML.sub("?", text)
     return element

@@ -19,6 +19,7 @@ _GEOMETRIES: Final = frozenset(
     {"Polygon", "MultiPolygon", "Point", "MultiPoint", "LineString", "MultiLineString"}
 )
 _WGS84_NAMES = ("CRS84", "EPSG::4326", "EPSG:4326")
+_NAME_KEYS: Final = ("name", "title", "NAME")
 ZONE_KIND: Final = "zone"
 
 
@@ -103,7 +104,7 @@ class _Reader(GeometryReader):
         elif self.at(*keys, "geometry") is None:
             self.reading.note(keys, "a feature without a geometry: left out", "no-area")
         else:
-            names = (*(properties.get(key) for key in ("name", "title")), self.at(*keys, "id"))
+            names = (*(properties.get(key) for key in _NAME_KEYS), self.at(*keys, "id"))
             fallback = f"{self.reading.path.stem} {number}"
             name = next((str(name) for name in names if name not in (None, "")), fallback)
             self._add((*keys, "geometry"), (*keys, "properties"), name[:80], properties)
@@ -114,7 +115,10 @@ class _Reader(GeometryReader):
         def complain(key: str, message: str, code: str) -> None:
             self.reading.complain((*properties_keys, key), message, code)
 
-        terms: ZoneTerms = terms_of(properties, complain)
+        def note(key: str, message: str, code: str) -> None:
+            self.reading.note((*properties_keys, key), message, code)
+
+        terms: ZoneTerms = terms_of(properties, complain, note)
         self.reading.add(
             name,
             self.shapes(keys),

@@ -15,7 +15,8 @@ from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
 from air_router.files.json_document import JsonDocument
 from air_router.files.mission_document import Keys
 from air_router.files.zones.geojson import GeometryReader, Shapes
-from air_router.files.zones.reading import MAX_ALTITUDE_M, MapCircle, ZoneReading
+from air_router.files.zones.limits import METRES_PER_UNIT
+from air_router.files.zones.reading import MAX_ALTITUDE_M, AllowedZones, MapCircle, ZoneReading
 from air_router.files.zones.schedule import days_of, hours_of, period_of
 from geo.validity import Hours, Period, Validity
 
@@ -30,7 +31,6 @@ RESTRICTIONS: Final = (
 )
 """Each of them but the last one is a no-fly zone, unless the operator allows it by name."""
 
-_METRES_PER_UNIT: Final = {"M": 1.0, "FT": 0.3048}
 _REFERENCES: Final = {"AGL": Reference.GROUND, "AMSL": Reference.AMSL, "WGS84": None}
 
 
@@ -92,10 +92,8 @@ class _GeozoneReader(GeometryReader, ABC):
 
     def __init__(self, document: JsonDocument, allow: Collection[str]) -> None:
         super().__init__(document, self.format)
-        self._allow = {_british(word): word for word in allow}
-        self._used: set[str] = set()
+        self._allowed = AllowedZones(allow)
         self._unrestricted = 0
-        self._allowed: list[str] = []
 
     def read(self, features: Keys) -> ZoneReading:
         """All zones of the list at these keys."""
@@ -142,26 +140,16 @@ class _GeozoneReader(GeometryReader, ABC):
         if word == NO_RESTRICTION:
             self._unrestricted += 1
             return False
-        matches = {_british(word), _british(identifier)} & self._allow.keys()
         if word not in RESTRICTIONS:
             message = f"unknown restriction {str(restriction)[:30]!r}: read as a no-fly zone"
             self.reading.note(keys, message, "unknown-restriction")
-        if matches:
-            self._used |= matches
-            self._allowed.append(identifier)
-        return not matches
+        return not self._allowed.takes(identifier, word, identifier)
 
     def _tell_what_was_left_out(self) -> None:
         if self._unrestricted:
             message = f"{counted(self._unrestricted, 'zones')} of type {NO_RESTRICTION}: left out"
             self.reading.note((), message, "no-restriction")
-        if allowed := self._allowed:
-            shown = ", ".join(allowed[:10]) + (" ..." if len(allowed) > 10 else "")
-            message = f"{counted(len(allowed), 'zones')} that you allow: left out ({shown})"
-            self.reading.note((), message, "zone-allowed")
-        for unused in sorted(self._allow.keys() - self._used):
-            message = f"no zone is of restriction or identifier '{self._allow[unused][:40]}'"
-            self.reading.note((), message, "allow-unused")
+        self._allowed.tell(self.reading, "restriction or identifier")
 
     def _altitudes(self, layer: Keys) -> Altitudes | None:
         """The altitudes between the limits of a layer; None: without limits."""
@@ -169,7 +157,7 @@ class _GeozoneReader(GeometryReader, ABC):
             return None
         names, unit = self.names, 1.0
         if names.unit_needed or self.at(*layer, names.unit) is not None:
-            unit = self.choice((*layer, names.unit), "the unit", _METRES_PER_UNIT) or unit
+            unit = self.choice((*layer, names.unit), "the unit", METRES_PER_UNIT) or unit
         low, high = (
             self._limit((*layer, limit), (*layer, reference), unit)
             for limit, reference in (names.lower, names.upper)
@@ -286,11 +274,6 @@ class _Ed318(_GeozoneReader):
 
     def point(self, keys: Keys) -> MapCircle | None:
         return self.circle((*keys, "coordinates"), (*keys, "extent", "radius"))
-
-
-def _british(word: str) -> str:
-    """ED-269 writes AUTHORISATION, ED-318 AUTHORIZATION."""
-    return word.upper().replace("AUTHORIZATION", "AUTHORISATION")
 
 
 def _hours(entry: Any) -> Hours:

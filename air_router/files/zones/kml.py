@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any, Final, TypeGuard
 
 from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
-from air_router.files.xml_document import Element, XmlSource, parse_xml
+from air_router.files.whole_file import PlacedSource
+from air_router.files.xml_document import Element, parse_xml
 from air_router.files.zones.properties import ZoneTerms, terms_of
 from air_router.files.zones.reading import (
     MAX_ALTITUDE_M,
@@ -41,7 +42,7 @@ _EARTH_M: Final = 6_371_000.0
 def read_kml(raw: bytes, path: Path) -> ZoneReading:
     """The zones of a KML file's bytes. Raises DocumentError: it is not XML."""
     root = parse_xml(raw, path)
-    reader = _Reader(ZoneReading(XmlSource(path), "KML"))
+    reader = _Reader(ZoneReading(PlacedSource(path), "KML"))
     if root.name in _FOLDERS:
         reader.read(root)
     else:
@@ -81,11 +82,15 @@ class _Reader:
             return
         name = element.text_of("name")[:80] or f"{self.reading.path.stem} {self._number}"
 
-        def complain(key: str, message: str, code: str) -> None:
-            place = next((e for e in _data_elements(element) if e.attributes["name"] == key), None)
-            self.reading.complain((place or element).keys, message, code)
+        def place(key: str) -> tuple[int, int]:
+            named = (e for e in _data_elements(element) if e.attributes["name"] == key)
+            return next(named, element).keys
 
-        terms: ZoneTerms = terms_of(data, complain)
+        terms: ZoneTerms = terms_of(
+            data,
+            lambda key, message, code: self.reading.complain(place(key), message, code),
+            lambda key, message, code: self.reading.note(place(key), message, code),
+        )
         circle = self._circle(element, data)
         shapes: Shapes = []
         heights: list[AltitudeLimit | None] = []

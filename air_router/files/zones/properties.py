@@ -1,6 +1,7 @@
 """What a map program's properties of an area say about a no-fly zone; in GeoJSON and in KML.
 
 The names are those of the mission file: `clearance_m`, `lower_m`, `upper_m`, `reference`, `active`.
+Altitude limits are also read as openAIP and the FAA name them.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from air_router.files.altitudes import AltitudeLimit, Altitudes, Reference
+from air_router.files.zones.limits import limits_in_properties
 from air_router.files.zones.reading import MAX_ALTITUDE_M
 from air_router.files.zones.schedule import days_of, hours_of, period_of
 from geo.validity import Hours, Period, Validity
@@ -18,6 +20,9 @@ Complain = Callable[[str, str, str], None]
 """Takes the property's name, the message and its code."""
 
 _MAX_CLEARANCE_M = 1_000.0
+_OWN_LIMITS = frozenset(
+    f"{side}{end}" for side in ("lower", "upper") for end in ("", "_m", "_reference")
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +34,17 @@ class ZoneTerms:
     validity: Validity | None = None
 
 
-def terms_of(properties: Mapping[str, Any], complain: Complain) -> ZoneTerms:
-    """The terms in these properties; what is wrong with one is complained of."""
+def terms_of(properties: Mapping[str, Any], complain: Complain, note: Complain) -> ZoneTerms:
+    """The terms in these properties; what is wrong with one is complained of, doubts are noted."""
     clearance_m = _number(properties, "clearance_m", 0.0, _MAX_CLEARANCE_M, complain)
     limits = [
         _limit(properties, ("lower_m", "lower"), "lower_reference", complain),
         _limit(properties, ("upper_m", "upper"), "upper_reference", complain),
     ]
-    altitudes = Altitudes(*limits) if any(limits) else None
+    if properties.keys() & _OWN_LIMITS:
+        altitudes = Altitudes(*limits) if any(limits) else None
+    else:
+        altitudes = limits_in_properties(properties, note)
     return ZoneTerms(clearance_m, altitudes, _validity(properties.get("active"), complain))
 
 

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeGuard
 
+from air_router.counted import counted
 from air_router.files.altitudes import Altitudes
 from air_router.files.json_document import JsonDocument, value_at
 from air_router.files.mission_document import DocumentSource, Keys
@@ -148,6 +149,38 @@ class ZoneReading:
             self.zones.append(
                 FileZone(numbered, shape, self.source, keys, clearance_m, altitudes, validity)
             )
+
+
+class AllowedZones:
+    """The kinds and names of zones that the operator may fly in, and which zones these are."""
+
+    def __init__(self, words: Collection[str]) -> None:
+        self._words = {_british(word): word for word in words}
+        self._used: set[str] = set()
+        self._zones: list[str] = []
+
+    def takes(self, zone: str, *words: str) -> bool:
+        """Whether one of these words, which say what a zone is, is among those allowed."""
+        matches = set(map(_british, words)) & self._words.keys()
+        if matches:
+            self._used |= matches
+            self._zones.append(zone)
+        return bool(matches)
+
+    def tell(self, reading: ZoneReading, kinds: str) -> None:
+        """Note which zones were left out, and which words are none of the file's `kinds`."""
+        if zones := self._zones:
+            shown = ", ".join(zones[:10]) + (" ..." if len(zones) > 10 else "")
+            message = f"{counted(len(zones), 'zones')} that you allow: left out ({shown})"
+            reading.note((), message, "zone-allowed")
+        for unused in sorted(self._words.keys() - self._used):
+            message = f"no zone is of {kinds} '{self._words[unused][:40]}'"
+            reading.note((), message, "allow-unused")
+
+
+def _british(word: str) -> str:
+    """ED-269 writes AUTHORISATION, ED-318 AUTHORIZATION."""
+    return word.upper().replace("AUTHORIZATION", "AUTHORISATION")
 
 
 class JsonReader:

@@ -1,7 +1,7 @@
 """No-fly zones from files of map programs and authorities: one way in for all of them.
 
-GeoJSON, KML, and the geozones of ED-269 and ED-318. What is near enough to matter for a mission
-becomes part of its draft; docs/files.md says what is read of each format.
+GeoJSON, KML and KMZ, GPX, OpenAir, and the geozones of ED-269 and ED-318. What is near enough to
+matter for a mission becomes part of its draft; docs/files.md says what is read of each format.
 """
 
 from __future__ import annotations
@@ -18,14 +18,17 @@ from numpy.typing import NDArray
 from air_router.files.json_document import json_from_text
 from air_router.files.mission_document import Area, FilePlace, Keys, MissionDocument
 from air_router.files.whole_file import bytes_of, text_in
+from air_router.files.zip_document import kml_in
 from air_router.files.zones.geojson import read_geojson
 from air_router.files.zones.geozones import is_ed318, read_ed269, read_ed318, zones_key
+from air_router.files.zones.gpx import read_gpx_zones
 from air_router.files.zones.kml import read_kml
+from air_router.files.zones.openair import read_openair
 from air_router.files.zones.reading import FileZone, MapCircle, MapRing, ZoneReading
 from geo.airspace.zone import Circle, Outline, Ring, Shape, ZoneError
 from geo.degree_lines import STEP_M, dense_ring
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
-from mocha_link.team.document import DocumentError, Problem
+from mocha_link.team.document import DocumentError
 
 MAX_BYTES: Final = 32 * 1024 * 1024
 """Of a file of zones: a country's geozones are larger than any mission."""
@@ -38,6 +41,8 @@ no mission reaches farther."""
 MOST_ZONES: Final = 3_000
 """Of one file near a mission; more are not looked at one by one by any person."""
 
+_XML_READERS: Final = {".kml": read_kml, ".gpx": read_gpx_zones}
+_OPENAIR_SUFFIXES: Final = (".txt", ".air", ".openair")
 _DEGREE_M: Final = 111_000.0
 _MOST_STEPS = 20_000
 """Corners that a ring of long sides gets in between, more or less."""
@@ -47,9 +52,9 @@ def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
     """The no-fly zones of a file, wherever on Earth they are.
 
     Args:
-        path: a `.geojson`, `.json` or `.kml` file.
-        allow: restriction types (CONDITIONAL, ...) and identifiers of geozones to leave out,
-            because the operator may fly there.
+        path: a `.geojson`, `.json`, `.kml`, `.kmz`, `.gpx` or OpenAir file (`.txt`, `.air`).
+        allow: restriction types (CONDITIONAL, ...) and identifiers of geozones, classes and names
+            of airspaces to leave out, because the operator may fly there.
 
     Raises:
         DocumentError: the file cannot be read, or is of no known format; all else that is wrong
@@ -58,11 +63,13 @@ def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
     raw = bytes_of(path, MAX_BYTES)
     suffix = path.suffix.lower()
     if suffix == ".kmz":
-        message = "a KMZ is a zipped KML; unzip it and name the .kml in it"
-        raise DocumentError([Problem(path, 1, 1, message, "unknown-format")])
-    if suffix == ".kml" or raw[:200].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-        return read_kml(raw, path)
-    document = json_from_text(text_in(raw, path), path)
+        raw, suffix = kml_in(raw, path, MAX_BYTES), ".kml"
+    if suffix in _XML_READERS or raw[:200].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        return _XML_READERS.get(suffix, read_kml)(raw, path)
+    text = text_in(raw, path)
+    if suffix in _OPENAIR_SUFFIXES:
+        return read_openair(text, path, allow)
+    document = json_from_text(text, path)
     data = document.data
     if isinstance(data, dict) and data.get("fileType") == "Plan":
         message = "a QGroundControl plan is a mission; use it as one, or convert it to GeoJSON"
@@ -73,7 +80,9 @@ def read_zones(path: Path, *, allow: Collection[str] = ()) -> ZoneReading:
         return read_ed318(document, allow)
     if isinstance(data, dict) and isinstance(data.get("type"), str):
         return read_geojson(document)
-    message = "neither GeoJSON nor KML nor geozones (ED-269, ED-318); choose another file"
+    message = (
+        "none of GeoJSON, KML, GPX, OpenAir and geozones (ED-269, ED-318); choose another file"
+    )
     raise DocumentError([document.problem((), message, "unknown-format")])
 
 

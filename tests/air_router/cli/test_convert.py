@@ -9,14 +9,18 @@ from pathlib import Path
 
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 
 from air_router.cli.cli import main
 from air_router.errors import ExitCode
 from air_router.files.mission_document import MissionDocument
+from air_router.files.qgc.waypoint_file import read_waypoints
 from air_router.files.whole_file import FileThereError, write_whole
 from air_router.files.zones.zone_files import read_zones
 from air_router.mission.loading import load_mission, read_draft
 from geo.airspace.zone import Circle
+from mocha_link.team.document import DocumentError
 
 DATA = Path(__file__).parents[2] / "data"
 FILES = DATA / "files"
@@ -29,6 +33,7 @@ SOURCES = [
     MISSIONS / "urban" / "mission.yaml",
 ]
 ZONES = ["zones.geojson", "zones.kml", "geozones_ed269.json", "geozones_ed318.json"]
+ZONES += ["airspace.txt", "airspace.geojson", "walk.gpx"]
 
 
 def convert(*arguments):
@@ -112,7 +117,7 @@ def test_maps_hold_all_zones(tmp_path, source, kind):
 
 
 @pytest.mark.parametrize("name", ZONES)
-@pytest.mark.parametrize("kind", ["geojson", "kml"])
+@pytest.mark.parametrize("kind", ["geojson", "kml", "kmz"])
 def test_zones_alone_become_maps(tmp_path, name, kind):
     target = tmp_path / f"map.{kind}"
     assert convert(FILES / name, target) == ExitCode.DONE
@@ -226,14 +231,118 @@ def test_metres_need_a_place_on_earth(tmp_path, capsys):
         assert f"[{code}]" in capsys.readouterr().err
 
 
+def test_a_waypoint_file_is_a_mission(tmp_path, capsys):
+    target = tmp_path / "survey.yaml"
+    assert convert(FILES / "survey.waypoints", target, "--json") == ExitCode.DONE
+    assert [loss["code"] for loss in report(capsys)["not_carried_over"]] == [
+        "item-lost",
+        "comments-lost",
+    ]
+    mission = load_mission(target)
+    assert mission.home_altitude_amsl_m == 450
+    assert (mission.altitude_above_home_m, mission.speed_m_s) == (30, 4)
+    assert [w.altitude_above_home_m for w in mission.waypoints] == [30, 40]
+
+
+def test_a_mission_as_a_waypoint_file_flies_the_same(tmp_path, capsys):
+    target, again = tmp_path / "town.waypoints", tmp_path / "again.yaml"
+    assert convert(FILES / "town.yaml", target, "--json") == ExitCode.DONE
+    lost = [loss["code"] for loss in report(capsys)["not_carried_over"]]
+    assert lost == ["areas-lost"] * 3 + ["settings-lost"]
+    assert convert(target, again) == ExitCode.DONE
+    mine, theirs = read_draft(again), read_draft(FILES / "town.yaml")
+    theirs.rally_points.clear()
+    assert_same_mission(mine, theirs)
+
+
+HOME = "QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t47\t8\t450\t1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "code"),
+    [
+        ("QGC WPL 100\n", "1:1", "plan-version"),
+        ("QGC WPL 110\n", "1:1", "no-waypoints"),
+        (HOME + "1 0 3 16 0 0\n", "3:1", "wrong-length"),
+        (HOME + "\n1 0 3 16 0 0 0 0 47 nan 30 1\n", "4:21", "wrong-type"),
+        (HOME + "1 0 3 1e999 0 0 0 0 47 8 30 1\n", "3:7", "wrong-type"),
+        (HOME + "1 0 3 16.5 0 0 0 0 47 8 30 1\n", "3:7", "wrong-type"),
+        (HOME + "1 0 3 16 0 0 0 0 97 8 30 1\n", "3:18", "not-on-earth"),
+        (HOME + "1 0 3 16 0 0 0 0 47 8 0 1\n", "3:23", "out-of-range"),
+        (HOME + "1 0 10 16 0 0 0 0 47 8 9 1\n", "3:5", "altitude-frame"),
+        (HOME + "1 0 3 5001 4 0 0 0 47 8 9 1\n", "3:7", "unknown-command"),
+    ],
+)
+def test_what_is_wrong_in_a_waypoint_file_has_its_place(tmp_path, capsys, text, place, code):
+    source = tmp_path / "a.waypoints"
+    source.write_text(text)
+    assert convert(source, tmp_path / "a.yaml") == ExitCode.INVALID_FILE
+    error = capsys.readouterr().err
+    assert error.startswith(f"{source}:{place}: "), error
+    assert f"[{code}]" in error
+
+
+@given(st.lists(st.lists(st.sampled_from(["0", "16", "3", "47", "8", "1e9", "x"]), max_size=13)))
+def test_no_waypoint_file_crashes_its_reader(rows):
+    text = "QGC WPL 110\n" + "\n".join("\t".join(row) for row in rows)
+    try:
+        problems = read_waypoints(text, Path("a.waypoints")).problems
+    except DocumentError as error:
+        problems = error.problems
+    assert all(problem.line <= len(rows) + 1 for problem in problems)
+
+
+def test_a_walk_becomes_a_mission(tmp_path, capsys):
+    target, source = tmp_path / "walk.yaml", FILES / "walk.gpx"
+    arguments = (source, target, "--altitude", "30", "--zones", source, "--json")
+    assert convert(*arguments) == ExitCode.DONE
+    codes = [note["code"] for note in report(capsys)["notes"]]
+    assert codes == ["waypoint-twice", "not-flown", "not-a-zone"]
+    mission = load_mission(target)
+    assert mission.frame.origin == pytest.approx((47, 8))
+    assert [(w.number, w.altitude_above_home_m) for w in mission.waypoints] == [
+        (1, 30), (2, 30), (3, 30)
+    ]  # fmt: skip
+    assert [zone.name for zone in mission.zones] == ["around the barn"]
+
+
+def test_a_track_becomes_waypoints_where_it_turns(tmp_path):
+    points = [(47.0, 8.0 + i * 1e-5) for i in range(50)]
+    points += [(47.0 + i * 1e-5, 8.0005) for i in range(50)]
+    track = "".join(f'<trkpt lat="{lat:.6f}" lon="{lon:.6f}"/>' for lat, lon in points)
+    source, target = tmp_path / "track.gpx", tmp_path / "track.yaml"
+    source.write_text(f"<gpx><trk><trkseg>{track}</trkseg></trk></gpx>")
+    assert convert(source, target, "--altitude", "30") == ExitCode.DONE
+    assert len(load_mission(target).waypoints) == 3
+
+
+def test_a_mission_as_gpx_is_the_same_route_and_zones(tmp_path):
+    target, again = tmp_path / "town.gpx", tmp_path / "again.yaml"
+    assert convert(FILES / "town.yaml", target) == ExitCode.DONE
+    assert convert(target, again, "--altitude", "60", "--zones", target) == ExitCode.DONE
+    mine, theirs = read_draft(again), read_draft(FILES / "town.yaml")
+    assert [degrees(mine, spot.position) for spot in (*mine.waypoints, *mine.rally_points)] == [
+        pytest.approx(degrees(theirs, spot.position), abs=2e-9)
+        for spot in (*theirs.waypoints, *theirs.rally_points)
+    ]
+    assert [area.name for area in mine.zones] == [area.name for area in theirs.zones]
+
+
 @pytest.mark.parametrize(
     "case",
     [
         (["town.yaml", "x.txt"], 2, "unknown kind of file"),
         (["town.yaml", "there.kml"], 2, "is already there; --force replaces it"),
-        (["town.yaml", "x.plan", "--graph"], 2, "--graph is drawn into .geojson and .kml only"),
+        (
+            ["town.yaml", "x.plan", "--graph"],
+            2,
+            "--graph is drawn into .geojson, .kml and .kmz only",
+        ),
         (["town.yaml", "x.kml", "--route", "1", "9"], 2, "waypoints 1 to 3, and 0 is home"),
         (["town.yaml", "x.kml", "--origin", "1,2"], 2, "--origin is for files in metres"),
+        (["town.yaml", "x.gpx", "--altitude", "9"], 2, "--altitude is for a FROM in GPX"),
+        (["walk.gpx", "x.yaml"], 2, "add --altitude M, above home"),
+        (["walk.gpx", "x.yaml", "--altitude", "0"], 2, "0 is not an altitude above 0 metres"),
         (["zones.kml", "x.plan"], 2, "give the mission as FROM and these with --zones"),
         (["zones.kml", "x.geojson", "--buffers"], 2, "need a mission as FROM"),
         (["town.yaml", "no/x.kml"], 1, "No such file or directory"),
@@ -248,7 +357,7 @@ def test_metres_need_a_place_on_earth(tmp_path, capsys):
 )
 def test_refusals_write_nothing(tmp_path, capsys, monkeypatch, case):
     arguments, code, words = case
-    for name in ("town.yaml", "zones.kml"):
+    for name in ("town.yaml", "zones.kml", "walk.gpx"):
         (tmp_path / name).write_bytes((FILES / name).read_bytes())
     ring = [[8, 47], [8.001, 47.001], [8.001, 47], [8, 47.001]]
     for name, corners in (("bow", ring), ("bad", ring[:2])):

@@ -68,6 +68,15 @@ def data(name, value):
     return f'<ExtendedData><Data name="{name}"><value>{value}</value></Data></ExtendedData>'
 
 
+def openair(*lines):
+    return "AC R\nAN hall\n" + "\n".join(lines)
+
+
+def gpx(*attributes):
+    points = "\n".join(f"<trkpt {each}/>" for each in attributes)
+    return f"<gpx><trk>\n<name>hall</name><trkseg>{points}</trkseg></trk></gpx>"
+
+
 BOMB = (
     '<!DOCTYPE kml [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">'
     '<!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;">]>\n<kml>&c;</kml>'
@@ -84,7 +93,7 @@ MALFORMED = [
         "repeated-key",
         "already on line 1",
     ),
-    ("a.geojson", "3", "3", "unknown-format", "neither GeoJSON nor KML"),
+    ("a.geojson", "3", "3", "unknown-format", "none of GeoJSON, KML, GPX"),
     ("a.geojson", '{"fileType": "Plan"}', '{"fileType": "', "unknown-format", "is a mission"),
     ("a.geojson", '{"type": "Topology"}', '"Topology"}', "wrong-type", 'found "Topology"'),
     (
@@ -247,7 +256,7 @@ MALFORMED = [
         "not in WGS-84",
     ),
     # ED-269
-    ("z.json", '{"features": 7}', '{"features": 7', "unknown-format", "neither"),
+    ("z.json", '{"features": 7}', '{"features": 7', "unknown-format", "none of"),
     (
         "z.json",
         '{"features": [7]}',
@@ -395,7 +404,33 @@ MALFORMED = [
         "'radius_m'",
     ),
     ("a.kml", "<kml>" + "<Folder>" * 100, "<Folder><Folde", "too-deep", "nested more than 60 deep"),
-    ("a.kmz", "PK", "PK", "unknown-format", "unzip it"),
+    # OpenAir
+    ("a.txt", "hello", "hello", "unknown-format", "no airspace begins in it"),
+    ("a.air", openair("DP 47:00:00 N"), "47:00:00 N", "wrong-form", "is not a place like"),
+    ("a.air", openair("DP 47:60:00 N 8:00:00 E"), "47:60", "not-on-earth", "no place '47:60"),
+    ("a.air", openair("DP 91:00:00 N 8:00:00 E"), "91", "not-on-earth", "no place '91"),
+    ("a.air", openair("DC 5"), "5", "wrong-form", "no centre"),
+    ("a.air", openair("V X=1N 1E", "DC nan"), "nan", "wrong-form", "not a radius in nautical"),
+    ("a.air", openair("V X=1N 1E", "DC 0"), "0", "out-of-range", "a radius of 0 nautical"),
+    ("a.air", openair("V X=1N 1E", "DA 5,90"), "5,90", "wrong-form", "first, last direction"),
+    ("a.air", openair("V X=1N 1E", "DB 1N 2E"), "1N 2E", "wrong-form", "is not 2 places"),
+    ("a.air", openair("V D=left"), "D=left", "wrong-form", "none of V X="),
+    ("a.air", openair("DY 1N 1E"), "1N 1E", "wrong-form", "'DY' is not read"),
+    ("a.air", openair("XX y"), "y", "wrong-form", "'XX' is no OpenAir command"),
+    ("a.air", openair("DP 1N 1E", "DP 1N 2E"), "AC R", "zone-too-few-corners", "2 different"),
+    # GPX
+    ("a.gpx", "<kml/>", "<kml/>", "unknown-format", "not <gpx>"),
+    ("a.gpx", BOMB, "[<!ENTITY", "xml-doctype", "a document type"),
+    ("a.gpx", gpx('lat="47"'), "<trkpt", "wrong-type", "<trkpt> needs 'lat' and 'lon'"),
+    ("a.gpx", gpx('lat="nan" lon="8"'), "<trkpt", "not-on-earth", "there is no place nan"),
+    ("a.gpx", gpx('lat="8" lon="1e999"'), "<trkpt", "not-on-earth", "no place 8, 1e999"),
+    (
+        "a.gpx",
+        gpx('lat="8" lon="47"', 'lat="8" lon="48"', 'lat="9" lon="48"'),
+        "<trkseg>",
+        "no-area",
+        "from where it begins",
+    ),
 ]
 
 
