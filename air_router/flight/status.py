@@ -100,7 +100,7 @@ def flight_line(controller: Controller, links: Mapping[str, LinkMetrics]) -> str
 
 
 def _vehicle(controller: Controller, telemetry: Telemetry) -> list[str]:
-    parts = [f"{telemetry.altitude_m:.0f} m"]
+    parts = [f"{telemetry.altitude_m:z.0f} m"]
     if telemetry.battery is not None:
         need = controller.need_home
         home = "" if need is None else f" (home takes {need:.0%})"

@@ -12,15 +12,17 @@ import math
 from collections import deque
 from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from air_router.control.command_request import CommandRequest, CommandRequestError
 from air_router.controller.controller import Controller
 from air_router.controller.flight_setup import FlightSetup
-from air_router.controller.model.actions import PublishMap
+from air_router.controller.model.actions import Action, PublishMap
+from air_router.controller.model.events import Event
 from air_router.errors import RefusedError
 from air_router.gossip.gossip import MAP_INTERVAL_S
 from air_router.gossip.mapper import Mapper
+from air_router.live.scene import LiveScene
 from air_router.live.server import TICK_S, LivePage
 from air_router.record.log import RecordEntry
 from air_router.record.replay import about_own
@@ -31,6 +33,19 @@ from mocha_link.links.metrics import LinkMetrics
 MOST_SPEED: Final = 100.0
 _STEPS: Final = 400
 """So many entries are gone through before browsers are served again."""
+
+
+class Watching(Protocol):
+    """Is shown what is in a record."""
+
+    def event(self, event: Event, now_s: float) -> None:
+        """Take in what happened."""
+
+    def action(self, action: Action, now_s: float) -> None:
+        """Take in what was decided."""
+
+    def links(self, links: Mapping[str, LinkMetrics]) -> None:
+        """Take in what the node measured."""
 
 
 class _Closed:
@@ -87,7 +102,15 @@ class Film:
         self._motions: deque[tuple[Any, Any]] = deque(maxlen=100)
         self._decided: deque[Any] = deque()
 
-    def go_on(self, until_s: float, page: LivePage, most: int = _STEPS) -> bool:
+    def plotted(self) -> dict[str, Any]:
+        """What the timeline shows of the whole flight; afterwards it begins again."""
+        scene = LiveScene(self.controller.mission, self.controller, self.name)
+        while not self.go_on(self.end_s, scene):
+            pass
+        self.rewind()
+        return {"type": "record", "rows": scene.rows(), "marks": scene.news()}
+
+    def go_on(self, until_s: float, page: Watching, most: int = _STEPS) -> bool:
         """Go through the record up to a time; False if there was too much for once."""
         for _ in range(most):
             if self._next >= len(self._entries) or self._entries[self._next].t > until_s:
@@ -100,7 +123,7 @@ class Film:
             self._take(entry, page)
         return False
 
-    def _take(self, entry: RecordEntry, page: LivePage) -> None:
+    def _take(self, entry: RecordEntry, page: Watching) -> None:
         match entry.kind:
             case "event" if not self._left:
                 self._decide(entry, page)
@@ -112,11 +135,11 @@ class Film:
                 self._left = True
             case "link":
                 self.links = {**self.links, entry.value.peer: entry.value}
-                page.measured(self.links)
+                page.links(self.links)
             case "patch":
                 self.mapper.paint(entry.value)
 
-    def _decide(self, entry: RecordEntry, page: LivePage) -> None:
+    def _decide(self, entry: RecordEntry, page: Watching) -> None:
         page.event(entry.value, entry.t)
         event = about_own(entry.value, self._motions)
         self._decided = deque(self.controller.handle(event, entry.t))
@@ -136,6 +159,7 @@ class Playback:
         self._speed = speed
         self._paused = False
         self._wanted_s: float | None = None
+        record = film.plotted()
         mission = dataclasses.replace(film.controller.mission, uav=film.name or None)
         self._page = LivePage(
             mission,
@@ -146,6 +170,7 @@ class Playback:
             web=web,
         )
         self._page.steer = self._steer
+        self._page.record = record
 
     @asynccontextmanager
     async def serving(self, say: Say) -> AsyncIterator[str]:

@@ -27,8 +27,8 @@ TRACK_STEP_M: Final = 0.5
 MOST_NEWS: Final = 200
 """So many lines of news are kept for a page that is opened later."""
 
-SAMPLE_S, MOST_SAMPLES = 1.0, 180
-"""How often the links are sampled, and how many samples are kept."""
+SAMPLE_S, MOST_ROWS = 1.0, 3_600
+"""How often a row of what is plotted is kept, and how many of them."""
 
 _LIT_S: Final = 1.0
 """A link stays lit for so long after a sync, so that a short one can be seen."""
@@ -53,6 +53,7 @@ class LiveScene:
 
     def __init__(self, mission: Mission, controller: Controller, name: str) -> None:
         self._frame = mission.frame
+        self._home = mission.home
         self._controller = controller
         self._name = name
         self._now_s = 0.0
@@ -63,7 +64,8 @@ class LiveScene:
         self._synced_s: dict[str, float] = {}
         self._syncs: Counter[str] = Counter()
         self._links: Mapping[str, LinkMetrics] = {}
-        self._charts: dict[str, deque[list[float | None]]] = {}
+        self._rows: deque[list[Any]] = deque(maxlen=MOST_ROWS)
+        self._row_count = 0
         self._sampled_s = -math.inf
         self._news: list[dict[str, Any]] = []
         self._news_count = 0
@@ -77,7 +79,7 @@ class LiveScene:
             case Telemetry():
                 if event.in_air:
                     self._fly(event.position)
-                self._sample()
+                self._sample(event)
             case RobotPose(robot=robot, position=position, peer=peer):
                 way = self._robots[robot].way if robot in self._robots else ()
                 self._robots[robot] = _Robot(position, self._now_s, peer, way)
@@ -143,6 +145,9 @@ class LiveScene:
             "armed": telemetry.armed,
             "in_air": telemetry.in_air,
             "fix": telemetry.fix,
+            "satellites": telemetry.satellites,
+            "voltage_v": _shown(telemetry.voltage_v),
+            "home_m": _shown(math.dist(telemetry.position, self._home), 0),
             "wind": None if telemetry.wind_m_s is None else wind_words(telemetry.wind_m_s),
             "home_moved": telemetry.home_moved is not None,
             "time_s": round(telemetry.time_s, 1),
@@ -182,18 +187,41 @@ class LiveScene:
             )
         return lines
 
-    def _sample(self) -> None:
-        """Remember how the links are now; once a second of the vehicle's clock."""
+    def _sample(self, telemetry: Telemetry) -> None:
+        """Keep a row of what is plotted; once a second of the vehicle's clock."""
         if self._now_s - self._sampled_s < SAMPLE_S:
             return
         self._sampled_s = self._now_s
-        for line in self.link_lines():
-            chart = self._charts.setdefault(line["peer"], deque(maxlen=MOST_SAMPLES))
-            chart.append([line["rssi_dbm"], int(line["lit"])])
+        airspace = self._controller.router.graph.mission.airspace
+        away_m, to = airspace.nearest(telemetry.position)
+        self._row_count += 1
+        self._rows.append(
+            [
+                round(self._now_s, 1),
+                _shown(telemetry.altitude_m),
+                _shown(math.hypot(*telemetry.velocity_m_s)),
+                _shown(telemetry.battery, 3),
+                _shown(away_m) if to else None,
+                {
+                    line["peer"]: [line["rssi_dbm"], int(line["lit"]), line["bytes"]]
+                    for line in self.link_lines()
+                },
+            ]
+        )
 
-    def charts(self) -> dict[str, list[list[float | None]]]:
-        """Of every link its signal, and whether data crossed, over the last minutes."""
-        return {peer: list(chart) for peer, chart in sorted(self._charts.items())}
+    def rows(self, start: int = 0) -> list[list[Any]]:
+        """What is plotted, from the n-th row on; the oldest are forgotten.
+
+        Each: seconds, altitude and speed in metres (per second), charge (0..1), metres to the
+        nearest border, and of each peer its signal, whether data crossed, and bytes in all.
+        """
+        first = self._row_count - len(self._rows)
+        return list(self._rows)[max(start - first, 0) :]
+
+    @property
+    def row_count(self) -> int:
+        """How many rows there were."""
+        return self._row_count
 
     def track(self, start: int = 0) -> list[list[float]]:
         """The flown track from its n-th point on."""

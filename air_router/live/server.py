@@ -30,9 +30,6 @@ TICK_S: Final = 0.1
 SLOW_TICKS: Final = 5
 """What the node measures, and the map, are looked at every so many ticks."""
 
-CHART_TICKS: Final = 10
-"""Charts are sent every so many ticks."""
-
 REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 40.0
 
 READ_EVERY_S: Final = 0.05
@@ -54,6 +51,7 @@ class LivePage:
 
     Attributes:
         steer: Who shows a recorded flight, and takes what is asked of it; None for a live one.
+        record: What is plotted of a recorded flight, from its beginning to its end.
 
     Args:
         mission: What is flown.
@@ -82,6 +80,7 @@ class LivePage:
         self._ticks = self._faults = 0
         self._begin(controller, mapper)
         self.steer: Steer | None = None
+        self.record: dict[str, Any] = {}
         self._requests = Budget(REQUESTS_PER_S, REQUESTS_AT_ONCE)
         self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)
         self._audience = Audience(self._receive, self._welcome, pause_s=READ_EVERY_S)
@@ -105,7 +104,7 @@ class LivePage:
         self._ground = Ground(mapper, mission.frame)
         self._controller = controller
         self._draw_scenery()
-        self._sent_track = self._sent_news = 0
+        self._sent_track = self._sent_news = self._sent_rows = 0
 
     def restart(self, controller: Controller, mapper: Mapper) -> None:
         """Show another flight from its beginning, or the same one anew."""
@@ -120,7 +119,7 @@ class LivePage:
             self.scene.event(event, now_s)
             self._ground.event(event, now_s)
 
-    def measured(self, links: Mapping[str, LinkMetrics]) -> None:
+    def links(self, links: Mapping[str, LinkMetrics]) -> None:
         """Take in what the node measures, where it is not polled."""
         self.scene.links(links)
 
@@ -172,8 +171,9 @@ class LivePage:
         for link in links:
             link["map_share"] = self._ground.share(link["peer"])
         self.tell("links", {"links": links})
-        if self._ticks % CHART_TICKS == 1:
-            self.tell("charts", {"charts": scene.charts()})
+        if scene.row_count > self._sent_rows and not self.record:
+            start, self._sent_rows = self._sent_rows, scene.row_count
+            self._audience.tell_all(f"rows {start}", self._rows(start))
         if scene.track_length > self._sent_track:
             start, self._sent_track = self._sent_track, scene.track_length
             self._audience.tell_all(f"track {start}", self._track(start))
@@ -197,6 +197,9 @@ class LivePage:
     def _track(self, start: int) -> str:
         return as_json({"type": "track", "from": start, "points": self.scene.track(start)})
 
+    def _rows(self, start: int) -> str:
+        return as_json({"type": "rows", "rows": self.scene.rows(start)})
+
     def _news(self, start: int) -> str:
         scene = self.scene
         return as_json({"type": "news", "now_s": scene.now_s, "lines": scene.news(start)})
@@ -212,6 +215,7 @@ class LivePage:
         yield "map", as_json({"type": "map", **self._ground.whole()})
         yield "track", self._track(0)
         yield "news", self._news(0)
+        yield "rows", as_json(self.record) if self.record else self._rows(0)
         yield from self._sent.items()
 
     def _welcome(self, outbox: PageOutbox) -> None:

@@ -84,6 +84,8 @@ class Telemetry:
             none, as a multicopter does without EKF2_DRAG_CTRL.
         terminated: Motors stopped for good, by a kill switch or flight termination.
         ages: How old each of these is.
+        voltage_v: Of the battery; None when unknown.
+        satellites: That the receiver uses; None when unknown.
     """
 
     time_s: float
@@ -105,6 +107,8 @@ class Telemetry:
     wind_m_s: tuple[float, float] | None = None
     terminated: bool = False
     ages: Ages = Ages()
+    voltage_v: float | None = None
+    satellites: int | None = None
 
     @property
     def told_s(self) -> float:

@@ -1,7 +1,9 @@
 // The edit page: puts its parts together.
 
 import { AirspaceLayer } from "/page/airspace.js";
+import { Desk } from "/page/desk.js";
 import { byId, element } from "/page/element.js";
+import { AIRSPACE, addLegend } from "/page/legend.js";
 import { addBackdrop, createMap } from "/page/map.js";
 import { question } from "/page/question.js";
 import { startTheme, switchTheme } from "/page/theme.js";
@@ -19,8 +21,24 @@ import { Tools } from "./tools.js";
 const L = globalThis.L;
 const TOAST_MS = 6000;
 
+/** @type {import("/page/legend.js").Sign[]} */
+const SIGNS = [
+  ...AIRSPACE,
+  ["line", "edge", "clear connection"],
+  ["spot", "spot", "waypoint"],
+  ["spot", "spot home", "home"],
+  ["spot", "spot rally", "rally point"],
+  ["line", "leg", "leg, flown straight"],
+  ["line", "leg around", "leg around what is in the way"],
+  ["line", "leg blocked", "leg that cannot be flown"],
+  ["line", "route", "route that was asked for"],
+];
+
 startTheme();
+addLegend(byId("legend"), SIGNS);
 const map = createMap(byId("map"));
+let fitted = false;
+const desk = new Desk(map, () => fitted && fit());
 const store = new Store();
 const selection = new Selection();
 const legs = new Legs(map);
@@ -30,7 +48,6 @@ const airspace = new AirspaceLayer(map, pressed);
 const corners = new Corners(map, store, selection);
 const inspector = new Inspector(store, selection);
 const panel = new Panel(store, visit);
-let fitted = false;
 let toastTimer = 0;
 
 /** A click on an area. @param {import("/page/airspace.js").Area} area @param {any} event */
@@ -45,14 +62,6 @@ function pressed(area, event) {
   }
 }
 
-/** How much of the map the panels cover. @returns {any} padding for Leaflet */
-function padding() {
-  const small = innerWidth <= 760;
-  return small
-    ? { paddingTopLeft: [60, 80], paddingBottomRight: [20, innerHeight * 0.34] }
-    : { paddingTopLeft: [80, 100], paddingBottomRight: [360, 50] };
-}
-
 /** Show the whole mission. */
 function fit() {
   const { state } = store;
@@ -64,7 +73,7 @@ function fit() {
       points.push(...boundsOf(area.circle));
     }
   }
-  if (points.length) map.fitBounds(L.latLngBounds(points).pad(0.02), { ...padding(), maxZoom: 21 });
+  if (points.length) desk.show(L.latLngBounds(points).pad(0.02));
 }
 
 /** @param {{centre: number[], radius_m: number}} circle @returns {any[]} two corners */
@@ -78,7 +87,7 @@ function boundsOf({ centre, radius_m: radius }) {
 function visit(keys, at) {
   if (at.length) {
     const zoom = at.length === 1 ? Math.max(map.getZoom(), 19) : 21;
-    map.fitBounds(L.latLngBounds(at).pad(0.3), { ...padding(), maxZoom: zoom });
+    desk.show(L.latLngBounds(at).pad(0.3), { maxZoom: zoom });
   }
   if (keys && store.state) selection.find(store.state, keys);
 }

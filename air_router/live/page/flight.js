@@ -7,6 +7,9 @@ import { boundsOf } from "./scenery.js";
 import { Vehicle } from "./vehicle.js";
 
 const COLOURS = 6;
+const MARKED = ["state", "answer"];
+const MOST_MARKS = 200;
+const MOST_ROWS = 3600;
 /** What comes often is shown once a frame, the newest only. */
 const OFTEN = ["vehicle", "robots", "links"];
 
@@ -34,7 +37,11 @@ export class Flight {
     this.robots = [];
     /** @type {any[]} */
     this.links = [];
-    this.charts = {};
+    /** A row for each second: time, altitude, speed, battery, clearance, and of each peer [RSSI, lit, bytes].
+     *  @type {any[][]} */
+    this.rows = [];
+    /** @type {{n: number, t: number, kind: string, text: string}[]} what was decided, for the timeline */
+    this.marks = [];
     this.playback = null;
     this.connected = false;
     this.why = "";
@@ -93,6 +100,8 @@ export class Flight {
     switch (message.type) {
       case "welcome": // everything that is known follows
         this.robots = [];
+        this.rows = [];
+        this.marks = [];
         this.shape.forget();
         this.lines.forget();
         break;
@@ -129,8 +138,17 @@ export class Flight {
       case "piece":
         this.ground?.add(message);
         break;
-      case "charts":
-        this.charts = message.charts;
+      case "news":
+        this.marks.push(...message.lines.filter(({ kind }) => MARKED.includes(kind)));
+        this.marks.splice(0, this.marks.length - MOST_MARKS);
+        break;
+      case "rows":
+        this.rows.push(...message.rows);
+        this.rows.splice(0, this.rows.length - MOST_ROWS);
+        break;
+      case "record": // the whole flight, wherever its film stands
+        this.rows = message.rows;
+        this.marks = message.marks.filter(({ kind }) => MARKED.includes(kind));
         break;
       case "playback":
         this.playback = message;

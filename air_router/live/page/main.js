@@ -1,9 +1,10 @@
 // The live page: puts its parts together.
 
+import { Desk } from "/page/desk.js";
 import { byId } from "/page/element.js";
+import { AIRSPACE, addLegend } from "/page/legend.js";
 import { addBackdrop, createMap } from "/page/map.js";
 import { startTheme, switchTheme } from "/page/theme.js";
-import { Film } from "./film.js";
 import { Flight } from "./flight.js";
 import { Grounds } from "./ground.js";
 import { News } from "./news.js";
@@ -11,13 +12,31 @@ import { Panel } from "./panel.js";
 import { Robots } from "./robots.js";
 import { Scenery } from "./scenery.js";
 import { Tabs } from "./tabs.js";
+import { Timeline } from "./timeline.js";
 import { Verbs } from "./verbs.js";
 
 const L = globalThis.L;
 const TOAST_MS = 8000;
 const RETRY_MS = 2000;
 
+/** @type {import("/page/legend.js").Sign[]} */
+const SIGNS = [
+  ...AIRSPACE,
+  ["line", "edge", "clear connection"],
+  ["spot", "spot", "waypoint"],
+  ["spot", "spot home", "home"],
+  ["spot", "spot rally", "rally point"],
+  ["arrow", "sign", "UAV"],
+  ["line", "track", "flown"],
+  ["line", "route", "to be flown"],
+  ["area", "sign robot-sign", "robot, where it was heard"],
+  ["line", "way", "where it wants to go"],
+  ["line", "link", "radio link"],
+  ["line", "link lit", "link that carries data"],
+];
+
 startTheme();
+addLegend(byId("legend"), SIGNS);
 const map = createMap(byId("map"));
 map.setView([0, 0], 2, { animate: false });
 const svg = L.svg({ pane: "route" });
@@ -25,14 +44,14 @@ const scenery = new Scenery(map);
 const news = new News();
 const panel = new Panel((robot) => verbs.seek(robot));
 const verbs = new Verbs(map, () => chosen, say);
-const film = new Film(() => chosen.link);
-let touched = false;
+const timeline = new Timeline(() => chosen);
 let following = false;
 let toastTimer = 0;
 let isDue = false;
 
 const shown = await listing();
 const isOne = shown.flights.length === 1;
+const desk = new Desk(map, fit);
 const watcher = { told, due, pressed: (flight) => verbs.choosing || choose(flight), connected };
 const grounds = new Grounds(map);
 /** @type {Flight[]} */
@@ -64,7 +83,7 @@ async function listing() {
 function told(flight, message) {
   if (message.type === "news") news.add(flight, message);
   if (message.type === "welcome") welcomed(flight, message);
-  if (message.type === "scenery" && !flight.seen && !touched) fit();
+  if (message.type === "scenery" && !flight.seen && !desk.touched) fit();
   flight.seen ||= message.type === "scenery";
   if (flight !== chosen) return;
   if (message.type === "scenery") scenery.show(message);
@@ -72,8 +91,11 @@ function told(flight, message) {
   if (message.type === "vehicle" && following && message.at) map.panTo(message.at, { animate: false });
   if (message.type === "robots") panel.showRobots(message.robots);
   if (message.type === "links") panel.showLinks(message.links);
-  if (message.type === "charts") panel.showCharts(message.charts);
-  if (message.type === "playback") film.show(message);
+  if (["rows", "record", "playback"].includes(message.type)) {
+    panel.showCharts(flight);
+    panel.showMatrix(flights);
+    timeline.show();
+  }
 }
 
 /** @param {Flight} flight @param {{backdrop: any}} welcome */
@@ -102,6 +124,7 @@ function show() {
 /** A flight has come, or is gone. @param {Flight} flight */
 function connected(flight) {
   if (!isOne && flight === chosen && !flight.vehicle) panel.show(flight);
+  if (flight === chosen) verbs.allow(flight);
   const lost = flights.filter((flight) => (isOne ? !flight.connected : flight.isLost));
   byId("gone").hidden = lost.length === 0;
   if (!isOne && lost.length) {
@@ -121,7 +144,8 @@ function choose(flight) {
   if (following && flight.shape.at) map.panTo(flight.shape.at, { animate: false });
   if (flight.scenery) scenery.show(flight.scenery);
   panel.show(flight);
-  film.show(flight.playback);
+  verbs.allow(flight);
+  timeline.show();
 }
 
 /** Show all missions. */
@@ -129,12 +153,7 @@ function fit() {
   const bounds = flights.reduce((all, flight) => (flight.bounds ? all.extend(flight.bounds) : all), L.latLngBounds([]));
   if (!bounds.isValid()) return;
   follow(false);
-  const small = innerWidth <= 760;
-  const above = isOne ? 0 : byId("flights").offsetHeight + 8;
-  const room = small
-    ? { paddingTopLeft: [20, 80 + above], paddingBottomRight: [20, innerHeight * 0.4] }
-    : { paddingTopLeft: [30, 90 + above], paddingBottomRight: [byId("panel").offsetWidth + 40, 40] };
-  map.fitBounds(bounds.pad(0.02), { ...room, maxZoom: 21, animate: false });
+  desk.show(bounds.pad(0.02), { animate: false });
 }
 
 /** @param {boolean} on */
@@ -151,17 +170,17 @@ function say(text, stays = false) {
   if (text && !stays) toastTimer = setTimeout(() => say(""), TOAST_MS);
 }
 
-for (const kind of ["pointerdown", "wheel", "keydown"]) {
-  map.getContainer().addEventListener(kind, () => (touched = true), { passive: true });
-}
 map.on("dragstart", () => follow(false));
 map.on("mousemove", ({ latlng }) => {
   byId("pointer").textContent = `${latlng.lat.toFixed(7)}, ${latlng.wrap().lng.toFixed(7)}`;
 });
 byId("theme").addEventListener("click", switchTheme);
-byId("fit").addEventListener("click", fit);
+byId("fit").addEventListener("click", () => {
+  desk.touched = false;
+  fit();
+});
 byId("follow").addEventListener("click", () => {
-  touched = true;
+  desk.touched = true;
   follow(!following);
 });
 byId("hold-all").addEventListener("click", () => verbs.holdAll(flights));

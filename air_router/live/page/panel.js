@@ -16,6 +16,8 @@ export class Panel {
     this.heard = {};
     this.links = {};
     this.rows = new Map();
+    /** @type {Map<string, HTMLElement>} */
+    this.instruments = new Map();
   }
 
   /** @param {any} vehicle */
@@ -25,6 +27,7 @@ export class Panel {
     setText(byId("what"), vehicle.robot ? `${vehicle.what}: ${vehicle.robot}` : vehicle.what);
     setText(byId("left"), vehicle.left_s === null ? "" : `${Math.ceil(vehicle.left_s)} s`);
     setText(byId("facts"), facts(vehicle));
+    for (const [name, value] of instruments(vehicle)) this.instrument(name, value);
     const title = `${vehicle.state} · ${vehicle.name}`;
     if (document.title !== title) document.title = title;
     const robots = new Set([...vehicle.robots, ...Object.keys(this.heard), ...Object.keys(this.links)]);
@@ -34,12 +37,7 @@ export class Panel {
   /** @param {{name: string, age_s: number}[]} robots */
   showRobots(robots) {
     this.heard = Object.fromEntries(robots.map((robot) => [robot.name, robot]));
-    for (const [name, row] of this.rows) {
-      const robot = this.heard[name];
-      const share = this.links[name]?.map_share;
-      const map = share ? `, map ${percent(share)}` : "";
-      setText(row.age, (robot ? `seen ${age(robot.age_s)} ago` : "never heard") + map);
-    }
+    this.showNews();
   }
 
   /** @param {any[]} links */
@@ -51,27 +49,61 @@ export class Panel {
       row.signal.classList.toggle("lit", Boolean(link?.lit));
       row.signal.title = link && link.rssi_dbm !== null ? `${link.rssi_dbm} dBm` : "not heard by radio";
     }
+    this.showNews();
+  }
+
+  /** How old what is known of each robot is, and how much of the map it has. */
+  showNews() {
+    for (const [name, row] of this.rows) {
+      const robot = this.heard[name];
+      const share = this.links[name]?.map_share;
+      const map = share ? `, map ${percent(share)}` : "";
+      setText(row.age, (robot ? `seen ${age(robot.age_s)} ago` : "not heard of yet") + map);
+    }
+  }
+
+  /** Who hears whom: a column for each UAV, a row for each of its peers.
+   *  @param {import("./flight.js").Flight[]} flights */
+  showMatrix(flights) {
+    if (!byId("links").open) return;
+    const peers = [...new Set(flights.flatMap((flight) => flight.links.map((link) => link.peer)))].sort();
+    const head = flights.map((flight) => element("th", { className: flight.colour, textContent: flight.name }));
+    const rows = peers.map((peer) => element("tr", {}, element("th", { textContent: peer }),
+      ...flights.map((flight) => cell(flight.links.find((link) => link.peer === peer)))));
+    byId("links").querySelector("table").replaceChildren(
+      element("thead", {}, element("tr", {}, element("th"), ...head)), element("tbody", {}, ...rows));
   }
 
   /** Signals over the last minutes; ticks below: data crossed.
-   *  @param {Record<string, [number | null, number][]>} charts */
-  showCharts(charts) {
-    for (const [name, samples] of Object.entries(charts)) {
-      const canvas = this.rows.get(name)?.chart;
-      if (!canvas) continue;
+   *  @param {{rows: any[][], playback: {now_s: number} | null}} flight */
+  showCharts({ rows, playback }) {
+    const end = playback ? rows.findLastIndex((row) => row[0] <= playback.now_s) + 1 : rows.length;
+    const last = rows.slice(Math.max(end - MOST_SAMPLES, 0), end);
+    for (const [name, { chart }] of this.rows) {
       const [width, height] = CHART;
-      const context = canvas.getContext("2d");
+      const context = chart.getContext("2d");
       const step = width / MOST_SAMPLES;
       context.clearRect(0, 0, width, height);
-      context.fillStyle = colour("route");
-      samples.forEach(([, lit], index) => lit && context.fillRect(index * step, height - 3, Math.max(step, 1), 3));
-      context.fillStyle = colour("good");
-      samples.forEach(([signal], index) => {
+      last.forEach(([, , , , , links], index) => {
+        const [signal, lit] = links[name] ?? [null, 0];
+        context.fillStyle = colour("route");
+        if (lit) context.fillRect(index * step, height - 3, Math.max(step, 1), 3);
         if (signal === null) return;
         const share = Math.min(Math.max((signal - WEAKEST_DBM) / (STRONGEST_DBM - WEAKEST_DBM), 0.05), 1);
+        context.fillStyle = colour("good");
         context.fillRect(index * step, (height - 4) * (1 - share), Math.max(step, 1), (height - 4) * share);
       });
     }
+  }
+
+  /** @param {string} name @param {string} value "" for what is not known */
+  instrument(name, value) {
+    const shown = this.instruments.get(name) ?? element("span");
+    if (!this.instruments.has(name)) {
+      byId("vehicle").append(element("div", {}, element("small", { textContent: name }), shown));
+      this.instruments.set(name, shown);
+    }
+    setText(shown, value || "–");
   }
 
   /** @param {string} name @param {boolean} sought whether the mission seeks it */
@@ -106,8 +138,30 @@ export class Panel {
     this.showVehicle(flight.vehicle);
     this.showLinks(flight.links);
     this.showRobots(flight.robots);
-    this.showCharts(flight.charts);
+    this.showCharts(flight);
   }
+}
+
+/** @param {any} vehicle @returns {[string, string][]} */
+function instruments(vehicle) {
+  const known = (value, unit) => (value == null ? "" : `${value}${unit}`);
+  const heading = vehicle.heading_deg == null ? "" : `${Math.round(vehicle.heading_deg)}°`;
+  const satellites = vehicle.fix ? known(vehicle.satellites, " sats") || "fix" : "no fix";
+  return [
+    ["heading", heading],
+    ["home", known(vehicle.home_m, " m")],
+    ["GPS", vehicle.at ? satellites : ""],
+    ["voltage", known(vehicle.voltage_v, " V")],
+  ];
+}
+
+/** @param {any} link @returns {HTMLElement} a cell of the matrix; empty without a link */
+function cell(link) {
+  if (!link) return element("td");
+  const signal = link.rssi_dbm === null ? "–" : `${Math.round(link.rssi_dbm)} dBm`;
+  const synced = link.synced_ago_s === null ? "never" : `${age(link.synced_ago_s)} ago`;
+  const title = `signal, last sync, data; ${link.syncs} syncs`;
+  return element("td", { title, textContent: `${signal} · ${synced} · ${(link.bytes / 1000).toFixed(0)} kB` });
 }
 
 /** @param {any} vehicle @returns {string} */

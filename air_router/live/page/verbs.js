@@ -33,6 +33,18 @@ export class Verbs {
     });
   }
 
+  /** Requests need a flight that hears them; the buttons say why they are of no use.
+   *  @param {import("./flight.js").Flight} flight */
+  allow(flight) {
+    const why = flight.isOver ? "the flight is over" : flight.connected ? "" : "the flight does not answer";
+    if (why && this.choosing) this.stop();
+    for (const button of document.querySelectorAll("#verbs button, #robots button")) {
+      button.disabled = Boolean(why);
+      button.title = why;
+    }
+    byId("why").textContent = why && `No requests: ${why}.`;
+  }
+
   /** @param {string} verb */
   async pressed(verb) {
     if (verb === "goto") {

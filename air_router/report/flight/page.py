@@ -89,7 +89,7 @@ def _tiles(facts: dict[str, Any]) -> str:
     ]
     if charges:
         used = f"from {charges[0]:.0%} to {charges[-1]:.0%}"
-        tiles.append(("battery", f"{charges[0] - charges[-1]:.0%}", used))
+        tiles.append(("battery used", f"{charges[0] - charges[-1]:.0%}", used))
     low = closest is not None and closest < facts["clearance_m"]
     items = "".join(
         f'<li class="{"bad" if low and name == "closest approach" else ""}"><span>{name}</span>'

@@ -230,6 +230,8 @@ class Px4Telemetry:
             wind_m_s=self.wind_m_s,
             terminated=self._mode.terminated,
             ages=self._streams.ages(),
+            voltage_v=self.voltage_v,
+            satellites=None if self.gps is None else self.gps.satellites,
         )
 
     def _only_autopilot(self, name: str, handler: Handler) -> Callable[[Received], None]:

@@ -1,6 +1,7 @@
 // Fences and no-fly zones with the distances that are kept from them.
 
 const L = globalThis.L;
+const SMOOTH = 0.05; // pixels; with more, circles have corners
 
 /** @typedef {{keys: (string | number)[] | null, name: string, fence: boolean, wrong: boolean,
  *   notes: string[], rings: {keys: (string | number)[], corners: number[][]}[],
@@ -38,12 +39,12 @@ export class AirspaceLayer {
 
   /** @param {string} key @param {string} kind @param {Area} area */
   add(key, kind, area) {
-    const common = { renderer: this.svg.buffers, pane: "buffers", interactive: false, smoothFactor: 0.3 };
+    const common = { renderer: this.svg.buffers, pane: "buffers", interactive: false, smoothFactor: SMOOTH };
     const sort = area.fence ? "fence" : "zone";
     const buffers = ["clearance", "margin"].map((name) =>
       L.polygon([], { ...common, className: `buffer ${sort} ${name}` }).addTo(this.map),
     );
-    const options = { renderer: this.svg.areas, pane: "areas", bubblingMouseEvents: true };
+    const options = { renderer: this.svg.areas, pane: "areas", bubblingMouseEvents: true, smoothFactor: SMOOTH };
     options.className = `area ${sort}`;
     const shape = kind === "circle" ? L.circle([0, 0], { ...options, radius: 1 }) : L.polygon([], options);
     shape.addTo(this.map);

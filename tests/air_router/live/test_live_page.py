@@ -155,7 +155,12 @@ def test_the_scene_follows_events_and_forgets_old_news(flight):
     scene.event(flight.telemetry(), 52.5)  # the same second counts once
     scene.event(SyncStarted("io", 0.0, Direction.IN), 53.0)
     scene.event(flight.telemetry(), 53.1)
-    assert scene.charts() == {"io": [[None, 0], [None, 1]]}
+    rows = scene.rows()
+    assert [row[0] for row in rows] == [52.0, 53.1]
+    assert [row[-1] for row in rows] == [{"io": [None, 0, 0]}, {"io": [None, 1, 0]}]
+    away_m = flight.mission.airspace.nearest(flight.telemetry().position)[0]
+    assert rows[0][1:5] == [flight.telemetry().altitude_m, 0.0, 1.0, round(away_m, 1)]
+    assert scene.rows(1) == rows[1:]
     for number in range(MOST_NEWS + 10):
         scene.action(CommandAck(str(number), "eve", False, "no"), 53.0)
     assert scene.news_count == MOST_NEWS + 10

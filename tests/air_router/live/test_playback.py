@@ -34,7 +34,7 @@ class Silent:
     def action(self, action, now_s):
         self.actions.append(action)
 
-    def measured(self, links):
+    def links(self, links):
         pass
 
 
