@@ -26,7 +26,7 @@ class Drawing(ABC):
     """A mission's text, what can be taken hold of in it, and how edits change it.
 
     Attributes:
-        settable: whether `SetNumber` and `Rename` are possible in this kind of file.
+        settable: whether settings and names are possible in this kind of file.
     """
 
     settable: ClassVar[bool]
@@ -38,7 +38,7 @@ class Drawing(ABC):
         self._regions = {region.keys: region for region in sketch.regions}
         self._rings = {ring.keys: ring for region in sketch.regions for ring in region.rings}
 
-    def splices(self, edit: Edit) -> list[Splice]:  # noqa: C901, PLR0911 - one line per edit
+    def splices(self, edit: Edit) -> list[Splice]:  # noqa: C901, PLR0911, PLR0912 - one line per edit
         """The pieces of the text that an edit changes.
 
         Raises:
@@ -66,8 +66,14 @@ class Drawing(ABC):
                 return self.renamed(self._region(edit.keys), edit.name)
             case edits.SetAltitude():
                 return self.altitude_set(self._handle(edit.keys), edit.altitude_m)
-            case edits.SetNumber():
-                return self.number_set(edit.name, edit.value)
+            case edits.SetValue():
+                return self.value_set(edit.name, edit.value)
+            case edits.Seek():
+                return self.sought(edit.robots)
+            case edits.SetCrossing():
+                return self.crossing_set(self._region(edit.keys), crosses=edit.crosses)
+            case edits.Redraw():
+                return self.redrawn(self._region(edit.keys), edit)
 
     @abstractmethod
     def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:
@@ -90,8 +96,20 @@ class Drawing(ABC):
         """Give a waypoint another altitude."""
 
     @abstractmethod
-    def number_set(self, name: str, value: float) -> list[Splice]:
-        """Change one of the mission's numbers."""
+    def value_set(self, name: str, value: float | str | None) -> list[Splice]:
+        """Change one of the mission's settings."""
+
+    @abstractmethod
+    def sought(self, robots: tuple[str, ...]) -> list[Splice]:
+        """Change whom to seek."""
+
+    @abstractmethod
+    def crossing_set(self, region: Region, *, crosses: bool) -> list[Splice]:
+        """Say whether a zone lies beyond the fence on purpose."""
+
+    @abstractmethod
+    def redrawn(self, region: Region, edit: edits.Redraw) -> list[Splice]:
+        """Give an area another outline."""
 
     # Places
 

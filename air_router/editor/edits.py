@@ -114,12 +114,58 @@ class SetAltitude(_Edit):
     altitude_m: Annotated[float, Field(gt=0, le=10_000)] | None
 
 
-class SetNumber(_Edit):
-    """Change one of the mission's numbers."""
+class SetValue(_Edit):
+    """Change one of the mission's settings; None: its default."""
 
-    do: Literal["set_number"]
-    name: Literal["altitude_m", "speed_m_s", "clearance_m", "tracking_margin_m", "max_edge_m"]
-    value: Annotated[float, Field(ge=0, le=10_000)]
+    do: Literal["set_value"]
+    name: Literal[
+        "name",
+        "team",
+        "uav",
+        "altitude_m",
+        "speed_m_s",
+        "duration_s",
+        "endurance_s",
+        "battery_reserve",
+        "clearance_m",
+        "tracking_margin_m",
+        "max_edge_m",
+        "init_s",
+        "explore_s",
+        "search_s",
+        "communicate_s",
+        "hold_s",
+    ]
+    value: (
+        Annotated[float, Field(ge=0, le=100_000)]
+        | Annotated[str, Field(min_length=1, max_length=200)]
+        | None
+    )
+
+
+class Seek(_Edit):
+    """Seek these robots, in this order."""
+
+    do: Literal["seek"]
+    robots: Annotated[
+        tuple[Annotated[str, Field(min_length=1, max_length=80)], ...], Field(max_length=500)
+    ]
+
+
+class SetCrossing(_Edit):
+    """Say that a no-fly zone lies beyond the fence on purpose, or does not."""
+
+    do: Literal["set_crossing"]
+    keys: _Keys
+    crosses: bool
+
+
+class Redraw(_Edit):
+    """Give an area another outline, a polygon."""
+
+    do: Literal["redraw"]
+    keys: _Keys
+    corners: Annotated[tuple[_Place, ...], Field(min_length=3, max_length=500)]
 
 
 Edit = (
@@ -133,7 +179,10 @@ Edit = (
     | Remove
     | Rename
     | SetAltitude
-    | SetNumber
+    | SetValue
+    | Seek
+    | SetCrossing
+    | Redraw
 )
 
 _ADAPTER: TypeAdapter[Edit] = TypeAdapter(Annotated[Edit, Field(discriminator="do")])

@@ -73,6 +73,10 @@ class Manuscript:
                 return 1
             case edits.AddArea():
                 return len(edit.corners)
+            case edits.Redraw():
+                (region,) = (r for r in self.drawing.sketch.regions if r.keys == edit.keys)
+                outline = region.rings[0].corners if region.circle is None else [region.circle]
+                return len(edit.corners) - len(outline)
             case edits.Remove():
                 prefix = edit.keys
                 handles = self.drawing.sketch.handles()

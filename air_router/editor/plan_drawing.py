@@ -92,9 +92,27 @@ class PlanDrawing(Drawing):
             splices += self.source.number((*handle.entry, "Altitude"), altitude_m, METRE_DECIMALS)
         return splices
 
-    def number_set(self, name: str, value: float) -> list[Splice]:
+    def value_set(self, name: str, value: float | str | None) -> list[Splice]:
         """Plans keep their numbers elsewhere."""
-        raise EditError(f"{name} = {value:g} cannot be set here; edit it in QGroundControl")
+        raise EditError(f"{name} = {value} cannot be set here; edit it in QGroundControl")
+
+    def sought(self, robots: tuple[str, ...]) -> list[Splice]:
+        """Plans know no robots."""
+        raise EditError(f"a plan cannot say to seek {', '.join(robots)}; convert it to YAML")
+
+    def crossing_set(self, region: Region, *, crosses: bool) -> list[Splice]:
+        """Plans say nothing of it."""
+        del crosses
+        raise EditError(f"a plan has no crosses_fence for {region.name}; convert it to YAML")
+
+    def redrawn(self, region: Region, edit: edits.Redraw) -> list[Splice]:
+        """Polygons stand in a list of their own."""
+        if region.circle is None:
+            return self.source.rewrite(
+                region.rings[0].keys, [self.digits(corner) for corner in edit.corners]
+            )
+        area = edits.AddArea(do="add_area", fence=region.is_fence, corners=edit.corners)
+        return [*self.source.remove(region.keys), *self.area_added(area)]
 
     def _position(self, handle: Handle) -> int:
         """A waypoint's place among the items."""

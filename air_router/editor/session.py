@@ -186,6 +186,9 @@ _WORDS: dict[type[Edit], str] = {
     edits.Remove: "remove",
     edits.Rename: "rename",
     edits.SetAltitude: "altitude",
-    edits.SetNumber: "number",
+    edits.SetValue: "setting",
+    edits.Seek: "whom to seek",
+    edits.SetCrossing: "crossing",
+    edits.Redraw: "outline",
 }
 """What undo takes back."""

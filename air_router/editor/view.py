@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
+from os.path import relpath
 from typing import Any
 
 from air_router.editor.drawing import Drawing
 from air_router.editor.judgement import Judgement
 from air_router.editor.sketch import Handle, Pair, Region
-from air_router.files.mission_document import Area, Keys
+from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.mission.mission import Mission
+from air_router.mission.validation import UAV_KIND
 from air_router.routing.router import Route
 from air_router.web.outlines import Degrees, Rings, area_beside, beside, buffer, degrees
 from geo.airspace.zone import Shape
 from geo.frame import LocalFrame
-from mocha_link.team.document import Problem
+from mocha_link.team.document import DocumentError, Problem
+from mocha_link.team.team import Team
 
 _MOST_EDGES = 20_000
 _MOST_CACHED = 4_000
@@ -53,6 +57,7 @@ class Viewer:
                 **_region(drawing, region),
                 "wrong": any(keys[: len(region.keys)] == region.keys for keys in wrong),
                 "notes": _notes(area, judgement.mission),
+                "crosses": area is not None and area.crosses_fence,
                 "buffers": self._kept(judgement, area, is_fence=region.is_fence),
             }
         for area in (area for area in draft.zones if area.place is not None):
@@ -206,6 +211,7 @@ def _region(drawing: Drawing, region: Region) -> dict[str, Any]:
         "rings": rings,
         "circle": circle,
         "outline": None,
+        "crosses": False,
     }
 
 
@@ -269,12 +275,33 @@ def _settings(drawing: Drawing, judgement: Judgement) -> dict[str, Any]:
         "settable": drawing.settable,
         "altitude_m": draft.altitude_m,
         "speed_m_s": draft.speed_m_s,
+        "duration_s": draft.duration_s,
+        "endurance_s": draft.endurance_s,
+        "battery_reserve": draft.battery_reserve,
+        **asdict(draft.timers),
         "clearance_m": draft.planner.clearance_m,
         "tracking_margin_m": draft.planner.tracking_margin_m,
         "max_edge_m": draft.planner.max_edge_m,
+        "team": None if draft.team is None else relpath(draft.team, draft.document.path.parent),
+        "uav": draft.uav,
+        "robots": _robots(draft),
         "length_m": round(length_m),
         "time_s": round(length_m / draft.speed_m_s) if draft.speed_m_s > 0 else None,
     }
+
+
+def _robots(draft: MissionDocument) -> list[dict[str, Any]]:
+    """Whom the mission may seek, and whether it does; those that are sought in their order."""
+    if draft.team is None:
+        return []
+    try:
+        team = Team.load(draft.team)
+    except (DocumentError, OSError):
+        return []  # the team's problems are told
+    others = [name for name in team.robots if name != draft.uav]
+    sought = draft.seek or [name for name in others if team.robots[name].kind != UAV_KIND]
+    names = dict.fromkeys([*sought, *others])
+    return [{"name": name, "sought": name in sought} for name in names]
 
 
 def _on_map(drawing: Drawing, pair: Pair) -> Pair | None:

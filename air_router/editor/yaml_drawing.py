@@ -13,13 +13,12 @@ from air_router.files.text.rendering import METRE_DECIMALS, metres
 from air_router.files.text.source import Splice, TextSource
 from mocha_link.team.document import Document
 
-_SETTINGS: dict[str, Keys] = {
-    "altitude_m": ("altitude_m",),
-    "speed_m_s": ("speed_m_s",),
-    "clearance_m": ("planner", "clearance_m"),
-    "tracking_margin_m": ("planner", "tracking_margin_m"),
-    "max_edge_m": ("planner", "max_edge_m"),
+_SECTIONS: dict[str, tuple[str, ...]] = {
+    "planner": ("clearance_m", "tracking_margin_m", "max_edge_m"),
+    "timers": ("init_s", "explore_s", "search_s", "communicate_s", "hold_s"),
 }
+_SECTION_OF = {name: section for section, names in _SECTIONS.items() for name in names}
+_WORDS = ("name", "team", "uav")
 
 
 class YamlDrawing(Drawing):
@@ -29,6 +28,8 @@ class YamlDrawing(Drawing):
 
     def __init__(self, text: str, document: Document) -> None:
         super().__init__(TextSource(text, document.node(), json=False), sketch_yaml(document.data))
+        data = document.data
+        self._only_policy = isinstance(data, dict) and isinstance(data.get("seek"), str)
 
     def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:
         """Insert a bare pair: it flies at the mission's altitude."""
@@ -77,16 +78,62 @@ class YamlDrawing(Drawing):
             return self.source.add_key(handle.entry, "altitude_m", metres(altitude_m))
         return self.source.wrap(handle.entry, "position", {"altitude_m": metres(altitude_m)})
 
-    def number_set(self, name: str, value: float) -> list[Splice]:
-        """Change a setting, or write it out where the default was meant."""
-        keys = _SETTINGS[name]
+    def value_set(self, name: str, value: float | str | None) -> list[Splice]:
+        """Change a setting, add it where the default was meant, or take it away."""
+        section = _SECTION_OF.get(name)
+        keys: Keys = (section, name) if section else (name,)
+        if value is None:
+            return self.source.remove(keys) if self.source.has(*keys) else []
+        if isinstance(value, str) != (name in _WORDS):
+            raise EditError(f"{name} cannot be '{value}'")
         if self.source.has(*keys):
+            if isinstance(value, str):
+                return self.source.words(keys, value)
             return self.source.number(keys, value, METRE_DECIMALS)
-        if len(keys) == 1 or self.source.is_mapping(*keys[:-1]):
-            return self.source.add_key(keys[:-1], str(keys[-1]), metres(value))
-        if self.source.has(*keys[:-1]):
-            raise EditError(f"{keys[0]} is empty in the file; write {keys[0]}.{keys[1]} by hand")
-        return self.source.add_key((), str(keys[0]), {keys[1]: metres(value)})
+        written = value if isinstance(value, str) else metres(value)
+        if section is None or self.source.is_mapping(section):
+            return self.source.add_key(keys[:-1], name, written)
+        if self.source.has(section):
+            raise EditError(f"{section} is empty in the file; write {section}.{name} by hand")
+        return self.source.add_key((), section, {name: written})
+
+    def sought(self, robots: tuple[str, ...]) -> list[Splice]:
+        """Change the list by the one robot that is more or less in it, or begin it."""
+        if not robots:
+            raise EditError("a mission seeks at least one robot")
+        source = self.source
+        keys: Keys = ("seek", "robots") if source.is_mapping("seek") else ("seek",)
+        listed = [str(name.value) for name in source.items(keys)]
+        for index in range(len(listed)):
+            if listed[:index] + listed[index + 1 :] == [*robots]:
+                return source.remove((*keys, index))
+        if listed and [*robots[:-1]] == listed:
+            return source.insert(keys, len(listed), robots[-1])
+        if listed:
+            return source.rewrite(keys, [*robots])
+        if self._only_policy:
+            return source.wrap(keys, "policy", {"robots": [*robots]})
+        if source.has(*keys):
+            return source.fill(keys, [*robots])
+        return source.add_key(keys[:-1], str(keys[-1]), [*robots])
+
+    def crossing_set(self, region: Region, *, crosses: bool) -> list[Splice]:
+        """Write the key, or take it away."""
+        keys = (*region.keys, "crosses_fence")
+        if region.is_fence:
+            raise EditError("only zones cross the fence")
+        if not self.source.is_mapping(*region.keys):
+            return self.source.wrap(region.keys, "polygon", {"crosses_fence": True})
+        if not self.source.has(*keys):
+            return self.source.add_key(region.keys, "crosses_fence", crosses)
+        return self.source.remove(keys) if not crosses else self.source.rewrite(keys, crosses)
+
+    def redrawn(self, region: Region, edit: edits.Redraw) -> list[Splice]:
+        """Write other corners, in the place of a circle too."""
+        corners = [self.digits(corner) for corner in edit.corners]
+        if region.circle is None:
+            return self.source.rewrite((*region.keys, "polygon"), corners)
+        return self.source.exchange((*region.keys, "circle"), "polygon", corners)
 
     def _listed(self, name: str, index: int, item: Any) -> list[Splice]:
         if not self.source.has(name):

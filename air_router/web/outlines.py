@@ -52,6 +52,7 @@ def area_beside(
         "rings": [],
         "circle": None,
         "wrong": False,
+        "crosses": False,
         "notes": notes,
         "buffers": buffers,
     }

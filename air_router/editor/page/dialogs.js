@@ -10,7 +10,7 @@ const KEYS = [
   ["Arrow keys", "move what is selected by 1 m; Shift: 10 m, Alt: 10 cm"],
   ["Tab, Enter", "go from place to place, and select"],
   ["N, Shift+N", "next and previous waypoint"],
-  ["W Z C R P", "waypoints, zone, circle, rally point, route"],
+  ["W Z C E R P", "waypoints, zone, circle, fence, rally point, route"],
   ["Ctrl+Z, Ctrl+Shift+Z", "undo and redo"],
   ["Ctrl+S", "saves the file; comments stay"],
   ["Blue, amber, red legs", "flown straight; flown around what is in the way; cannot be flown"],

@@ -1,6 +1,7 @@
 // What is selected, in words and numbers.
 
-import { byId, element, numberField } from "/page/element.js";
+import { byId, element, numberField, wordField } from "/page/element.js";
+import { offset } from "/page/map.js";
 import { label } from "./places.js";
 import { cornersOf } from "./selection.js";
 import { same } from "./store.js";
@@ -52,15 +53,16 @@ export class Inspector {
     const corner = cornersOf(area).find((one) => same(one.keys, now.keys));
     this.head(area.fence ? "Fence" : "No-fly zone");
     if (!area.fence && this.store.state.settings.settable) {
-      const input = element("input", { className: "words", value: area.name, maxLength: 80 });
-      input.addEventListener("change", () => {
-        if (input.value.trim()) this.store.edit({ do: "rename", keys: area.keys, name: input.value.trim() });
-      });
-      this.box.append(element("label", { className: "field" }, element("span", { textContent: "Name" }), input));
+      this.box.append(wordField("Name", area.name, (name) => name && this.store.edit({ do: "rename", keys: area.keys, name })));
+      const crosses = element("input", { type: "checkbox", checked: area.crosses });
+      crosses.addEventListener("change", () =>
+        this.store.edit({ do: "set_crossing", keys: area.keys, crosses: crosses.checked }));
+      this.box.append(element("label", { className: "tick" }, crosses, "crosses the fence on purpose"));
     }
     if (area.circle) {
       const resize = (radius) => this.store.edit({ do: "resize", keys: area.keys, radius_m: radius });
       this.box.append(numberField("Radius, m", area.circle.radius_m, resize));
+      this.row(["Make it a polygon", () => this.store.edit({ do: "redraw", keys: area.keys, corners: octagon(area) })]);
     } else {
       const count = cornersOf(area).length;
       const which = corner ? `corner ${now.keys.at(-1) + 1} of ${count}` : `${count} corners`;
@@ -105,4 +107,13 @@ export class Inspector {
   remove(keys) {
     this.store.edit({ do: "remove", keys });
   }
+}
+
+/** Corners in the place of a circle: within a fence's, around a zone's. @param {any} area @returns {number[][]} */
+function octagon({ circle: { centre, radius_m: radius }, fence }) {
+  const away = fence ? radius : radius / Math.cos(Math.PI / 8);
+  return Array.from({ length: 8 }, (_, step) => {
+    const angle = ((2 * step + 1) * Math.PI) / 8;
+    return offset(centre, away * Math.sin(angle), away * Math.cos(angle));
+  });
 }

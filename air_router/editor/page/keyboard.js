@@ -5,7 +5,7 @@ import { cornersOf } from "./selection.js";
 import { same } from "./store.js";
 
 const ARROWS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [-1, 0], ArrowRight: [1, 0] };
-const TOOLS = { w: "waypoint", z: "zone", c: "circle", r: "rally", p: "route" };
+const TOOLS = { w: "waypoint", z: "zone", e: "fence", c: "circle", r: "rally", p: "route" };
 const ONE_MOVE_MS = 800;
 
 /** @param {{store: import("./store.js").Store, selection: import("./selection.js").Selection,
@@ -24,7 +24,7 @@ export function startKeyboard(page) {
     if (ARROWS[event.key] && selection.now) return nudge(ARROWS[event.key], event);
     if (event.key === "Delete" || event.key === "Backspace") return remove();
     if (event.key === "Escape") return escape();
-    if (event.key === "Enter" && tools.tool === "zone") {
+    if (event.key === "Enter" && ["zone", "fence"].includes(tools.tool)) {
       tools.finish();
       return true;
     }

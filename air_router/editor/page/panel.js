@@ -1,15 +1,33 @@
 // The panel's lists: problems, the mission's numbers, everything that can be selected.
 
-import { byId, element, numberField } from "/page/element.js";
+import { byId, element, numberField, wordField } from "/page/element.js";
 import { label } from "./places.js";
 
-const NUMBERS = [
-  ["altitude_m", "Altitude above home, m"],
-  ["speed_m_s", "Speed, m/s"],
-  ["clearance_m", "Clearance, m"],
-  ["tracking_margin_m", "Tracking margin, m"],
-  ["max_edge_m", "Longest connection, m"],
+/** @type {[string, [string, string, string?][]][]} headings, and under them names, titles, what stands for no value */
+const SETTINGS = [
+  ["Flight", [
+    ["altitude_m", "Altitude above home, m"],
+    ["speed_m_s", "Speed, m/s"],
+    ["duration_s", "Come home after, s", "no limit"],
+    ["endurance_s", "A full battery lasts, s", "not known"],
+    ["battery_reserve", "Come home at a charge (0..1) of"],
+  ]],
+  ["Timers", [
+    ["init_s", "Explore first, s"],
+    ["explore_s", "Explore between searches, s"],
+    ["search_s", "Wait for a robot, s"],
+    ["communicate_s", "Hover over a robot, s"],
+    ["hold_s", "Hover at a requested point, s"],
+  ]],
+  ["Planner", [
+    ["clearance_m", "Clearance, m"],
+    ["tracking_margin_m", "Tracking margin, m"],
+    ["max_edge_m", "Longest connection, m"],
+  ]],
+  ["Team", [["team", "Team file", "none"], ["uav", "Flown by", "the only UAV"]]],
 ];
+const WORDS = ["team", "uav"];
+const OPTIONAL = ["duration_s", "endurance_s", ...WORDS];
 
 export class Panel {
   /** @param {import("./store.js").Store} store
@@ -22,7 +40,7 @@ export class Panel {
   /** @param {import("./store.js").State} state */
   show(state) {
     this.problems(state);
-    this.numbers(state);
+    this.settings(state);
     this.list(state);
   }
 
@@ -50,19 +68,40 @@ export class Panel {
   }
 
   /** @param {import("./store.js").State} state */
-  numbers({ settings }) {
+  settings({ settings }) {
     const text = JSON.stringify(settings);
     const box = byId("numbers");
-    if (text === this.numbersShown || box.contains(document.activeElement)) return;
-    this.numbersShown = text;
-    const fields = NUMBERS.map(([name, title]) => {
-      const field = numberField(title, settings[name], (value) =>
-        this.store.edit({ do: "set_number", name, value }),
-      );
-      field.querySelector("input").disabled = !settings.settable;
-      return field;
+    if (text === this.settingsShown || box.contains(document.activeElement)) return;
+    this.settingsShown = text;
+    box.replaceChildren(...SETTINGS.flatMap(([heading, fields]) => [
+      element("h3", { textContent: heading }),
+      ...fields.map(([name, title, none]) => this.setting(name, title, settings[name], none)),
+    ]), ...this.robots(settings));
+    for (const input of box.querySelectorAll("input")) input.disabled ||= !settings.settable;
+  }
+
+  /** @param {string} name @param {string} title @param {any} value @param {string} [none] @returns {HTMLElement} */
+  setting(name, title, value, none = "") {
+    const set = (changed) => this.store.edit({ do: "set_value", name, value: changed });
+    const field = WORDS.includes(name)
+      ? wordField(title, value ?? "", (text) => set(text || null), none)
+      : numberField(title, value, set, none, OPTIONAL.includes(name));
+    field.dataset.setting = name;
+    return field;
+  }
+
+  /** A box to tick for each robot that may be sought. @param {any} settings @returns {HTMLElement[]} */
+  robots({ robots }) {
+    if (!robots.length) return [];
+    const sought = robots.filter((robot) => robot.sought).map((robot) => robot.name);
+    const boxes = robots.map(({ name, sought: checked }) => {
+      const box = element("input", { type: "checkbox", checked, disabled: checked && sought.length === 1 });
+      box.addEventListener("change", () => this.store.edit({
+        do: "seek", robots: box.checked ? [...sought, name] : sought.filter((one) => one !== name),
+      }));
+      return element("label", { className: "tick" }, box, name);
     });
-    box.replaceChildren(...fields);
+    return [element("h3", { textContent: "Robots to seek" }), ...boxes];
   }
 
   /** @param {import("./store.js").State} state */

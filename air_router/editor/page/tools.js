@@ -1,11 +1,13 @@
-// What a click on the map does: select, add a waypoint, draw a zone, ask for a route.
+// What a click on the map does: select, add a waypoint, draw a zone or the fence, ask for a route.
 
+import { same } from "./store.js";
 
 const L = globalThis.L;
 const CLOSE_PIXELS = 12;
 const HINTS = {
   waypoint: "Click where the next waypoint should be; it is inserted behind the selected one. Esc ends.",
   zone: "Click the corners of the zone; click the first one again, or press Enter, to close it.",
+  fence: "Click the corners of the fence; click the first one again, or press Enter, to close it. It replaces the one there is.",
   circle: "Click the centre of the zone, then its edge.",
   rally: "Click where the vehicle may land in need.",
   route: "Click two waypoints, or home, to see the route between them.",
@@ -43,7 +45,7 @@ export class Tools extends EventTarget {
     this.corners = [];
     this.shape.setLatLngs([]);
     this.pick([]);
-    if (tool !== "select" && tool !== "waypoint") this.selection.choose(null);
+    if (!["select", "waypoint", "fence"].includes(tool)) this.selection.choose(null);
     for (const button of document.querySelectorAll("[data-tool]")) {
       button.setAttribute("aria-pressed", String(button.dataset.tool === tool));
     }
@@ -70,6 +72,7 @@ export class Tools extends EventTarget {
         this.choose("select");
         break;
       case "zone":
+      case "fence":
         if (this.corners.length > 2 && this.near(this.corners[0], at)) this.finish();
         else if (!this.corners.some((corner) => this.near(corner, at, 3))) this.corners.push(at);
         this.follow(at);
@@ -121,6 +124,7 @@ export class Tools extends EventTarget {
   /** Close the zone that is being drawn. */
   finish() {
     if (this.tool === "zone" && this.corners.length > 2) this.addArea({ corners: this.corners });
+    if (this.tool === "fence" && this.corners.length > 2) this.drawFence(this.corners);
   }
 
   /** @param {{corners: number[][], radius_m?: number}} area */
@@ -133,9 +137,20 @@ export class Tools extends EventTarget {
     }
   }
 
+  /** The selected fence gets these corners, or the only one; or it is a new one. @param {number[][]} corners */
+  async drawFence(corners) {
+    const fences = this.store.state.areas.filter((area) => area.fence && area.keys);
+    const old = fences.find((area) => this.selection.has(area.keys)) ?? fences[0];
+    this.choose("select");
+    const edit = old ? { do: "redraw", keys: old.keys, corners } : { do: "add_area", fence: true, corners };
+    if (!(await this.store.edit(edit))) return;
+    const drawn = this.store.state.areas.findLast((area) => area.fence && (!old || same(area.keys, old.keys)));
+    if (drawn) this.selection.choose({ sort: "area", keys: drawn.keys, area: drawn.keys });
+  }
+
   /** Show what is being drawn. @param {number[]} at where the pointer is */
   follow(at) {
-    if (this.tool === "zone" && this.corners.length) this.shape.setLatLngs([...this.corners, at]);
+    if (["zone", "fence"].includes(this.tool) && this.corners.length) this.shape.setLatLngs([...this.corners, at]);
     if (this.tool === "circle" && this.corners.length) {
       const radius = this.map.distance(this.corners[0], at);
       const round = L.circle(this.corners[0], { radius }).addTo(this.map);

@@ -110,6 +110,30 @@ class TextSource:
         begin = len(self.text[:start].rstrip(" "))
         return [Splice(begin, end, ""), Splice(at, at, newline + newline.join(lines))]
 
+    def items(self, keys: Keys) -> list[yaml.ScalarNode]:
+        """The words and numbers of a list; none where there is no list."""
+        node = self.nodes.find(keys)
+        items = node.value if isinstance(node, yaml.SequenceNode) else []
+        return [item for item in items if isinstance(item, yaml.ScalarNode)]
+
+    def rewrite(self, keys: Keys, value: Any) -> list[Splice]:
+        """Write a whole list, or a single value, in the place of another."""
+        node = self.nodes.get(keys)
+        start, end = self.nodes.span(node)
+        if self.json or not isinstance(node, yaml.CollectionNode) or node.flow_style:
+            return [Splice(start, end, self._in_flow(value, start, (start, end)))]
+        lines = block(value, " " * node.start_mark.column)
+        return [Splice(start, end, self.nodes.newline.join(lines).lstrip(" "))]
+
+    def exchange(self, keys: Keys, key: str, value: Any) -> list[Splice]:
+        """Write another key with its value in the place of one, in YAML."""
+        parent, index = self.nodes.collection(keys[:-1]), self.nodes.index(keys)
+        start, end = self.nodes.entries(parent)[index]
+        if parent.flow_style:
+            return [Splice(start, end, yaml_flow({key: value})[1:-1])]
+        lines = block({key: value}, " " * parent.start_mark.column)
+        return [Splice(start, end, self.nodes.newline.join(lines).lstrip(" "))]
+
     def insert(self, keys: Keys, index: int, *items: Any) -> list[Splice]:
         """Insert items into a list, before the one that has the index now."""
         node = self.nodes.collection(keys)

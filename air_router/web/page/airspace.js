@@ -4,7 +4,7 @@ const L = globalThis.L;
 const SMOOTH = 0.05; // pixels; with more, circles have corners
 
 /** @typedef {{keys: (string | number)[] | null, name: string, fence: boolean, wrong: boolean,
- *   notes: string[], rings: {keys: (string | number)[], corners: number[][]}[],
+ *   crosses: boolean, notes: string[], rings: {keys: (string | number)[], corners: number[][]}[],
  *   circle: {keys: (string | number)[], centre: number[], radius_m: number} | null,
  *   outline: number[][][][] | null, buffers: number[][][][][]}} Area */
 

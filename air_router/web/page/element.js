@@ -19,12 +19,22 @@ export function byId(id) {
 }
 
 /** A labelled field for a number. @param {string} label @param {number | null} value
- *  @param {(value: number) => void} changed @param {string} [placeholder] */
-export function numberField(label, value, changed, placeholder = "") {
+ *  @param {(value: number | null) => void} changed @param {string} [placeholder]
+ *  @param {boolean} [optional] whether there may be none */
+export function numberField(label, value, changed, placeholder = "", optional = false) {
   const input = element("input", { type: "number", step: "any", min: "0", placeholder });
   input.value = value === null ? "" : String(value);
   input.addEventListener("change", () => {
     if (input.value !== "") changed(Number(input.value));
+    else if (optional && !input.validity.badInput) changed(null);
   });
+  return element("label", { className: "field" }, element("span", { textContent: label }), input);
+}
+
+/** A labelled field for a text. @param {string} label @param {string} value
+ *  @param {(value: string) => void} changed @param {string} [placeholder] */
+export function wordField(label, value, changed, placeholder = "") {
+  const input = element("input", { className: "words", maxLength: 80, placeholder, value });
+  input.addEventListener("change", () => changed(input.value.trim()));
   return element("label", { className: "field" }, element("span", { textContent: label }), input);
 }

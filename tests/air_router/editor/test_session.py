@@ -256,7 +256,7 @@ def test_a_mission_on_the_antimeridian_is_drawn_in_one_place(tmp_path):
 
 
 def test_numbers_and_altitudes(session):
-    session.edit(edits.SetNumber(do="set_number", name="clearance_m", value=9.5))
+    session.edit(edits.SetValue(do="set_value", name="clearance_m", value=9.5))
     assert "clearance_m: 9.5 " in session.manuscript.text
     assert session.view()["settings"]["clearance_m"] == 9.5
     assert session.wrong
@@ -310,7 +310,7 @@ def test_every_part_of_a_plan_can_be_taken_hold_of(plan):
         '{"do": "move", "keys": ["home"], "to": ["1", "2"]}',
         '{"do": "move", "keys": ["home"], "to": [1, 2], "more": 1}',
         '{"do": "remove", "keys": []}',
-        '{"do": "set_number", "name": "name", "value": 1}',
+        '{"do": "set_value", "name": "shape", "value": 1}',
         '{"do": "add_area", "corners": []}',
         "not json",
     ],

@@ -1,0 +1,121 @@
+"""Settings and outlines that are changed on the page: what was asked for, and nothing else."""
+
+import json
+import shutil
+
+import pytest
+
+from air_router.editor import edits
+from air_router.editor.edits import EditError, read_edit
+from air_router.editor.mission_text import MissionText
+from air_router.editor.session import EditSession
+from air_router.files.settings import DEFAULT_SEEK_POLICY
+from tests.air_router.editor.test_session import FREE, ROOT, changed_lines
+
+
+@pytest.fixture
+def mission(tmp_path):
+    shutil.copytree(ROOT / "missions" / "pennovation", tmp_path / "pennovation")
+    return tmp_path / "pennovation" / "mission.yaml"
+
+
+@pytest.fixture
+def session(mission):
+    return EditSession(MissionText(mission))
+
+
+@pytest.fixture
+def plan(tmp_path):
+    shutil.copy(ROOT / "tests" / "data" / "pennovation.plan", tmp_path)
+    return EditSession(MissionText(tmp_path / "pennovation.plan"))
+
+
+@pytest.mark.parametrize(
+    ("edit", "lines"),
+    [
+        (
+            {"do": "set_value", "name": "search_s", "value": 30.0},
+            ["-   search_s: 45 ", "+   search_s: 30 "],
+        ),
+        ({"do": "set_value", "name": "duration_s", "value": None}, ["- duration_s: 1500"]),
+        ({"do": "set_value", "name": "endurance_s", "value": 1800.0}, ["+ ", "+ endurance_s: 1800"]),
+        ({"do": "set_value", "name": "uav", "value": "io"}, ["- uav: titan", "+ uav: io"]),
+        (
+            {"do": "seek", "robots": ["callisto", "io"]},
+            ["- seek: [callisto, europa, io]", "+ seek: [callisto, io]"],
+        ),
+        (
+            {"do": "set_crossing", "keys": ["no_fly_zones", 3], "crosses": False},
+            ["-     crosses_fence: true "],
+        ),
+        (
+            {"do": "set_crossing", "keys": ["no_fly_zones", 0], "crosses": True},
+            ["+     crosses_fence: true"],
+        ),
+    ],
+)
+def test_a_setting_changes_its_line_and_no_other(session, edit, lines):
+    before = session.manuscript.text
+    session.edit(read_edit(json.dumps(edit)))
+    changed = changed_lines(before, session.manuscript.text)
+    assert len(changed) == len(lines)
+    for line, begin in zip(changed, lines, strict=True):
+        assert line.startswith(begin)
+    session.undo()
+    assert session.manuscript.text == before
+
+
+@pytest.mark.parametrize(
+    "seek", ["", "seek: []", "seek: freshest", "seek: {policy: freshest}", "seek:\n- io\n- ariel"]
+)
+def test_whom_to_seek_is_written_whatever_stood_there(mission, seek):
+    text = mission.read_text().replace("seek: [callisto, europa, io]", seek)
+    mission.write_text(text)
+    session = EditSession(MissionText(mission))
+    session.edit(edits.Seek(do="seek", robots=("io", "europa")))
+    draft = session.manuscript.draft()
+    assert (draft.seek, draft.seek_policy) == (
+        ("io", "europa"),
+        "freshest" if "freshest" in seek else DEFAULT_SEEK_POLICY,
+    )
+    with pytest.raises(EditError, match="at least one"):
+        session.edit(edits.Seek(do="seek", robots=()))
+
+
+@pytest.mark.parametrize(
+    "fence",
+    [
+        "fence: {circle: {centre: [39.942, -75.2], radius_m: 150}}  # round",
+        "fence:\n  circle: {centre: [39.942, -75.2], radius_m: 150}  # round",
+        "fence: [[39.94, -75.2], [39.94, -75.19], [39.95, -75.19]]  # round",
+        "fence:  # round\n  - [39.94, -75.2]\n  - [39.94, -75.19]\n  - [39.95, -75.19]",
+    ],
+)
+def test_a_fence_gets_another_outline(tmp_path, fence):
+    path = tmp_path / "mission.yaml"
+    head = "home: [39.942, -75.2]\naltitude_m: 40\nwaypoints: [[39.9421, -75.2]]\n"
+    path.write_text(f"{head}{fence}\nno_fly_zones: []\n")
+    session = EditSession(MissionText(path))
+    corners = ((39.941, -75.201), (39.943, -75.201), (39.943, -75.199), (39.941, -75.199))
+    session.edit(edits.Redraw(do="redraw", keys=("fence",), corners=corners))
+    (region,) = session.manuscript.drawing.sketch.regions
+    assert region.circle is None
+    assert tuple(corner.pair for corner in region.rings[0].corners) == corners
+    text = session.manuscript.text
+    assert text.startswith(head)
+    assert text.endswith("\nno_fly_zones: []\n")
+    assert "# round" in text
+    assert session.view()["problems"] == []
+
+
+def test_a_plan_s_round_fence_becomes_a_polygon(plan):
+    circle = edits.AddArea(do="add_area", fence=True, corners=(FREE,), radius_m=400.0)
+    plan.edit(circle)
+    fences = [r for r in plan.manuscript.drawing.sketch.regions if r.is_fence and r.circle]
+    corners = ((39.95, -75.21), (39.95, -75.19), (39.93, -75.19), (39.93, -75.21))
+    plan.edit(edits.Redraw(do="redraw", keys=fences[0].keys, corners=corners))
+    after = plan.manuscript.drawing.sketch.regions
+    assert not [r for r in after if r.is_fence and r.circle]
+    assert corners in [tuple(c.pair for c in r.rings[0].corners) for r in after if r.rings]
+    with pytest.raises(EditError, match="QGroundControl"):
+        plan.edit(edits.SetValue(do="set_value", name="speed_m_s", value=1.0))
