@@ -9,7 +9,7 @@ const SETTINGS = [
     ["altitude_m", "Altitude above home, m"],
     ["speed_m_s", "Speed, m/s"],
     ["duration_s", "Come home after, s", "no limit"],
-    ["endurance_s", "A full battery lasts, s", "not known"],
+    ["endurance_s", "A full battery lasts, s", "unknown"],
     ["battery_reserve", "Come home at a charge (0..1) of"],
   ]],
   ["Timers", [

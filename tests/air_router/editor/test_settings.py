@@ -38,7 +38,10 @@ def plan(tmp_path):
             ["-   search_s: 45 ", "+   search_s: 30 "],
         ),
         ({"do": "set_value", "name": "duration_s", "value": None}, ["- duration_s: 1500"]),
-        ({"do": "set_value", "name": "endurance_s", "value": 1800.0}, ["+ ", "+ endurance_s: 1800"]),
+        (
+            {"do": "set_value", "name": "endurance_s", "value": 1800.0},
+            ["+ ", "+ endurance_s: 1800"],
+        ),
         ({"do": "set_value", "name": "uav", "value": "io"}, ["- uav: titan", "+ uav: io"]),
         (
             {"do": "seek", "robots": ["callisto", "io"]},

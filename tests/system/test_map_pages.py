@@ -1,0 +1,274 @@
+"""The map pages as a user sees them: on a laptop, and on a phone held either way, light and dark.
+
+With DOCS_IMAGES=docs/images in the environment the pictures of docs/live-page.md that show the
+timeline and the phone are taken anew.
+"""
+
+import asyncio
+import contextlib
+import queue
+import threading
+
+import numpy as np
+import pytest
+
+from air_router.control.command_request import CommandRequestError
+from air_router.controller.flight_setup import FlightSetup
+from air_router.editor.mission_text import MissionText
+from air_router.editor.server import EditorServer
+from air_router.editor.session import EditSession
+from air_router.editor.starter import write_starter
+from air_router.live.playback import Film, Playback
+from air_router.live.server import LivePage
+from air_router.mission.loading import load_mission
+from air_router.record.log import RecordEntry
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from air_router.web.serving import Web
+from geo.frame import Point
+from geo.grid import GridPatch, Terrain
+from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
+from tests.system.looker import Looker
+
+SIZES = ((1280, 720), (844, 390), (390, 844))
+END_S = 300.0
+# What covers the middle or a corner of an element that should be seen, or is cut off in it.
+HIDDEN = """(selectors) => selectors.filter((selector) => {
+  const shown = document.querySelector(selector);
+  const { left, right, top, bottom } = shown.getBoundingClientRect();
+  const middle = [(left + right) / 2, (top + bottom) / 2];
+  const spots = [[left + 5, top + 5], [right - 5, bottom - 5], middle];
+  return right - left < 5 || shown.scrollWidth > shown.clientWidth + 1
+    || !spots.every(([x, y]) => shown.contains(document.elementFromPoint(x, y)));
+})"""
+# Whether the fence is where the map is free.
+FITS = """() => {
+  const free = document.getElementById("free").getBoundingClientRect();
+  const fence = document.querySelector("path.area.fence").getBoundingClientRect();
+  return fence.left >= free.left && fence.right <= free.right
+    && fence.top >= free.top && fence.bottom <= free.bottom && fence.width > 60;
+}"""
+IS_PLOTTED = """() => {
+  const canvas = document.getElementById("plots");
+  const { width, height } = canvas;
+  const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+  const colours = new Set(new Uint32Array(data.buffer));
+  return width > 100 && colours.size > 20;
+}"""
+AIR = (".leaflet-control-zoom", ".leaflet-control-scale", "#facts", "#free")
+
+
+@contextlib.contextmanager
+def served(page):
+    """Serve a page in a thread of its own; gives its address, and how to end it early."""
+    addresses = queue.Queue()
+
+    async def serve():
+        ended = asyncio.Event()
+        async with page.serving(lambda _: None) as address:
+            addresses.put((address, asyncio.get_running_loop(), ended))
+            await ended.wait()
+
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    address, loop, ended = addresses.get(timeout=60)
+
+    def end():
+        if thread.is_alive():
+            loop.call_soon_threadsafe(ended.set)
+            thread.join()
+
+    try:
+        yield address, end
+    finally:
+        end()
+
+
+@pytest.fixture(scope="module")
+def mission(shared_folder):
+    path = shared_folder / "field.yaml"
+    write_starter(path, "39.9421,-75.1998")
+    return load_mission(path)
+
+
+@pytest.fixture(scope="module")
+def record(mission):
+    """Five minutes of flight in a circle; a robot takes the map after three."""
+    entries = [RecordEntry(0.0, "setup", FlightSetup(mission, ("io",)))]
+    for t in np.arange(0.0, END_S + 1.0):
+        place = Point(60 * float(np.cos(t / 20)), 60 * float(np.sin(t / 20)))
+        told = Telemetry(
+            float(t),
+            place,
+            40.0,
+            (3.0, 0.0),
+            heading_deg=90.0,
+            armed=True,
+            in_air=True,
+            mode=FlightMode.HOLD,
+            battery=1 - t / 600,
+            voltage_v=15.8,
+            satellites=14,
+        )
+        entries.append(RecordEntry(float(t), "event", told))
+        if t % 10 == 0:
+            metrics = LinkMetrics("io", rssi_dbm=-50.0 - t / 10, bytes_in=int(1000 * t))
+            entries.append(RecordEntry(float(t), "link", metrics))
+        if t == 100:
+            grid = Film(entries).mapper.grid
+            cells = np.full((20, 30), Terrain.ROAD, np.uint8)
+            patch = GridPatch(grid.west_m + 40, grid.south_m + 40, 1.0, cells)
+            entries.append(RecordEntry(float(t), "patch", patch.encode()))
+        if t == 180:
+            entries.append(RecordEntry(180.2, "event", SyncStarted("io", 0.0, Direction.OUT)))
+            entries.append(
+                RecordEntry(180.6, "event", SyncEnded("io", 0.0, Direction.OUT, 1, 9, 0.4))
+            )
+    return entries
+
+
+@pytest.fixture(scope="module")
+def replayed(browser, record):
+    playback = Playback(Film(record), Web())
+    with served(playback) as (address, _):
+        looker = Looker(browser.new_page(), address)
+        looker.page.locator(".vehicle").wait_for()
+        yield looker
+        assert looker.strangers(address) == []
+        assert looker.faults == []
+        looker.page.close()
+
+
+def go(looker, to_s):
+    """Drag the slider of a recorded flight."""
+    looker.page.evaluate(
+        """(to) => { const when = document.getElementById("when");
+        when.value = String(to); when.dispatchEvent(new Event("change")); }""",
+        to_s,
+    )
+    looker.page.wait_for_function(
+        "(to) => Math.abs(parseInt(document.getElementById('clock').textContent) - to) < 6",
+        arg=to_s,
+    )
+
+
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_nothing_covers_anything_and_the_map_is_fitted_to_what_is_free(replayed, size):
+    page = replayed.page
+    page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+    page.wait_for_function(FITS)
+    assert page.evaluate(HIDDEN, [*AIR[:3], "#when", "#clock", "#panel h2"]) == []
+    assert "battery" in page.locator("#facts").inner_text()
+    before = page.evaluate("document.getElementById('free').getBoundingClientRect().width")
+    page.locator("#fold").click()
+    page.wait_for_function(FITS)
+    assert page.locator("#news").is_hidden()
+    assert page.evaluate("document.getElementById('free').getBoundingClientRect().width") >= before
+    page.locator("#fold").click()
+    page.locator("#plot").click()
+    page.wait_for_function(IS_PLOTTED)
+    assert page.evaluate(HIDDEN, AIR[:3]) == []
+    page.locator("#plot").click()
+    assert page.locator("#plots").is_hidden()
+
+
+def test_a_recorded_flight_that_goes_back_forgets_what_came_later(replayed):
+    page, robots = replayed.page, replayed.page.locator("#robots")
+    page.set_viewport_size({"width": 1280, "height": 720})
+    go(replayed, 10)
+    left = page.locator("#when").bounding_box()
+    go(replayed, 290)
+    replayed.shows("#robots", "map 100%")
+    assert page.locator("#when").bounding_box() == left
+    go(replayed, 10)
+    page.wait_for_function("() => !document.getElementById('robots').textContent.includes('map')")
+    assert "not heard of yet" in robots.inner_text()
+    words = page.locator("#vehicle").inner_text().split()
+    assert words[words.index("heading") + 1] == "90°"
+    assert {"14", "15.8"} <= set(words)
+
+
+def test_the_timeline_says_what_was_and_takes_the_film_there(replayed):
+    page = replayed.page
+    page.set_viewport_size({"width": 1280, "height": 720})
+    go(replayed, 10)
+    page.locator("#plot").click()
+    box = page.locator("#plots").bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + 60)
+    replayed.shows("#clock", "15")
+    replayed.shows("#clock", "of 300 s")
+    page.locator("#links summary").click()
+    replayed.shows("#links td", "-65 dBm")
+    page.locator("#plot").click()
+
+
+def test_the_legend_has_the_colours_of_the_map_in_light_and_dark(replayed):
+    page = replayed.page
+    page.locator("#legend summary").click()
+    page.locator("#legend li").first.wait_for()
+    seen = [
+        page.evaluate(
+            """(theme) => { document.documentElement.dataset.theme = theme;
+            return ["#legend .area.fence", ".leaflet-areas-pane .area.fence"].map(
+              (one) => getComputedStyle(document.querySelector(one)).stroke); }""",
+            theme,
+        )
+        for theme in ("light", "dark")
+    ]
+    assert [len(set(strokes)) for strokes in seen] == [1, 1]
+    assert seen[0] != seen[1]
+
+
+class Nobody:
+    """Grants what is asked of a flight that is only looked at."""
+
+    def grant(self, wish, by):
+        raise CommandRequestError(f"{by} asks for {type(wish).__name__}")
+
+
+def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, record):
+    film = Film(record)
+    page = LivePage(film.controller.mission, film.controller, Nobody(), dict, mapper=film.mapper)
+    with served(page) as (address, end):
+        looker = Looker(browser.new_page(viewport={"width": 844, "height": 390}), address)
+        hold = looker.page.locator('[data-verb="hold"]')
+        fence = looker.page.locator("path.area.fence")
+        fence.wait_for()
+        assert fence.get_attribute("d").count("L") > 40
+        hold.click()
+        looker.shows("#hint", "asks for")
+        assert looker.page.evaluate(HIDDEN, ["#hint", "#verbs"]) == []
+        end()
+        looker.page.locator('[data-verb="hold"]:disabled').wait_for()
+        assert hold.get_attribute("title") == "the flight does not answer"
+        looker.shows("#why", "does not answer")
+        looker.page.close()
+
+
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_a_round_fence_becomes_a_polygon_and_settings_are_set(browser, tmp_path, size):
+    path = tmp_path / "field.yaml"
+    write_starter(path, "39.9421,-75.1998")
+    with served(EditorServer(EditSession(MissionText(path)))) as (address, _):
+        looker = Looker(
+            browser.new_page(viewport=dict(zip(("width", "height"), size, strict=True))), address
+        )
+        page = looker.page
+        page.locator(".place.waypoint").wait_for()
+        page.wait_for_function(FITS)
+        assert page.evaluate(HIDDEN, [*AIR[:2], "#tools", "#save", "#panel h2"]) == []
+        page.locator("#parts summary").click()
+        page.locator("#list button", has_text="Fence").click()
+        page.get_by_text("Make it a polygon").click()
+        page.locator(".corner").nth(7).wait_for()
+        page.locator("#settings summary").click()
+        speed = page.locator('[data-setting="speed_m_s"] input')
+        speed.fill("7")
+        speed.press("Tab")
+        page.locator("#save:not(:disabled)").click()
+        page.locator("#save:disabled").wait_for()
+        page.close()
+        assert looker.faults == []
+    text = path.read_text(encoding="utf-8")
+    assert "  polygon:\n    - [39." in text
+    assert "circle" not in text
+    assert load_mission(path).speed_m_s == 7.0
