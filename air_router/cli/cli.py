@@ -39,6 +39,7 @@ COMMANDS = (
         "air_router.cli.ask",
         "have a flight hold, resume, seek a robot, explore, come home or fly to points",
     ),
+    Command("ros2", "air_router.ros2.command", "show a flight to ROS 2, and take its requests"),
     Command(
         "replay",
         "air_router.cli.replay",

@@ -133,6 +133,18 @@ class _Status(CommandRequest):
     pass
 
 
+class View(CommandRequest):
+    """What a program asks that shows the flight.
+
+    Attributes:
+        areas: With fences, zones and waypoints.
+        map: With the map that the vehicle has painted.
+    """
+
+    areas: bool = False
+    map: bool = False
+
+
 MODELS: Final[Mapping[str, type[CommandRequest]]] = MappingProxyType(
     {
         "hold": _Hold,
@@ -143,6 +155,7 @@ MODELS: Final[Mapping[str, type[CommandRequest]]] = MappingProxyType(
         "goto": _GoTo,
         "reload": _Reload,
         "status": _Status,
+        "view": View,
     }
 )
 """The model of every verb."""

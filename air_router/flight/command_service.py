@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from air_router.control.command_request import CommandRequest, CommandRequestError
+from air_router.control.command_request import CommandRequest, CommandRequestError, View
 from air_router.controller.controller import Controller
 from air_router.controller.model.actions import CommandAck, Refusal
 from air_router.controller.model.requests import OPERATOR, AnyRequest
@@ -31,6 +31,7 @@ class CommandService:
         controller: Who answers, for what is said about the flight.
         deliver: Takes a request as it takes every event; the answer comes to `answered` meanwhile.
         reading: Tells what became of the latest reading of the mission file.
+        view: Tells what a program asks that shows the flight, besides its situation.
     """
 
     def __init__(
@@ -39,7 +40,9 @@ class CommandService:
         controller: Controller,
         deliver: Callable[[AnyRequest], None],
         reading: Callable[[], ReloadReport | None] = lambda: None,
+        view: Callable[[View], dict[str, Any]] = lambda _: {},
     ) -> None:
+        self._view = view
         self._reading = reading
         self._frame = frame
         self._controller = controller
@@ -78,7 +81,8 @@ class CommandService:
         """
         request = wish.asked(self._frame, by)
         if request is None:
-            return {"ok": True, "id": wish.id, **self.situation()}
+            more = self._view(wish) if isinstance(wish, View) else {}
+            return {"ok": True, "id": wish.id, **self.situation(), **more}
         answer = self.ask(request)
         reply: dict[str, Any] = {
             "ok": True,

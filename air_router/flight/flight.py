@@ -40,6 +40,7 @@ from air_router.errors import AirRouterError, ExitCode, PlanRefusedError, Refuse
 from air_router.flight.command_service import CommandService
 from air_router.flight.flight_result import FlightResult, ending_of
 from air_router.flight.flight_stats import FlightStats
+from air_router.flight.flight_view import FlightView
 from air_router.flight.mission_reloader import MissionReloader
 from air_router.flight.motions import MotionSender
 from air_router.flight.resumption import flown_before
@@ -134,13 +135,14 @@ class Flight:
         )
         recorder.begin(setup, arm=arm, resume=resume, camera=camera)
         self.controller = setup.controller(self.router, self._plan)
+        self.stats = FlightStats.of(mission, mapper, seek)
+        view = FlightView(mission, self.controller, self.stats, gossip.links)
         self.commands = CommandService(
-            mission.frame, self.controller, self._on_event, lambda: self._reloader.latest
+            mission.frame, self.controller, self._on_event, lambda: self._reloader.latest, view.tell
         )
         self.page: Page = NoPage()
         self._control = None if control is None else ControlServer(control, self.commands.grant)
         self._reloader = MissionReloader(self.controller, vehicle, self._on_event, status.say)
-        self.stats = FlightStats.of(mission, mapper, seek)
         self._finish: asyncio.Future[tuple[str, ExitCode]]
         self._first: asyncio.Future[Telemetry]
         self._newest: Telemetry  # before anything is decided

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 
 from air_router.controller.model.actions import Action, StateChanged
@@ -39,13 +41,20 @@ class RobotStats:
 
 @dataclass(slots=True)
 class FlightStats:
-    """Adds a flight up; `report` makes the object that `--json` prints."""
+    """Adds a flight up; `report` makes the object that `--json` prints.
+
+    Attributes:
+        changes: The latest changes of state: more than come between two looks of a program, in a
+            fast simulation too. `changed` counts them all.
+    """
 
     flown: FlownTrack
     mapper: Mapper
     robots: dict[str, RobotStats]
     states: list[State] = field(default_factory=list)
     meetings: list[tuple[str, Point]] = field(default_factory=list)
+    changes: deque[StateChanged] = field(default_factory=partial(deque, maxlen=16))
+    changed: int = 0
     started: int = 0
     completed: int = 0
     partial: int = 0
@@ -77,6 +86,8 @@ class FlightStats:
         """Take in what was decided."""
         self.flown.action(action)
         if isinstance(action, StateChanged):
+            self.changes.append(action)
+            self.changed += 1
             if action.target not in self.states:
                 self.states.append(action.target)
             if action.target is State.COMM and action.robot in self.robots:

@@ -10,6 +10,7 @@ import logging
 import os
 import threading
 from collections.abc import Callable, Collection, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from cyclonedds.core import (
@@ -57,13 +58,17 @@ class DdsTypes:
 
     Args:
         definitions: texts of ``.msg`` files by ``pkg/Type``, besides the standard ones.
+        spaces: ``srv`` or ``action`` by ``pkg/Type``, of definitions that are parts of one.
 
     Raises:
         RosError: one of them cannot be used.
     """
 
-    def __init__(self, definitions: Mapping[str, str]) -> None:
+    def __init__(
+        self, definitions: Mapping[str, str], spaces: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
         self._types = RosTypes(2, definitions)
+        self._spaces = spaces
         self._structs: dict[str, Any] = {}
         self._roots: dict[str, Any] = {}
 
@@ -86,6 +91,7 @@ class DdsTypes:
     def _made(self, name: str) -> type[IdlStruct]:
         package, _, rest = name.partition("/")
         space, _, short = rest.partition("/")
+        space = self._spaces.get(f"{package}/{short}", space)
         fields = {field: self._field(desc) for field, desc in self._types.fields(name)}
         return make_idl_struct(
             short,
@@ -122,8 +128,11 @@ LOG = logging.getLogger("mocha_link")
 class Dds(Cdr):
     """Publishes and subscribes the topics of ROS 2 nodes in a DDS domain.
 
+    A topic's name begins with ``/``; one that does not is taken as DDS has it: those of services.
+
     Args:
         definitions: of the team's message types.
+        spaces: as of `DdsTypes`.
         domain: number of the domain; default: that of the variable ROS_DOMAIN_ID, or 0.
         best_effort: topics that are subscribed that way, because their publishers do no better.
 
@@ -137,10 +146,11 @@ class Dds(Cdr):
         *,
         domain: int | None = None,
         best_effort: Collection[str] = (),
+        spaces: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         if domain is None:
             domain = int(os.environ.get("ROS_DOMAIN_ID") or 0)
-        self._types = DdsTypes(definitions)
+        self._types = DdsTypes(definitions, spaces)
         self._best_effort = best_effort
         self._participant = DomainParticipant(domain)
         self._writers: dict[str, Any] = {}
@@ -165,16 +175,22 @@ class Dds(Cdr):
             self._readers.append((reader, unread, hand))
             self._waiting.attach(unread)
 
-    def publish(self, topic: str, kind: str, history: int, data: bytes) -> None:
-        """See `bridge.Middleware`. The newest stay for subscribers that come later and ask so."""
-        made = self._types.of(kind)
+    def advertise(self, topic: str, kind: str, history: int, *, lasting: bool = True) -> Any:
+        """The writer of a topic: others see it before anything is published. Raises RosError.
+
+        lasting: the newest stay for subscribers that come later and ask so.
+        """
         if topic not in self._writers:
             self._writers[topic] = DataWriter(
                 self._participant,
                 self._topic(topic, kind),
-                qos=_qos(history, reliable=True, lasting=True),
+                qos=_qos(history, reliable=True, lasting=lasting),
             )
-        self._writers[topic].write(made(data))
+        return self._writers[topic]
+
+    def publish(self, topic: str, kind: str, history: int, data: bytes) -> None:
+        """See `bridge.Middleware`. The newest stay for subscribers that come later and ask so."""
+        self.advertise(topic, kind, history).write(self._types.of(kind)(data))
 
     def close(self) -> None:
         """See `bridge.Middleware`."""
@@ -183,7 +199,8 @@ class Dds(Cdr):
         self._thread.join()
 
     def _topic(self, topic: str, kind: str) -> Any:
-        return Topic(self._participant, f"rt{topic}", self._types.of(kind))
+        name = f"rt{topic}" if topic.startswith("/") else topic
+        return Topic(self._participant, name, self._types.of(kind))
 
     def _read(self) -> None:
         while not self._stopping:

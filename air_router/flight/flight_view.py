@@ -1,0 +1,114 @@
+"""What a program that shows a flight asks of it: team, links, changes of state, areas, map."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from air_router.control.command_request import View
+from air_router.controller.controller import Controller
+from air_router.flight.flight_stats import FlightStats
+from air_router.live.scenery import scenery
+from air_router.mission.mission import Mission
+from air_router.routing.router import Router
+from air_router.web.outlines import degrees
+from mocha_link.links.metrics import LinkMetrics
+
+
+class FlightView:
+    """Answers `view`; decides nothing. What is large is made once, and told when it is asked for.
+
+    Args:
+        mission: For its frame and the UAV's name.
+        controller: What the mission does now; it is only read.
+        stats: For the changes of state, and the map that the vehicle paints.
+        links: Metrics of the links to all peers.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        controller: Controller,
+        stats: FlightStats,
+        links: Callable[[], Mapping[str, LinkMetrics]],
+    ) -> None:
+        self._frame, self._name = mission.frame, mission.uav or ""
+        self._controller, self._stats, self._links = controller, stats, links
+        self._areas: dict[str, Any] = {}
+        self._router: Router | None = None
+        self._revision = 0
+        self._map: str | None = None
+        self._map_cells = 0
+
+    def tell(self, wish: View) -> dict[str, Any]:
+        """What is asked for, in JSON's values."""
+        router = self._controller.router
+        if router is not self._router:  # zones have changed: with them comes another router
+            self._router = router
+            self._revision += 1
+            self._areas = {}
+        about: dict[str, Any] = {
+            "uav": self._name,
+            "origin": list(self._frame.origin),
+            "changes": self._changes(),
+            "heard": self._heard(),
+            "links": [self._link(link) for _, link in sorted(self._links().items())],
+            "areas_revision": self._revision,
+            "known_cells": self._stats.mapper.known_cells,
+        }
+        if wish.areas:
+            self._areas = self._areas or scenery(router.graph.mission, router)
+            about["areas"] = self._areas
+        if wish.map:
+            about["map"] = self._encoded_map()
+        return about
+
+    def _changes(self) -> list[dict[str, Any]]:
+        """The latest changes of state, numbered from the first of the flight on."""
+        first = self._stats.changed - len(self._stats.changes) + 1
+        return [
+            {
+                "number": number,
+                "left": change.source.name,
+                "signal": change.signal.name,
+                "why": change.signal.value,
+                "state": change.target.name,
+            }
+            for number, change in enumerate(self._stats.changes, first)
+        ]
+
+    def _heard(self) -> dict[str, list[float]]:
+        """Where robots that can be sought were last."""
+        targets = self._controller.search.targets
+        places = {robot: targets.position_of(robot) for robot in targets.names}
+        return {
+            robot: degrees(self._frame, place)
+            for robot, place in places.items()
+            if place is not None
+        }
+
+    @staticmethod
+    def _link(link: LinkMetrics) -> dict[str, Any]:
+        return {
+            "peer": link.peer,
+            "state": link.state.name,
+            "rssi_dbm": link.rssi_dbm,
+            "rtt_s": link.rtt_s,
+            "bandwidth_bytes_s": link.bandwidth_bytes_s,
+            "bytes_in": link.bytes_in,
+            "bytes_out": link.bytes_out,
+            "syncs_in": link.syncs_in,
+            "syncs_out": link.syncs_out,
+            "timeouts": link.timeouts,
+            "newest_age_s": link.newest_age_s,
+            "team_differs": link.team_differs,
+        }
+
+    def _encoded_map(self) -> str:
+        if self._map is None or self._map_cells != self._stats.mapper.known_cells:
+            self._map_cells = self._stats.mapper.known_cells
+            packed = zlib.compress(self._stats.mapper.grid.encode(), level=1)
+            self._map = base64.b64encode(packed).decode("ascii")
+        return self._map

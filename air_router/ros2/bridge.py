@@ -1,0 +1,258 @@
+"""Between one flight and ROS 2: looks at the flight, and hands it what ROS programs ask for.
+
+The flight is asked as every program asks it, and answers as it answers every program.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import queue
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, Final
+
+from air_router.control.control import (
+    ControlAnswer,
+    ControlClient,
+    ControlError,
+    ControlUnreachableError,
+)
+from air_router.errors import AirRouterError
+from air_router.ros2 import goals, interfaces
+from air_router.ros2.action_server import ActionServer, Answer
+from air_router.ros2.messages import TOPICS, Out, Scene, Values
+from air_router.ros2.ros_graph import RosGraph
+from mocha_link.bridges.bridge import channel
+
+LOOK_S: Final = 0.2
+SLOW_LOOKS: Final = 5
+"""So many looks are as long as the pause between two of what changes slowly."""
+
+_MOST_WAITING: Final = 100
+"""Requests of ROS programs that wait for their turn; more are not heard."""
+
+TRIGGERS: Final = ("hold", "resume", "explore", "home")
+
+_UNREADABLE: Final = "an altitude of a point is not 0: the flight keeps to the mission's"
+
+
+class AnotherVehicleError(AirRouterError):
+    """Another vehicle flies at the endpoint than before."""
+
+
+class Ros2Bridge:
+    """Runs until it is stopped; a flight that is gone may come back.
+
+    Args:
+        client: Asks the flight.
+        graph: The ROS programs.
+        requests: Whether those may ask for something, too.
+        say: Takes what the operator is to know; called from other threads as well.
+        unix_s: The time of messages.
+    """
+
+    def __init__(
+        self,
+        client: ControlClient,
+        graph: RosGraph,
+        *,
+        requests: bool,
+        say: Callable[[str], None],
+        unix_s: Callable[[], float] = time.time,
+    ) -> None:
+        self._client, self._graph, self._unix_s = client, graph, unix_s
+        self._say = say
+        self._requests = requests
+        self._jobs: queue.Queue[Callable[[], None] | None] = queue.Queue(_MOST_WAITING)
+        self._name = ""
+        self._scene: Scene
+        self._view: dict[str, Any] = {}
+        self._looks = 0
+        self._seen: dict[str, int] = {}
+        self._actions: dict[str, ActionServer] = {}
+        self._silent = False
+
+    def run(self) -> None:
+        """Look and answer until `stop`.
+
+        Raises:
+            AnotherVehicleError: the endpoint is that of another UAV now.
+        """
+        look_s = time.monotonic()
+        while True:
+            try:
+                job = self._jobs.get(timeout=max(0.0, look_s - time.monotonic()))
+            except queue.Empty:
+                self.look()
+                look_s = time.monotonic() + LOOK_S
+                continue
+            if job is None:
+                return
+            job()
+
+    def stop(self) -> None:
+        """Let `run` end, from any thread."""
+        self._jobs.put(None)
+
+    def look(self) -> None:
+        """Ask the flight how it is, and tell ROS."""
+        try:
+            view = self._newest_view()
+            now_s = self._unix_s()
+            for out in (*self._scene.vehicle(view, now_s), *self._slow(view, now_s)):
+                self._publish(out)
+        except (ControlUnreachableError, ControlError) as error:
+            self._is_silent(str(error))
+
+    def _newest_view(self) -> dict[str, Any]:
+        view = self._client.request({"request": "view"})
+        self._begin(view)
+        self._view = view
+        for action in self._actions.values():
+            action.goals.follow(view["changes"])
+            action.tell()
+        return view
+
+    def _slow(self, view: dict[str, Any], now_s: float) -> Iterator[Out]:
+        self._looks += 1
+        if self._looks % SLOW_LOOKS != 1:
+            return
+        self._feed(view)
+        yield self._scene.team(view)
+        yield self._scene.diagnostics(view, now_s)
+        if self._seen.get("areas") != view["areas_revision"]:
+            answer = self._client.request({"request": "view", "areas": True})
+            self._seen["areas"] = answer["areas_revision"]
+            yield self._scene.areas(answer["areas"])
+        if self._seen.get("cells") != view["known_cells"]:
+            answer = self._client.request({"request": "view", "map": True})
+            self._seen["cells"] = answer["known_cells"]
+            yield self._scene.map(answer["map"], now_s)
+
+    def _feed(self, view: dict[str, Any]) -> None:
+        """Tell the actions how far they are."""
+        place, goal, left_s = view["position"], view["goal"], view["time_left_s"]
+        away_m = math.nan
+        if place is not None and goal is not None:
+            away_m = math.dist(self._scene.place(place), self._scene.place(goal))
+        feedback = {
+            "state": view["state"],
+            "distance_m": away_m,
+            "time_left_s": math.nan if left_s is None else left_s,
+        }
+        for name, action in self._actions.items():
+            points = {"points_left": view["points_left"]} if name == "goto" else {}
+            action.feed({**feedback, **points})
+
+    def _is_silent(self, why: str) -> None:
+        if not self._silent:
+            self._say(f"waiting for the flight: {why}")
+        self._silent = True
+        if self._name:
+            self._publish(self._scene.silent(why, self._unix_s()))
+
+    def _begin(self, view: dict[str, Any]) -> None:
+        """The flight answers: for the first time, again, or another one does."""
+        name = channel(view["uav"] or "uav")[1:]
+        if self._name and name != self._name:
+            raise AnotherVehicleError(f"{name} flies there now, not {self._name}; start anew")
+        if not self._name:
+            self._name = name
+            self._scene = Scene(name, view["origin"])
+            self._offer()
+            self._say(f"ready: /{name} is on ROS 2")
+        elif self._silent:
+            self._say("the flight answers again")
+            self._seen.clear()
+            self._scene = Scene(name, view["origin"])
+            if _number(view) < _number(self._view):
+                for action in self._actions.values():
+                    action.goals.abort("that flight has ended")
+        self._silent = False
+
+    # What ROS programs ask for.
+
+    def _offer(self) -> None:
+        for topic, kind in TOPICS.items():
+            self._graph.advertise(self._topic(topic), kind)
+        if not self._requests:
+            return
+        for verb in TRIGGERS:
+            self._serve(f"/{self._name}/{verb}", interfaces.TRIGGER, partial(self._trigger, verb))
+        for name, kind, course, ask in (
+            ("goto", interfaces.GOTO, goals.GOTO, self._goto),
+            ("seek", interfaces.SEEK, goals.SEEK, self._seek),
+        ):
+            self._actions[name] = ActionServer(
+                self._graph,
+                self._serve,
+                f"/{self._name}/{name}",
+                kind,
+                course,
+                ask=ask,
+                hold=lambda: self._asked(self._client.hold),
+                newest=self._newest,
+                unix_s=self._unix_s,
+            )
+
+    def _newest(self) -> int:
+        """The number of the flight's newest change of state, as far as it answers."""
+        with contextlib.suppress(ControlUnreachableError, ControlError):
+            self._newest_view()
+        return _number(self._view)
+
+    def _serve(self, service: str, kind: str, answer: Answer) -> None:
+        """Have a service answered between two looks."""
+
+        def respond(request: Values) -> None:
+            reply = answer(request)
+            if reply is not None:
+                self._graph.reply(service, kind, request, reply)
+
+        def take(request: Values) -> None:
+            try:
+                self._jobs.put_nowait(partial(respond, request))
+            except queue.Full:
+                self._say(f"{service}: too many requests; this one is not answered")
+
+        self._graph.serve(service, kind, take)
+
+    def _trigger(self, verb: str, _: Values) -> Values:
+        answer = self._asked(getattr(self._client, verb))
+        return {"success": answer.accepted, "message": answer.why}
+
+    def _goto(self, goal: Values) -> ControlAnswer:
+        heights = [point["altitude"] for point in goal["points"]]
+        if any(height not in (0.0, "nan") for height in heights):
+            return _refused(_UNREADABLE)
+        points = [(point["latitude"], point["longitude"]) for point in goal["points"]]
+        return self._asked(partial(self._client.goto, points, hold_s=goal["hold_s"] or None))
+
+    def _seek(self, goal: Values) -> ControlAnswer:
+        return self._asked(partial(self._client.seek, goal["robot"]))
+
+    @staticmethod
+    def _asked(ask: Callable[[], ControlAnswer]) -> ControlAnswer:
+        """What the flight answers; that it does not is an answer, too."""
+        try:
+            return ask()
+        except (ControlUnreachableError, ControlError) as error:
+            return _refused(str(error))
+
+    def _publish(self, out: Out) -> None:
+        self._graph.publish(self._topic(out.topic), out.kind, out.values)
+
+    def _topic(self, topic: str) -> str:
+        return topic.replace("~", f"/{self._name}", 1)
+
+
+def _number(view: dict[str, Any]) -> int:
+    """Of the newest change of state."""
+    changes = view["changes"]
+    return int(changes[-1]["number"]) if changes else 0
+
+
+def _refused(why: str) -> ControlAnswer:
+    return ControlAnswer(accepted=False, why=why, code=None, state="")

@@ -1,0 +1,70 @@
+"""`air-router ros2`: puts a flight on ROS 2."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from air_router.control.control import ControlClient
+from air_router.control.control_server import endpoint_of
+from air_router.errors import ExitCode
+from mocha_link.node.lifetime import until_terminated
+
+_EPILOG = """\
+examples:
+  air-router ros2
+  air-router ros2 titan --domain 7 --requests
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what the command does and takes."""
+    parser.description = (
+        "Show a flight that runs with --control on this machine to ROS 2, without a ROS "
+        "installation: pose, fix, battery, state, zones, team and map as standard messages. "
+        "It waits for a flight that is not there. Ctrl-C ends it, not the flight."
+    )
+    parser.epilog = _EPILOG
+    parser.add_argument(
+        "endpoint",
+        nargs="?",
+        type=endpoint_of,
+        metavar="ENDPOINT",
+        help="the flight's --control, if that has one",
+    )
+    parser.add_argument(
+        "--domain",
+        type=_domain,
+        metavar="N",
+        help="number of the DDS domain (ROS_DOMAIN_ID, or 0)",
+    )
+    parser.add_argument(
+        "--requests",
+        action="store_true",
+        help="serve actions and services, too: every program in the DDS domain may then ask the "
+        "flight to hold, resume, explore, come home, fly to points or seek a robot",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run until Ctrl-C."""
+    from air_router.ros2.bridge import Ros2Bridge  # noqa: PLC0415 - an extra
+    from air_router.ros2.ros_graph import RosGraph  # noqa: PLC0415 - an extra
+
+    with until_terminated(), ControlClient(arguments.endpoint, by="ROS 2") as client:
+        graph = RosGraph(arguments.domain)
+        try:
+            Ros2Bridge(client, graph, requests=arguments.requests, say=_say).run()
+        finally:
+            graph.close()
+    return ExitCode.DONE
+
+
+def _domain(text: str) -> int:
+    if not text.isdecimal() or int(text) > 232:
+        raise argparse.ArgumentTypeError(f"{text} is not a DDS domain, 0 to 232")
+    return int(text)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)

@@ -1,0 +1,269 @@
+"""What a flight says of itself, as standard ROS messages: pure, from its answer to `view`.
+
+The frame `map` has its origin where the mission's frame has it, x east, y north, z metres above
+home; `<uav>/base_link` is the vehicle in it.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+
+from geo.frame import Geodetic, LocalFrame, Point
+from geo.grid import SemanticGrid, Terrain
+
+MAP_FRAME: Final = "map"
+
+Values = dict[str, Any]
+"""A message as plain values; what is left out is zero or empty."""
+
+_OK, _WARN, _ERROR, _STALE = range(4)
+_SPHERES, _LINES, _STRIP, _TEXT, _SPHERE, _ARROW = 7, 5, 4, 9, 2, 0
+_DELETE_ALL: Final = 3
+_FENCE, _ZONE, _GRAPH, _PLACE, _ROBOT, _LINK = (
+    (0.1, 0.4, 0.9),
+    (0.85, 0.1, 0.1),
+    (0.6, 0.6, 0.6),
+    (0.2, 0.2, 0.2),
+    (0.0, 0.6, 0.3),
+    (0.9, 0.6, 0.0),
+)
+_BLOCKED: Final = {Terrain.BUILDING: 100, Terrain.VEHICLE: 100, Terrain.HUMAN: 100}
+"""Per cent, as a ground robot's planner reads them; all else that is known is free."""
+
+
+@dataclass(frozen=True, slots=True)
+class Out:
+    """A message to publish; a topic that begins with ``~/`` belongs to the vehicle."""
+
+    topic: str
+    kind: str
+    values: Values
+
+
+TOPICS: Final[Mapping[str, str]] = {
+    "~/state": "std_msgs/String",
+    "~/fix": "sensor_msgs/NavSatFix",
+    "~/pose": "geometry_msgs/PoseStamped",
+    "~/battery": "sensor_msgs/BatteryState",
+    "~/areas": "visualization_msgs/MarkerArray",
+    "~/team": "visualization_msgs/MarkerArray",
+    "~/map": "nav_msgs/OccupancyGrid",
+    "/tf": "tf2_msgs/TFMessage",
+    "/diagnostics": "diagnostic_msgs/DiagnosticArray",
+}
+
+
+def stamp(unix_s: float) -> Values:
+    """A time as ROS has it."""
+    sec, rest = divmod(unix_s, 1.0)
+    return {"sec": int(sec), "nanosec": int(rest * 1e9)}
+
+
+class Scene:
+    """Makes the messages of one vehicle.
+
+    Args:
+        name: Of the vehicle, as ROS takes it.
+        origin: Latitude and longitude of the mission's frame.
+    """
+
+    def __init__(self, name: str, origin: Sequence[float]) -> None:
+        self._name = name
+        self._frame = LocalFrame(Geodetic(*origin))
+
+    def place(self, pair: Sequence[float]) -> Point:
+        """Degrees as metres of the frame `map`."""
+        return self._frame.to_local(*pair)
+
+    def vehicle(self, view: Mapping[str, Any], unix_s: float) -> Iterator[Out]:
+        """Where the vehicle is, and its battery; nothing before its first telemetry."""
+        yield self._out("~/state", {"data": view["state"]})
+        if view["position"] is None:
+            return
+        header = {"stamp": stamp(unix_s), "frame_id": MAP_FRAME}
+        body = f"{self._name}/base_link"
+        at = self._xyz(view["position"], view["altitude_m"])
+        # Without a heading it looks east, as what has none in ROS.
+        turned = math.radians((90.0 - (view["heading_deg"] or 90.0)) / 2)
+        rotation = {"z": math.sin(turned), "w": math.cos(turned)}
+        yield self._out(
+            "~/pose", {"header": header, "pose": {"position": at, "orientation": rotation}}
+        )
+        transform = {"translation": at, "rotation": rotation}
+        yield self._out(
+            "/tf",
+            {"transforms": [{"header": header, "child_frame_id": body, "transform": transform}]},
+        )
+        latitude_deg, longitude_deg = view["position"]
+        yield self._out(
+            "~/fix",
+            {
+                "header": {**header, "frame_id": body},
+                "status": {"service": 1},
+                "latitude": latitude_deg,
+                "longitude": longitude_deg,
+                "altitude": math.nan,  # above the ellipsoid: not known here
+            },
+        )
+        battery = view["battery"]
+        unknown = ("voltage", "temperature", "current", "charge", "capacity", "design_capacity")
+        yield self._out(
+            "~/battery",
+            {
+                "header": {**header, "frame_id": body},
+                **dict.fromkeys(unknown, math.nan),
+                "percentage": math.nan if battery is None else battery,
+                "present": battery is not None,
+            },
+        )
+
+    def team(self, view: Mapping[str, Any]) -> Out:
+        """Robots where they were heard last, links to those that the radio hears, the goal."""
+        places = {robot: self._xyz(pair) for robot, pair in view["heard"].items()}
+        markers = [
+            marker
+            for number, (robot, at) in enumerate(places.items())
+            for marker in (
+                _marker("robot", number, _SPHERE, _ROBOT, at=at, size_m=4.0),
+                _marker("name", number, _TEXT, _ROBOT, at=at, size_m=5.0, text=robot),
+            )
+        ]
+        if view["position"] is not None:
+            here = self._xyz(view["position"], view["altitude_m"])
+            heard = [link["peer"] for link in view["links"] if link["rssi_dbm"] is not None]
+            lines = [end for peer in heard if peer in places for end in (here, places[peer])]
+            markers.append(_marker("link", 0, _LINES, _LINK, lines))
+            if view["goal"] is not None:
+                ends = [here, self._xyz(view["goal"], view["altitude_m"])]
+                markers.append(_marker("goal", 0, _LINES, _FENCE, ends))
+        return self._out("~/team", {"markers": [_clear(), *markers]})
+
+    def areas(self, areas: Mapping[str, Any]) -> Out:
+        """Fences, zones, and the graph of waypoints."""
+        markers = [_clear()]
+        for area in areas["areas"]:
+            rings = [ring for polygon in area["outline"] for ring in polygon]
+            colour = _FENCE if area["fence"] else _ZONE
+            for ring in rings:
+                points = [self._xyz(pair) for pair in ring]
+                markers.append(_marker(area["name"], len(markers), _STRIP, colour, points))
+            if rings and not area["fence"]:
+                at = self._xyz(rings[0][0])
+                markers.append(
+                    _marker(
+                        "name", len(markers), _TEXT, colour, at=at, size_m=5.0, text=area["name"]
+                    )
+                )
+        ways = [
+            self._xyz(pair) for edge in areas["edges"] for leg in pairwise(edge) for pair in leg
+        ]
+        places = [self._xyz(place["at"]) for place in areas["places"]]
+        markers.append(_marker("graph", 0, _LINES, _GRAPH, ways, size_m=0.3))
+        markers.append(_marker("waypoints", 0, _SPHERES, _PLACE, places, size_m=3.0))
+        return self._out("~/areas", {"markers": markers})
+
+    def map(self, packed: str, unix_s: float) -> Out:
+        """The map that the vehicle has painted."""
+        grid = SemanticGrid.decode(zlib.decompress(base64.b64decode(packed)))
+        chances = np.zeros(max(Terrain) + 1, dtype=np.int8)
+        chances[Terrain.UNKNOWN] = -1
+        for terrain, chance in _BLOCKED.items():
+            chances[terrain] = chance
+        rows, columns = grid.cells.shape
+        corner = {"x": grid.west_m, "y": grid.south_m}
+        return self._out(
+            "~/map",
+            {
+                "header": {"stamp": stamp(unix_s), "frame_id": MAP_FRAME},
+                "info": {
+                    "map_load_time": stamp(unix_s),
+                    "resolution": grid.resolution_m,
+                    "width": columns,
+                    "height": rows,
+                    "origin": {"position": corner, "orientation": {"w": 1.0}},
+                },
+                "data": chances[grid.cells].ravel(),
+            },
+        )
+
+    def diagnostics(self, view: Mapping[str, Any], unix_s: float) -> Out:
+        """Mission and links, as rqt_robot_monitor and Foxglove show them."""
+        level, message = _OK, view["state"]
+        if view["walled_in"]:
+            level, message = _ERROR, f"{message}: no way home"
+        elif view.get("in_air") and not view["in_charge"]:
+            level, message = _WARN, f"{message}: not under our commands"
+        keys = ("robot", "time_left_s", "points_left", "waypoints_left", "mode", "armed", "battery")
+        told = {key: view.get(key) for key in keys}
+        statuses = [self._status("mission", level, message, told)]
+        for link in view["links"]:
+            level, message = _OK, f"{link['rssi_dbm']} dBm"
+            if link["team_differs"]:
+                level, message = _ERROR, "it has another team file: nothing is exchanged"
+            elif link["rssi_dbm"] is None:
+                level, message = _STALE, "the radio does not hear it"
+            statuses.append(self._status(f"link {link['peer']}", level, message, link))
+        return self._diagnostics(statuses, unix_s)
+
+    def silent(self, why: str, unix_s: float) -> Out:
+        """The flight does not answer."""
+        return self._diagnostics([self._status("mission", _STALE, why, {})], unix_s)
+
+    def _diagnostics(self, statuses: Sequence[Values], unix_s: float) -> Out:
+        return self._out(
+            "/diagnostics", {"header": {"stamp": stamp(unix_s)}, "status": list(statuses)}
+        )
+
+    def _status(self, what: str, level: int, message: str, told: Mapping[str, Any]) -> Values:
+        return {
+            "level": level,
+            "name": f"{self._name}: {what}",
+            "message": message,
+            "hardware_id": self._name,
+            "values": [{"key": key, "value": str(value)} for key, value in told.items()],
+        }
+
+    def _xyz(self, pair: Sequence[float], up_m: float = 0.0) -> Values:
+        place = self.place(pair)
+        return {"x": place.east_m, "y": place.north_m, "z": up_m}
+
+    @staticmethod
+    def _out(topic: str, values: Values) -> Out:
+        return Out(topic, TOPICS[topic], values)
+
+
+def _clear() -> Values:
+    return {"action": _DELETE_ALL}
+
+
+def _marker(  # noqa: PLR0913 - a marker has many sides
+    group: str,
+    number: int,
+    kind: int,
+    colour: tuple[float, float, float],
+    points: Sequence[Values] = (),
+    *,
+    at: Values | None = None,
+    size_m: float = 0.7,
+    text: str = "",
+) -> Values:
+    """A marker in the frame `map`; without a stamp it is shown wherever the frame is now."""
+    return {
+        "header": {"frame_id": MAP_FRAME},
+        "ns": group,
+        "id": number,
+        "type": kind,
+        "pose": {"position": at or {}, "orientation": {"w": 1.0}},
+        "scale": {"x": size_m, "y": size_m, "z": size_m},
+        "color": {**dict(zip("rgb", colour, strict=True)), "a": 1.0},
+        "points": list(points),
+        "text": text,
+    }

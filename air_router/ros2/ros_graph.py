@@ -1,0 +1,86 @@
+"""Topics and services among ROS 2 programs, as plain values: CycloneDDS and the ROS types.
+
+Services are those of rmw_cyclonedds: a request names who asks and its number, and the reply, which
+all clients receive, names them again. Other middlewares have services of their own.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, Final
+
+from air_router.ros2.interfaces import HEADER, definitions, spaces
+from air_router.ros2.messages import Values
+from mocha_link.bridges.dds import Dds
+from mocha_link.ros.ros import RosCodec, RosError
+
+_DEPTH: Final = 10
+_MATCH_S, _LOOK_S = 0.2, 0.005
+"""So long a reply waits for a client whose request was faster than its own subscription."""
+
+Take = Callable[[Values], None]
+
+
+class RosGraph:
+    """One participant of a DDS domain.
+
+    Args:
+        domain: Its number; None: that of ROS_DOMAIN_ID, or 0.
+    """
+
+    def __init__(self, domain: int | None = None) -> None:
+        texts = definitions()
+        self._codec = RosCodec(texts)
+        self._dds = Dds(texts, domain=domain, spaces=spaces(texts))
+        self._readers: dict[str, Any] = {}
+
+    def advertise(self, topic: str, kind: str, depth: int = 1, *, lasting: bool = True) -> None:
+        """Let others see a topic; `lasting`: its newest message comes to late subscribers."""
+        self._dds.advertise(topic, kind, depth, lasting=lasting)
+
+    def publish(self, topic: str, kind: str, values: Values) -> None:
+        """Publish on a topic that is advertised."""
+        self._dds.publish(topic, kind, 1, self._encoded(kind, values))
+
+    def serve(self, service: str, kind: str, take: Take) -> None:
+        """Hand over what clients of a service ask, from another thread; what cannot be read is not.
+
+        `kind`: of the service, e.g. ``std_srvs/Trigger``.
+        """
+
+        def read(data: bytes) -> None:
+            try:
+                name = f"{kind}_Request"
+                take(self._codec.to_json(name, self._codec.decode(name, data, 2)))
+            except RosError:
+                return
+
+        reply = f"rr{service}Reply"
+        self._dds.advertise(reply, f"{kind}_Response", _DEPTH, lasting=False)
+        request = f"rq{service}Request"
+        self._readers[reply] = self._dds.subscribe(request, f"{kind}_Request", _DEPTH, read)
+
+    def reply(self, service: str, kind: str, request: Values, values: Values) -> None:
+        """Answer a request."""
+        topic, kind = f"rr{service}Reply", f"{kind}_Response"
+        writer, reader = self._dds.advertise(topic, kind, _DEPTH), self._readers[topic]
+        until_s = time.monotonic() + _MATCH_S
+        while time.monotonic() < until_s and len(writer.get_matched_subscriptions()) < len(
+            reader.get_matched_publications()
+        ):
+            time.sleep(_LOOK_S)
+        asked = {key: request[key] for key in HEADER}
+        self._dds.publish(topic, kind, _DEPTH, self._encoded(kind, {**asked, **values}))
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._dds.close()
+
+    def _encoded(self, kind: str, values: Values) -> bytes:
+        large = values.get("data")  # a map: too long for a list of numbers
+        if isinstance(large, (str, type(None))):
+            return self._codec.encode(kind, values, 2)
+        message: Any = self._codec.from_json(kind, {**values, "data": []}, 2)
+        message.data = large
+        return self._codec.encode(kind, message, 2)
