@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from air_router.control.control import ControlAnswer
-from air_router.ros2.goals import Course, Goal, GoalId, Goals, Status
+from air_router.ros2.goals import Cancel, Course, Goal, GoalId, Goals, Status
 from air_router.ros2.interfaces import CANCEL
 from air_router.ros2.messages import Values, stamp
 from air_router.ros2.ros_graph import RosGraph
@@ -79,7 +79,8 @@ class ActionServer:
     def tell(self) -> None:
         """Tell how goals stand, and the results that are waited for."""
         statuses = [
-            {"goal_info": _info(goal), "status": goal.status} for goal in self.goals.goals.values()
+            {"goal_info": _info(goal), "status": goal.status.value}
+            for goal in self.goals.goals.values()
         ]
         if statuses != self._told:
             self._told = statuses
@@ -112,10 +113,10 @@ class ActionServer:
         if goals:
             answer = self._hold()
             if not answer.accepted:
-                return {"return_code": 1}
+                return {"return_code": Cancel.REJECTED.value}
             for goal in goals:
                 goal.end(Status.CANCELED, answer.why)
-        return {"return_code": code, "goals_canceling": [_info(goal) for goal in goals]}
+        return {"return_code": code.value, "goals_canceling": [_info(goal) for goal in goals]}
 
     def _get_result(self, request: Values) -> Values | None:
         goal_id = request["goal_id"]["uuid"]
@@ -128,11 +129,11 @@ class ActionServer:
         """Of a goal that is over; of one that is not known nothing but that."""
         goal = self.goals.goals.get(goal_id)
         if goal is None:
-            return {"status": Status.UNKNOWN}
+            return {"status": Status.UNKNOWN.value}
         if not goal.over:
             return None
         return {
-            "status": goal.status,
+            "status": goal.status.value,
             "result": {"message": goal.message, "code": goal.code},
         }
 

@@ -163,8 +163,8 @@ class Dds(Cdr):
         self._thread = threading.Thread(target=self._read, name="DDS reader", daemon=True)
         self._thread.start()
 
-    def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> None:
-        """See `bridge.Middleware`."""
+    def subscribe(self, topic: str, kind: str, history: int, hand: Callable[[bytes], None]) -> Any:
+        """See `bridge.Middleware`; gives the reader."""
         with self._lock:
             reader = DataReader(
                 self._participant,
@@ -174,6 +174,7 @@ class Dds(Cdr):
             unread = ReadCondition(reader, SampleState.Any | ViewState.Any | InstanceState.Any)
             self._readers.append((reader, unread, hand))
             self._waiting.attach(unread)
+        return reader
 
     def advertise(self, topic: str, kind: str, history: int, *, lasting: bool = True) -> Any:
         """The writer of a topic: others see it before anything is published. Raises RosError.

@@ -165,7 +165,7 @@ class RosTypes:
 
     def holds(self, name: str, message: object) -> bool:
         """Whether an object is a message of this type, as this version of ROS has it."""
-        return isinstance(message, self._store.types[name])
+        return isinstance(message, self._store.types.get(name, ()))
 
     def read(self, name: str, data: bytes) -> object:
         """The message object that bytes hold. Raises RosError."""
