@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.loopback_dds import CONFIG
+
 settings.register_profile("suite", derandomize=True, deadline=None, max_examples=25)
 settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
@@ -65,3 +67,10 @@ def pytest_xdist_make_scheduler(config, log):
             return "flights" if _flies(Path(file)) else file
 
     return OneFlightAtATime(config, log)
+
+
+@pytest.fixture
+def domain(monkeypatch):
+    """The number of a DDS domain on the loopback interface, unlike that of other runs."""
+    monkeypatch.setenv("CYCLONEDDS_URI", CONFIG)
+    return 100 + os.getpid() % 130

@@ -88,6 +88,8 @@ def test_without_a_command_there_is_the_list_of_them(program, capsys):
         ("air-router", "aiohttp", ["edit", MISSION], "the page needs aiohttp"),
         ("air-router", "matplotlib", ["check", MISSION, "--png", "x.png"], "a picture needs"),
         ("air-router", "pymavlink", ["sim", MISSION], "the simulated world needs pymavlink"),
+        ("air-router", "cyclonedds", ["ros2"], "ROS 2 needs cyclonedds"),
+        ("mocha-link", "cyclonedds", ["bridge", "ros2", "--node", "ipc:///none"], "needs cyclon"),
         ("mocha-link", "shtab", ["completion", "bash"], "completion needs shtab"),
         ("sitl", "pymavlink", ["vehicle"], "the simulator needs pymavlink"),
         ("sitl", "scipy", ["experiment", "table1"], "an experiment needs scipy"),

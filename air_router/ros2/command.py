@@ -8,6 +8,7 @@ import sys
 from air_router.control.control import ControlClient
 from air_router.control.control_server import endpoint_of
 from air_router.errors import ExitCode
+from mocha_link.errors import needs_extra
 from mocha_link.node.lifetime import until_terminated
 
 _EPILOG = """\
@@ -48,9 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run until Ctrl-C."""
-    from air_router.ros2.bridge import Ros2Bridge  # noqa: PLC0415 - an extra
-    from air_router.ros2.ros_graph import RosGraph  # noqa: PLC0415 - an extra
-
+    with needs_extra("ROS 2", "ros2", "air-router"):
+        from air_router.ros2.bridge import Ros2Bridge  # noqa: PLC0415 - an extra
+        from air_router.ros2.ros_graph import RosGraph  # noqa: PLC0415 - an extra
     with until_terminated(), ControlClient(arguments.endpoint, by="ROS 2") as client:
         graph = RosGraph(arguments.domain)
         try:

@@ -50,18 +50,23 @@ class Course:
         begin: State and signal with which it begins.
         on: Signals that lead on within it, by state.
         done: State and signal by which it is reached.
+        reached: What is said then.
     """
 
     begin: tuple[str, str]
     done: tuple[str, str]
+    reached: str
     on: tuple[tuple[str, str], ...] = ()
 
 
-GOTO: Final = Course(begin=("GOTO", "GOTO"), done=("GOTO", "TIMER"))
+GOTO: Final = Course(
+    begin=("GOTO", "GOTO"), done=("GOTO", "TIMER"), reached="it was at the last point"
+)
 SEEK: Final = Course(
     begin=("SEARCH", "SEEK"),
     on=(("SEARCH", "FOUND"),),
     done=("COMM", "SYNCED"),
+    reached="both directions have synced",
 )
 
 
@@ -104,7 +109,7 @@ class Goal:
             if not self.begun:
                 self.begun = (change["state"], change["signal"]) == course.begin
             elif signal == course.done:
-                self.end(Status.SUCCEEDED, change["why"])
+                self.end(Status.SUCCEEDED, course.reached)
             elif signal not in course.on:
                 self.end(Status.ABORTED, f"{change['left']} -> {change['state']}: {change['why']}")
 

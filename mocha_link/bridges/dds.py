@@ -198,6 +198,7 @@ class Dds(Cdr):
         self._stopping = True
         self._awake.set(True)
         self._thread.join()
+        self._participant.__del__()  # the library keeps it until the process ends
 
     def _topic(self, topic: str, kind: str) -> Any:
         name = f"rt{topic}" if topic.startswith("/") else topic

@@ -62,6 +62,7 @@ def run(kind: str, options: argparse.Namespace) -> int:
 
 
 def _run(kind: str, options: argparse.Namespace) -> None:
+    need(kind, options)  # before a node is waited for
     with ServiceClient(options.node) as client:
         team = _team(client)
     progress = Progress(options.state or _state_file(f"{team['robot']}-{kind}"))
@@ -107,8 +108,6 @@ def _state_file(name: str) -> Path:
 def _middleware(kind: str, options: argparse.Namespace, team: dict[str, Any]) -> Any:
     name = "mocha_bridge_" + re.sub(r"[^A-Za-z0-9_]", "_", team["robot"])
     if kind == "ros1":
-        if not has("rospy"):
-            raise BridgeError(f"{sys.executable} has no rospy; {ADVICE['ros1']}")
         from mocha_link.bridges.ros1 import Ros1  # noqa: PLC0415 - only where rospy is
 
         return Ros1(name, team["types"])
@@ -118,15 +117,22 @@ def _middleware(kind: str, options: argparse.Namespace, team: dict[str, Any]) ->
         if options.domain is not None:
             os.environ["ROS_DOMAIN_ID"] = str(options.domain)
         return Rcl(name, best_effort=options.best_effort)
-    if not has("cyclonedds") or not has("rosbags"):
+    from mocha_link.bridges.dds import Dds  # noqa: PLC0415 - an extra that may be missing
+
+    return Dds(team["definitions"], domain=options.domain, best_effort=options.best_effort)
+
+
+def need(kind: str, options: argparse.Namespace) -> None:
+    """Raises BridgeError or MissingExtraError if a bridge cannot run in this Python."""
+    if kind == "ros1":
+        if not has("rospy"):
+            raise BridgeError(f"{sys.executable} has no rospy; {ADVICE['ros1']}")
+    elif (options.dds or not has("rclpy")) and not (has("cyclonedds") and has("rosbags")):
         raise MissingExtraError(
             f"the bridge to ROS 2, as {sys.executable} has no rclpy (--python PATH names another),",
             "cyclonedds",
             "ros2",
         )
-    from mocha_link.bridges.dds import Dds  # noqa: PLC0415 - an extra that may be missing
-
-    return Dds(team["definitions"], domain=options.domain, best_effort=options.best_effort)
 
 
 def has(module: str) -> bool:

@@ -6,6 +6,7 @@ import argparse
 import logging
 import os
 import shutil
+import subprocess
 import sys
 import threading
 from pathlib import Path
@@ -96,11 +97,19 @@ def _run_ros(options: argparse.Namespace) -> int:
     python = options.python or (None if here else DEFAULT_PYTHON)
     if python is not None:
         found = shutil.which(python)
+        if not options.python and not (found and _has_ros(found, options.kind)):
+            ros_bridge.need(options.kind, options)
         if found is None:
             advice = ros_bridge.ADVICE[options.kind]
             raise ros_bridge.BridgeError(f"no program {python}; {advice}")
         _become(found, options)
     return ros_bridge.run(options.kind, options)
+
+
+def _has_ros(python: str, kind: str) -> bool:
+    """Whether the Python of the system can run a bridge."""
+    modules = f"import zmq, {NEEDS[kind][0]}"
+    return not subprocess.run([python, "-c", modules], capture_output=True, check=False).returncode  # noqa: S603
 
 
 def _become(python: str, options: argparse.Namespace) -> NoReturn:

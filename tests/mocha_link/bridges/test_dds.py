@@ -1,11 +1,9 @@
 """ROS 2 topics through CycloneDDS: another participant, with types of its own, on loopback."""
 
-import os
 import queue
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import dataclass
 
 import pytest
@@ -26,20 +24,13 @@ from mocha_link.bridges.cdr import Cdr
 from mocha_link.bridges.dds import Dds, DdsTypes
 from mocha_link.links.metrics import MessageStored
 from mocha_link.ros.ros import RosCodec, RosError
+from tests.loopback_dds import taken
 
 POINT = "geometry_msgs/PointStamped"
 VALUE = {
     "header": {"stamp": {"sec": 7, "nanosec": 8}, "frame_id": "map"},
     "point": {"x": 1.5, "y": 2.0, "z": -3.0},
 }
-CONFIG = """
-<CycloneDDS><Domain Id="any"><General>
-<Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>
-<AllowMulticast>false</AllowMulticast>
-</General><Discovery><Peers><Peer Address="127.0.0.1"/></Peers>
-<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>100</MaxAutoParticipantIndex>
-</Discovery></Domain></CycloneDDS>
-"""
 
 
 @dataclass
@@ -73,26 +64,10 @@ LASTING = Policy.Durability.TransientLocal
 
 
 @pytest.fixture
-def domain(monkeypatch):
-    """A domain on the loopback interface, its number unlike that of other runs."""
-    monkeypatch.setenv("CYCLONEDDS_URI", CONFIG)
-    return 100 + os.getpid() % 130
-
-
-@pytest.fixture
 def dds(domain):
     dds = Dds({"field/Own": "uint16 count"}, domain=domain)
     yield dds
     dds.close()
-
-
-def taken(reader):
-    """What comes; DDS has no order between matching and writing, so this may take a while."""
-    until_s = time.monotonic() + 60
-    while time.monotonic() < until_s:
-        for sample in reader.take(1):
-            return sample
-    raise AssertionError("nothing came")
 
 
 def writer(participant, topic, *policies):

@@ -1,0 +1,457 @@
+"""A flight on ROS 2, as a ROS program meets it: a DDS participant with types of its own."""
+
+import json
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
+pytest.importorskip("cyclonedds", reason="CycloneDDS has no wheel for this machine")
+
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import IdlStruct, types
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+from air_router.control.command_request import CommandRequestError, command_request_of
+from air_router.control.control import ControlClient, ControlError, ControlUnreachableError
+from air_router.controller.model.actions import CommandAck
+from air_router.controller.model.requests import ExploreNow
+from air_router.controller.model.states import State
+from air_router.flight.command_service import CommandService
+from air_router.flight.flight_stats import FlightStats
+from air_router.flight.flight_view import FlightView
+from air_router.gossip.mapper import Mapper
+from air_router.ros2.bridge import AnotherVehicleError, Ros2Bridge
+from air_router.ros2.messages import TOPICS
+from air_router.ros2.ros_graph import RosGraph
+from geo.frame import Point
+from geo.grid import GridPatch, Terrain
+from mocha_link.bridges.dds import DdsTypes
+from mocha_link.links.metrics import LinkMetrics
+from mocha_link.ros.ros import RosCodec
+from tests.loopback_dds import taken
+
+ROBOTS = {"io": Point(64.0, 0.0)}
+NEAR, OUTSIDE = Point(75.0, -150.0), Point(0.0, 5000.0)
+RELIABLE = Policy.Reliability.Reliable(duration(seconds=1))
+LASTING = Policy.Durability.TransientLocal
+STANDARD, CODEC = DdsTypes({}), RosCodec()
+
+
+class Desk(ControlClient):
+    """Asks a pretended flight in this thread."""
+
+    def __init__(self, flight):
+        self.flight, self.gone = flight, False
+        self.mapper = Mapper(flight.mission)
+        stats = FlightStats.of(flight.mission, self.mapper, ROBOTS)
+        view = FlightView(flight.mission, flight.controller, stats, self.links)
+        self.commands = CommandService(
+            flight.mission.frame, flight.controller, self.deliver, view=view.tell
+        )
+        self.stats, self.told, self._by = stats, 0, "ROS 2"
+
+    def links(self):
+        return {"io": LinkMetrics("io", rssi_dbm=-60.0), "europa": LinkMetrics("europa")}
+
+    def deliver(self, request):
+        before = len(self.flight.actions)
+        self.flight.give(request)
+        for action in self.flight.actions[before:]:
+            if isinstance(action, CommandAck):
+                self.commands.answered(action)
+
+    def request(self, values):
+        if self.gone:
+            raise ControlUnreachableError("no answer")
+        for action in self.flight.actions[self.told :]:
+            self.stats.action(action)
+        self.told = len(self.flight.actions)
+        asked = {key: value for key, value in values.items() if value is not None}
+        try:
+            return json.loads(json.dumps(self.commands.grant(command_request_of(asked), "a test")))
+        except CommandRequestError as error:
+            raise ControlError(str(error)) from None
+
+
+# What a ROS program that was built with our package has, as rmw_cyclonedds serializes it.
+
+
+@dataclass
+class TriggerRequest(IdlStruct, typename="std_srvs.srv.dds_.Trigger_Request_"):
+    client: types.uint64
+    number: types.int64
+    nothing: types.uint8 = 0
+
+
+@dataclass
+class TriggerResponse(IdlStruct, typename="std_srvs.srv.dds_.Trigger_Response_"):
+    client: types.uint64
+    number: types.int64
+    success: bool
+    message: str
+
+
+@dataclass
+class Uuid(IdlStruct, typename="unique_identifier_msgs.msg.dds_.UUID_"):
+    uuid: types.array[types.uint8, 16]
+
+
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
+    sec: types.int32
+    nanosec: types.uint32
+
+
+@dataclass
+class GoalInfo(IdlStruct, typename="action_msgs.msg.dds_.GoalInfo_"):
+    goal_id: Uuid
+    stamp: Time
+
+
+@dataclass
+class GoalStatus(IdlStruct, typename="action_msgs.msg.dds_.GoalStatus_"):
+    goal_info: GoalInfo
+    status: types.int8
+
+
+@dataclass
+class GoalStatusArray(IdlStruct, typename="action_msgs.msg.dds_.GoalStatusArray_"):
+    status_list: types.sequence[GoalStatus]
+
+
+@dataclass
+class CancelRequest(IdlStruct, typename="action_msgs.srv.dds_.CancelGoal_Request_"):
+    client: types.uint64
+    number: types.int64
+    goal_info: GoalInfo
+
+
+@dataclass
+class CancelResponse(IdlStruct, typename="action_msgs.srv.dds_.CancelGoal_Response_"):
+    client: types.uint64
+    number: types.int64
+    return_code: types.int8
+    goals_canceling: types.sequence[GoalInfo]
+
+
+@dataclass
+class GeoPoint(IdlStruct, typename="geographic_msgs.msg.dds_.GeoPoint_"):
+    latitude: types.float64
+    longitude: types.float64
+    altitude: types.float64 = 0.0
+
+
+@dataclass
+class GoToGoal(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_Goal_"):
+    points: types.sequence[GeoPoint]
+    hold_s: types.float64
+
+
+@dataclass
+class GoToRequest(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_SendGoal_Request_"):
+    client: types.uint64
+    number: types.int64
+    goal_id: Uuid
+    goal: GoToGoal
+
+
+@dataclass
+class GoToResponse(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_SendGoal_Response_"):
+    client: types.uint64
+    number: types.int64
+    accepted: bool
+    stamp: Time
+
+
+@dataclass
+class ResultRequest(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_GetResult_Request_"):
+    client: types.uint64
+    number: types.int64
+    goal_id: Uuid
+
+
+@dataclass
+class Result(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_Result_"):
+    message: str
+    code: str
+
+
+@dataclass
+class ResultResponse(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_GetResult_Response_"):
+    client: types.uint64
+    number: types.int64
+    status: types.int8
+    result: Result
+
+
+@dataclass
+class Feedback(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_Feedback_"):
+    state: str
+    points_left: types.uint32
+    distance_m: types.float32
+    time_left_s: types.float32
+
+
+@dataclass
+class FeedbackMessage(IdlStruct, typename="air_router_msgs.action.dds_.GoTo_FeedbackMessage_"):
+    goal_id: Uuid
+    feedback: Feedback
+
+
+class RosProgram:
+    """Another program in the domain; `serve` lets the bridge take one request."""
+
+    def __init__(self, domain, serve):
+        self.participant, self.serve = DomainParticipant(domain), serve
+        self._number = 0
+
+    def reader(self, topic, kind, *policies):
+        made = Topic(self.participant, topic, kind)
+        depth = Policy.History.KeepLast(10)
+        return DataReader(self.participant, made, qos=Qos(RELIABLE, depth, *policies))
+
+    def standard(self, topic):
+        """The newest message of a standard type, also one that was there before."""
+        kind = TOPICS[topic]
+        name = f"rt{topic.replace('~', '/titan')}"
+        data = taken(self.reader(name, STANDARD.of(kind), LASTING)).data
+        return CODEC.decode(kind, data, 2)
+
+    def client(self, service, request, response):
+        """Calls a service: what is answered on its own number."""
+        asking = Topic(self.participant, f"rq{service}Request", request)
+        answers = self.reader(f"rr{service}Reply", response)
+        writer = DataWriter(self.participant, asking, qos=Qos(RELIABLE))
+        while not (writer.get_matched_subscriptions() and answers.get_matched_publications()):
+            pass
+
+        def call(*fields, later=False):
+            self._number += 1
+            writer.write(request(77, self._number, *fields))
+            self.serve()
+            return answers if later else self.answer(answers)
+
+        return call
+
+    def answer(self, answers):
+        sample = taken(answers)
+        assert (sample.client, sample.number) == (77, self._number)
+        return sample
+
+
+@pytest.fixture
+def desk(pretend):
+    flight = pretend()
+    flight.robots = dict(ROBOTS)
+    flight.take_off()
+    return Desk(flight)
+
+
+@pytest.fixture
+def bridge(desk, domain):
+    graph = RosGraph(domain)
+    bridge = Ros2Bridge(desk, graph, requests=True, say=lambda _: None, unix_s=lambda: 1.75e9)
+    bridge.look()
+    yield bridge
+    graph.close()
+
+
+@pytest.fixture
+def program(bridge, domain):
+    def serve():
+        job = bridge._jobs.get(timeout=60)
+        job()
+
+    return RosProgram(domain, serve)
+
+
+def test_the_flight_in_standard_messages(desk, bridge, program):
+    flight = desk.flight
+    grid = desk.mapper.grid
+    cells = np.full((1, 2), Terrain.BUILDING, dtype=np.uint8)
+    cells[0, 1] = Terrain.ROAD
+    desk.mapper.paint(GridPatch(grid.west_m + 3, grid.south_m + 2, 1.0, cells).encode())
+    flight.fly_until(lambda: desk.request({"request": "view"})["heard"])
+    for _ in range(5):
+        bridge.look()
+    at = pytest.approx((*flight.position, flight.altitude_m), abs=0.02)
+    pose = program.standard("~/pose")
+    place = pose.pose.position
+    assert ((place.x, place.y, place.z), pose.header.frame_id) == (at, "map")
+    (turn,) = program.standard("/tf").transforms
+    assert (turn.transform.translation.x, turn.child_frame_id) == (place.x, "titan/base_link")
+    fix = program.standard("~/fix")
+    assert desk.flight.mission.frame.to_local(fix.latitude, fix.longitude) == pytest.approx(
+        flight.position, abs=0.02
+    )
+    assert fix.header.stamp.sec == 1_750_000_000
+    assert math.isnan(fix.altitude)
+    assert program.standard("~/state").data == flight.controller.state.name
+    assert program.standard("~/battery").percentage == 1.0
+    chart = program.standard("~/map")
+    assert (chart.info.height, chart.info.width) == grid.cells.shape
+    assert chart.info.origin.position.x == grid.west_m
+    row = 2 * chart.info.width
+    assert [*chart.data[row + 2 : row + 6]] == [-1, 100, 0, -1]
+    names = {marker.ns for marker in program.standard("~/areas").markers}
+    assert {"fence", *(zone.name for zone in flight.mission.zones)} <= names
+    team = program.standard("~/team").markers
+    (io,) = (marker for marker in team if marker.ns == "robot")
+    assert (io.pose.position.x, io.pose.position.y) == pytest.approx(ROBOTS["io"], abs=0.02)
+    assert any(marker.ns == "link" and len(marker.points) == 2 for marker in team)
+    told = {status.name: status for status in program.standard("/diagnostics").status}
+    assert told["titan: link io"].message == "-60.0 dBm"
+    assert told["titan: link europa"].level == 3
+    assert told["titan: mission"].level == 0
+
+
+def test_services_answer_in_the_flights_words(desk, program):
+    call = {
+        verb: program.client(f"/titan/{verb}", TriggerRequest, TriggerResponse)
+        for verb in ("hold", "resume", "home")
+    }
+    answer = call["resume"]()
+    assert (answer.success, answer.message) == (False, desk.resume().why)
+    answer = call["hold"]()
+    assert (answer.success, answer.message) == (True, "it stops and hovers")
+    assert desk.flight.controller.state is State.HOLD
+    assert call["home"]().success
+    desk.gone = True
+    answer = call["hold"]()
+    assert (answer.success, answer.message) == (False, "no answer")
+
+
+ACTION = "/titan/goto/_action"
+
+
+class GoTo:
+    """The client of the action."""
+
+    def __init__(self, program, frame):
+        self.program, self.frame = program, frame
+        self.send = program.client(f"{ACTION}/send_goal", GoToRequest, GoToResponse)
+        self.result = program.client(f"{ACTION}/get_result", ResultRequest, ResultResponse)
+        self.cancel = program.client(f"{ACTION}/cancel_goal", CancelRequest, CancelResponse)
+        self.feedback = program.reader(f"rt{ACTION}/feedback", FeedbackMessage)
+
+    def go(self, goal_id, *places, hold_s=2.0):
+        points = [GeoPoint(*self.frame.to_geodetic(place)) for place in places]
+        answer = self.send(goal_id, GoToGoal(points, hold_s))
+        return answer.accepted
+
+    def ended(self, goal_id):
+        answer = self.result(goal_id)
+        return answer.status, answer.result.message, answer.result.code
+
+    def statuses(self):
+        """As one sees them who comes now."""
+        newest = self.program.reader(f"rt{ACTION}/status", GoalStatusArray, LASTING)
+        return [goal.status for goal in taken(newest).status_list]
+
+
+@pytest.fixture
+def goto(program, desk):
+    return GoTo(program, desk.flight.mission.frame)
+
+
+def test_a_goal_is_flown_to_and_its_result_waited_for(desk, bridge, program, goto):
+    flight, goal_id = desk.flight, Uuid(bytes([1] * 16))
+    assert goto.go(goal_id, NEAR)
+    assert not goto.go(goal_id, NEAR)  # the same once more
+    assert flight.controller.state is State.GOTO
+    results = goto.result(goal_id, later=True)
+    for _ in range(5):
+        bridge.look()
+    told = taken(goto.feedback)
+    assert (told.goal_id, told.feedback.state, told.feedback.points_left) == (goal_id, "GOTO", 1)
+    assert told.feedback.distance_m == pytest.approx(math.dist(flight.position, NEAR), abs=0.1)
+    assert goto.statuses() == [2]
+    flight.fly_until(lambda: flight.controller.state is not State.GOTO)
+    bridge.look()
+    answer = program.answer(results)
+    assert (answer.status, answer.result.message) == (4, "it was at the last point")
+    assert goto.statuses() == [4]
+    assert math.dist(flight.position, NEAR) < 5.0
+
+
+def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(desk, bridge, goto):
+    flight = desk.flight
+    one, two, three, four = (Uuid(bytes([number] * 16)) for number in (1, 2, 3, 4))
+    assert goto.go(one, NEAR, OUTSIDE)
+    why = "point 2 lies outside of the fence"
+    assert goto.ended(one) == (6, why, "outside-fence")
+    latitude, longitude = flight.mission.frame.to_geodetic(NEAR)
+    assert goto.send(two, GoToGoal([GeoPoint(latitude, longitude, 30.0)], 0.0)).accepted
+    assert goto.ended(two)[0] == 6
+    assert goto.go(three, NEAR)
+    answer = goto.cancel(GoalInfo(three, Time(0, 0)))
+    assert (answer.return_code, [info.goal_id for info in answer.goals_canceling]) == (0, [three])
+    assert flight.controller.state is State.HOLD
+    assert goto.ended(three) == (5, "it stops and hovers", "")
+    assert goto.cancel(GoalInfo(three, Time(0, 0))).return_code == 3
+    assert goto.go(four, NEAR)
+    flight.operator_asks(ExploreNow())
+    bridge.look()
+    assert goto.ended(four) == (6, "GOTO -> EXPL: asked to explore", "")
+    assert goto.ended(Uuid(bytes([9] * 16)))[0] == 0
+
+
+class Silent:
+    """A graph that only notes."""
+
+    def __init__(self):
+        self.served, self.published = [], {}
+
+    def advertise(self, topic, kind, depth=1, *, lasting=True):
+        self.published.setdefault(topic, None)
+
+    def publish(self, topic, kind, values):
+        self.published[topic] = values
+
+    def serve(self, service, kind, take):
+        self.served.append(service)
+
+
+def test_nothing_is_served_unless_it_is_asked_for(desk):
+    graph = Silent()
+    Ros2Bridge(desk, graph, requests=False, say=lambda _: None).look()
+    assert graph.served == []
+    assert not any("_action" in topic for topic in graph.published)
+
+
+def test_a_flight_that_is_gone_is_said_once_and_found_again(desk):
+    graph, said = Silent(), []
+    bridge = Ros2Bridge(desk, graph, requests=True, say=said.append)
+    desk.gone = True
+    bridge.look()
+    assert graph.published == {}
+    desk.gone = False
+    bridge.look()
+    goal = bridge._actions["goto"].goals.begin("id", 0.0, 0)
+    desk.gone = True
+    bridge.look()
+    bridge.look()
+    assert graph.published["/diagnostics"]["status"][0]["level"] == 3
+    desk.gone = False
+    bridge._view["changes"] = [{"number": 99}]  # as of a flight that had come farther
+    graph.published["/titan/areas"] = None
+    for _ in range(5):
+        bridge.look()
+    assert said == [
+        "waiting for the flight: no answer",
+        "ready: /titan is on ROS 2",
+        "waiting for the flight: no answer",
+        "the flight answers again",
+    ]
+    assert goal.message == "that flight has ended"
+    assert graph.published["/titan/areas"] is not None
+    bridge._name = "io"
+    with pytest.raises(AnotherVehicleError, match="titan flies there now, not io"):
+        bridge.look()
