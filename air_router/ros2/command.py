@@ -8,6 +8,7 @@ import sys
 from air_router.control.control import ControlClient
 from air_router.control.control_server import endpoint_of
 from air_router.errors import ExitCode
+from air_router.ros2.interfaces import FOLDER
 from mocha_link.errors import needs_extra
 from mocha_link.node.lifetime import until_terminated
 
@@ -45,6 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="serve actions and services, too: every program in the DDS domain may then ask the "
         "flight to hold, resume, explore, come home, fly to points or seek a robot",
     )
+    parser.add_argument(
+        "--package",
+        action=_Package,
+        nargs=0,
+        default=argparse.SUPPRESS,
+        help="print the folder of the ROS package air_router_msgs, for colcon build, and exit",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -59,6 +67,14 @@ def run(arguments: argparse.Namespace) -> int:
         finally:
             graph.close()
     return ExitCode.DONE
+
+
+class _Package(argparse.Action):
+    """Prints where the ROS package is; needs no flight."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        sys.stdout.write(f"{FOLDER}\n")
+        parser.exit()
 
 
 def _domain(text: str) -> int:

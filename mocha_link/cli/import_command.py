@@ -14,19 +14,24 @@ from mocha_link.team import upstream
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Say what the command does and takes."""
     parser.epilog = examples(
-        "mocha-link import robot_configs.yaml topic_configs.yaml radio_configs.yaml -o team.yaml",
+        "mocha-link import MOCHA/mocha_core -o team.yaml",
         "mocha-link import robot_configs.yaml topic_configs.yaml --ours titan io -o team.yaml",
     )
     # As argparse would write it, the names of --ours seem to belong before the files.
     parser.usage = (
-        "mocha-link import [-h] [-v] ROBOT_CONFIGS TOPIC_CONFIGS [RADIO_CONFIGS]\n"
+        "mocha-link import [-h] [-v] PACKAGE | ROBOT_CONFIGS [TOPIC_CONFIGS [RADIO_CONFIGS]]\n"
         "                         [-o TEAM] [--ours NAME [NAME ...]] [--ros {1,2}]"
     )
-    for name, what in (("robot_configs", "robots"), ("topic_configs", "topics")):
-        parser.add_argument(name, type=Path, metavar=name.upper(), help=f"its {what} (YAML)")
     parser.add_argument(
-        "radio_configs", type=Path, nargs="?", metavar="RADIO_CONFIGS", help="its radios (YAML)"
+        "robot_configs",
+        type=Path,
+        metavar="ROBOT_CONFIGS",
+        help="its robots (YAML), or its package mocha_core, of ROS 1 or ROS 2, with all files",
     )
+    for name, what in (("topic_configs", "topics"), ("radio_configs", "radios")):
+        parser.add_argument(
+            name, type=Path, nargs="?", metavar=name.upper(), help=f"its {what} (YAML)"
+        )
     parser.add_argument(
         "-o", "--output", type=Path, metavar="TEAM", help="write the team file there, not to stdout"
     )
@@ -34,19 +39,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--ours", nargs="+", default=[], metavar="NAME", help="robots that run our node (none)"
     )
     parser.add_argument(
-        "--ros", type=int, choices=(1, 2), default=1, help="the ROS of the robots (1)"
+        "--ros",
+        type=int,
+        choices=(1, 2),
+        help="the ROS of the robots (that of the package.xml above the files, else 1)",
     )
 
 
 def run(options: argparse.Namespace) -> int:
     """Do it; returns the exit code."""
-    result = upstream.load(
-        options.robot_configs,
-        options.topic_configs,
-        options.radio_configs,
-        ours=options.ours,
-        ros=options.ros,
-    )
+    robots, topics, radios, ros = upstream.configuration(options.robot_configs)
+    if options.topic_configs:  # without radios beside it they are left out
+        topics, radios = options.topic_configs, options.radio_configs
+    result = upstream.load(robots, topics, radios, ours=options.ours, ros=options.ros or ros)
     for notice in result.notices:
         print(f"note: {notice}", file=sys.stderr)
     if options.output is None:

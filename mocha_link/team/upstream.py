@@ -82,6 +82,29 @@ def load(
     return Import(team, text, tuple(sorted(notices)))
 
 
+def configuration(path: Path) -> tuple[Path, Path, Path | None, int]:
+    """Files of robots, topics and radios, and the ROS, of the package that the original node is.
+
+    The branches for ROS 1 and ROS 2 have the same files; `package.xml` says which builds them.
+
+    Args:
+        path: The package, the folder of its files, or the file of robots.
+    """
+    folder = path if path.is_dir() else path.parent
+    config = folder / "config" if (folder / "config").is_dir() else folder
+    robots = config / "robot_configs.yaml" if path.is_dir() else path
+    radios = config / "radio_configs.yaml"
+    ros = 1
+    for package in (config, *config.absolute().parents[:2]):
+        try:
+            text = (package / "package.xml").read_text("utf-8", errors="replace")
+        except OSError:
+            continue
+        ros = 2 if "ament_" in text else 1
+        break
+    return robots, config / "topic_configs.yaml", radios if radios.exists() else None, ros
+
+
 @dataclass(slots=True)
 class _Robot:
     kind: str

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
 from mocha_link.cli.cli import main
 from mocha_link.team import upstream
-from mocha_link.team.document import DocumentError
+from mocha_link.team.document import Document, DocumentError
 from mocha_link.team.team import Team, UnknownRobotError
 
 DATA = Path(__file__).parents[2] / "data/mocha"
@@ -203,3 +204,23 @@ def test_the_command(tmp_path, capsys):
     assert main(["import", files[1], files[0]]) == 3
     assert "topic_configs.yaml:" in capsys.readouterr().err
     assert main(["import", *files, "--ours", "phantom"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("build", "options", "ros"),
+    [("ament_cmake", [], 2), ("catkin", [], 1), ("catkin", ["--ros", "2"], 2), (None, [], 1)],
+)
+def test_a_package_has_all_files_and_says_which_ros_it_is_for(
+    build, options, ros, tmp_path, capsys
+):
+    package = tmp_path / "mocha_core"
+    shutil.copytree(DATA / "upstream", package / "config")
+    if build:
+        (package / "package.xml").write_text(f"<buildtool_depend>{build}</buildtool_depend>")
+    for path in (package, package / "config", package / "config" / "robot_configs.yaml"):
+        assert main(["import", str(path), *options]) == 0
+        team = Team.from_document(Document.from_text(capsys.readouterr().out, Path("team.yaml")))
+        assert {robot.ros for robot in team.robots.values()} == {ros}
+    (package / "config" / "radio_configs.yaml").write_text(RADIOS)
+    assert main(["import", str(package), *options]) == 3
+    assert "no radio 'blue-1' in the radio file" in capsys.readouterr().err
