@@ -230,13 +230,14 @@ def folder(tmp_path_factory):
     shutil.copy(files / "geozones_ed269.json", folder / "geozones.json")
     for name in ("mission.yaml", "team.yaml", "world.yaml"):
         shutil.copy(pennovation / name, folder / name)
-    for name in ("robot_configs", "topic_configs"):
-        shutil.copy(ROOT / "tests/data/mocha/upstream" / f"{name}.yaml", folder)
+    original = folder / "MOCHA" / "mocha_core" / "config"
+    shutil.copytree(ROOT / "tests/data/mocha/upstream", original)
+    robots = yaml.safe_load((original / "robot_configs.yaml").read_text()).values()
     radios = {
-        r["using-radio"]: {"MAC-address": [f"00:00:00:00:00:{n:02x}"]}
-        for n, r in enumerate(yaml.safe_load((folder / "robot_configs.yaml").read_text()).values())
+        robot["using-radio"]: {"MAC-address": [f"00:00:00:00:00:{number:02x}"]}
+        for number, robot in enumerate(robots)
     }
-    (folder / "radio_configs.yaml").write_text(yaml.safe_dump(radios))
+    (original / "radio_configs.yaml").write_text(yaml.safe_dump(radios))
     (folder / "urban_sim.sim.yaml").write_text(
         '{"geoFence": {"polygons": [\n'
         '{"inclusion": true, "polygon": [[150, 80], [-190, 80], [-190, -140], [150, -140],],},\n'
