@@ -12,7 +12,9 @@ import json
 import os
 import subprocess
 import sys
+from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,9 +47,18 @@ def _row(  # noqa: PLR0913, PLR0917 - a row of a table
     return Mutant(name, Change(module, old, new), files, same)
 
 
+@cache
+def _files(folder: str) -> dict[str, list[Path]]:
+    """The Python files of a folder and its rooms by their names; paths from the root."""
+    found = defaultdict(list)
+    for path in (ROOT / folder).rglob("*.py"):
+        found[path.name].append(path.relative_to(ROOT))
+    return found
+
+
 def _only(folder: str, name: str) -> Path:
-    """The one file of a name, in whichever room of a folder it is; a path from the root."""
-    found = [path.relative_to(ROOT) for path in sorted((ROOT / folder).rglob(name))]
+    """The one file of a name, in whichever room of a folder it is."""
+    found = _files(folder).get(name, [])
     if len(found) != 1:
         raise ChangeError(f"{folder}: {len(found)} files are called {name}, not one")
     return found[0]

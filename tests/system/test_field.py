@@ -1,4 +1,6 @@
-"""The paper's field test, harder: 1,720 interactions over links that delay, cut and damage.
+"""The paper's field test, harder: its interactions over links that delay, cut and damage.
+
+To explore all 1,720 of the paper, else a fourth of them.
 
 Four nodes over real sockets, every link through a relay (`weather.py`). All write all the time.
 In the end the links are whole, and all must hold the newest message of every topic of every robot,
@@ -28,6 +30,7 @@ from mocha_link.team import keys
 from mocha_link.team.document import Document
 from mocha_link.team.team import Team
 from tests.mocha_link.conftest import free_ports, own_host
+from tests.mocha_link.fuzz import EXPLORE
 from tests.system.weather import DOWN, Passage, RoughAir, Weather
 
 if TYPE_CHECKING:
@@ -36,7 +39,7 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 
-INTERACTIONS = 1720
+INTERACTIONS = 1720 if EXPLORE else 430
 SEED = 1
 LASTED_S = 116 * 60.0  # in the paper
 NAMES = ("callisto", "europa", "io", "titan")
@@ -279,8 +282,8 @@ def left_over() -> tuple[int, int]:
 
 @pytest.mark.parametrize(
     ("interactions", "locked"),
-    [(INTERACTIONS, False), (200, True)],
-    ids=["as in the paper", "with keys"],
+    [(INTERACTIONS, False), (100, True)],
+    ids=["without keys", "with keys"],
 )
 def test_the_field_test(caplog, tmp_path, interactions, locked):
     if locked and not keys.available():

@@ -4,12 +4,10 @@ import fcntl
 import json
 import os
 import pty
-import signal
 import socket
 import subprocess
 import sys
 import termios
-from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import common as mavlink
@@ -168,30 +166,6 @@ def test_a_flight_outlives_the_session_that_it_was_started_from(
         assert uav.home().accepted
         out, _ = flight.communicate(timeout=60)
     assert json.loads(out)["outcome"] == "ended: a program's request, before take-off"
-
-
-def test_a_team_that_is_killed_leaves_the_vehicle_on_its_route(command, short_mission):
-    """All robots, their gossip nodes and radios are one process of `air-router sim`."""
-    flight = command(
-        *("air_router.cli.cli", "sim", short_mission, "--speed=20", "--duration=20", "--json")
-    )
-    flight.wait_for("READY -> INIT")
-    (team,) = (pid for pid in children(flight.process.pid) if "team" in words_of(pid))
-    os.kill(team, signal.SIGKILL)
-    code, out = flight.finish()
-    report = json.loads(out)
-    assert (code, report["outcome"]) == (0, "done"), flight.said
-    assert report["closest_approach_m"] >= 5.0
-    assert flight.said.count("sitl team was killed by signal 9: no robot, radio or camera") == 1
-
-
-def children(pid):
-    threads = Path(f"/proc/{pid}/task").iterdir()
-    return [int(child) for t in threads for child in (t / "children").read_text().split()]
-
-
-def words_of(pid):
-    return Path(f"/proc/{pid}/cmdline").read_text().split("\0")
 
 
 def test_arm_wants_a_confirmation(answered, udp_port, short_mission):

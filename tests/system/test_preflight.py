@@ -46,25 +46,6 @@ def test_peers_that_listen_are_reachable_and_looking_changes_nothing(
     assert "\x1b[" not in out
 
 
-STRANGERS = (  # the others: tests/system/test_px4.py
-    (None, "nothing heard within 5 s"),
-    ({"kind": 2, "autopilot": 12, "system_id": 1}, "no positions"),
-)
-
-
-def test_what_is_no_px4_of_ours_is_named(command, heartbeats, free_udp_port, short_mission):
-    looked = []
-    for what, said in STRANGERS:
-        port = free_udp_port()
-        if what is not None:
-            heartbeats(port, **what)
-        url = f"--connect=udpin://127.0.0.1:{port}"
-        looked.append((command("air_router.cli.cli", "preflight", short_mission, url), said))
-    for process, said in looked:
-        assert process.finish()[0] == 4
-        assert said in process.said
-
-
 def test_another_place_s_vehicle_is_refused(vehicle, preflight):
     vehicle("--home=47.397742,8.545594,489.4")
     code, out, _ = preflight()

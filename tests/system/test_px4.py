@@ -54,6 +54,7 @@ def standing(shared_command, shared_mission):
 @pytest.fixture
 def impatient(monkeypatch):
     monkeypatch.setattr(px4_connection, "FIND_S", 1.5)
+    monkeypatch.setattr(px4_connection, "DATA_S", 0.5)
 
 
 def run(mission, port, script, **options):
@@ -252,26 +253,9 @@ def test_the_same_plan_that_a_station_rounded_and_uploads_again_is_ours(standing
 
 
 @pytest.mark.usefixtures("vehicle")
-def test_a_companion_that_comes_later_is_told_since_when_it_flies(mission, udp_port):
-    async def take_off(vehicle):
-        info = await vehicle.connect()
-        log = Log(vehicle)
-        await vehicle.upload(FlightPlan.of(mission))
-        await vehicle.arm()
-        await vehicle.start()
-        await log.until(lambda: log.telemetry.in_air)
-        return info.took_off_s, log.telemetry.time_s
-
-    async def come_later(vehicle):
-        return (await vehicle.connect()).took_off_s
-
-    before, seen_s = run(mission, udp_port, take_off)
-    assert before is None
-    assert run(mission, udp_port, come_later) == pytest.approx(seen_s, abs=2.0)
-
-
-@pytest.mark.usefixtures("vehicle")
-def test_a_changed_fence_is_ours_in_flight_and_another_s_is_not(mission, udp_port):
+def test_a_changed_fence_is_ours_in_flight_and_a_later_companion_is_told_when_it_took_off(
+    mission, udp_port
+):
     plan = FlightPlan.of(mission)
     place = mission.waypoints[4].position
     over = Zone("over 5", Circle(place, 3.0))
@@ -281,13 +265,15 @@ def test_a_changed_fence_is_ours_in_flight_and_another_s_is_not(mission, udp_por
     beside = mission.with_areas((), (*mission.zones, apart))
 
     async def script(vehicle):
-        await vehicle.connect()
+        assert (await vehicle.connect()).took_off_s is None
         log = Log(vehicle)
         await vehicle.upload(plan)
         await vehicle.arm()
         await vehicle.start()
+        await log.until(lambda: log.telemetry.in_air)
+        took_off_s = log.telemetry.time_s
         high = mission.altitude_above_home_m - 2.0
-        await log.until(lambda: log.telemetry.in_air and log.telemetry.altitude_m > high)
+        await log.until(lambda: log.telemetry.altitude_m > high)
         await vehicle.jump(plan.item_of(1))
         await vehicle.renew(FlightPlan.of(beside))
         assert log.telemetry.item == plan.item_of(1)  # the leg is flown on
@@ -305,8 +291,13 @@ def test_a_changed_fence_is_ours_in_flight_and_another_s_is_not(mission, udp_por
         await log.until(lambda: vehicle.telemetry._plan_ids is not None)  # it is on guard
         await upload_plan(vehicle._raw, vehicle.telemetry, FlightPlan.of(changed))  # by another
         await log.until(lambda: any(isinstance(event, PlanReplaced) for event in log.events))
+        return took_off_s
 
-    run(mission, udp_port, script)
+    async def come_later(vehicle):
+        return (await vehicle.connect()).took_off_s
+
+    took_off_s = run(mission, udp_port, script)
+    assert run(mission, udp_port, come_later) == pytest.approx(took_off_s, abs=2.0)
 
 
 def test_no_answer(mission, udp_port, monkeypatch):
@@ -324,6 +315,7 @@ def test_no_answer(mission, udp_port, monkeypatch):
         ),
         ({"kind": 2, "autopilot": 3, "system_id": 1}, "is ARDUPILOT, not PX4"),
         ({"kind": 2, "autopilot": 12, "system_id": 7}, "system id 7, not 1.*--sysid 7"),
+        ({"kind": 2, "autopilot": 12, "system_id": 1}, "sends no positions within"),
     ],
 )
 @pytest.mark.usefixtures("impatient")

@@ -15,7 +15,7 @@ from tests.system.looker import CHROMIUM, Looker
 
 PICTURED = "DOCS_IMAGES" in os.environ
 PAIR = Path(__file__).parents[2] / "missions" / "pair" / "mission.yaml"
-SPEED = 10 if PICTURED else 20
+SPEED = 10
 MISSION = """\
 name: Two
 coordinates: local

@@ -19,28 +19,37 @@ def gone(process_id):
     return False
 
 
-def test_without_a_px4_it_says_what_to_install(command, short_mission):
-    flight = command("air_router.cli.cli", "sim", short_mission, "--px4", "/no/such/px4")
-    code, out = flight.finish()
+def test_without_a_px4_it_says_what_to_install(answered, short_mission):
+    code, out, said = answered("sim", short_mission, "--px4", "/no/such/px4")
     assert (code, out) == (4, "")
-    assert "Install one of these" in flight.said
+    assert "Install one of these" in said
+
+
+def children(pid):
+    """Process ids by what they run."""
+    threads = Path(f"/proc/{pid}/task").iterdir()
+    found = [int(child) for t in threads for child in (t / "children").read_text().split()]
+    words = {child: Path(f"/proc/{child}/cmdline").read_text().split("\0") for child in found}
+    return {"team" if "team" in said else "vehicle": child for child, said in words.items()}
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks at processes as Linux has them")
-def test_a_killed_flight_takes_its_world_with_it(command, short_mission, tmp_path):
+def test_a_killed_team_is_told_and_a_killed_flight_takes_its_world_with_it(
+    command, short_mission, tmp_path
+):
+    """All robots, their gossip nodes and radios are one process."""
     logs = tmp_path / "logs"
     flight = command("air_router.cli.cli", "sim", short_mission, "--speed=10", "--log-dir", logs)
     flight.wait_for("on board and read back")
-    tasks = Path(f"/proc/{flight.process.pid}/task")
-    children = [
-        int(child) for task in tasks.iterdir() for child in (task / "children").read_text().split()
-    ]
-    assert len(children) == 2
+    world = children(flight.process.pid)
+    assert len(world) == 2
+    os.kill(world["team"], signal.SIGKILL)
+    flight.wait_for("sitl team was killed by signal 9: no robot, radio or camera")
+    assert not gone(world["vehicle"])
     flight.process.send_signal(signal.SIGKILL)
     flight.process.wait()
-    for child in children:
-        while not gone(child):
-            os.sched_yield()
+    while not gone(world["vehicle"]):
+        os.sched_yield()
 
 
 @pytest.fixture

@@ -1,7 +1,8 @@
 """The first promise of the README: one command, and a whole communication-aware flight.
 
-A browser looks on at the same flight, where there is one. With DOCS_IMAGES=docs/images in the
-environment the picture of docs/live-page.md is taken anew.
+The field is small, so that all robots are soon met. A browser looks on at the same flight, where
+there is one. With DOCS_IMAGES=docs/images in the environment the picture of docs/live-page.md is
+taken anew, of missions/pennovation.
 """
 
 import json
@@ -19,11 +20,41 @@ from air_router.controller.model.states import State
 from air_router.mission.loading import load_mission
 from air_router.record.log import read
 from air_router.record.replay import replay
+from mocha_link import Team
 from mocha_link.links.metrics import Direction, SyncEnded
+from sitl.team.free_ports import derive_team
+from tests.system.conftest import PENNOVATION
 from tests.system.looker import Looker
 
-SPEED = 25
+PICTURED = "DOCS_IMAGES" in os.environ
+SPEED = 12
 ROBOTS = {"callisto", "europa", "io"}
+MISSION = """\
+name: Field
+coordinates: local
+frame: {origin: [39.9421523, -75.1997644]}
+home: {position: [0, 0], altitude_amsl_m: 7}
+altitude_m: 40
+speed_m_s: 7
+waypoints: [[0, 40], [60, 40], [60, -40], [-60, -40], [-60, 40]]
+fence: [[-120, -100], [120, -100], [120, 100], [-120, 100]]
+no_fly_zones:
+  - {name: hall, polygon: [[20, 10], [40, 10], [40, 25], [20, 25]]}
+  - {name: mast, circle: {centre: [-35, 0], radius_m: 8}}
+uav: titan
+team: team.yaml
+world: world.yaml
+accepts: [rtl_crosses_zones, rtl_altitude]
+timers: {init_s: 5, explore_s: 10, search_s: 10}
+"""
+WORLD = """\
+coordinates: local
+radio: {path_loss_exponent: 2.95, ground_to_ground_loss_db: 10.5, sensitivity_dbm: -76}
+robots:
+  callisto: {patrol: [[-80, 60], [-90, 60]]}
+  europa: {patrol: [[85, 50], [85, 60]]}
+  io: {patrol: [[0, -80], [10, -80]]}
+"""
 # Everything that the page's title ever says: at this speed a state may last for some frames only.
 TITLES = """() => {
   globalThis.titles = [];
@@ -109,8 +140,12 @@ class Flight:
 
 
 @pytest.fixture(scope="module")
-def flight(shared_command, shared_mission, shared_folder):
-    return Flight(shared_command, shared_mission, shared_folder)
+def flight(shared_command, shared_folder):
+    path = shared_folder / "mission.yaml"
+    path.write_text(MISSION)
+    (shared_folder / "world.yaml").write_text(WORLD)
+    derive_team(Team.load(PENNOVATION.with_name("team.yaml")), shared_folder)
+    return Flight(shared_command, PENNOVATION if PICTURED else path, shared_folder)
 
 
 def has_met_all(said):
@@ -185,7 +220,7 @@ def test_the_page_shows_the_flight_and_takes_the_operator_s_word(browser, flight
     assert "outside of the fence" in answer
     looker.shows("#hint", "outside of the fence")
     flight.sought = looker.seek_another()
-    if "DOCS_IMAGES" in os.environ:
+    if PICTURED:
         page.set_viewport_size({"width": 1280, "height": 800})
         page.locator("#fit").click()
         page.locator("path.link.lit").first.wait_for(state="attached")

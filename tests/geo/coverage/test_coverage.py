@@ -139,7 +139,7 @@ def test_what_no_place_can_see_is_named():
     assert coverage.missed[0].area_m2 > 30_000
 
 
-@settings(max_examples=15)
+@settings(max_examples=settings.default.max_examples // 4)
 @given(st.integers(0, 10**6))
 def test_circles_holes_clearances_of_their_own_and_several_fences(seed):
     chance = random.Random(seed)
@@ -172,7 +172,7 @@ def test_zones_in_line_with_the_rows_that_touch_each_other(bearing_deg):
     assert coverage.share > 0.98
 
 
-@pytest.mark.parametrize("name", ["W100_Z3", "W100_Z20", "W100_Z100"])
+@pytest.mark.parametrize("name", ["W100_Z3", "W100_Z20"])
 def test_the_maps_of_the_router(name):
     data = json.loads((MAPS / f"{name}_disjoint.json").read_text())
     zones = [Zone(str(n), tuple(Point(*c) for c in z)) for n, z in enumerate(data["zones"])]
@@ -218,7 +218,7 @@ def star(chance, centre, least_m, most_m):
     ]
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings.default.max_examples // 3)
 @given(st.integers(0, 10**6))
 def test_random_concave_areas_with_zones(seed):
     chance = random.Random(seed)

@@ -85,11 +85,6 @@ def test_check_shows_what_the_team_asks_for(tmp_path, capsys):
     assert "timer, 2 s  original" in capsys.readouterr().out
 
 
-def test_the_version(capsys):
-    assert main(["--version"]) == 0
-    assert capsys.readouterr().out.startswith("mocha-link ")
-
-
 @pytest.mark.parametrize("wrong", ["24500", "127.0.0.1:24500", "tcp://127.0.0.1", "ipc://", "x"])
 def test_what_is_no_endpoint_is_2(team_file, capsys, wrong):
     for arguments in (

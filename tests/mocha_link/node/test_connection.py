@@ -6,7 +6,6 @@ import contextlib
 import os
 import socket
 import struct
-import threading
 import time
 from collections.abc import Callable, Iterator
 
@@ -222,88 +221,6 @@ def test_a_second_connection_leaves_nothing_of_the_first_in_the_poller(line, pee
     line.forget(poller)
     assert not poller.sockets
     os.close(taken[0])
-
-
-def test_replies_of_a_real_rep(context):
-    with context.socket(zmq.REP) as rep:
-        port = rep.bind_to_random_port(f"tcp://{HOST}")
-        with contextlib.closing(TcpConnection(HOST, port)) as line:
-            for number in range(20):
-                line.send(b"%d" % number)
-
-            def serve() -> None:
-                for _ in range(20):
-                    assert rep.poll(WAIT_S * 1000)
-                    rep.send(b"to " + rep.recv())
-
-            thread = threading.Thread(target=serve)
-            thread.start()
-            assert replies_of(line, 20) == [[b"to %d" % number] for number in range(20)]
-            thread.join()
-            assert 0 < line.rtt_s() < WAIT_S
-
-
-@pytest.mark.parametrize("requests", [1, 100])
-def test_a_libzmq_that_reads_everything_together(context, requests):
-    """A relay holds the bytes back until the requests are there; they arrive all the same."""
-    with context.socket(zmq.ROUTER) as router, socket.create_server((HOST, 0)) as relay:
-        target = router.bind_to_random_port(f"tcp://{HOST}")
-        port = relay.getsockname()[1]
-        stop = threading.Event()
-        wanted = HELLO_BYTES + sum(len(request(b"%d" % n)) for n in range(requests))
-
-        def carry() -> None:
-            held = wanted
-            while not stop.is_set():
-                near, _ = relay.accept()
-                with near, socket.create_connection((HOST, target)) as far:
-                    if stop.is_set():
-                        return
-                    near.settimeout(WAIT_S)
-                    far.sendall(read(near, held))
-                    held = 0  # only the first time
-                    pump(near, far, stop)
-
-        thread = threading.Thread(target=carry)
-        thread.start()
-        with contextlib.closing(TcpConnection(HOST, port)) as line:
-            for number in range(requests):
-                line.send(b"%d" % number)
-            seen = set()
-
-            def done() -> bool:
-                while router.poll(0):
-                    identity, _, body = router.recv_multipart()
-                    seen.add(body)
-                    router.send_multipart([identity, b"", body])
-                got.extend(line.replies())
-                return len(got) >= requests
-
-            got: list[list[bytes]] = []
-            turn_until(line, done)
-            assert line.failure is None
-            assert {parts[0] for parts in got} == seen == {b"%d" % n for n in range(requests)}
-            stop.set()
-        socket.create_connection((HOST, port)).close()
-        thread.join(WAIT_S)
-        assert not thread.is_alive()
-
-
-def pump(near: socket.socket, far: socket.socket, stop: threading.Event) -> None:
-    """Carry bytes both ways until one side closes."""
-    poller = zmq.Poller()
-    for each in (near, far):
-        poller.register(each, zmq.POLLIN)
-    while not stop.is_set():
-        for fd, _ in poller.poll(20):
-            source, sink = (near, far) if fd == near.fileno() else (far, near)
-            try:
-                data = source.recv(65536)
-                sink.sendall(data)
-            except OSError:
-                return
-            if not data:
-                return
 
 
 def test_a_refused_connection():

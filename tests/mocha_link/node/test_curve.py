@@ -125,16 +125,6 @@ def test_a_port_whose_peer_the_zap_handler_does_not_know_stays_shut(hall):
     assert set(hall.refusals) == {Refusal("stranger", "with a wrong key")}
 
 
-def test_many_at_once_with_wrong_keys(hall):
-    port = hall.open("io")
-    for _ in range(40):
-        hall.dial(port, holding(SecretKey.generate()))
-    client = hall.dial(port, holding(IO))
-    assert hall.ask(client) == b"io hears you"
-    hall.serve_until(lambda: hall.zap_handler.refused["io"] >= 40)
-    assert hall.ask(client) == b"io hears you"
-
-
 def test_a_context_has_one_zap_handler(hall):
     with pytest.raises(zmq.ZMQError):
         ZapHandler(hall.context, {})

@@ -20,7 +20,6 @@ from mocha_link.store import payload
 from mocha_link.store.record import Header
 from mocha_link.team import keys
 from mocha_link.team.keys import KeyFileError, KeyMismatchError, SecretKey
-from tests.mocha_link import original
 from tests.mocha_link.conftest import TEAM, WAIT_S, Field, Witness
 
 IN, OUT = Direction.IN, Direction.OUT
@@ -271,27 +270,6 @@ def test_a_wrong_key_is_refused_and_counted(locked, tmp_path, caplog):
     assert "refused at the port for io: it came with a wrong key" in caplog.text
 
 
-def test_whom_we_take_for_another_we_tell_nothing(locked):
-    """Another node listens where titan should be: io finds out, and nothing crosses."""
-    hall = locked(*NAMES)
-    other = SecretKey.generate()
-    keys.write(hall.folder / "titan.key", "titan", other, replace=True)
-    team = hall.field.team
-    hall.field.team = team.with_robots({"titan": {"key": other.public.text}})
-    titan, _, titan_saw = hall.node("titan")
-    refused = refusal(titan)
-    titan.publish("/map", b"false grid")
-    hall.field.team = team
-    io, _, saw = hall.node("io", timeout_s=60)
-    io.sync("titan")
-    broken = saw.wait(SyncTimedOut, peer="titan", direction=IN)
-    assert "the keys do not fit" in broken.reason
-    assert io.messages() == []
-    assert refused.wait(WAIT_S)
-    assert titan.links()["io"].refused >= 1
-    assert not [e for e in titan_saw.seen if isinstance(e, SyncStarted)]
-
-
 # --- a mixed team
 
 
@@ -319,47 +297,6 @@ def test_a_mixed_team_says_which_links_are_open(locked):
         ("callisto", "titan"): False,
         ("callisto", "io"): False,
     }
-
-
-def test_an_original_node_in_a_team_with_keys(locked):
-    hall = locked("titan", "io")
-    with original.Original(hall.field.team, "callisto", now_s=hall.field.clock.now_s) as old:
-        old.publish("/pose", b"old")
-        titan, _, titan_saw = hall.node("titan")
-        titan.publish("/map", b"grid")
-        assert pull(titan_saw, titan, "callisto").messages == 1
-        assert titan.latest("callisto", "/pose").data == b"old"
-        assert old.pull("titan").ended
-        assert old.data("titan", "/map") == b"grid"
-        assert not titan.links()["callisto"].protected
-        assert titan.links()["io"].protected
-
-
-def test_an_old_client_does_not_enter_a_port_with_a_key(locked):
-    hall = locked(*NAMES)
-    titan, _, _ = hall.node("titan")
-    titan.publish("/map", b"grid")
-    with zmq.Context() as context, context.socket(zmq.REQ) as client:
-        client.setsockopt(zmq.LINGER, 0)
-        client.connect(f"tcp://{hall.field.host}:{titan.robot.port_for('io')}")
-        client.send(b"idididGHEAD")
-        assert not client.poll(200)
-    io, _, saw = hall.node("io")
-    assert pull(saw, io, "titan").messages == 1
-
-
-def test_a_robot_without_the_others_keys_is_told_why(locked):
-    """Its team file is older: it knows of no keys."""
-    hall = locked(*NAMES)
-    titan, _, _ = hall.node("titan")
-    titan.publish("/map", b"grid")
-    without = {name: {"key": None} for name in NAMES}
-    hall.field.team = hall.field.team.with_robots(without)
-    io, _, saw = hall.field.node("io", timeout_s=60)
-    io.sync("titan")
-    broken = saw.wait(SyncTimedOut, peer="titan", direction=IN)
-    assert "the peer wants" in broken.reason
-    assert io.messages() == []
 
 
 # --- whose message it is
@@ -392,13 +329,6 @@ def plant(node: Node, data: bytes, *, sign: Callable[[bytes], bytes] | None = No
 
 
 @pytest.mark.parametrize("trust", ["relays", "signed"])
-def test_signed_messages_over_a_relay(locked, trust):
-    io, _ = relayed(locked(*NAMES, trust=trust))
-    assert io.latest("callisto", "/pose").data == b"of callisto"
-    assert io.links()["titan"].refused == 0
-
-
-@pytest.mark.parametrize("trust", ["relays", "signed"])
 def test_what_a_relay_makes_up(locked, trust):
     """Without a signature: taken where relays are trusted, refused and counted where not."""
     io, saw = relayed(locked(*NAMES, trust=trust), forged=b"of titan")
@@ -408,48 +338,6 @@ def test_what_a_relay_makes_up(locked, trust):
         assert io.latest("callisto", "/pose") is None
         assert io.links()["titan"].refused >= 1
         assert not [e for e in saw.seen if isinstance(e, MessageStored)]
-
-
-def test_a_signature_of_another_is_none_even_where_relays_are_trusted(locked):
-    hall = locked(*NAMES)
-    callisto, _, _ = hall.node("callisto")
-    callisto.publish("/pose", b"of callisto")
-    titan, _, titan_saw = hall.node("titan")
-    assert pull(titan_saw, titan, "callisto").messages == 1
-    plant(titan, b"of titan", sign=SECRETS["titan"].sign)
-    io, _, saw = hall.node("io")
-    pull(saw, io, "titan")
-    assert io.latest("callisto", "/pose") is None
-    assert io.links()["titan"].refused >= 1
-
-
-def test_a_robot_without_a_key_speaks_for_itself_only(locked):
-    """Where only signed messages are trusted: from itself yes, through a relay no."""
-    hall = locked("titan", "io", trust="signed")
-    callisto, _, _ = hall.node("callisto", keys=None)
-    callisto.publish("/pose", b"unsigned")
-    titan, _, titan_saw = hall.node("titan")
-    assert pull(titan_saw, titan, "callisto").messages == 1
-    assert titan.latest("callisto", "/pose").data == b"unsigned"
-    io, _, saw = hall.node("io")
-    assert pull(saw, io, "titan").messages == 0
-    assert io.latest("callisto", "/pose") is None
-    assert io.links()["titan"].refused >= 1
-    assert pull(saw, io, "callisto").messages == 1
-    assert io.latest("callisto", "/pose").data == b"unsigned"
-
-
-def test_signed_messages_come_back_after_a_restart(locked):
-    hall = locked(*NAMES, trust="signed")
-    with contextlib.ExitStack() as stack:
-        first = Node(hall.field.team, "callisto", radio=ManualRadio(), keys=hall.folder)
-        stack.enter_context(first)
-        first.publish("/pose", b"before")
-        titan, _, titan_saw = hall.node("titan")
-        assert pull(titan_saw, titan, "callisto").messages == 1
-    again, _, saw = hall.node("callisto")
-    assert pull(saw, again, "titan").messages == 1
-    assert again.latest("callisto", "/pose").data == b"before"
 
 
 # --- the secret

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -70,36 +69,6 @@ def test_messages_survive_a_restart(field_of, file):
         assert titan.stored_since(stored[-1][0])[0][1].data == b"grid 3"
 
 
-def test_what_a_peer_has_offered_is_not_listed_again(field, file):
-    """Knowing up to where the peer was heard is on disk, too, so the next pull says little."""
-    io, _, _ = field.node("io")
-    io.publish("/pose", b"here")
-    with running(field, "titan", storage=file) as (titan, saw):
-        pull(titan, saw, "io")
-        knowledge = titan._gossip.database.knowledge("io")
-        assert knowledge is not None
-    with running(field, "titan", storage=file) as (titan, saw):
-        assert titan._gossip.database.knowledge("io") == knowledge
-        pull(titan, saw, "io")
-
-
-def test_no_stamp_is_used_twice(field, file):
-    """Whatever the clock says after a restart, what is said later is the newer one, everywhere."""
-    with running(field, "titan", storage=file) as (titan, _):
-        headers = [titan.publish("/map", b"before %d" % number) for number in range(3)]
-        last = titan.latest("titan", "/map")
-    io, _, saw = field.node("io")
-    field.clock.time_s -= 3600.0
-    with running(field, "titan", storage=file) as (titan, _):
-        headers.append(titan.publish("/map", b"after"))
-        message = titan.latest("titan", "/map")
-        assert message.data == b"after"
-        assert message.stamp_s > last.stamp_s
-        assert pull(io, saw, "titan").messages == 1
-    assert len(set(headers)) == 4
-    assert io.latest("titan", "/map").data == b"after"
-
-
 def test_what_has_been_published_is_on_disk(field, file, tmp_path):
     """When publish returns: a copy of the file at that moment has it."""
     with running(field, "titan", storage=file) as (titan, _):
@@ -117,16 +86,6 @@ def newest_in(path: Path) -> bytes:
     with contextlib.closing(storage):
         (record,) = Database(storage=storage).records()
         return record.header.pack()
-
-
-def test_a_message_that_waits_for_its_interval_is_not_waited_for(field, file):
-    with running(field, "titan", storage=file) as (titan, _):
-        titan.publish("/slow", b"1")
-        titan.publish("/slow", b"2")  # held
-    with running(field, "titan", storage=file) as (titan, _):
-        assert titan.latest("titan", "/slow").data == b"1"
-        titan.publish("/slow", b"3")
-        assert titan.latest("titan", "/slow").data == b"3"
 
 
 def test_a_listener_may_publish(field, file):
@@ -206,24 +165,3 @@ def test_a_node_that_cannot_be_made_gives_up_its_file(field, file):
     field.team = field.team.with_robots(bad)
     with pytest.raises(KeyMismatchError):
         Node(field.team, "titan", storage=file)
-
-
-def test_it_is_written_while_others_read(field, file):
-    """Any thread: publishing with a file from several at once."""
-    with running(field, "titan", storage=file) as (titan, _):
-
-        def publish(topic: str) -> None:
-            for number in range(20):
-                titan.publish(topic, b"%d" % number, now=True)
-
-        threads = [threading.Thread(target=publish, args=(t,)) for t in ("/map", "/slow")]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join(20)
-        assert {m.data for m in titan.messages()} == {b"19"}
-    with running(field, "titan", storage=file) as (titan, _):
-        assert {(m.topic, m.data) for m in titan.messages()} == {
-            ("/map", b"19"),
-            ("/slow", b"19"),
-        }

@@ -75,76 +75,7 @@ def test_a_message_of_an_original_robot_is_no_batch(field_of):
 # --- versions
 
 
-@pytest.mark.parametrize("datagrams", [True, False])
-def test_so_many_versions_are_kept_and_cross(field_of, datagrams):
-    field = field_of(PAIR)
-    titan, _, _ = field.node("titan", datagrams=datagrams)
-    for number in range(6):
-        titan.publish("/trail", b"%d" % number)
-        titan.publish("/map", b"map %d" % number)
-    kept = [b"5", b"4", b"3", b"2"]
-    assert [message.data for message in titan.history("titan", "/trail")] == kept
-    io, _, saw = field.node("io", datagrams=datagrams)
-    io.sync("titan")
-    assert saw.wait(SyncEnded, direction=IN).messages == 5
-    assert [message.data for message in io.history("titan", "/trail")] == kept
-    assert [message.data for message in io.history("titan", "/map")] == [b"map 5"]
-    assert io.latest("titan", "/trail").data == b"5"
-    titan.publish("/trail", b"6")
-    io.sync("titan")
-    assert saw.wait(SyncEnded, direction=IN).messages == 1
-    assert [message.data for message in io.history("titan", "/trail")] == [b"6", *kept[:3]]
-
-
-def test_an_original_robot_is_offered_the_newest_version_only(field_of):
-    field = field_of(PAIR)
-    titan, _, saw = field.node("titan")
-    for number in range(6):
-        titan.publish("/trail", b"%d" % number)
-    with original.Original(field.team, "io", now_s=field.clock.now_s) as io:
-        pull = io.pull("titan")
-        assert len(pull.offered) == len(pull.stored) == 1
-        assert io.data("titan", "/trail") == b"5"
-        saw.wait(SyncEnded, direction=OUT)
-
-
-def test_what_another_program_has_missed(field_of):
-    """Everything that is kept and was stored after a number, in order."""
-    field = field_of(PAIR)
-    titan, _, _ = field.node("titan")
-    for number in range(3):
-        titan.publish("/trail", b"%d" % number)
-    stored = titan.stored_since(0)
-    assert [message.data for _, message in stored] == [b"0", b"1", b"2"]
-    titan.publish("/map", b"grid")
-    titan.publish("/map", b"grid 2")
-    assert [m.data for _, m in titan.stored_since(stored[-1][0])] == [b"grid 2"]
-    assert titan.stored_since(0, 2) == stored[:2]
-    assert titan.epoch
-
-
 # --- a budget
-
-
-def test_a_contact_costs_no_more_than_its_budget(field_of):
-    field = field_of(PAIR + "trigger: {interval_s: 1, budget_bytes: 30000}\n")
-    titan, _, _ = field.node("titan")
-    titan.publish("/map", noise(60_000))
-    titan.publish("/trail", b"small")
-    io, radio, saw = field.node("io")
-    radio.report("titan", -50)
-    ended = saw.wait(SyncEnded, direction=IN)
-    assert not ended.complete
-    assert io.latest("titan", "/trail").data == b"small"
-    assert io.links()["titan"].bytes_in < 31_500
-    assert not io.sync("titan")  # nothing is left of it
-    for _ in range(3):  # the next contacts bring the rest
-        radio.report("titan", None)
-        radio.report("titan", -50)
-        if saw.wait(SyncEnded, direction=IN).complete:
-            break
-    assert io.latest("titan", "/map").data == noise(60_000)
-    assert io.links()["titan"].bytes_in < 70_000
 
 
 # --- many and large

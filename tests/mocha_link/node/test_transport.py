@@ -11,7 +11,6 @@ import time
 from pathlib import Path
 
 import pytest
-import zmq
 
 from mocha_link.links.metrics import Direction, MessageStored, SyncEnded, SyncStarted
 from mocha_link.node.gossip import Gossip
@@ -77,48 +76,6 @@ def test_datagrams_from_elsewhere_are_not_listened_to(field):
     assert sum(isinstance(each, SyncStarted) for each in saw.seen) == 1
 
 
-def test_only_datagrams_get_through(field):
-    """Something holds the TCP port and answers nothing: messages come all the same."""
-    titan, _, _ = field.node("titan")
-    titan.publish("/map", b"grid" * 5_000)
-    real = field.team.robot("titan").port_for("io")
-    with (
-        socket.create_server((field.host, 0)) as silent,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as near,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as far,
-    ):
-        near.bind((field.host, silent.getsockname()[1]))
-        far.bind((field.host, 0))
-        index = field.team.robot("titan").clients.index("io")
-        first = silent.getsockname()[1] - index
-        field.team = field.team.with_robots({"titan": {"base_port": first}})
-        io, _, saw = field.node("io")
-        done = threading.Event()
-
-        def carry() -> None:
-            poller, caller = zmq.Poller(), None
-            for each in (near, far):
-                poller.register(each.fileno(), zmq.POLLIN)
-            while not done.is_set():
-                for fd, _ in poller.poll(20):
-                    if fd == near.fileno():
-                        packet, caller = near.recvfrom(2048)
-                        far.sendto(packet, (field.host, real))
-                    else:
-                        near.sendto(far.recv(2048), caller)
-
-        thread = threading.Thread(target=carry)
-        thread.start()
-        try:
-            io.sync("titan")
-            assert saw.wait(SyncEnded, direction=IN).messages == 1
-        finally:
-            done.set()
-            thread.join()
-        assert io.links()["titan"].path == "udp"
-        assert io.latest("titan", "/map").data == b"grid" * 5_000
-
-
 def test_an_error_in_the_node_is_logged_and_not_its_end(field, caplog, monkeypatch):
     titan, _, _ = field.node("titan")
     titan.publish("/map", b"grid")
@@ -137,19 +94,6 @@ def test_an_error_in_the_node_is_logged_and_not_its_end(field, caplog, monkeypat
     io.sync("titan")
     assert saw.wait(SyncEnded, direction=IN).messages == 1
     assert "io: an error in the node" in caplog.text
-
-
-def test_a_port_for_datagrams_that_is_taken(field, caplog):
-    """All goes over connections then."""
-    number = field.team.robot("titan").port_for("io")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.bind((field.host, number))
-        titan, _, _ = field.node("titan")
-        assert f"no datagrams on port {number} of titan" in caplog.text
-        titan.publish("/map", b"grid")
-        io, _, saw = field.node("io")
-        io.sync("titan")
-        assert saw.wait(SyncEnded, direction=IN).messages == 1
 
 
 def test_robots_with_several_addresses(field):

@@ -8,7 +8,7 @@ import threading
 import pytest
 import zmq
 
-from mocha_link.errors import ListenError, PortInUseError
+from mocha_link.errors import ListenError
 from mocha_link.service.endpoint import bind
 from mocha_link.service.metrics_client import MetricsError, watch
 from mocha_link.service.telemetry import MetricsServer
@@ -37,11 +37,6 @@ def test_a_snapshot_then_events(server):
     kind, fields = next(stream2 := watch(server.endpoint, timeout_s=20))
     assert fields["links"]["io"]["rssi_dbm"] == -90.0
     stream2.close()
-
-
-def test_an_endpoint_in_use(server):
-    with pytest.raises(PortInUseError, match="it is in use; choose another one"):
-        MetricsServer(server.node, server.endpoint).start()
 
 
 @pytest.mark.parametrize("endpoint", ["nonsense", "tcp://203.0.113.7:1"])

@@ -137,8 +137,8 @@ def path(tmp_path):
 class Meetings(NetworkSim):
     """titan has a large message; io has a storage and gets it in several contacts."""
 
-    def __init__(self, team: Team, path, *, datagrams: bool = True) -> None:
-        super().__init__(team, names=("io", "titan"), datagrams=datagrams, delay_s=0.05)
+    def __init__(self, team: Team, path) -> None:
+        super().__init__(team, names=("io", "titan"), datagrams=True, delay_s=0.05)
         self.path = path
         self.storage: Storage | None = None
         self.boot()
@@ -173,9 +173,9 @@ class Meetings(NetworkSim):
         return held.get(("titan", "/map"))
 
 
-@pytest.fixture(params=[True, False], ids=["udp", "tcp"])
-def meetings(team, path, request):
-    meetings = Meetings(team, path, datagrams=request.param)
+@pytest.fixture
+def meetings(team, path):
+    meetings = Meetings(team, path)
     yield meetings
     meetings.die()
 

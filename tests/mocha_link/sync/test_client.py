@@ -336,16 +336,6 @@ def test_messages_that_this_peer_may_not_hand_us():
     assert "not signed" in pull.refusals[0]
 
 
-def test_a_broken_pull_leaves_whole_messages(pull):
-    pull.offer(header(0), header(1))
-    pull.answer(body(b"whole"))
-    pull.take(pull.session.fail("the link is gone", at(2)))
-    assert [type(event) for event in pull.events] == [SyncStarted, MessageStored, SyncTimedOut]
-    assert len(pull.database.records()) == 1
-    pull.answer(body(b"too late"))
-    assert len(pull.database.records()) == 1
-
-
 def own_record(age_s: int) -> Record:
     own = header(0, robot_id=TITAN, age_s=age_s)
     return Record(own, 0, body(b"mine"), own.stamp_ms(NOW_S), NOW_S)

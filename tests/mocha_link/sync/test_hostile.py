@@ -2,7 +2,7 @@
 
 Frames are those of real exchanges with something wrong in them (`fuzz.py`). After some hundred a
 friend must still be served, and serve; the log must be free of errors, and the memory must not
-grow. What single faults lead to: test_broken_peers.py.
+grow.
 """
 
 from __future__ import annotations

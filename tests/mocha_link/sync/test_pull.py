@@ -130,22 +130,6 @@ def test_a_peer_that_is_said_to_be_original(team):
     assert path(net) == "original"
 
 
-def test_an_original_peer_with_many_messages():
-    """The window widens by what was seen; every reply is taken once."""
-    net = NetworkSim(WIDE, names=("io", "titan"), datagrams=True, delay_s=FAR_S)
-    old = OldNode(net, "titan")
-    for number in range(TOPICS):
-        old.publish(f"/t{number}", b"message %d" % number)
-    net.pull("io", "titan")
-    assert net.held("io") == {
-        ("titan", f"/t{number}"): b"message %d" % number for number in range(TOPICS)
-    }
-    codes = [frame[6:11] for frame in net.sent("zmq", "io", "titan")]
-    assert codes == [b"SYNC1", b"GHEAD", *[b"GDATA"] * TOPICS, b"DENDT"]
-    # Two round trips to the list, some for windows that widen, one for the end.
-    assert ended(net).duration_s < 12 * 2 * FAR_S
-
-
 def test_an_original_peer_on_a_slow_link(team):
     """It takes long, datagrams were tried in vain, and all that counts is that bytes come."""
     net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
@@ -374,16 +358,6 @@ def test_silence_in_the_middle_of_a_pull(net):
     assert broken.reason == "no byte for 5 s in the middle of a sync"
 
 
-def test_a_peer_with_a_new_database(net):
-    """What we know of the old one is worth nothing; what we hold is not sent again."""
-    net.pull("io", "titan")
-    net.restart("titan")
-    net.publish("titan", "/slow", b"new")
-    net.pull("io", "titan")
-    assert net.held("io") == {("titan", "/map"): b"grid" * 1000, ("titan", "/slow"): b"new"}
-    assert ended(net).messages == 1
-
-
 def test_silence_times_out(net):
     net.silent.add("titan")
     begin_s = net.time_s
@@ -453,20 +427,6 @@ def test_a_long_gap_keeps_every_chunk(net):
     assert total < 2_000_000 * 1.12  # what came before the gap did not come again
 
 
-def test_a_long_gap_over_a_connection_keeps_every_chunk(team):
-    net = NetworkSim(team, delay_s=FAR_S)
-    net.publish("titan", "/slow", noise(2_000_000))
-    net.nodes["io"].sync("titan", net.now)
-    until_some_came(net)
-    net.silent.add("titan")
-    net.wait(20)
-    assert len(net.told("io", SyncTimedOut)) == 1
-    net.silent.clear()
-    net.pull("io", "titan")
-    assert net.held("io") == net.held("titan")
-    assert net.nodes["io"].links(net.now)["titan"].bytes_in < 2_000_000 * 1.12 + 70_000
-
-
 def test_a_stalled_connection_is_dialled_anew_when_a_contact_begins(team):
     """TCP sleeps in its back-off; a fresh connection gets through at once."""
     net = NetworkSim(team, delay_s=FAR_S)
@@ -486,7 +446,7 @@ def test_a_stalled_connection_is_dialled_anew_when_a_contact_begins(team):
     ]
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_end_is_lost(team, seed):
     """Whatever of the last packets is lost, both sides come to know that all is over."""
     net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
@@ -505,20 +465,6 @@ def test_the_end_is_lost(team, seed):
     told = [type(e) for e in net.events["titan"] if getattr(e, "direction", None) is OUT]
     assert told == [SyncStarted, SyncEnded]
     assert not net.told("io", SyncTimedOut)
-
-
-@pytest.mark.parametrize("loss", [0.02, 0.2])
-def test_where_datagrams_are_lost_everything_arrives(team, loss):
-    net = NetworkSim(team, datagrams=True, delay_s=0.02)
-    net.blocked = blocked(("zmq", "io", "titan"))
-    net.publish("titan", "/map", noise(60_000))
-    net.publish("titan", "/slow", noise(100))
-    chance = random.Random(3)
-    net.lets_by = lambda _: chance.random() >= loss
-    net.pull("io", "titan")
-    assert net.held("io") == net.held("titan")
-    assert ended(net).complete
-    assert net.nodes["io"].links(net.now)["titan"].refused == 0
 
 
 # --- budget
@@ -540,17 +486,6 @@ def test_a_new_peer_keeps_to_the_budget(datagrams):
     assert not ended(net).complete
     assert net.nodes["io"].links(net.now)["titan"].bytes_in < 21_000 + 1_500
     assert net.told("titan", SyncEnded)[-1].complete is False
-
-
-def test_an_original_peer_is_asked_for_no_more_than_the_budget():
-    net = budgeted(WIDE, 20_000)
-    old = OldNode(net, "titan")
-    for number in range(40):
-        old.publish(f"/t{number}", noise(2_000, number))
-    net.pull("io", "titan")
-    assert not ended(net).complete
-    assert 0 < ended(net).messages < 20  # what was under way still comes
-    assert not net.nodes["io"].sync("titan", net.now)
 
 
 def test_the_next_contact_has_a_budget_of_its_own():
@@ -597,20 +532,3 @@ def test_an_urgent_message_overtakes(team):
         net.settle()
         stored = [event.topic for event in net.told("io", MessageStored)]
         assert stored == ["/map", "/slow"]
-
-
-def test_pulls_from_several_peers_at_once(team):
-    net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
-    net.publish("titan", "/map", noise(100_000))
-    net.publish("callisto", "/pose", b"here")
-    net.pull("callisto", "titan")
-    io = net.nodes["io"]
-    for peer in ("callisto", "titan"):
-        io.sync(peer, net.now)
-    net.settle()
-    assert net.held("io") == {
-        ("titan", "/map"): noise(100_000),
-        ("callisto", "/pose"): b"here",
-    }
-    assert len(net.told("io", SyncEnded)) == 2
-    assert len(net.told("io", MessageStored)) == 2

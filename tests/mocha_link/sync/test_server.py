@@ -389,15 +389,6 @@ def test_a_new_pull_replaces_the_one_before(server, io, database):
     assert again.got == all_of(database)
 
 
-def test_the_same_pull_over_another_connection(server, io, database):
-    """The first connection broke in its handshake: all is said again on the second one."""
-    io.open(GRANT.pack(0, 65_536))
-    io.open(PLENTY, OTHER)
-    io.read()
-    assert io.got == all_of(database)
-    assert [type(event) for event in server.take()] == [SyncStarted, SyncEnded]
-
-
 def test_silence_ends_a_sync(server, io):
     io.open()
     io.drain(at(0))
