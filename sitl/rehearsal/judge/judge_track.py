@@ -12,7 +12,14 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from sitl.rehearsal.judge.evidence import COMPANION, Evidence, Happening, What, WireMessage
+from sitl.rehearsal.judge.evidence import (
+    AUTOPILOT,
+    COMPANION,
+    Evidence,
+    Happening,
+    What,
+    WireMessage,
+)
 from sitl.rehearsal.judge.mission_reader import RawMission, read_mission
 
 Floats = npt.NDArray[np.float64]
@@ -33,7 +40,16 @@ _SHOWS_S: Final = 2.0
 """A mode that was chosen, and not refused, shows within that time."""
 
 _HEARD_S: Final = 2.0
-"""So long it may take until the companion hears of another item or place."""
+"""So long it may take until the companion hears of another item or place, at most."""
+
+_HEEDED_S: Final = 0.5
+"""What has been heard for longer is known, whatever else is going on."""
+
+_TELLS: Final = {
+    "item": ("MISSION_CURRENT", ("seq",)),
+    "reposition": ("POSITION_TARGET_GLOBAL_INT", ("lat_int", "lon_int")),
+}
+"""Which message, and which of its fields, tells that the vehicle goes elsewhere."""
 
 _BRAKING_M_S2: Final = 3.0
 """What a PX4 brakes with at its defaults; the flight reckons with less."""
@@ -192,15 +208,28 @@ class Track:
 
         So may a command of ours that leaves before another item or place could be heard of.
         """
-        if taking.value in {"item", "reposition"}:
-            ours = (m.time_s - taking.time_s for m in self.commands() if is_motion(m))
-            return not any(0.0 <= later_s < _HEARD_S for later_s in ours)
+        if taking.value in _TELLS:
+            known_s = min(self._heard_of_s(taking) + _HEEDED_S, taking.time_s + _HEARD_S)
+            ours = (m.time_s for m in self.commands() if is_motion(m))
+            return not any(taking.time_s <= time_s < known_s for time_s in ours)
         if not str(taking.value).isupper():
             return True  # no mode: sticks, another plan
         samples = self.evidence.samples
         before = samples[max(self.at(taking.time_s) - 1, 0)].custom_mode
         after = samples[self.at(taking.time_s) : self.at(taking.time_s + _SHOWS_S) + 1]
         return any(sample.custom_mode != before for sample in after)
+
+    def _heard_of_s(self, taking: Happening) -> float:
+        """When the companion heard that the vehicle goes elsewhere; infinite: never."""
+        name, fields = _TELLS[str(taking.value)]
+        told = [
+            (message.time_s, [message.fields.get(field) for field in fields])
+            for message in self.evidence.heard
+            if message.name == name and message.component == AUTOPILOT
+        ]
+        before = next((to for time_s, to in reversed(told) if time_s < taking.time_s), None)
+        later = (time_s for time_s, to in told if time_s >= taking.time_s and to != before)
+        return next(later, math.inf)
 
     def _given_back_s(self, since_s: float) -> float:
         """When we moved it first after an operator had asked for that; infinite: never."""

@@ -237,11 +237,22 @@ def test_a_choice_that_the_autopilot_did_not_follow_is_no_takeover(choice, good)
     assert judge(evidence(faults=("PILOT",), happenings=happenings)).good == good
 
 
-@pytest.mark.parametrize(("at_s", "wrong"), [(30.5, False), (33.0, True)])
-def test_a_place_that_our_next_command_undoes_at_once_was_never_heard_of(at_s, wrong):
+@pytest.mark.parametrize(
+    ("at_s", "heard_s", "wrong"),
+    [(30.5, 30.4, False), (31.5, 30.4, True), (31.5, None, False), (33.0, None, True)],
+)
+def test_a_place_that_our_next_command_undoes_at_once_was_never_heard_of(at_s, heard_s, wrong):
     diverted = (Happening(30.0, What.PILOT, "reposition"),)
     ours_s = [command(at_s, 176, param2=4.0), command(61.0, 21), *AFTER]
-    assert ("authority" in kinds(evidence(more=ours_s, happenings=diverted))) == wrong
+    goes = [(29.0, 10, 10)] + ([(heard_s, 50, 50)] if heard_s else [])
+    name = "POSITION_TARGET_GLOBAL_INT"
+    told = []
+    for time_s, *to in goes:
+        latitude, longitude = FRAME.degrees(*to)
+        fields = {"lat_int": round(latitude * 1e7), "lon_int": round(longitude * 1e7)}
+        told.append(WireMessage(time_s, 1, 1, 0, name, fields))
+    found = kinds(evidence(more=ours_s, happenings=diverted, heard=tuple(told)))
+    assert ("authority" in found) == wrong
 
 
 @pytest.mark.parametrize(("at_s", "wrong"), [(25.0, True), (74.0, False)])
