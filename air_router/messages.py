@@ -6,6 +6,7 @@ the network is bounded and checked here before anybody uses it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -54,8 +55,21 @@ class GossipMessage(BaseModel):
         """
         if len(data) > MESSAGE_LIMIT_BYTES:
             raise MessageError(f"{cls.__name__} of {len(data)} bytes: too large")
+        return cls._checked(lambda: cls.model_validate_json(data))
+
+    @classmethod
+    def of(cls, **values: object) -> Self:
+        """Make a message of what a peer said in another form.
+
+        Raises:
+            MessageError: what is wrong with it.
+        """
+        return cls._checked(lambda: cls.model_validate(values))
+
+    @classmethod
+    def _checked(cls, make: Callable[[], Self]) -> Self:
         try:
-            return cls.model_validate_json(data)
+            return make()
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             where = ".".join(str(part) for part in first["loc"]) or "message"
@@ -63,7 +77,10 @@ class GossipMessage(BaseModel):
 
 
 class PoseMessage(GossipMessage):
-    """Where a robot is: WGS-84 degrees, heading clockwise from true north, Unix seconds."""
+    """Where a robot is: WGS-84 degrees, heading clockwise from true north, Unix seconds.
+
+    A stamp of 0, of a robot without a clock, is the time at which its node took the message.
+    """
 
     stamp_s: Stamp
     latitude_deg: Latitude

@@ -28,6 +28,28 @@ def add_uav(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_rover(parser: argparse.ArgumentParser) -> None:
+    """Add `--rover`: which robots of a simulation the user's own programs play."""
+    parser.add_argument(
+        "--rover",
+        action="append",
+        type=_rover,
+        default=[],
+        metavar="NAME=ENDPOINT",
+        help="a program of yours plays this robot: its node is served there, and it is where the "
+        "program says, e.g. rover=ipc:///tmp/rover (docs/robot.md); may be repeated",
+    )
+
+
+def _rover(text: str) -> tuple[str, str]:
+    name, _, endpoint = text.partition("=")
+    if not name or not endpoint.startswith(("ipc://", "tcp://")):
+        raise argparse.ArgumentTypeError(
+            f"{text} is not NAME=ENDPOINT; write it like rover=ipc:///tmp/rover"
+        )
+    return name, endpoint
+
+
 def number(what: str, lowest: float, highest: float) -> Callable[[str], float]:
     """The type of an argument that is a number from `lowest` to `highest`.
 

@@ -24,6 +24,7 @@ from air_router.flight.status import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
 from air_router.live.page import add_web, page_of
+from air_router.mission.found_by import UAV_KIND, ground_robots, pose_topic, why_not_found
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.preflight.preflight_survey import PreflightSurvey
@@ -38,7 +39,6 @@ from mocha_link import ListenError, PortInUseError, RadioError, Team
 from mocha_link.team.keys import KeyFileError, KeyMismatchError
 
 DEFAULT_URL = "udpin://127.0.0.1:14540"
-AERIAL = "aerial_robot"
 PART: Final = "--part"
 _UNUSABLE = (  # the gossip node cannot begin, so the flight does not
     PortInUseError,
@@ -167,7 +167,11 @@ def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
             "add `team: team.yaml` to it or say --team FILE"
         )
     team = Team.load(path)
-    return team, mission.uav or only_uav(team)
+    uav = mission.uav or only_uav(team)
+    for name in mission.seek or ground_robots(team, uav):
+        if pose_topic(team, name) is None:
+            raise RefusedError(f"{path}: {why_not_found(team, name)}")
+    return team, uav
 
 
 def load_flown(
@@ -193,18 +197,13 @@ def load_flown(
 
 def only_uav(team: Team) -> str:
     """The team's UAV, for missions that do not say which robot they fly."""
-    uavs = [robot.name for robot in team.robots.values() if robot.kind == AERIAL]
+    uavs = [robot.name for robot in team.robots.values() if robot.kind == UAV_KIND]
     if len(uavs) != 1:
         raise RefusedError(
-            f"{team.path}: has {len(uavs)} robots of kind {AERIAL}; "
+            f"{team.path}: has {len(uavs)} robots of kind {UAV_KIND}; "
             "say which one flies, --uav NAME or `uav: NAME` in the mission"
         )
     return uavs[0]
-
-
-def ground_robots(team: Team, uav: str) -> tuple[str, ...]:
-    """Everybody in the team that the UAV has a link with and that does not fly."""
-    return tuple(peer for peer in team.robot(uav).peers if team.robot(peer).kind != AERIAL)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

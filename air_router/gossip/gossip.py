@@ -13,6 +13,7 @@ from air_router.controller.model.actions import CommandAck
 from air_router.controller.model.events import Event
 from air_router.controller.model.requests import GoTo
 from air_router.gossip.mapper import Mapper
+from air_router.gossip.ros_messages import OCCUPANCY, occupancy_writer, readers_of
 from air_router.gossip.team_messages import TeamMessageDecoder
 from air_router.messages import (
     ANSWERS_TOPIC,
@@ -57,6 +58,7 @@ class Gossip:
 
     Raises:
         UnknownRobotError: the team has no robot of the UAV's name.
+        RefusedError: the team's ROS messages need the extra `ros`.
         PortInUseError: from `start`.
     """
 
@@ -74,12 +76,18 @@ class Gossip:
         node: Node | None = None,
     ) -> None:
         self._frame = frame
-        self._reader = TeamMessageDecoder(frame, name=name, goals_from=goals_from)
+        self._reader = TeamMessageDecoder(
+            frame, name=name, goals_from=goals_from, readers=readers_of(team)
+        )
         self._goals_from = goals_from
         self._mapper = mapper
         self._clock = clock
         self._name = name
-        self._topics = {topic.name for topic in team.topics_of(self._name)}
+        topics = team.topics_of(name)
+        self._topics = {topic.name for topic in topics}
+        self._grid_topics = [topic.name for topic in topics if topic.type == OCCUPANCY]
+        self._grid_of = occupancy_writer(team, name) if self._grid_topics else None
+        self._unreadable: set[tuple[str, str]] = set()
         self.node = node or Node(team, self._name, clock=clock, keys=keys)
         self._metrics = None if metrics is None else MetricsServer(self.node, metrics)
         self._pose_at_s = float("-inf")
@@ -156,12 +164,18 @@ class Gossip:
 
     def publish_map(self, time_s: float) -> None:
         """Put the newest map into the database now, if it has grown."""
-        if MAP_TOPIC not in self._topics:
+        if MAP_TOPIC not in self._topics and not self._grid_topics:
             return
         self._map_at_s = time_s
         encoded = self._mapper.publish(time_s)
-        if encoded is not None:
+        if encoded is None:
+            return
+        if MAP_TOPIC in self._topics:
             self.node.publish(MAP_TOPIC, encoded, now=True)
+        if self._grid_of is not None:
+            grid = self._grid_of(self._mapper.grid, self._clock.now_s())
+            for topic in self._grid_topics:
+                self.node.publish(topic, grid, now=True)
 
     def newest_stamps(self) -> dict[str, float]:
         """Unix seconds of the newest message of every robot that we hold anything of."""
@@ -197,15 +211,24 @@ class Gossip:
                 self._deliver(request)
 
     def _news(self, message: Message, peer: str) -> Event | None:
-        """What a stored message means to the mission; junk is logged and left alone."""
+        """What a stored message means to the mission; junk is told once, and left alone."""
+        data = message.parts[-1] if message.parts else message.data  # of several the newest
         try:
             return self._reader.event_of(
                 message.robot,
                 message.topic,
-                message.data,
+                data,
                 peer=peer,
                 unix_s=self._clock.now_s(),
+                said_s=message.stamp_s,
             )
         except (MessageError, FrameError) as error:
-            _log.warning("%s %s from %s: %s", message.robot, message.topic, peer, error)
+            told = (message.robot, message.topic) in self._unreadable
+            self._unreadable.add((message.robot, message.topic))
+            _log.log(
+                logging.DEBUG if told else logging.WARNING,
+                "%s of %s cannot be read and is left alone, told once: %s; correct its publisher "
+                "or its type in the team file (docs/robot.md)",
+                *(message.topic, message.robot, error),
+            )
         return None

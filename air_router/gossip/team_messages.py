@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict, deque
+from collections.abc import Mapping
 from typing import Final
 
 from shapely import LineString
@@ -14,6 +15,7 @@ from shapely import LineString
 from air_router.controller.model.events import Event, RobotPath, RobotPose, RobotSought
 from air_router.controller.model.requests import GoTo
 from air_router.controller.targets.target_list import SOUGHT_BY_OTHER_S
+from air_router.gossip.ros_messages import Reader
 from air_router.messages import (
     FARTHEST_M,
     GOALS_TOPIC,
@@ -34,6 +36,11 @@ PATH_DETAIL_M: Final = 1.0
 GOALS_KEPT: Final = 64
 """So many ids of each sender's goals are remembered."""
 
+_JSON: Final[Mapping[str, Reader]] = {
+    POSE_TOPIC: PoseMessage.decode,
+    PATH_TOPIC: PathMessage.decode,
+}
+
 PATH_READ: Final = 500
 """Of a longer path every second point is looked at, or every third, and so on: to find those that
 matter takes a time that grows with the square of their number."""
@@ -46,24 +53,38 @@ class TeamMessageDecoder:
         frame: The mission's local frame, in which events speak of places.
         name: This UAV's, to know which goals are meant for it.
         goals_from: Whose goals are requests; those of others are nothing to the mission.
+        readers: What reads poses and paths, by robot and topic; None: they are JSON of every robot.
     """
 
     def __init__(
-        self, frame: LocalFrame, *, name: str = "", goals_from: tuple[str, ...] = ()
+        self,
+        frame: LocalFrame,
+        *,
+        name: str = "",
+        goals_from: tuple[str, ...] = (),
+        readers: Mapping[tuple[str, str], Reader] | None = None,
     ) -> None:
         self._frame = frame
         self._name = name
         self._goals_from = goals_from
+        self._readers = readers
         self._goals: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=GOALS_KEPT))
 
     def reads(self, robot: str, topic: str) -> bool:
         """Whether what a robot says on a topic may be an event at all: others need no reading."""
         if topic == GOALS_TOPIC:
             return robot in self._goals_from
-        return topic in {POSE_TOPIC, PATH_TOPIC, SEEK_TOPIC}
+        return topic == SEEK_TOPIC or self._reader(robot, topic) is not None
 
-    def event_of(
-        self, robot: str, topic: str, data: bytes, *, peer: str, unix_s: float
+    def event_of(  # noqa: PLR0913 - what came with it
+        self,
+        robot: str,
+        topic: str,
+        data: bytes,
+        *,
+        peer: str,
+        unix_s: float,
+        said_s: float = 0.0,
     ) -> Event | None:
         """The event that a message is to the mission; None: it is none.
 
@@ -76,19 +97,20 @@ class TeamMessageDecoder:
             data: What it says.
             peer: Who handed it to us.
             unix_s: The time now, in Unix seconds.
+            said_s: When its maker's node took it, for a message without a stamp.
 
         Raises:
             MessageError: it is not what its topic promises.
             FrameError: it speaks of a place that cannot be near.
         """
-        if topic == POSE_TOPIC:
-            pose = PoseMessage.decode(data)
-            place = self._near(self._frame.to_local(pose.latitude_deg, pose.longitude_deg))
-            return RobotPose(robot, place, min(pose.stamp_s, unix_s), peer)
-        if topic == PATH_TOPIC:
-            path = PathMessage.decode(data)
-            stamp_s = min(path.stamp_s, unix_s)
-            return RobotPath(robot, self._way(path), stamp_s) if path.points else None
+        read = self._reader(robot, topic)
+        said = None if read is None else read(data)
+        if isinstance(said, PoseMessage):
+            place = self._near(self._frame.to_local(said.latitude_deg, said.longitude_deg))
+            return RobotPose(robot, place, min(said.stamp_s or said_s, unix_s), peer)
+        if isinstance(said, PathMessage):
+            stamp_s = min(said.stamp_s or said_s, unix_s)
+            return RobotPath(robot, self._way(said), stamp_s) if said.points else None
         if topic == SEEK_TOPIC:
             seek = SeekMessage.decode(data)
             if unix_s - seek.stamp_s <= SOUGHT_BY_OTHER_S:  # it may be carried news
@@ -96,6 +118,9 @@ class TeamMessageDecoder:
         if topic == GOALS_TOPIC and robot in self._goals_from:
             return self._request_of(robot, GoalsMessage.decode(data), unix_s)
         return None
+
+    def _reader(self, robot: str, topic: str) -> Reader | None:
+        return _JSON.get(topic) if self._readers is None else self._readers.get((robot, topic))
 
     def _request_of(self, robot: str, goals: GoalsMessage, unix_s: float) -> GoTo | None:
         """Goals as a request, the first time that they come."""

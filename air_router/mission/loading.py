@@ -15,7 +15,8 @@ from air_router.mission.airspaces import Airspaces, FlightWindow, airspaces_of
 from air_router.mission.fence_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
 from air_router.mission.mission import Mission, Waypoint
-from air_router.mission.validation import check_geometry, check_team
+from air_router.mission.team_validation import check_team
+from air_router.mission.validation import check_geometry
 from mocha_link.sanitize import sanitize
 from mocha_link.team.document import Document, DocumentError, Problem
 

@@ -1,8 +1,7 @@
-"""Whether a mission, as drafted, may be flown: every problem of its geometry and its team."""
+"""Whether a mission, as drafted, may be flown: every problem of its geometry."""
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Collection
 
@@ -10,18 +9,12 @@ import shapely
 from shapely import Polygon, STRtree
 
 from air_router.files.altitudes import HomeAltitudeError
-from air_router.files.mission_document import Area, Keys, MissionDocument, MissionPoint
-from air_router.messages import GOALS_TOPIC, SEEK_TOPIC
+from air_router.files.mission_document import Area, MissionDocument, MissionPoint
 from air_router.mission.airspaces import Airspaces, band_of
 from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Circle, Shape, ZoneError, circle_ring
 from geo.frame import Point
 from geo.paths.regions import Regions
-from mocha_link.team.document import DocumentError
-from mocha_link.team.team import Team
-
-UAV_KIND = "aerial_robot"
-"""The kind of the team's robots that fly; without `uav` in the mission, the only one is meant."""
 
 _FAR_M = 50_000.0
 _SAME_PLACE_M = 0.1
@@ -49,102 +42,6 @@ def check_geometry(draft: MissionDocument, airspaces: Airspaces) -> None:
     far = _check_distances(draft)
     if _check_spots(draft, airspaces, far) and not far and "planner" not in draft.unread:
         _check_ways(draft, airspaces)
-
-
-def check_team(draft: MissionDocument) -> None:
-    """Note what is wrong with the team file, and robots that it does not have.
-
-    Enters the only flying robot of the team as the draft's `uav`, if the mission names none.
-    """
-    if draft.world is not None and not draft.world.is_file():
-        draft.complain(
-            ("world",), f"there is no file {draft.world}; correct the path", "no-such-file"
-        )
-    if len(set(draft.seek)) < len(draft.seek):
-        message = "a robot is named twice; each is sought in turn anyway"
-        draft.complain(("seek", "robots"), message, "named-twice")
-    if draft.team is None:
-        return
-    if not draft.team.is_file():
-        draft.complain(
-            ("team",), f"there is no file {draft.team}; correct the path", "no-such-file"
-        )
-        return
-    try:
-        team = Team.load(draft.team)
-    except DocumentError as error:
-        draft.problems.extend(error.problems)
-        return
-    if draft.uav is not None:
-        of_several = [uav.keys for uav in draft.uavs if uav.name == draft.uav]
-        _check_robot(draft, draft.uav, team.robots, *of_several or [("uav",)])
-        _note_strangers(draft, team)
-    else:
-        flying = [name for name, robot in team.robots.items() if robot.kind == UAV_KIND]
-        if len(flying) == 1:
-            draft.uav = flying[0]
-        else:
-            draft.complain(
-                (),
-                f"the team has {len(flying)} robots of kind {UAV_KIND}; "
-                "add 'uav' with the name of the robot that flies this mission",
-                "who-flies",
-            )
-    _check_others(draft, team)
-
-
-def _check_others(draft: MissionDocument, team: Team) -> None:
-    """Note robots that are to be sought, or sent goals by, and cannot."""
-    for index, name in enumerate(draft.seek):
-        _check_robot(draft, name, team.robots, ("seek", "robots", index))
-        if name == draft.uav:
-            message = f"'{name}' flies this mission; take it off the list"
-            draft.complain(("seek", "robots", index), message, "seeks-itself")
-    for index, name in enumerate(draft.goals_from):
-        _check_goals(draft, name, team, ("goals_from", index))
-
-
-def _check_goals(draft: MissionDocument, name: str, team: Team, keys: Keys) -> None:
-    _check_robot(draft, name, team.robots, keys)
-    if name == draft.uav:
-        message = f"'{name}' flies this mission; goals come from others: take it off the list"
-        draft.complain(keys, message, "seeks-itself")
-    elif name in team.robots and GOALS_TOPIC not in {t.name for t in team.topics_of(name)}:
-        message = (
-            f"'{name}' has no topic {GOALS_TOPIC} in the team file, so that it can send none; "
-            "add {name: /goals, type: json/Goals, priority: high}"
-        )
-        draft.note(keys, message, "no-goals-topic")
-
-
-def _note_strangers(draft: MissionDocument, team: Team) -> None:
-    """Note UAVs of one mission that cannot tell each other whom they seek."""
-    own = next((uav for uav in draft.uavs if uav.name == draft.uav), None)
-    if own is None or own.name not in team.robots or len(draft.uavs) == 1:
-        return
-    known = {own.name, *team.robot(own.name).peers}
-    strangers = [uav.name for uav in draft.uavs if uav.name not in known]
-    if strangers:
-        names = " and ".join(f"'{name}'" for name in strangers)
-        message = (
-            f"'{own.name}' has no link with {names} in the team file, so that they may seek the "
-            "same robot; make them clients of each other"
-        )
-        draft.note(own.keys, message, "uavs-not-linked")
-    if SEEK_TOPIC not in {topic.name for topic in team.topics_of(own.name)}:
-        message = (
-            f"'{own.name}' has no topic {SEEK_TOPIC} in the team file, so that others may seek the "
-            "robot that it seeks; add {name: /seek, type: json/Seek}"
-        )
-        draft.note(own.keys, message, "no-seek-topic")
-
-
-def _check_robot(draft: MissionDocument, name: str, known: Collection[str], keys: Keys) -> None:
-    if name in known:
-        return
-    close = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean '{close[0]}'?" if close else f"use one of {', '.join(sorted(known))}"
-    draft.complain(keys, f"the team has no robot '{name}'; {hint}", "unknown-robot")
 
 
 def _check_names(draft: MissionDocument) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from air_router.counted import counted
 from air_router.mission.fence_plan import FENCE_POINTS
 from air_router.mission.flight_plan import FlightPlan
+from air_router.mission.found_by import finders
 from air_router.mission.mission import Mission
 from air_router.preflight.survey import MissionSurvey, SurveyedLeg
 from air_router.routing.return_planner import LANDING_MARGIN, Pace, Way
@@ -73,6 +74,7 @@ def summary(findings: MissionSurvey) -> list[str]:
         seek = ", ".join(mission.seek) or "every other robot"
         seek += f" ({mission.seek_policy})"
         lines.append(f"  team       {mission.team}: {_flying(mission)} {seek}")
+        lines += _finds(mission)
     lines += _layers(mission)
     lines += [f"  note       {note}" for note in mission.notes]
     return lines
@@ -89,6 +91,14 @@ def _flying(mission: Mission) -> str:
     if len(names) > 1:
         return f"{' and '.join(names)} fly and seek"
     return f"{mission.uav} flies and seeks"
+
+
+def _finds(mission: Mission) -> list[str]:
+    """A line for each topic by which robots are found."""
+    robots: dict[str, list[str]] = {}
+    for robot, topic in finders(mission).items():
+        robots.setdefault(f"{topic.name} ({topic.type})", []).append(robot)
+    return [f"  found by   {topic}: {_names(names)}" for topic, names in robots.items()]
 
 
 def _layers(mission: Mission) -> list[str]:
@@ -182,6 +192,10 @@ def facts_of(findings: MissionSurvey) -> dict[str, Any]:
         "planner": mission.planner.kind,
         "seek": list(mission.seek),
         "seek_policy": mission.seek_policy,
+        "found_by": {
+            robot: {"topic": topic.name, "type": topic.type}
+            for robot, topic in finders(mission).items()
+        },
         "edges": findings.edges,
         "detours": findings.detours,
         "connected": findings.connected,

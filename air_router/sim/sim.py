@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from air_router.cli.arguments import add_start, speed_factor
+from air_router.cli.arguments import add_rover, add_start, speed_factor
 from air_router.cli.command_line import print_json
 from air_router.cli.fly import PART, add_flight_arguments, finish, fly, options_of
 from air_router.live.page import joint_page
@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "example: air-router sim missions/pennovation/mission.yaml --speed 10"
     add_flight_arguments(parser)
     add_start(parser)
+    add_rover(parser)
     parser.add_argument(
         "--speed",
         type=speed_factor,
@@ -57,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     if importlib.util.find_spec("pymavlink") is None:  # the world is other processes
         raise MissingExtraError("the simulated world", "pymavlink", "sim", "air-router")
     mission = load_mission(arguments.mission, start=arguments.at, duration_s=arguments.duration)
-    options = SimOptions(arguments.speed, arguments.seed, arguments.px4)
+    options = SimOptions(arguments.speed, arguments.seed, arguments.px4, tuple(arguments.rover))
     if len(mission.layers) > 1:
         return _fly_several(mission, options, arguments)
     # The simulated vehicle's clock is today's, whenever the flight is meant to be.

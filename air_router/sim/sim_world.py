@@ -45,11 +45,13 @@ class SimOptions:
         speed: Times real time.
         seed: Of everything random in it.
         px4: Fly a real PX4: where it is, empty where `sitl px4` finds it; None: our own.
+        rovers: Robots that the user's programs play, and where the node of each is served.
     """
 
     speed: float = 1.0
     seed: int = 1
     px4: str | None = None
+    rovers: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,6 +248,8 @@ class SimWorld(Closeable):
             name = f"{uav}=" if uav else ""
             places += ["--truth", f"{name}{truth}"]
             places += ["--camera", f"{name}tcp://127.0.0.1:{camera_port}"]
+        for name, endpoint in self._options.rovers:
+            places += ["--rover", f"{name}={endpoint}"]
         files = ["--free-ports", str(self._folder), "--report", str(self._report)]
         seed = ["--seed", str(self._options.seed)]
         return self._start("team", ["team", str(self._mission), *places, *files, *seed, *arguments])

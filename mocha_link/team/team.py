@@ -80,7 +80,8 @@ class Robot:
     `clients` are in the order of the ports; None keeps a port unused. `radio_id` is by what the
     radios of others know it (MAC address, serial number). `key` is its public Ed25519 key in Z85.
     `original`: it runs the original MOCHA node. `ros`: how its ROS messages are serialized, 1 (as
-    ROS 1) or 2 (CDR).
+    ROS 1) or 2 (CDR). `datum`: where the origin of the local frame of its ROS messages lies:
+    latitude and longitude in degrees, and by how much x is turned from east, counterclockwise.
     """
 
     name: str
@@ -95,6 +96,7 @@ class Robot:
     key: str | None = None
     original: bool = False
     ros: Literal[1, 2] = 1
+    datum: tuple[float, ...] | None = None
 
     @property
     def peers(self) -> tuple[str, ...]:
@@ -184,6 +186,7 @@ class Team:
                 key=robot.key,
                 original=robot.original,
                 ros=robot.ros,
+                datum=None if robot.datum is None else tuple(robot.datum),
             )
             for name, robot in model.robots.items()
         }

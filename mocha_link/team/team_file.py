@@ -68,6 +68,12 @@ def _a_type(text: str) -> str:
     return text
 
 
+def _a_datum(values: list[float]) -> list[float]:
+    if not (abs(values[0]) <= 90 and abs(values[1]) <= 180 and abs(values[-1]) <= 360):
+        raise ValueError("write [latitude, longitude] or [latitude, longitude, yaw] in degrees")
+    return values
+
+
 Name = Annotated[str, AfterValidator(_a_name)]
 TypeKey = Annotated[str, AfterValidator(_a_type)]
 Host = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
@@ -126,6 +132,10 @@ class RobotModel(BaseModel):
     ] = None
     original: bool = False
     ros: Literal[1, 2] = 1
+    datum: Annotated[
+        Annotated[list[float], Key(min_length=2, max_length=3), AfterValidator(_a_datum)] | None,
+        Key(description="latitude and longitude of the origin of its local frame"),
+    ] = None
 
 
 class TriggerModel(BaseModel):

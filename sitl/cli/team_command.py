@@ -7,6 +7,7 @@ import logging
 from collections.abc import Sequence
 from pathlib import Path
 
+from air_router.cli.arguments import add_rover
 from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode, UsageError
 from air_router.mission.loading import load_mission
@@ -72,6 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write a team file with free loopback addresses and ports into DIR and use that one, "
         "so that simulations can run side by side; a mission without a team gets a built-in one",
     )
+    add_rover(parser)
     parser.add_argument("--report", type=Path, metavar="FILE", help="write a report at the end")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all that is random")
     parser.add_argument(
@@ -124,6 +126,7 @@ def _places(arguments: argparse.Namespace, vehicles: Sequence[str]) -> Places:
         truths[first],
         cameras[first],
         {name: Places(truths[name], cameras[name]) for name in others},
+        dict(arguments.rover),
     )
 
 

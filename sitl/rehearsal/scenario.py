@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from air_router.cli.fly import ground_robots, team_of
+from air_router.cli.fly import team_of
+from air_router.mission.found_by import ground_robots
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from geo.frame import Point

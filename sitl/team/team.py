@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,15 +19,16 @@ import zmq
 
 from air_router.errors import AirRouterError, ExitCode
 from air_router.gossip.mapper import RESOLUTION_M
+from air_router.mission.found_by import UAV_KIND
 from air_router.mission.mission import Mission
-from air_router.mission.validation import UAV_KIND
 from geo.frame import FrameError
 from mocha_link.team.team import Team
 from sitl.mavlink.truth import TruthReceiver, VehicleState
 from sitl.team.clock import SimClock
 from sitl.team.ground_nodes import GroundNodes, RadioReadings
 from sitl.team.relay import Relay, relayed_pairs
-from sitl.team.team_report import Holdings, report
+from sitl.team.rovers import RosSpeech, Rovers
+from sitl.team.team_report import Holdings, TeamPace, report
 from sitl.world.terrain import Raster
 from sitl.world.ugv import GroundRobot
 from sitl.world.world import Settings, Step, Truth, World
@@ -58,12 +59,14 @@ class TeamError(AirRouterError):
 class Places:
     """Where the world listens: the vehicle's truth stream and the camera's subscribers.
 
-    `others` are the same of the other vehicles, by name.
+    `others` are the same of the other vehicles, by name. `rovers` are the robots that programs
+    play, and where the node of each is served to its program.
     """
 
     truth: str = DEFAULT_TRUTH
     camera: str = DEFAULT_CAMERA
     others: Mapping[str, Places] = field(default_factory=dict)
+    rovers: Mapping[str, str] = field(default_factory=dict)
 
 
 _ANYWHERE: Final = Places("udp://127.0.0.1:0", "tcp://127.0.0.1:0")
@@ -102,8 +105,17 @@ def roles_of(mission: Mission, team: Team) -> TeamRoles:
     return TeamRoles(vehicle, ground, tuple(u.uav for u in mission.layers if u.uav != vehicle))
 
 
-def make_world(mission: Mission, team: Team, roles: TeamRoles, plan: WorldPlan) -> World:
-    """The pure world of a mission: robots at the start of their patrols."""
+def make_world(
+    mission: Mission,
+    team: Team,
+    roles: TeamRoles,
+    plan: WorldPlan,
+    played: Collection[str] = (),
+) -> World:
+    """The pure world of a mission: robots at the start of their patrols.
+
+    Those that are `played` by programs stand there, and say nothing by themselves.
+    """
     corners = [corner for fence in mission.fences for corner in fence.corners]
     corners += [*(waypoint.position for waypoint in mission.waypoints), mission.home]
     settings = Settings(
@@ -120,34 +132,11 @@ def make_world(mission: Mission, team: Team, roles: TeamRoles, plan: WorldPlan) 
         name: GroundRobot(name, p.patrol, p.speed_m_s, plan.scene.vehicles, p.start_m)
         for name, p in plan.patrols.items()
     }
-    topics = {name: {topic.name for topic in team.topics_of(name)} for name in robots}
+    speech = RosSpeech(team)
+    topics = {name: () if name in played else speech.topics(name) for name in robots}
+    for name in played:
+        robots[name].stand(robots[name].position)
     return World(settings, robots, topics)
-
-
-class TeamPace:
-    """How fast the world went, and in what steps."""
-
-    def __init__(self) -> None:
-        self._began: tuple[float, float] | None = None
-        self._now = (0.0, 0.0)
-        self._longest_step_s = 0.0
-
-    def stepped(self, time_s: float, wall_s: float) -> None:
-        """The world was moved on to this simulated time, at this time of a steady clock."""
-        if self._began is None:
-            self._began = self._now = (time_s, wall_s)
-        self._longest_step_s = max(self._longest_step_s, time_s - self._now[0])
-        self._now = (time_s, wall_s)
-
-    def told(self) -> dict[str, float | None]:
-        """Simulated seconds per wall-clock second, and the longest step in simulated seconds."""
-        simulated_s, wall_s = (
-            now - then for now, then in zip(self._now, self._began or self._now, strict=True)
-        )
-        return {
-            "kept": round(simulated_s / wall_s, 2) if wall_s > 0 else None,
-            "longest_step_s": round(self._longest_step_s, 2),
-        }
 
 
 class TeamSimulation:
@@ -176,7 +165,14 @@ class TeamSimulation:
         epoch_s: float | None = None,
     ) -> None:
         roles = roles_of(mission, team)
-        self.world = make_world(mission, team, roles, plan)
+        rovers = places.rovers
+        if strangers := sorted(rovers.keys() - set(roles.ground)):
+            raise TeamError(
+                f"{team.path}: no robot '{strangers[0]}' drives on the ground for a program to "
+                f"play; use one of {', '.join(roles.ground)}"
+            )
+        self.world = make_world(mission, team, roles, plan, rovers)
+        self._speech = RosSpeech(team)
         self.clock = SimClock(epoch_s)
         self._mission = mission
         self._team = team
@@ -205,6 +201,9 @@ class TeamSimulation:
                 )
             )
             self._nodes = stack.enter_context(GroundNodes(team, self.world.robots, self.clock))
+            self._rovers = stack.enter_context(
+                Rovers(team, mission.frame, self._nodes.nodes, rovers)
+            )
             self._stack = stack.pop_all()
 
     def ready(self) -> dict[str, Any]:
@@ -271,6 +270,8 @@ class TeamSimulation:
             for name, there in self._others.items()
             if (other := self._truth_of(there, self._ground_amsl_m)) is not None
         }
+        for name, place in self._rovers.places(truth.unix_s):
+            self.world.robots[name].stand(place)
         self._apply(self.world.step(truth, others))
 
     def _truth_of(self, state: VehicleState, ground_amsl_m: float) -> Truth | None:
@@ -310,7 +311,7 @@ class TeamSimulation:
             self._relay.set_link(change.a, change.b, up=change.up)
             _log.info("%s and %s %s", change.a, change.b, "in contact" if change.up else "lost")
         self._radio.tell(step.readings)
-        self._nodes.publish(step.publications)
+        self._nodes.publish(map(self._speech.of, step.publications))
         self._nodes.take_maps()
         if step.patch is not None:
             self._camera.send(step.patch.encode())

@@ -135,3 +135,29 @@ def _maps(keeper: MapKeeper) -> dict[str, Any]:
 
 def _finite(value: float) -> float | None:
     return round(value, 3) if math.isfinite(value) else None
+
+
+class TeamPace:
+    """How fast the world went, and in what steps."""
+
+    def __init__(self) -> None:
+        self._began: tuple[float, float] | None = None
+        self._now = (0.0, 0.0)
+        self._longest_step_s = 0.0
+
+    def stepped(self, time_s: float, wall_s: float) -> None:
+        """The world was moved on to this simulated time, at this time of a steady clock."""
+        if self._began is None:
+            self._began = self._now = (time_s, wall_s)
+        self._longest_step_s = max(self._longest_step_s, time_s - self._now[0])
+        self._now = (time_s, wall_s)
+
+    def told(self) -> dict[str, float | None]:
+        """Simulated seconds per wall-clock second, and the longest step in simulated seconds."""
+        simulated_s, wall_s = (
+            now - then for now, then in zip(self._now, self._began or self._now, strict=True)
+        )
+        return {
+            "kept": round(simulated_s / wall_s, 2) if wall_s > 0 else None,
+            "longest_step_s": round(self._longest_step_s, 2),
+        }

@@ -126,6 +126,12 @@ class GroundRobot:
         self._place = self.patrol.at(self.start_m + self.driven_m)
         self._look()
 
+    def stand(self, place: Point) -> None:
+        """Be there from now on: its own program drives it."""
+        self.patrol, self.start_m = Patrol([place]), 0.0
+        self._place = self.patrol.at(0.0)
+        self._look()
+
     @property
     def position(self) -> Point:
         """Metres east/north."""

@@ -1,0 +1,203 @@
+"""ROS messages on the air: where robots are and drive, and the UAV's map for them.
+
+A robot's local frame begins at its `datum` in the team file. What cannot be what it says (numbers
+that are none, places that are not on Earth) becomes a MessageError, as with JSON.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from air_router.errors import RefusedError
+from air_router.messages import (
+    GossipMessage,
+    MessageError,
+    PathMessage,
+    PoseMessage,
+)
+from air_router.mission.found_by import FIX, LOCAL_POSES, PATH, path_topic, pose_topic
+from geo.frame import FrameError, Geodetic, LocalFrame, Point
+from geo.grid import SemanticGrid, Terrain
+from mocha_link.ros.typed import JSON_PACKAGE, TypedError, Types
+from mocha_link.team.team import Robot, Team
+
+OCCUPANCY: Final = "nav_msgs/OccupancyGrid"
+MAP_FRAME: Final = "map"
+
+ROS_LIMIT_BYTES: Final = 1 << 18
+"""Of a path of 3,000 poses: to read it takes a tenth of a second, in which nothing else is done."""
+
+_CLOCK_SET_S: Final = 1e9
+"""An earlier stamp, before 2001, is of a clock that shows no time of day."""
+
+_OCCUPIED: Final = np.full(max(Terrain) + 1, 0, dtype=np.int8)
+_OCCUPIED[Terrain.UNKNOWN] = -1
+_OCCUPIED[Terrain.VEGETATION] = 50
+_OCCUPIED[[Terrain.BUILDING, Terrain.VEHICLE, Terrain.HUMAN]] = 100
+"""How likely a cell stops a robot, in percent; -1: not known."""
+
+Reader = Callable[[bytes], GossipMessage | None]
+"""What a message of a topic says; None: nothing, for now. Raises MessageError."""
+
+
+@dataclass(frozen=True, slots=True)
+class Datum:
+    """A robot's local frame: metres, x turned from east by `yaw` radians counterclockwise.
+
+    Raises:
+        FrameError: from its methods: what is no place on Earth, or too far away.
+    """
+
+    frame: LocalFrame
+    yaw: float
+
+    @classmethod
+    def of(cls, robot: Robot) -> Datum | None:
+        """That of the team file; None: it has none."""
+        if robot.datum is None:
+            return None
+        latitude_deg, longitude_deg, *yaw_deg = robot.datum
+        return cls(LocalFrame(Geodetic(latitude_deg, longitude_deg)), math.radians(sum(yaw_deg)))
+
+    def to_geodetic(self, positions: Sequence[Any]) -> list[list[float]]:
+        """Latitude and longitude of positions of ROS, which have an x and a y."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        points = [(p.x * cos - p.y * sin, p.x * sin + p.y * cos) for p in positions]
+        places: list[list[float]] = self.frame.to_geodetic_many(points).tolist()
+        return places
+
+    def to_local(self, place: Geodetic) -> tuple[float, float]:
+        """The x and y of a place."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        east_m, north_m = self.frame.to_local(*place)
+        return east_m * cos + north_m * sin, north_m * cos - east_m * sin
+
+
+def readers_of(team: Team) -> dict[tuple[str, str], Reader]:
+    """What reads poses and paths of the team's robots, by robot and topic.
+
+    Raises:
+        RefusedError: some of them are ROS messages, and the extra `ros` is not installed.
+    """
+    readers: dict[tuple[str, str], Reader] = {}
+    types = None
+    for robot in team.robots.values():
+        for topic, message in (
+            (pose_topic(team, robot.name), PoseMessage),
+            (path_topic(team, robot.name), PathMessage),
+        ):
+            if topic is not None and topic.type.startswith(JSON_PACKAGE):
+                readers[robot.name, topic.name] = message.decode
+            elif topic is not None:
+                types = types or _types(team)
+                readers[robot.name, topic.name] = _ros_reader(types, topic.type, robot)
+    return readers
+
+
+def occupancy_writer(team: Team, robot: str) -> Callable[[SemanticGrid, float], bytes]:
+    """What turns the UAV's map, at a time in Unix seconds, into an OccupancyGrid.
+
+    The grid is placed in the frame of the UAV's `datum`, or else in the map's own.
+
+    Raises:
+        RefusedError: the extra `ros` is not installed.
+    """
+    types, me = _types(team), team.robot(robot)
+    datum = Datum.of(me)
+
+    def write(grid: SemanticGrid, unix_s: float) -> bytes:
+        x, y, yaw = _place(grid, datum)
+        rows, columns = grid.cells.shape
+        seconds, part = divmod(unix_s, 1.0)
+        stamp = {"sec": int(seconds), "nanosec": int(part * 1e9)}
+        info = {
+            "map_load_time": stamp,
+            "resolution": grid.resolution_m,
+            "width": columns,
+            "height": rows,
+            "origin": {
+                "position": {"x": x, "y": y},
+                "orientation": {"z": math.sin(yaw / 2), "w": math.cos(yaw / 2)},
+            },
+        }
+        values = {"header": {"stamp": stamp, "frame_id": MAP_FRAME}, "info": info}
+        empty = types.decode(OCCUPANCY, types.encode(OCCUPANCY, values, me.ros), me.ros)
+        filled = dataclasses.replace(empty, data=_OCCUPIED[grid.cells].ravel())
+        return types.encode(OCCUPANCY, filled, me.ros)
+
+    return write
+
+
+def _place(grid: SemanticGrid, datum: Datum | None) -> tuple[float, float, float]:
+    """The grid's south-west corner in a local frame, and by how much its rows are turned there."""
+    if datum is None:
+        return grid.west_m, grid.south_m, 0.0
+    frame, width_m = LocalFrame(grid.origin), grid.resolution_m * grid.cells.shape[1]
+    x, y = datum.to_local(frame.to_geodetic(Point(grid.west_m, grid.south_m)))
+    to_x, to_y = datum.to_local(frame.to_geodetic(Point(grid.west_m + width_m, grid.south_m)))
+    return x, y, math.atan2(to_y - y, to_x - x)
+
+
+def _types(team: Team) -> Types:
+    types = Types(team.definitions)
+    if not types.has_ros:
+        raise RefusedError(
+            f"{team.path} has ROS messages that this UAV reads or writes, and the extra 'ros' is "
+            "not installed here; install it (docs/connect.md)"
+        )
+    return types
+
+
+def _ros_reader(types: Types, kind: str, robot: Robot) -> Reader:
+    datum, says = Datum.of(robot), _SAYS[kind]
+
+    def read(data: bytes) -> GossipMessage | None:
+        if len(data) > ROS_LIMIT_BYTES:
+            raise MessageError(f"{kind} of {len(data)} bytes: at most {ROS_LIMIT_BYTES} are read")
+        try:
+            return says(types.decode(kind, data, robot.ros), datum)
+        except (TypedError, FrameError) as error:
+            raise MessageError(f"{kind}: {error}") from None
+
+    return read
+
+
+def _fix(message: Any, _datum: object) -> PoseMessage | None:
+    if message.status.status < 0:  # no fix
+        return None
+    return PoseMessage.of(
+        stamp_s=_stamp_s(message),
+        latitude_deg=message.latitude,
+        longitude_deg=message.longitude,
+    )
+
+
+def _pose(message: Any, datum: Datum) -> PoseMessage:
+    pose = message.pose
+    place = datum.to_geodetic([(pose if hasattr(pose, "position") else pose.pose).position])[0]
+    return PoseMessage.of(stamp_s=_stamp_s(message), latitude_deg=place[0], longitude_deg=place[1])
+
+
+def _path(message: Any, datum: Datum) -> PathMessage:
+    points = datum.to_geodetic([stamped.pose.position for stamped in message.poses])
+    return PathMessage.of(stamp_s=_stamp_s(message), points=points)
+
+
+def _stamp_s(message: Any) -> float:
+    """Unix seconds; 0 where its maker's clock shows no time of day."""
+    stamp = message.header.stamp
+    stamp_s = float(stamp.sec) + stamp.nanosec * 1e-9
+    return stamp_s if stamp_s >= _CLOCK_SET_S else 0.0
+
+
+_SAYS: Final[Mapping[str, Callable[[Any, Any], GossipMessage | None]]] = {
+    FIX: _fix,
+    **dict.fromkeys(LOCAL_POSES, _pose),
+    PATH: _path,
+}
