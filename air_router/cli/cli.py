@@ -19,6 +19,7 @@ exit codes:
 """
 
 COMMANDS = (
+    Command("new", "air_router.start.new", "make a first mission, with team, world and rover"),
     Command("check", "air_router.cli.check", "check a mission file and say what to expect"),
     Command("plan", "air_router.cli.plan", "plan a route between two waypoints or places"),
     Command(

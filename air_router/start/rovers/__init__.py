@@ -1,0 +1,1 @@
+"""Rovers of fifteen lines: docs/robot.md shows them, `air-router new` copies them."""
