@@ -19,6 +19,9 @@ SEEK_TOPIC: Final = "/seek"
 GOALS_TOPIC: Final = "/goals"
 ANSWERS_TOPIC: Final = "/answers"
 
+JSON_PACKAGE: Final = "json/"
+"""How the types of JSON begin in a team file; their topic's name says what they mean."""
+
 MESSAGE_LIMIT_BYTES: Final = 1 << 20
 
 MOST_POINTS: Final = 50

@@ -24,7 +24,7 @@ from air_router.flight.status import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
 from air_router.live.page import add_web, page_of
-from air_router.mission.found_by import UAV_KIND, ground_robots, pose_topic, why_not_found
+from air_router.mission.found_by import UAV_KIND, pose_topic, sought, why_not_found
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.preflight.preflight_survey import PreflightSurvey
@@ -128,7 +128,7 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             clock=clock,
             gossip=gossip,
             mapper=mapper,
-            seek=mission.seek or ground_robots(team, uav),
+            seek=sought(team, uav, mission.seek, mission.goals_from),
             recorder=recorder,
             status=status,
             camera=options.camera,
@@ -168,7 +168,7 @@ def team_of(mission: Mission, path: Path | None) -> tuple[Team, str]:
         )
     team = Team.load(path)
     uav = mission.uav or only_uav(team)
-    for name in mission.seek or ground_robots(team, uav):
+    for name in sought(team, uav, mission.seek, mission.goals_from):
         if pose_topic(team, name) is None:
             raise RefusedError(f"{path}: {why_not_found(team, name)}")
     return team, uav

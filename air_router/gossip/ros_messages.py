@@ -16,6 +16,7 @@ import numpy as np
 
 from air_router.errors import RefusedError
 from air_router.messages import (
+    JSON_PACKAGE,
     GossipMessage,
     MessageError,
     PathMessage,
@@ -24,7 +25,7 @@ from air_router.messages import (
 from air_router.mission.found_by import FIX, LOCAL_POSES, PATH, path_topic, pose_topic
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.grid import SemanticGrid, Terrain
-from mocha_link.ros.typed import JSON_PACKAGE, TypedError, Types
+from mocha_link.ros.typed import TypedError, Types
 from mocha_link.team.team import Robot, Team
 
 OCCUPANCY: Final = "nav_msgs/OccupancyGrid"

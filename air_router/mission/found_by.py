@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from air_router.messages import PATH_TOPIC, POSE_TOPIC
+from air_router.messages import JSON_PACKAGE, PATH_TOPIC, POSE_TOPIC
 from air_router.mission.mission import Mission
-from mocha_link.ros.typed import JSON_PACKAGE
 from mocha_link.team.team import Team, Topic
 
 UAV_KIND: Final = "aerial_robot"
@@ -30,9 +29,19 @@ _GOAL: Final = "goal"
 """A pose of ROS on a topic with this in its name is where a robot is to go, not where it is."""
 
 
-def ground_robots(team: Team, uav: str) -> tuple[str, ...]:
-    """The robots that a UAV has a link with and that do not fly: whom it seeks unless told."""
-    return tuple(peer for peer in team.robot(uav).peers if team.robot(peer).kind != UAV_KIND)
+def sought(
+    team: Team, uav: str, seek: tuple[str, ...], goals_from: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Whom a UAV seeks: those that its mission names, or else all that drive and have a link to it.
+
+    A base station that sends goals, and nothing that says where it is, is not sought by itself.
+    """
+    return seek or tuple(
+        peer
+        for peer in team.robot(uav).peers
+        if team.robot(peer).kind != UAV_KIND
+        and (peer not in goals_from or pose_topic(team, peer) is not None)
+    )
 
 
 def pose_topic(team: Team, robot: str) -> Topic | None:
@@ -49,7 +58,8 @@ def finders(mission: Mission) -> dict[str, Topic]:
     if mission.team is None or mission.uav is None:
         return {}
     team = Team.load(mission.team)
-    found = {n: pose_topic(team, n) for n in mission.seek or ground_robots(team, mission.uav)}
+    names = sought(team, mission.uav, mission.seek, mission.goals_from)
+    found = {name: pose_topic(team, name) for name in names}
     return {name: topic for name, topic in found.items() if topic is not None}
 
 

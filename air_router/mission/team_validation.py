@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from air_router.files.mission_document import Keys, MissionDocument
 from air_router.messages import GOALS_TOPIC, SEEK_TOPIC
-from air_router.mission.found_by import UAV_KIND, ground_robots, pose_topic, why_not_found
+from air_router.mission.found_by import UAV_KIND, pose_topic, sought, why_not_found
 from mocha_link.team.document import Document, DocumentError
 from mocha_link.team.team import Team
 
@@ -44,8 +44,9 @@ def check_team(draft: MissionDocument) -> None:
     else:
         _choose(draft, team)
     _check_others(draft, team)
-    by_default = draft.uav in team.robots and not draft.seek
-    for name in ground_robots(team, str(draft.uav)) if by_default else draft.seek:
+    uav = str(draft.uav)
+    names = sought(team, uav, draft.seek, draft.goals_from) if uav in team.robots else draft.seek
+    for name in names:
         if name in team.robots and pose_topic(team, name) is None:
             message = why_not_found(team, name)
             draft.problems.append(document.problem(("robots", name), message, "found-by-nothing"))

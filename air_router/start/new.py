@@ -16,7 +16,7 @@ from geo.frame import Geodetic, LocalFrame
 _EPILOG = """\
 examples:
   air-router new                                      (asks on the terminal)
-  air-router new site --home 47.3977,8.5456 --robots "husky=ros2, scout"
+  air-router new yard --home 47.3977,8.5456 --robots "husky=ros2, scout"
 """
 
 

@@ -14,7 +14,7 @@ from air_router.flight.flight import Flight
 from air_router.flight.status import StatusLine
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
-from air_router.mission.found_by import ground_robots
+from air_router.mission.found_by import sought
 from air_router.mission.loading import load_mission
 from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recorder import Recorder
@@ -85,7 +85,7 @@ class Companion:
                 node=cast("Node", self.node),
             ),
             mapper=mapper,
-            seek=mission.seek or ground_robots(team, uav),
+            seek=sought(team, uav, mission.seek, mission.goals_from),
             recorder=Recorder(None, str(path)),
             status=_Status(self._told, self._loop.time),
             arm=not resume,

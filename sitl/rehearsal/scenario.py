@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from air_router.cli.fly import team_of
-from air_router.mission.found_by import ground_robots
+from air_router.mission.found_by import sought
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from geo.frame import Point
@@ -167,7 +167,7 @@ class Scenario:
         mission = self.mission = load_mission(self.file.path)
         self.file.frame = mission.frame
         team, uav = team_of(mission, None)
-        self.seek = mission.seek or ground_robots(team, uav)
+        self.seek = sought(team, uav, mission.seek, mission.goals_from)
         latitude_deg, longitude_deg = mission.frame.to_geodetic(mission.home)
         self.vehicle = MavlinkVehicle(
             VehicleSettings(

@@ -10,11 +10,18 @@ from typing import Any, Self
 from air_router.controller.model.events import RobotPose
 from air_router.gossip.ros_messages import Datum, readers_of
 from air_router.gossip.team_messages import TeamMessageDecoder
-from air_router.messages import PATH_TOPIC, POSE_TOPIC, MessageError, PathMessage, PoseMessage
+from air_router.messages import (
+    JSON_PACKAGE,
+    PATH_TOPIC,
+    POSE_TOPIC,
+    MessageError,
+    PathMessage,
+    PoseMessage,
+)
 from air_router.mission.found_by import FIX, POSE, path_topic, pose_topic
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from mocha_link.node.node import Node
-from mocha_link.ros.typed import JSON_PACKAGE, Types
+from mocha_link.ros.typed import Types
 from mocha_link.service.service import ServiceServer
 from mocha_link.team.team import Robot, Team, Topic
 from sitl.world.world import Publication

@@ -53,6 +53,7 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
     "radios.md yaml 1": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
     "radios.md 2": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
     "records.md 1": "air_router/record/test_replay.py::test_the_snippet_of_the_docs_runs",
+    "robot.md python": "system/test_rovers.py::test_rovers_of_three_kinds_are_found",
     "ros.md python 1": "mocha_link/bridges/test_docs.py::test_values",
     "state-machine.md mermaid": (
         "air_router/controller/test_state_table.py::test_the_diagrams_in_the_docs_are_those_drawn_from_the_table"
@@ -97,7 +98,7 @@ FOREIGN = {  # first words of commands that are not ours
     "gdaladdo": "",
     "sqlite3": "",
 }
-RUN_IN = ("check", "plan", "convert", "cover", "keys", "import", "town", "completion")
+RUN_IN = ("new", "check", "plan", "convert", "cover", "keys", "import", "town", "completion")
 RUN_ALREADY = {"coverage.md", "coming-home.md", "README.md", "tutorial.md"}  # by tests of their own
 
 
@@ -182,7 +183,8 @@ def check(words, where):
         assert list(ROOT.glob(rest[1].replace(".", "/") + "*")) or rest[1] == "venv", where
     elif first == "python" and rest[0].endswith(".py"):
         page = Path(where.partition(":")[0]).read_text(encoding="utf-8")
-        assert f"Save it as `{rest[0]}`" in page, where
+        copied = ROOT / "air_router" / "start" / "rovers" / Path(rest[0]).name
+        assert copied.exists() or f"Save it as `{rest[0]}`" in page, where
     elif first == "pip":
         asked = {e for extra in re.findall(r"\[([a-z0-9,]+)\]", where) for e in extra.split(",")}
         assert asked <= EXTRAS.keys(), where

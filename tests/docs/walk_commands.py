@@ -41,6 +41,7 @@ NOT_HERE = {  # patterns of lines, and why or where else
     r"sitl experiment (?!--list)": "minutes to hours: tests/sitl/experiment runs small ones",
     r"sitl rehearse (?!.*--fault)": "minutes: `make rehearse`",
     r"sitl (conform$|conform --json)": "all 157 conversations: tests/sitl/conformance",
+    r"air-router new|--rover": "tests/system/test_rovers.py",
     r"sitl team|/etc/|--keys|--robot boreas": "files of a robot: tests/sitl, tests/mocha_link",
     r"--image|--new": "pictures and new files: tests/air_router/editor",
     r"while |--follow|LOG": "no end, or no file of that name",

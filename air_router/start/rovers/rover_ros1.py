@@ -8,7 +8,7 @@ from mocha_link.service.service_client import ServiceClient
 
 latitude, longitude = map(float, sys.argv[2].split(","))
 codec = RosCodec()
-with ServiceClient(sys.argv[1]) as node:  # where its gossip node serves
+with ServiceClient(sys.argv[1], timeout_s=60) as node:  # where its gossip node serves
     while True:
         header = {"stamp": {"sec": int(time.time())}, "frame_id": "gps"}
         fix = {"header": header, "latitude": latitude, "longitude": longitude}

@@ -155,6 +155,22 @@ def test_junk_is_no_news(gossip, data):
     assert gossip._news(heard("/path", data), "io") is None
 
 
+def test_what_cannot_be_read_is_told_once_for_each_topic(gossip, caplog):
+    for _ in range(3):
+        gossip._news(heard("/pose", b"{}"), "io")
+        gossip._news(heard("/path", b"{}"), "europa")
+    told = [record for record in caplog.records if record.levelname == "WARNING"]
+    assert [record.getMessage().partition(" cannot")[0] for record in told] == [
+        "/pose of io",
+        "/path of io",
+    ]
+
+
+def test_a_message_without_a_stamp_is_as_old_as_when_its_node_took_it(gossip, pennovation):
+    unstamped = pose(pennovation.frame, Point(3.0, 4.0)).model_copy(update={"stamp_s": 0.0})
+    assert gossip._news(heard("/pose", unstamped.encode()), "io").stamp_s == 10.0
+
+
 def test_a_place_beyond_every_mission_is_not_sought(gossip, pennovation):
     far = pose(pennovation.frame, Point(0.0, FARTHEST_M + 10.0))
     assert gossip._news(heard("/pose", far.encode()), "io") is None

@@ -270,6 +270,12 @@ def test_a_missing_mission_and_a_team_without_ground_robots_are_told(tmp_path, c
     assert "no robot drives" in capsys.readouterr().err
 
 
+def test_a_program_plays_no_robot_that_does_not_drive(tmp_path, capsys):
+    ports = ("--free-ports", str(tmp_path))
+    assert run_team(str(MISSION), *ports, "--rover", f"titan=ipc://{tmp_path}/titan") == 3
+    assert "no robot 'titan' drives on the ground for a program" in capsys.readouterr().err
+
+
 def test_a_place_that_is_no_url_is_told(tmp_path, capsys):
     ports = ("--free-ports", str(tmp_path))
     assert run_team(str(MISSION), *ports, "--truth", "127.0.0.1:19410") == 1

@@ -1,0 +1,69 @@
+"""`air-router new` makes what can be checked and flown, from options or answers."""
+
+import builtins
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from air_router.cli.cli import main
+from air_router.mission.found_by import finders
+from air_router.mission.loading import load_mission
+from sitl.world.world_file import load_world
+
+HOME = "47.3977,8.5456"
+
+
+@pytest.mark.parametrize(
+    ("robots", "altitude", "found"),
+    [
+        ("a", "30", {"a": "/pose"}),
+        ("a=ros1, b=ros2, c", "45", {"a": "/fix", "b": "/odom", "c": "/pose"}),
+        (" ".join(f"r{n}" for n in range(20)), "30", {f"r{n}": "/pose" for n in range(20)}),
+    ],
+)
+def test_what_it_makes_is_in_order(robots, altitude, found, tmp_path, capsys):
+    words = ["--home", HOME, "--robots", robots, "--altitude", altitude]
+    folder = tmp_path / "made"
+    assert main(["new", str(folder), *words, "--uav", "bird"]) == 0
+    mission = load_mission(folder / "mission.yaml")
+    assert {name: topic.name for name, topic in finders(mission).items()} == found
+    assert (mission.uav, mission.altitude_above_home_m) == ("bird", float(altitude))
+    assert mission.accepts == (("rtl_altitude",) if altitude == "45" else ())
+    plans = load_world(mission.world, mission, tuple(found), seed=1).patrols
+    assert all(len(plan.patrol.stops) == 4 for plan in plans.values())
+    said = capsys.readouterr()
+    assert sorted(said.out.split()) == sorted(map(str, folder.iterdir()))
+    assert f"air-router sim {folder}/mission.yaml --rover " in said.err
+    for file in folder.glob("*.py"):
+        assert "titan" not in file.read_text()
+
+
+def test_it_asks_on_a_terminal_until_it_can_read_the_answer(tmp_path, monkeypatch, capsys):
+    given = iter([str(tmp_path / "asked"), "", "147,8", HOME, "", "", "on", "husky=ros1"])
+    asked = []
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr(builtins, "input", lambda text: asked.append(text) or next(given))
+    assert main(["new"]) == 0
+    assert [text.split()[0] for text in asked] == [
+        *("Folder", "Where", "Where", "Where", "Cruise", "Name", "Robots", "Robots")
+    ]
+    said = capsys.readouterr().err
+    assert "latitude 147.0 is not within" in said
+    assert "'on' is no name" in said
+    assert load_mission(tmp_path / "asked" / "mission.yaml").seek == ("husky",)
+
+
+def test_nothing_is_overwritten_or_made_of_wrong_answers(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: False))
+    folder = tmp_path / "made"
+    assert main(["new", str(folder)]) == 2
+    assert "say --home" in capsys.readouterr().err
+    for words in (["--robots", "a=ros3"], ["--robots", "a,a"], ["--altitude", "1"]):
+        assert main(["new", str(folder), "--home", HOME, *words]) == 2
+    assert main(["new", str(folder), "--home", HOME, "--uav", "rover"]) == 2
+    assert not folder.exists()
+    folder.mkdir()
+    (folder / "team.yaml").write_text("mine")
+    assert main(["new", str(folder), "--home", HOME]) == 2
+    assert [(file.name, file.read_text()) for file in folder.iterdir()] == [("team.yaml", "mine")]
