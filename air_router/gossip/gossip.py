@@ -58,7 +58,7 @@ class Gossip:
 
     Raises:
         UnknownRobotError: the team has no robot of the UAV's name.
-        RefusedError: the team's ROS messages need the extra `ros`.
+        MissingExtraError: the team's ROS messages need the extra `ros`.
         PortInUseError: from `start`.
     """
 

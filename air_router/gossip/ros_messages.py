@@ -14,7 +14,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from air_router.errors import RefusedError
 from air_router.messages import (
     JSON_PACKAGE,
     GossipMessage,
@@ -25,6 +24,7 @@ from air_router.messages import (
 from air_router.mission.found_by import FIX, LOCAL_POSES, PATH, path_topic, pose_topic
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
 from geo.grid import SemanticGrid, Terrain
+from mocha_link.errors import MissingExtraError
 from mocha_link.ros.typed import TypedError, Types
 from mocha_link.team.team import Robot, Team
 
@@ -84,7 +84,7 @@ def readers_of(team: Team) -> dict[tuple[str, str], Reader]:
     """What reads poses and paths of the team's robots, by robot and topic.
 
     Raises:
-        RefusedError: some of them are ROS messages, and the extra `ros` is not installed.
+        MissingExtraError: some of them are ROS messages, and the extra `ros` is not installed.
     """
     readers: dict[tuple[str, str], Reader] = {}
     types = None
@@ -107,7 +107,7 @@ def occupancy_writer(team: Team, robot: str) -> Callable[[SemanticGrid, float], 
     The grid is placed in the frame of the UAV's `datum`, or else in the map's own.
 
     Raises:
-        RefusedError: the extra `ros` is not installed.
+        MissingExtraError: the extra `ros` is not installed.
     """
     types, me = _types(team), team.robot(robot)
     datum = Datum.of(me)
@@ -148,10 +148,7 @@ def _place(grid: SemanticGrid, datum: Datum | None) -> tuple[float, float, float
 def _types(team: Team) -> Types:
     types = Types(team.definitions)
     if not types.has_ros:
-        raise RefusedError(
-            f"{team.path} has ROS messages that this UAV reads or writes, and the extra 'ros' is "
-            "not installed here; install it (docs/connect.md)"
-        )
+        raise MissingExtraError(f"{team.path}, with ROS messages for this UAV,", "rosbags", "ros")
     return types
 
 

@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 
-from air_router.errors import RefusedError
 from air_router.gossip import ros_messages
 from air_router.gossip.gossip import Gossip
 from air_router.gossip.mapper import Mapper
@@ -24,6 +23,7 @@ from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Geodetic, LocalFrame, Point
 from geo.grid import GridPatch, SemanticGrid, Terrain
 from mocha_link import Team
+from mocha_link.errors import MissingExtraError
 from mocha_link.ros.ros import RosCodec
 from mocha_link.team.document import Document
 from sitl.team.rovers import RosSpeech
@@ -169,6 +169,8 @@ def test_both_maps_are_published(pennovation):
 
 def test_ros_without_its_extra_is_refused_before_take_off(monkeypatch):
     monkeypatch.setattr(ros_messages.Types, "has_ros", property(lambda _: False))
-    with pytest.raises(RefusedError, match="the extra 'ros' is not installed"):
+    with pytest.raises(
+        MissingExtraError, match=r"team\.yaml, with ROS messages for this UAV, needs"
+    ):
         readers_of(team_of(("/fix", FIX)))
     assert readers_of(team_of(("/pose", "json/Pose"))).keys() == {("io", "/pose")}
