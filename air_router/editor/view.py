@@ -11,8 +11,8 @@ from air_router.editor.drawing import Drawing
 from air_router.editor.judgement import Judgement
 from air_router.editor.sketch import Handle, Pair, Region
 from air_router.files.mission_document import Area, Keys, MissionDocument
+from air_router.mission.found_by import UAV_KIND
 from air_router.mission.mission import Mission
-from air_router.mission.validation import UAV_KIND
 from air_router.routing.router import Route
 from air_router.web.outlines import Degrees, Rings, area_beside, beside, buffer, degrees
 from geo.airspace.zone import Shape
