@@ -9,16 +9,16 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test rehearse rehearse-slice sabotage sabotage-slice experiments lint bench bench-link bench-route dist constraints clean
+.PHONY: setup sim test rehearse rehearse-slice sabotage sabotage-slice experiments lint bench bench-link bench-route dist docs docs-test constraints clean
 
 setup: $(VENV)/.ready
 
-$(VENV)/.ready: pyproject.toml constraints.txt
+$(VENV)/.ready: pyproject.toml packaging/mocha-link/pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("air-router needs Python 3.11 or newer, this is " + sys.version.split()[0] + "; try make PYTHON=python3.12") if sys.version_info < (3, 11) else 0'
 	@echo "setting up $(VENV): a minute, once" >&2
 	@$(PYTHON) -m venv $(VENV) || { echo "no virtual environment: on Debian/Ubuntu run 'sudo apt-get install python3-venv' and try again" >&2; exit 1; }
 	@$(PIP) --no-deps --require-hashes --requirement constraints.txt
-	@$(PIP) --no-deps --editable .
+	@$(PIP) --no-deps --no-build-isolation --editable packaging/mocha-link --editable .
 	@touch $@
 
 # Options: make sim SIM="--web --seed 3"
@@ -76,24 +76,30 @@ bench-link: $(VENV)/.tools
 bench-route: $(VENV)/.tools
 	$(BIN)/python -m benchmarks.route $(BENCH)
 
-# What only benchmarks and `make dist` need
+# What only benchmarks, `make dist` and `make docs` need
 $(VENV)/.tools: $(VENV)/.ready constraints-tools.txt
 	@$(PIP) --no-deps --require-hashes --requirement constraints-tools.txt
 	@$(PIP) --no-deps 'extremitypathfinder==2.7.2'  # asks for numpy<2, runs with 2
 	@touch $@
 
-# Wheel and source archive, a list of what is in them and what they need (CycloneDX), and checksums
+# Wheels and source archives, a list of what they need (CycloneDX), and checksums
 dist: $(VENV)/.tools
 	rm -rf dist
-	$(BIN)/python -m build --outdir dist
+	$(BIN)/hadolint packaging/docker/*.Dockerfile
+	$(BIN)/python -m build --no-isolation --outdir dist packaging/mocha-link
+	$(BIN)/python -m build --no-isolation --outdir dist
 	$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible --output-file dist/sbom.cdx.json constraints.txt
 	cd dist && sha256sum -- * > SHA256SUMS
 
+# The documentation as a site, in build/site; a broken link is an error
+docs: $(VENV)/.tools
+	$(BIN)/mkdocs build --strict --clean
+
 # Newer versions of everything, with the checksums of their files for every platform
-LOCK := $(BIN)/uv pip compile --upgrade --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url pyproject.toml
+LOCK := $(BIN)/uv pip compile --upgrade --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-package mocha-link pyproject.toml
 constraints: $(VENV)/.tools
 	$(LOCK) --extra plot --extra dev --output-file constraints.txt
-	sed -n 's/^\([^ ]*==[^ ;]*\).*/\1/p' constraints.txt | $(LOCK) --extra bench --extra dist --constraint - --output-file constraints-tools.txt
+	sed -n 's/^\([^ ]*==[^ ;]*\).*/\1/p' constraints.txt | $(LOCK) --extra bench --extra dist --extra docs --constraint - --output-file constraints-tools.txt
 
 clean:
 	rm -rf $(VENV)

@@ -8,6 +8,8 @@ with Node(team, "titan") as node:
 
 from importlib import import_module
 
+__version__ = "0.2.0.dev0"
+
 _NAMES = {
     "clock": (
         "Clock",
