@@ -53,3 +53,5 @@ from mocha_link.team.team import Trigger as Trigger
 from mocha_link.team.team import Trust as Trust
 from mocha_link.team.team import UnknownRobotError as UnknownRobotError
 from mocha_link.team.team import UnknownTopicError as UnknownTopicError
+
+__version__: str

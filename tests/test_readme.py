@@ -11,6 +11,7 @@ import pytest
 
 from air_router.cli.cli import main
 from mocha_link import Team
+from tests.distributions import only_mocha_link
 from tests.mocha_link.conftest import free_ports, own_host
 
 ROOT = Path(__file__).parents[1]
@@ -20,14 +21,14 @@ COMMANDS = [line.split("#")[0].strip() for line in README.splitlines() if "    a
 
 @contextlib.contextmanager
 def program(snippet, name, folder):
-    """A user runs the snippet in a terminal."""
+    """A user runs the snippet in a terminal, where only mocha-link is installed."""
     with subprocess.Popen(
-        [sys.executable, "-u", "-c", snippet, name],
+        [sys.executable, "-S", "-u", "-c", snippet, name],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
         cwd=folder,
-        env={"PYTHONPATH": str(ROOT)},
+        env={"PYTHONPATH": str(folder / "site")},
     ) as process:
         try:
             yield process
@@ -47,6 +48,7 @@ def test_the_snippet_runs(tmp_path):
     )
     (tmp_path / path).parent.mkdir(parents=True)
     (tmp_path / path).write_text(team.dump())
+    only_mocha_link(tmp_path / "site")
     with program(snippet, "a", tmp_path) as a, program(snippet, "b", tmp_path) as b:
         for process, other in ((a, "b"), (b, "a")):
             # What a sync measured is known when it ends, not when its message is there.

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mocha_link import __version__
 from mocha_link.cli.command_help import Help, add_command, add_verbose, log_level, sentence
 from mocha_link.cli.interrupt import INTERRUPTED, leave_when_interrupted, raise_when_interrupted
 from mocha_link.errors import needs_extra
@@ -78,7 +79,7 @@ class Program:
             prog=self.name, description=self.description, epilog=self.epilog, formatter_class=Help
         )
         add_verbose(parser)
-        parser.add_argument("--version", action=_Version)
+        parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
         commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
         for command in self.commands:
             commands.add_parser(command.name, help=command.about)
@@ -135,28 +136,6 @@ class _StandIn(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         return self._command.parser(self._program).parse_known_args(args, namespace)
-
-
-class _Version(argparse.Action):
-    """Prints the version; unlike argparse's own, it looks it up only when it is asked for."""
-
-    def __init__(self, option_strings: Sequence[str], dest: str) -> None:
-        told = "show program's version number and exit"
-        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=told)
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        sys.stdout.write(version(parser.prog) + "\n")
-        parser.exit()
-
-
-def version(program: str) -> str:
-    """What ``--version`` prints."""
-    from importlib import metadata  # noqa: PLC0415 - half of what a command's start would take
-
-    try:
-        return f"{program} {metadata.version('air-router')}"
-    except metadata.PackageNotFoundError:  # run from the sources
-        return f"{program} of an unknown version"
 
 
 SHELLS = {

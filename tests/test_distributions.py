@@ -1,0 +1,76 @@
+"""The two distributions: what is in them, what they need, how large a rover's installation is."""
+
+import subprocess
+import sys
+import tarfile
+import zipfile
+
+import pytest
+
+import air_router
+import mocha_link
+import sitl
+from tests.distributions import ROOT, ROVER, needed, project
+
+
+def test_all_have_one_version():
+    assert air_router.__version__ == mocha_link.__version__ == sitl.__version__
+    assert f"mocha-link=={mocha_link.__version__}" in project(ROOT)["dependencies"]
+
+
+def build(target, source, folder):
+    command = [sys.executable, "-m", "hatchling", "build", "-t", target, "-d", str(folder)]
+    subprocess.run(command, cwd=source, check=True, capture_output=True)
+    (built,) = folder.glob("*.whl" if target == "wheel" else "*.tar.gz")
+    return built
+
+
+def names_in(wheel):
+    return set(zipfile.ZipFile(wheel).namelist())
+
+
+@pytest.fixture(scope="module")
+def rover_wheel(tmp_path_factory):
+    return build("wheel", ROVER, tmp_path_factory.mktemp("wheel"))
+
+
+def test_the_wheel_of_mocha_link_takes_no_other_name(rover_wheel):
+    folders = {name.split("/")[0] for name in names_in(rover_wheel)}
+    assert folders == {"mocha_link", f"mocha_link-{mocha_link.__version__}.dist-info"}
+
+
+def test_its_source_archive_makes_the_same_wheel(rover_wheel, tmp_path):
+    archive = build("sdist", ROVER, tmp_path)
+    with tarfile.open(archive) as file:
+        file.extractall(tmp_path, filter="data")
+    again = build("wheel", archive.with_suffix("").with_suffix(""), tmp_path / "again")
+    assert names_in(again) == names_in(rover_wheel)
+
+
+def test_the_wheel_of_air_router_leaves_mocha_link_to_it(tmp_path):
+    folders = {name.split("/")[0] for name in names_in(build("wheel", ROOT, tmp_path))}
+    assert {name for name in folders if "." not in name} == {"air_router", "geo", "sitl"}
+
+
+def test_a_rover_installs_less_than_40_mb_beside_numpy(rover_wheel):
+    found = needed(project(ROVER)["dependencies"])
+    assert {"pymavlink", "mavsdk", "shapely"}.isdisjoint(found)
+    ours = sum(each.file_size for each in zipfile.ZipFile(rover_wheel).infolist())
+    theirs = sum(
+        path.locate().stat().st_size
+        for name, distribution in found.items()
+        if name != "numpy"
+        for path in distribution.files
+        if path.locate().exists()
+    )
+    assert ours + theirs < 40e6
+
+
+def test_only_simulator_and_radios_import_pymavlink():
+    importing = {
+        path.relative_to(ROOT).parts[0]
+        for package in ("air_router", "geo", "mocha_link", "sitl")
+        for path in (ROOT / package).rglob("*.py")
+        if "import pymavlink" in (text := path.read_text("utf-8")) or "from pymavlink" in text
+    }
+    assert importing == {"sitl"}
