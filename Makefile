@@ -85,7 +85,7 @@ $(VENV)/.tools: $(VENV)/.ready constraints-tools.txt
 # Wheels and source archives, a list of what they need (CycloneDX), and checksums
 dist: $(VENV)/.tools
 	rm -rf dist
-	$(BIN)/hadolint packaging/docker/*.Dockerfile
+	$(BIN)/hadolint packaging/Dockerfile
 	$(BIN)/python -m build --no-isolation --outdir dist packaging/mocha-link
 	$(BIN)/python -m build --no-isolation --outdir dist
 	$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible --output-file dist/sbom.cdx.json constraints.txt

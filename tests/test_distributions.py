@@ -1,5 +1,7 @@
 """The two distributions: what is in them, what they need, how large a rover's installation is."""
 
+import re
+import shlex
 import subprocess
 import sys
 import tarfile
@@ -8,7 +10,9 @@ import zipfile
 import pytest
 
 import air_router
+import air_router.cli.cli
 import mocha_link
+import mocha_link.cli.cli
 import sitl
 from tests.distributions import ROOT, ROVER, needed, project
 
@@ -74,3 +78,30 @@ def test_only_simulator_and_radios_import_pymavlink():
         if "import pymavlink" in (text := path.read_text("utf-8")) or "from pymavlink" in text
     }
     assert importing == {"sitl"}
+
+
+SERVICES = sorted((ROOT / "packaging" / "systemd").glob("*.service"))
+PARSERS = {"air-router": air_router.cli.cli.parser, "mocha-link": mocha_link.cli.cli.parser}
+
+
+@pytest.mark.parametrize("path", SERVICES, ids=lambda path: path.stem)
+def test_a_service_starts_what_our_programs_take(path):
+    settings = (path.parent / "flight.env").read_text(encoding="utf-8").splitlines()
+    text = path.read_text(encoding="utf-8")
+    for name, value in (line.split("=", 1) for line in settings if not line.startswith("#")):
+        text = text.replace(f"${{{name}}}", value)
+    (command,) = re.findall(r"^ExecStart=/opt/air-router/bin/(.*)$", text, re.MULTILINE)
+    program, *words = shlex.split(command)
+    arguments = PARSERS[program]().parse_args(words)
+    assert "$" not in command
+    assert getattr(arguments, "resume", None) in {None, "resume" in path.stem}
+    assert not getattr(arguments, "arm", False)  # that is the pilot's
+
+
+def test_containers_run_as_an_ordinary_user_and_copy_what_exists():
+    text = (ROOT / "packaging" / "Dockerfile").read_text(encoding="utf-8")
+    images = {name: part for part in text.split("\nFROM ")[1:] for name in [part.split()[2]]}
+    for name in ("companion", "simulation"):
+        assert "\nUSER 1000\n" in images[name]
+    for source in re.findall(r"^COPY (?!--from)(.*) \S+$", text, re.MULTILINE):
+        assert all((ROOT / each).exists() for each in source.split())
