@@ -187,6 +187,8 @@ class SimWorld(Closeable):
         except BaseException:
             self.stop()
             raise
+        for robot, endpoint in options.rovers:
+            sys.stderr.write(f"{robot} waits for your program at {endpoint}\n")
         self.team = Path(ready["team"])
         places = ready["vehicles"]
         self.seats = tuple(

@@ -4,7 +4,6 @@ One speaks plain JSON, one types of ROS 1, one is a DDS participant with types o
 bridge. All are started with the commands of the page, two of them where the vehicle soon passes.
 """
 
-import os
 import re
 import shlex
 
@@ -14,27 +13,25 @@ pytest.importorskip("rosbags", reason="ROS messages need the extra 'ros'")
 pytest.importorskip("cyclonedds", reason="CycloneDDS has no wheel for this machine")
 
 from tests.docs.blocks import blocks
-from tests.mocha_link.bridges.test_dds import CONFIG
 
 NEARER = {"47.3985995,8.5456": "47.3981,8.5456", "47.3977,8.5469247": "47.3977,8.5462"}
 
 
-def shown(folder):
+def shown(folder, domain):
     """The commands of the page, with sockets and a DDS domain of this run."""
     texts = [block.text for block in blocks() if re.fullmatch(r"robot.md sh [12]", block.name)]
     text = "".join(texts).replace("ipc:///tmp/", f"ipc://{folder}/")
-    text = re.sub(r"(domain|ros2.py) 7\b", rf"\1 {100 + os.getpid() % 130}", text)
+    text = re.sub(r"(domain|ros2.py) 7\b", rf"\1 {domain}", text)
     for place, nearer in NEARER.items():
         assert place in text
         text = text.replace(place, nearer)
     return map(shlex.split, text.splitlines())
 
 
-def test_rovers_of_three_kinds_are_found(command, answered, tmp_path, monkeypatch):
+def test_rovers_of_three_kinds_are_found(command, answered, domain, tmp_path, monkeypatch):
     """And receive the map."""
-    monkeypatch.setenv("CYCLONEDDS_URI", CONFIG)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    new, sim, scout, husky, bridge, jackal = shown(tmp_path)
+    new, sim, scout, husky, bridge, jackal = shown(tmp_path, domain)
     assert answered(*new[1:])[0] == 0
     mission = tmp_path / "yard" / "mission.yaml"
     mission.write_text(re.sub(r"(init_s|explore_s): \d+", r"\1: 5", mission.read_text()))
