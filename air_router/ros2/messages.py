@@ -35,7 +35,12 @@ _FENCE, _ZONE, _GRAPH, _PLACE, _ROBOT, _LINK = (
     (0.0, 0.6, 0.3),
     (0.9, 0.6, 0.0),
 )
-_BLOCKED: Final = {Terrain.BUILDING: 100, Terrain.VEHICLE: 100, Terrain.HUMAN: 100}
+_BLOCKED: Final = {
+    Terrain.VEGETATION: 50,
+    Terrain.BUILDING: 100,
+    Terrain.VEHICLE: 100,
+    Terrain.HUMAN: 100,
+}
 """Per cent, as a ground robot's planner reads them; all else that is known is free."""
 
 

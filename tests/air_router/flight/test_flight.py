@@ -1,13 +1,16 @@
 import asyncio
+import base64
 import dataclasses
 import io
 import json
 import os
 import signal
+import zlib
 from datetime import UTC, datetime
 
 import pytest
 
+from air_router.control.command_request import View
 from air_router.controller.flight_setup import FlightSetup
 from air_router.controller.model.actions import FlyToNode, StateChanged
 from air_router.controller.model.events import CommandConfirmed
@@ -34,6 +37,7 @@ from air_router.vehicle.inspection import Inspection
 from air_router.vehicle.vehicle import FlightMode, LinkSilent, PlanReplaced, Telemetry
 from geo.airspace.zone import Zone
 from geo.frame import Point
+from geo.grid import SemanticGrid
 from geo.validity import Validity
 from tests.air_router.alone import Alone
 
@@ -102,6 +106,12 @@ def test_a_flight_from_connecting_to_landing(rig):
     assert json.loads(json.dumps(report)) == report
     assert "done: " in table(report)
     assert any("coming home" in text for text in flight.vehicle.announced)
+    view = flight.flight.commands.grant(View(request="view", areas=True, map=True), "a test")
+    steps = [(change["number"], change["left"], change["signal"]) for change in view["changes"]]
+    assert steps[:2] == [(1, "READY", "AIRBORNE"), (2, "INIT", "COME_HOME")]
+    assert (view["uav"], view["state"], view["known_cells"]) == ("titan", "DONE", 0)
+    assert view["areas"]["name"] == flight.flight.controller.router.graph.mission.name
+    assert SemanticGrid.decode(zlib.decompress(base64.b64decode(view["map"]))).known_cells == 0
 
 
 def test_everything_is_recorded_and_replays_and_the_report_is_the_last_line(rig):

@@ -1,7 +1,12 @@
 """A flight on ROS 2, as a ROS program meets it: a DDS participant with types of its own."""
 
+import asyncio
 import json
 import math
+import signal
+import subprocess
+import sys
+import threading
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +25,7 @@ from cyclonedds.util import duration
 
 from air_router.control.command_request import CommandRequestError, command_request_of
 from air_router.control.control import ControlClient, ControlError, ControlUnreachableError
+from air_router.control.control_server import ControlServer
 from air_router.controller.model.actions import CommandAck
 from air_router.controller.model.requests import ExploreNow
 from air_router.controller.model.states import State
@@ -401,6 +407,37 @@ def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(desk, brid
     bridge.look()
     assert goto.ended(four) == (6, "GOTO -> EXPL: asked to explore", "")
     assert goto.ended(Uuid(bytes([9] * 16)))[0] == 0
+
+
+def test_the_command_beside_a_flight(desk, domain):
+    """Over the flight's own endpoint, until a signal ends it."""
+    server = ControlServer("tcp://127.0.0.1:*", desk.commands.grant)
+    opened, loop = threading.Event(), asyncio.new_event_loop()
+
+    async def serve():
+        server.open()
+        opened.set()
+        await server.run()
+
+    serving = loop.create_task(serve())
+    thread = threading.Thread(target=lambda: loop.run_until_complete(asyncio.wait([serving])))
+    thread.start()
+    assert opened.wait(60)
+    command = [sys.executable, "-m", "air_router", "ros2", server.endpoint]
+    with subprocess.Popen(
+        [*command, "--domain", str(domain)], stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert "ready: /titan is on ROS 2" in process.stderr.readline()
+            program = RosProgram(domain, None)
+            assert program.standard("~/state").data == desk.flight.controller.state.name
+        finally:
+            process.send_signal(signal.SIGTERM)
+            loop.call_soon_threadsafe(serving.cancel)
+            thread.join()
+            server.close()
+            loop.close()
+        assert process.wait(60) == 0
 
 
 class Silent:
