@@ -35,7 +35,7 @@ _MOST_WAITING: Final = 100
 
 TRIGGERS: Final = ("hold", "resume", "explore", "home")
 
-_UNREADABLE: Final = "an altitude of a point is not 0: the flight keeps to the mission's"
+_ALTITUDE: Final = "an altitude of a point is not 0: the flight keeps to the mission's"
 
 
 class AnotherVehicleError(AirRouterError):
@@ -43,7 +43,7 @@ class AnotherVehicleError(AirRouterError):
 
 
 class Ros2Bridge:
-    """Runs until it is stopped; a flight that is gone may come back.
+    """Runs until a signal ends it; a flight that is gone may come back.
 
     Args:
         client: Asks the flight.
@@ -65,7 +65,7 @@ class Ros2Bridge:
         self._client, self._graph, self._unix_s = client, graph, unix_s
         self._say = say
         self._requests = requests
-        self._jobs: queue.Queue[Callable[[], None] | None] = queue.Queue(_MOST_WAITING)
+        self._jobs: queue.Queue[Callable[[], None]] = queue.Queue(_MOST_WAITING)
         self._name = ""
         self._scene: Scene
         self._view: dict[str, Any] = {}
@@ -75,26 +75,20 @@ class Ros2Bridge:
         self._silent = False
 
     def run(self) -> None:
-        """Look and answer until `stop`.
+        """Look, and answer between two looks.
 
         Raises:
             AnotherVehicleError: the endpoint is that of another UAV now.
         """
         look_s = time.monotonic()
         while True:
-            try:
-                job = self._jobs.get(timeout=max(0.0, look_s - time.monotonic()))
-            except queue.Empty:
+            wait_s = look_s - time.monotonic()
+            if wait_s <= 0:
                 self.look()
                 look_s = time.monotonic() + LOOK_S
                 continue
-            if job is None:
-                return
-            job()
-
-    def stop(self) -> None:
-        """Let `run` end, from any thread."""
-        self._jobs.put(None)
+            with contextlib.suppress(queue.Empty):
+                self._jobs.get(timeout=wait_s)()
 
     def look(self) -> None:
         """Ask the flight how it is, and tell ROS."""
@@ -165,12 +159,12 @@ class Ros2Bridge:
             self._say(f"ready: /{name} is on ROS 2")
         elif self._silent:
             self._say("the flight answers again")
+        self._silent = False
+        if self._view and _number(view) < _number(self._view):
             self._seen.clear()
             self._scene = Scene(name, view["origin"])
-            if _number(view) < _number(self._view):
-                for action in self._actions.values():
-                    action.goals.abort("that flight has ended")
-        self._silent = False
+            for action in self._actions.values():
+                action.goals.abort("that flight has ended")
 
     # What ROS programs ask for.
 
@@ -226,7 +220,7 @@ class Ros2Bridge:
     def _goto(self, goal: Values) -> ControlAnswer:
         heights = [point["altitude"] for point in goal["points"]]
         if any(height not in (0.0, "nan") for height in heights):
-            return _refused(_UNREADABLE)
+            return _refused(_ALTITUDE)
         points = [(point["latitude"], point["longitude"]) for point in goal["points"]]
         return self._asked(partial(self._client.goto, points, hold_s=goal["hold_s"] or None))
 

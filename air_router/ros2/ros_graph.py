@@ -6,9 +6,12 @@ all clients receive, names them again. Other middlewares have services of their 
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from typing import Any, Final
+
+from cyclonedds.core import DDSException
 
 from air_router.ros2.interfaces import HEADER, definitions, spaces
 from air_router.ros2.messages import Values
@@ -18,6 +21,8 @@ from mocha_link.ros.ros import RosCodec, RosError
 _DEPTH: Final = 10
 _MATCH_S, _LOOK_S = 0.2, 0.005
 """So long a reply waits for a client whose request was faster than its own subscription."""
+
+_LOG = logging.getLogger(__name__)
 
 Take = Callable[[Values], None]
 
@@ -40,8 +45,11 @@ class RosGraph:
         self._dds.advertise(topic, kind, depth, lasting=lasting)
 
     def publish(self, topic: str, kind: str, values: Values) -> None:
-        """Publish on a topic that is advertised."""
-        self._dds.publish(topic, kind, 1, self._encoded(kind, values))
+        """Publish on a topic that is advertised; what readers are too slow for is left out."""
+        try:
+            self._dds.publish(topic, kind, 1, self._encoded(kind, values))
+        except DDSException as error:
+            _LOG.warning("%s: a message was left out: %s", topic, error)
 
     def serve(self, service: str, kind: str, take: Take) -> None:
         """Hand over what clients of a service ask, from another thread; what cannot be read is not.
@@ -71,7 +79,7 @@ class RosGraph:
         ):
             time.sleep(_LOOK_S)
         asked = {key: request[key] for key in HEADER}
-        self._dds.publish(topic, kind, _DEPTH, self._encoded(kind, {**asked, **values}))
+        self.publish(topic, kind, {**asked, **values})
 
     def close(self) -> None:
         """Leave the domain."""

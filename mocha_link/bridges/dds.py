@@ -33,6 +33,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 
 from mocha_link.bridges.cdr import Cdr
+from mocha_link.errors import MochaLinkError
 from mocha_link.ros.ros_store import RosTypes, element
 
 _BASES: dict[str, Any] = {"bool": bool, "string": str, "char": types.uint8}  # others by their name
@@ -119,10 +120,15 @@ class DdsTypes:
         return one
 
 
+MAX_DOMAIN = 232  # its ports are the last ones
 MIN_DEPTH = 10  # samples that wait for a reader
 TAKEN = 100  # samples at once
 
 LOG = logging.getLogger("mocha_link")
+
+
+class DdsError(MochaLinkError):
+    """A DDS domain cannot be joined."""
 
 
 class Dds(Cdr):
@@ -138,6 +144,7 @@ class Dds(Cdr):
 
     Raises:
         RosError: one of the definitions cannot be used.
+        DdsError: the domain cannot be joined.
     """
 
     def __init__(
@@ -148,11 +155,9 @@ class Dds(Cdr):
         best_effort: Collection[str] = (),
         spaces: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        if domain is None:
-            domain = int(os.environ.get("ROS_DOMAIN_ID") or 0)
         self._types = DdsTypes(definitions, spaces)
         self._best_effort = best_effort
-        self._participant = DomainParticipant(domain)
+        self._participant = _joined(domain)
         self._writers: dict[str, Any] = {}
         self._readers: list[tuple[Any, Any, Callable[[bytes], None]]] = []
         self._lock = threading.Lock()
@@ -217,6 +222,20 @@ class Dds(Cdr):
                             hand(data)
                 except DDSException as error:
                     LOG.warning("cannot read %s: %s", reader.topic.name, error)
+
+
+def _joined(domain: int | None) -> DomainParticipant:
+    number = os.environ.get("ROS_DOMAIN_ID") or "0" if domain is None else str(domain)
+    try:
+        if not number.isdecimal() or int(number) > MAX_DOMAIN:
+            raise DdsError(
+                f"{number} is no DDS domain, 0 to {MAX_DOMAIN} (--domain, ROS_DOMAIN_ID)"
+            )
+        return DomainParticipant(int(number))
+    except DDSException as error:
+        raise DdsError(
+            f"DDS domain {number} cannot be joined: {error}; is CYCLONEDDS_URI right?"
+        ) from None
 
 
 def _qos(history: int, *, reliable: bool, lasting: bool) -> Qos:

@@ -21,7 +21,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from mocha_link.bridges.cdr import Cdr
-from mocha_link.bridges.dds import Dds, DdsTypes
+from mocha_link.bridges.dds import Dds, DdsError, DdsTypes
 from mocha_link.links.metrics import MessageStored
 from mocha_link.ros.ros import RosCodec, RosError
 from tests.loopback_dds import taken
@@ -99,6 +99,19 @@ def test_a_publisher_that_is_not_reliable(domain):
     out.write(SAMPLE)
     assert heard.get(timeout=60)
     dds.close()
+
+
+@pytest.mark.parametrize("number", ["abc", "233", "-1"])
+def test_a_domain_that_is_none(number, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", number)
+    with pytest.raises(DdsError, match=f"{number} is no DDS domain, 0 to 232"):
+        Dds({})
+
+
+def test_a_domain_that_cannot_be_joined(domain, monkeypatch):
+    monkeypatch.setenv("CYCLONEDDS_URI", "<CycloneDDS><Domain><Wrong/></Domain></CycloneDDS>")
+    with pytest.raises(DdsError, match="is CYCLONEDDS_URI right"):
+        Dds({}, domain=domain)
 
 
 def test_types_of_the_team(dds):
