@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from air_router.messages import (
     JSON_PACKAGE,
@@ -113,26 +114,37 @@ def occupancy_writer(team: Team, robot: str) -> Callable[[SemanticGrid, float], 
     datum = Datum.of(me)
 
     def write(grid: SemanticGrid, unix_s: float) -> bytes:
-        x, y, yaw = _place(grid, datum)
-        rows, columns = grid.cells.shape
-        seconds, part = divmod(unix_s, 1.0)
-        stamp = {"sec": int(seconds), "nanosec": int(part * 1e9)}
-        info = {
-            "map_load_time": stamp,
-            "resolution": grid.resolution_m,
-            "width": columns,
-            "height": rows,
-            "origin": {
-                "position": {"x": x, "y": y},
-                "orientation": {"z": math.sin(yaw / 2), "w": math.cos(yaw / 2)},
-            },
-        }
-        values = {"header": {"stamp": stamp, "frame_id": MAP_FRAME}, "info": info}
+        values, cells = occupancy_of(grid, unix_s, datum)
         empty = types.decode(OCCUPANCY, types.encode(OCCUPANCY, values, me.ros), me.ros)
-        filled = dataclasses.replace(empty, data=_OCCUPIED[grid.cells].ravel())
-        return types.encode(OCCUPANCY, filled, me.ros)
+        return types.encode(OCCUPANCY, dataclasses.replace(empty, data=cells), me.ros)
 
     return write
+
+
+def occupancy_of(
+    grid: SemanticGrid, unix_s: float, datum: Datum | None = None
+) -> tuple[dict[str, Any], npt.NDArray[np.int8]]:
+    """A map as an OccupancyGrid, in a datum's frame or its own: plain values, and its `data`."""
+    x, y, yaw = _place(grid, datum)
+    rows, columns = grid.cells.shape
+    info = {
+        "map_load_time": stamp(unix_s),
+        "resolution": grid.resolution_m,
+        "width": columns,
+        "height": rows,
+        "origin": {
+            "position": {"x": x, "y": y},
+            "orientation": {"z": math.sin(yaw / 2), "w": math.cos(yaw / 2)},
+        },
+    }
+    header = {"stamp": stamp(unix_s), "frame_id": MAP_FRAME}
+    return {"header": header, "info": info}, _OCCUPIED[grid.cells].ravel()
+
+
+def stamp(unix_s: float) -> dict[str, int]:
+    """A time as ROS has it."""
+    seconds, part = divmod(unix_s, 1.0)
+    return {"sec": int(seconds), "nanosec": int(part * 1e9)}
 
 
 def _place(grid: SemanticGrid, datum: Datum | None) -> tuple[float, float, float]:

@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from air_router.control.control import ControlAnswer
+from air_router.gossip.ros_messages import stamp
 from air_router.ros2.goals import Cancel, Course, Goal, GoalId, Goals, Status
 from air_router.ros2.interfaces import CANCEL
-from air_router.ros2.messages import Values, stamp
+from air_router.ros2.messages import Values
 from air_router.ros2.ros_graph import RosGraph
 
 STATUS_LIST: Final = "action_msgs/GoalStatusArray"

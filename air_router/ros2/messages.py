@@ -14,12 +14,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Final
 
-import numpy as np
-
+from air_router.gossip.ros_messages import MAP_FRAME, occupancy_of, stamp
 from geo.frame import Geodetic, LocalFrame, Point
-from geo.grid import SemanticGrid, Terrain
-
-MAP_FRAME: Final = "map"
+from geo.grid import SemanticGrid
 
 Values = dict[str, Any]
 """A message as plain values; what is left out is zero or empty."""
@@ -35,13 +32,6 @@ _FENCE, _ZONE, _GRAPH, _PLACE, _ROBOT, _LINK = (
     (0.0, 0.6, 0.3),
     (0.9, 0.6, 0.0),
 )
-_BLOCKED: Final = {
-    Terrain.VEGETATION: 50,
-    Terrain.BUILDING: 100,
-    Terrain.VEHICLE: 100,
-    Terrain.HUMAN: 100,
-}
-"""Per cent, as a ground robot's planner reads them; all else that is known is free."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +54,6 @@ TOPICS: Final[Mapping[str, str]] = {
     "/tf": "tf2_msgs/TFMessage",
     "/diagnostics": "diagnostic_msgs/DiagnosticArray",
 }
-
-
-def stamp(unix_s: float) -> Values:
-    """A time as ROS has it."""
-    sec, rest = divmod(unix_s, 1.0)
-    return {"sec": int(sec), "nanosec": int(rest * 1e9)}
 
 
 class Scene:
@@ -178,26 +162,8 @@ class Scene:
     def map(self, packed: str, unix_s: float) -> Out:
         """The map that the vehicle has painted."""
         grid = SemanticGrid.decode(zlib.decompress(base64.b64decode(packed)))
-        chances = np.zeros(max(Terrain) + 1, dtype=np.int8)
-        chances[Terrain.UNKNOWN] = -1
-        for terrain, chance in _BLOCKED.items():
-            chances[terrain] = chance
-        rows, columns = grid.cells.shape
-        corner = {"x": grid.west_m, "y": grid.south_m}
-        return self._out(
-            "~/map",
-            {
-                "header": {"stamp": stamp(unix_s), "frame_id": MAP_FRAME},
-                "info": {
-                    "map_load_time": stamp(unix_s),
-                    "resolution": grid.resolution_m,
-                    "width": columns,
-                    "height": rows,
-                    "origin": {"position": corner, "orientation": {"w": 1.0}},
-                },
-                "data": chances[grid.cells].ravel(),
-            },
-        )
+        values, cells = occupancy_of(grid, unix_s)
+        return self._out("~/map", {**values, "data": cells})
 
     def diagnostics(self, view: Mapping[str, Any], unix_s: float) -> Out:
         """Mission and links, as rqt_robot_monitor and Foxglove show them."""
