@@ -40,14 +40,17 @@ from air_router.files.zip_document import kmz_of
 from air_router.files.zones.zone_files import add_zones, read_zones
 from air_router.mission.loading import judge, read_draft
 from air_router.mission.mission import Mission
+from air_router.record.log import Log
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import NoRoute, Router
 from geo.airspace.zone import polygons_of
 from geo.frame import Point
+from mocha_link.errors import needs_extra
 from mocha_link.team.document import Document, DocumentError, Problem
 
 _PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
 _KMZ, _GPX, _WAYPOINTS = "KMZ", "GPX", "waypoint"
+_FOXGLOVE, _RERUN = "Foxglove", "Rerun"
 _KINDS: Final = {
     ".plan": _PLAN,
     ".yaml": _YAML,
@@ -58,6 +61,8 @@ _KINDS: Final = {
     ".kmz": _KMZ,
     ".gpx": _GPX,
     ".waypoints": _WAYPOINTS,
+    ".mcap": _FOXGLOVE,
+    ".rrd": _RERUN,
 }
 _MAP_WRITERS: Final[dict[str, Callable[[FeatureSet], str | bytes]]] = {
     _GEOJSON: geojson_text,
@@ -68,10 +73,12 @@ _MAP_WRITERS: Final[dict[str, Callable[[FeatureSet], str | bytes]]] = {
 _DRAWING: Final = (_GEOJSON, _KML, _KMZ)
 """Kinds in which buffers, graph and route are drawn."""
 
+_RECORD: Final = ".mcap"
 _MISSIONS: Final = frozenset({".plan", ".yaml", ".yml", ".waypoints"})
 
 _EPILOG = """\
-FROM is a mission (.yaml, .plan, .waypoints of ArduPilot's programs, .sim.yaml of the paper's
+FROM is a flight's record (.mcap), which becomes .mcap with Foxglove's schemas or .rrd for Rerun;
+or a mission (.yaml, .plan, .waypoints of ArduPilot's programs, .sim.yaml of the paper's
 authors, .gpx with --altitude) or a file of zones (.geojson, .kml, .kmz, .gpx, OpenAir .txt or .air,
 .json with ED-269 or ED-318 geozones). TO is .plan, .yaml, .waypoints, .geojson, .kml, .kmz or .gpx;
 zones alone become one of the last four.
@@ -81,6 +88,7 @@ examples:
   air-router convert mission.yaml map.kml --buffers --graph
   air-router convert mission.yaml with_zones.plan --zones geozones.json --zones site.kml
   air-router convert geozones.json geozones.geojson --allow CONDITIONAL
+  air-router convert flight.mcap flight.rrd
 
 exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no --force),
 3 a file is invalid
@@ -89,9 +97,11 @@ exit codes: 0 written, 1 cannot be written, 2 wrong usage (or TO exists and no -
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Say what the command does and takes."""
-    parser.description = "Convert a mission or zones; says what could not be carried over."
+    parser.description = (
+        "Convert a mission, zones or a flight's record; says what could not be carried over."
+    )
     parser.epilog = _EPILOG
-    parser.add_argument("source", type=Path, metavar="FROM", help="a mission or a file of zones")
+    parser.add_argument("source", type=Path, metavar="FROM", help="a mission, zones or a record")
     parser.add_argument("target", type=Path, metavar="TO", help="the file to write")
     parser.add_argument(
         "--zones", type=Path, action="append", default=[], metavar="F", help="add the zones of F"
@@ -142,8 +152,11 @@ def run(arguments: argparse.Namespace) -> int:
     if target.exists() and not arguments.force:
         raise UsageError(f"{target} is already there; --force replaces it")
     report = _Report(source, target)
-    flown = source.suffix.lower() in _MISSIONS or arguments.altitude is not None
-    read = _mission if flown else _zones
+    read = _zones
+    if source.suffix.lower() in _MISSIONS or arguments.altitude is not None:
+        read = _mission
+    if source.suffix.lower() == _RECORD or kind in (_FOXGLOVE, _RERUN):
+        read = _record
     try:
         written = read(arguments, kind, report)
     except (MissionFileError, DocumentError) as error:
@@ -198,6 +211,31 @@ class _Report:
 
 def _json_name(what: str) -> str:
     return what.removeprefix("no-fly ").replace(" ", "_")
+
+
+def _viewed(kind: str, log: Log) -> bytes:
+    if kind == _FOXGLOVE:
+        with needs_extra("a file for Foxglove", "foxglove", "air-router"):
+            from air_router.record.foxglove_sdk import foxglove_mcap  # noqa: PLC0415 - an extra
+        return foxglove_mcap(log)
+    with needs_extra("a file for Rerun", "rerun", "air-router"):
+        from air_router.record.rerun_file import rerun_file  # noqa: PLC0415 - an extra
+    return rerun_file(log)
+
+
+def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
+    if arguments.source.suffix.lower() != _RECORD or kind not in (_FOXGLOVE, _RERUN):
+        raise UsageError(
+            "a flight's record (.mcap) becomes .mcap with Foxglove's schemas or .rrd for Rerun; "
+            "nothing else does"
+        )
+    log = Log(arguments.source)
+    next(iter(log))  # it is a record, before anything is made of it
+    written = _viewed(kind, log)
+    if log.ending is not None:
+        report.warnings.add("the rest", f"the record is not whole: {log.ending}", "record-cut")
+    report.counts = {"bytes": len(written)}
+    return written
 
 
 def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str | bytes:

@@ -29,7 +29,14 @@ from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
 from air_router.preflight.preflight_survey import PreflightSurvey
 from air_router.record.recorder import Recorder
-from air_router.record.recording import RecordingOptions, add_recording, recording_of
+from air_router.record.recording import (
+    RecordingOptions,
+    ViewerAddress,
+    add_recording,
+    add_viewer,
+    recording_of,
+    viewing,
+)
 from air_router.report.report import write_report
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.pace import PaceClient, PaceSource
@@ -63,6 +70,7 @@ class FlyOptions:
         resume: Go on with a flight that is under way.
         duration_s: Come home after so long in the air, None for the mission's own.
         recording: Where the flight is recorded.
+        foxglove: Where Foxglove finds the flight; None: nowhere.
         pace: Of a simulation that waits for this flight; None: nothing waits.
     """
 
@@ -78,6 +86,7 @@ class FlyOptions:
     arm: bool = False
     resume: bool = False
     recording: RecordingOptions = field(default_factory=RecordingOptions)
+    foxglove: ViewerAddress | None = None
     pace: PaceSource | None = None
 
 
@@ -109,6 +118,7 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
     recording, status = options.recording, StatusLine()
     with (
         PaceClient(options.pace, uav) as pace,
+        viewing(options.foxglove, uav) as viewer,
         Recorder(
             recording.folder,
             str(mission.path),
@@ -116,8 +126,11 @@ def _fly(mission: Mission, options: FlyOptions, team: Team, uav: str) -> FlightR
             stem=recording.stem,
             name=uav,
             must=recording.must and not options.resume,
+            viewer=viewer,
         ) as recorder,
     ):
+        if viewer is not None:
+            status.say(f"Foxglove: open a connection to {viewer.address}")
         for path in (mission.path, team.path):
             recorder.file(path)
         vehicle = Px4Vehicle(mission, options.url, clock, system_id=options.system_id)
@@ -266,6 +279,7 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         help="come home after so many seconds in the air, on the vehicle's clock",
     )
     add_recording(parser)
+    add_viewer(parser)
     parser.add_argument(
         "--png", type=Path, metavar="F", help="draw the flown track into F (track.png)"
     )
@@ -300,6 +314,7 @@ def options_of(arguments: argparse.Namespace, stem: str, **others: Any) -> FlyOp
         web=web_of(arguments),
         duration_s=arguments.duration,
         recording=recording_of(arguments, stem),
+        foxglove=arguments.foxglove,
         **others,
     )
 

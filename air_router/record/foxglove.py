@@ -9,26 +9,25 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from air_router.controller.model.actions import Announce, FlyToNode, FlyToPoint, StateChanged
 from air_router.controller.model.events import RobotPose
 from air_router.mission.mission import Mission
+from air_router.record.foxglove_scene import FRAME, Place, mission_entities, robot_entities
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import FrameError, Point
 from geo.grid import SemanticGrid
+from mocha_link.links.metrics import LinkMetrics
 
 EVERY_S: Final = 0.2
 """The vehicle's place is drawn so often; its telemetry is recorded at the full rate anyway."""
 
-FRAME: Final = "mission"
-"""Metres east, north and up of the mission's origin; who has a place on the map is a frame too."""
-
 VEHICLE: Final = "vehicle"
 
 LOCATION, POSE, LOG = "foxglove.LocationFix", "foxglove.PoseInFrame", "foxglove.Log"
-GEOJSON, GRID = "foxglove.GeoJSON", "foxglove.Grid"
+GEOJSON, GRID, SCENE = "foxglove.GeoJSON", "foxglove.Grid", "foxglove.SceneUpdate"
 
 _TYPES: Final = {str: "string", int: "integer"}
 _INFO: Final = 2
@@ -52,6 +51,19 @@ class FoxgloveDrawing:
         self._frame = mission.frame
         self._drawn_s = -math.inf
         self._position: Point | None = None
+        self._vehicle: Place | None = None
+        self._robots: dict[str, Point] = {}
+
+    def scene(self, unix_s: float) -> Drawn:
+        """Fence, zones and graph in three dimensions."""
+        entities = mission_entities(self._mission, _time(unix_s))
+        return Drawn("/scene", SCENE, {"entities": entities})
+
+    def links(self, links: Mapping[str, LinkMetrics], unix_s: float) -> Iterator[Drawn]:
+        """Where robots were heard of, and how well they are heard now."""
+        if self._robots:
+            entities = robot_entities(self._vehicle, self._robots, links, _time(unix_s))
+            yield Drawn("/scene/robots", SCENE, {"entities": entities})
 
     def mission(self) -> Drawn:
         """Fence, zones, waypoints and home."""
@@ -67,6 +79,7 @@ class FoxgloveDrawing:
         """What is drawn of an event."""
         if isinstance(event, Telemetry):
             self._position = event.position
+            self._vehicle = (*event.position, event.altitude_m)
             if abs(unix_s - self._drawn_s) >= EVERY_S:
                 self._drawn_s = unix_s
                 above_m = self._mission.home_altitude_amsl_m or 0.0
@@ -74,6 +87,7 @@ class FoxgloveDrawing:
                 yield self._location(VEHICLE, "/vehicle", event.position, above_m, unix_s)
                 yield self._pose(event, unix_s)
         elif isinstance(event, RobotPose):
+            self._robots[event.robot] = event.position
             topic = f"/robots/{event.robot}"
             yield self._location(event.robot, topic, event.position, 0.0, unix_s)
 
@@ -176,8 +190,19 @@ def _schema_like(value: Any) -> dict[str, Any]:
         parts = {name: _schema_like(part) for name, part in value.items()}
         return {"type": "object", "properties": parts}
     if isinstance(value, list):
-        return {"type": "array", "items": _schema_like(value[0])}
+        return {"type": "array", "items": _schema_like(_merged(value))}
     return {"type": _TYPES.get(type(value), "number")}
+
+
+def _merged(values: list[Any]) -> Any:
+    """One value like all of them: of objects with every field, of their lists with every entry."""
+    if not all(isinstance(value, dict) for value in values):
+        return values[0]
+    merged: dict[str, Any] = {}
+    for value in values:
+        for name, part in value.items():
+            merged[name] = [*merged.get(name, []), *part] if isinstance(part, list) else part
+    return merged
 
 
 def _geojson(topic: str, features: list[dict[str, Any]]) -> Drawn:

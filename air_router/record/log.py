@@ -15,7 +15,16 @@ from pathlib import Path
 from typing import IO, Any, Final, NamedTuple, get_args
 
 from mcap.exceptions import EndOfFile, InvalidMagic
-from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Statistics
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    McapRecord,
+    Message,
+    Metadata,
+    Schema,
+    Statistics,
+)
 from mcap.stream_reader import MAGIC_SIZE, StreamReader, breakup_chunk
 
 from air_router.controller.flight_setup import FlightSetup
@@ -24,7 +33,7 @@ from air_router.controller.model.events import CommandConfirmed, CommandFailed
 from air_router.errors import AirRouterError, ExitCode
 from air_router.record import serialization as journal
 from air_router.record.codec import TYPE_KEY, CodecError, decoder, shown
-from air_router.record.log_file import FORMAT, LIBRARY, ORDER_KEY, RECENT
+from air_router.record.log_file import FORMAT, LIBRARY, ORDER_KEY, RECENT, RecordChannel
 from air_router.record.record_channels import NOTES
 from mocha_link.links.metrics import LinkMetrics
 
@@ -98,6 +107,27 @@ class Log:
             raise LogError(f"{self.path}: {error.strerror}") from None
         with file:
             yield from self._checked(self._messages(file))
+
+    def messages(self) -> Iterator[tuple[RecordChannel, int, dict[str, Any]]]:
+        """Every message as it stands: its channel, Unix nanoseconds, and plain data.
+
+        Raises:
+            LogError: as when it is gone through.
+        """
+        next(iter(self))  # it is a record, and of this format
+        schemas: dict[int, tuple[str, str]] = {}
+        channels: dict[int, RecordChannel] = {}
+        with self.path.open("rb") as file:
+            for record in self._records(file):
+                match record:
+                    case Schema():
+                        schemas[record.id] = (record.name, record.data.decode())
+                    case Channel():
+                        channels[record.id] = RecordChannel(
+                            record.topic, *schemas[record.schema_id]
+                        )
+                    case Message():
+                        yield channels[record.channel_id], record.log_time, _object(record.data)
 
     def _checked(self, entries: Iterator[RecordEntry]) -> Iterator[RecordEntry]:
         try:

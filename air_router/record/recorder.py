@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from air_router.controller.flight_setup import FlightSetup
 from air_router.gossip.mapper import Mapper
@@ -62,6 +62,13 @@ FILE_BYTES: Final = 20_000_000
 LIBRARIES: Final = ("air-router", "mavsdk", "networkx", "numpy", "pyproj", "pyzmq", "shapely")
 
 
+class RecordViewer(Protocol):
+    """Shows a record while it is written; none of its faults is the flight's."""
+
+    def send(self, channel: RecordChannel, time_ns: int, message: dict[str, Any]) -> None:
+        """Show a message; times are Unix nanoseconds."""
+
+
 class Recorder(Closeable):
     """Writes one flight's record. Without a folder nothing is kept.
 
@@ -75,6 +82,7 @@ class Recorder(Closeable):
         trouble: Told when nothing more can be recorded; may be exchanged.
         stem: How the file's name begins; `name`: the UAV's, with which it ends.
         must: A folder that cannot be written to is an error.
+        viewer: Shows what is recorded while it happens, also where nothing is kept.
 
     Raises:
         OSError: `must` is set and the file cannot be made.
@@ -90,9 +98,10 @@ class Recorder(Closeable):
         stem: str = "flight",
         name: str = "",
         must: bool = True,
+        viewer: RecordViewer | None = None,
     ) -> None:
         self.trouble = trouble
-        self._unix_s = unix_s
+        self._unix_s, self._viewer = unix_s, viewer
         self._epoch_s: float | None = None
         self._last_ns = 0
         self._clock_at_s = self._links_at_s = self._map_at_s = self._grid_at_s = -math.inf
@@ -119,17 +128,17 @@ class Recorder(Closeable):
 
     def begin(self, setup: FlightSetup, **facts: object) -> None:
         """Record what the controller is made of, and how it is flown."""
-        if self._file is None:
+        if self._idle:
             return
         self._drawing = FoxgloveDrawing(setup.mission)
         encoded = self._encoded(encode, setup)
         self.note("Setup", 0.0, {"setup": encoded})
         self.note("Options", 0.0, facts)
-        self._draw([self._drawing.mission()])
+        self._draw([self._drawing.mission(), self._drawing.scene(self._unix_s())])
 
     def event(self, event: object, now_s: float) -> None:
         """Record what happened."""
-        if self._file is None:
+        if self._idle:
             return
         self._flown = True
         self._write("event", event, now_s)
@@ -141,7 +150,7 @@ class Recorder(Closeable):
 
     def action(self, action: object, now_s: float) -> None:
         """Record what was decided."""
-        if self._file is None:
+        if self._idle:
             return
         self._write("action", action, now_s)
         if self._drawing is not None:
@@ -165,7 +174,7 @@ class Recorder(Closeable):
             held: Asked then for the newest stamp by peer, robot and topic.
             now_s: As everywhere.
         """
-        if self._file is None or now_s - self._links_at_s < LINKS_S:
+        if self._idle or now_s - self._links_at_s < LINKS_S:
             return
         self._links_at_s = now_s
         for peer, link in links().items():
@@ -175,6 +184,8 @@ class Recorder(Closeable):
                 self._links[peer] = steady
                 plain = encode(dataclasses.replace(link, contacts=()))
                 self._add(link_channel(), now_s, {"t": now_s, **plain})
+        if self._drawing is not None:
+            self._draw(self._drawing.links(self._links, self._time_s(now_s)))
         for peer, holdings in held().items():
             known = self._held.setdefault(peer, {})
             news = [[*key, s] for key, s in sorted(holdings.items()) if known.get(key) != s]
@@ -191,7 +202,7 @@ class Recorder(Closeable):
 
     def map(self, mapper: Mapper, now_s: float) -> None:
         """Record how the map grows, and now and then the whole of it."""
-        if self._file is None or not mapper.known_cells:
+        if self._idle or not mapper.known_cells:
             return
         for version in mapper.published[self._maps :]:
             self.note("MapPublished", version.time_s, {"known_cells": version.known_cells})
@@ -224,6 +235,10 @@ class Recorder(Closeable):
             if not self._flown:
                 file.path.unlink(missing_ok=True)
                 self.path = None
+
+    @property
+    def _idle(self) -> bool:
+        return self._file is None and self._viewer is None
 
     def _tell(self, text: str) -> None:
         """On the thread that writes."""
@@ -273,9 +288,13 @@ class Recorder(Closeable):
         self._send(channel, int(self._time_s(now_s) * 1e9), message)
 
     def _send(self, channel: RecordChannel, time_ns: int | None, message: dict[str, Any]) -> None:
+        if self._idle:
+            return
+        self._last_ns = max(self._last_ns, time_ns or 0)
         if self._file is not None:
-            self._last_ns = max(self._last_ns, time_ns or 0)
             self._file.add(channel, self._last_ns, json_of(message).encode("ascii"))
+        if self._viewer is not None:
+            self._viewer.send(channel, self._last_ns, message)
 
     def _time_s(self, now_s: float) -> float:
         """Unix seconds for displays: they run with the vehicle's clock, whatever GPS says later.

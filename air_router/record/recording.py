@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple, Protocol
 
 from air_router.errors import UsageError
+from air_router.record.recorder import RecordViewer
+from mocha_link.errors import needs_extra
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +78,63 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
         help="record the flight there (default: ~/.local/state/air-router/flights)",
     )
     where.add_argument("--no-record", action="store_true", help="do not record the flight")
+
+
+class ViewerAddress(NamedTuple):
+    """Where a viewer of records is served."""
+
+    host: str = "127.0.0.1"
+    port: int = 8765
+
+    def __str__(self) -> str:
+        """As `--foxglove` takes it."""
+        return f"{self.host}:{self.port}"
+
+    @classmethod
+    def of(cls, text: str) -> ViewerAddress:
+        """PORT or HOST:PORT, for `argparse`."""
+        host, _, port = text.rpartition(":")
+        if not port.isdecimal() or int(port) > 65535:
+            raise argparse.ArgumentTypeError(
+                f"{text} is not [HOST:]PORT; choose a port up to 65535"
+            )
+        return cls(host or cls().host, int(port))
+
+
+class Viewer(RecordViewer, Protocol):
+    """A viewer that is served; `address` is what to open in it."""
+
+    address: str
+
+
+def add_viewer(parser: argparse.ArgumentParser) -> None:
+    """Add `--foxglove`."""
+    parser.add_argument(
+        "--foxglove",
+        type=ViewerAddress.of,
+        nargs="?",
+        const=ViewerAddress(),
+        metavar="[HOST:]PORT",
+        help="show the flight in Foxglove, which connects there (default: port 8765, this machine "
+        "only)",
+    )
+
+
+@contextmanager
+def viewing(address: ViewerAddress | None, name: str) -> Iterator[Viewer | None]:
+    """A viewer at an address while in the context; None without one.
+
+    Raises:
+        MissingExtraError: the SDK is not installed.
+        UsageError: it cannot be served there.
+    """
+    if address is None:
+        yield None
+        return
+    with needs_extra("--foxglove", "foxglove", "air-router"):
+        from air_router.record.foxglove_sdk import FoxgloveSocket  # noqa: PLC0415 - an extra
+    with closing(FoxgloveSocket(*address, name)) as viewer:
+        yield viewer
 
 
 def recording_of(arguments: argparse.Namespace, stem: str = "flight") -> RecordingOptions:

@@ -22,6 +22,7 @@ from air_router.live.page import joint_page
 from air_router.live.page_address import PageAddress
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
+from air_router.record.recording import ViewerAddress
 from air_router.report.report import several
 from air_router.sim.flights import Flights
 from air_router.sim.sim_world import Seat, SimOptions, SimWorld
@@ -142,6 +143,7 @@ def _command(
         ("--metrics", _nth(arguments.metrics, index)),
         ("--control", _nth(arguments.control, index)),
         ("--web", _port(arguments.web, index + 1)),  # behind the joint page, on this machine only
+        ("--foxglove", _viewer(arguments.foxglove, index)),
         ("--at", None if arguments.at is None else arguments.at.isoformat()),
     ):
         command += [] if value is None else [option, str(value)]
@@ -156,6 +158,10 @@ def _nth(endpoint: str | None, index: int) -> str | None:
     if endpoint.startswith("tcp://"):
         return f"{place}:{_port(int(port), index)}" if port.isdecimal() else endpoint
     return f"{endpoint}-{index + 1}"
+
+
+def _viewer(address: ViewerAddress | None, index: int) -> ViewerAddress | None:
+    return address and address._replace(port=_port(address.port, index) or 0)
 
 
 def _say(text: str) -> None:

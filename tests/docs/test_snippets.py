@@ -52,7 +52,7 @@ RUN_BY = {  # snippets that need something around them: the test that runs each
     "radios.md text 1": "mocha_link/test_docs_embedding.py::test_the_reports_are_reports",
     "radios.md yaml 1": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
     "radios.md 2": "mocha_link/test_docs_embedding.py::test_the_team_has_radios",
-    "records.md 1": "air_router/record/test_replay.py::test_the_snippet_of_the_docs_runs",
+    "records.md 2": "air_router/record/test_replay.py::test_the_snippet_of_the_docs_runs",
     "robot.md python": "system/test_rovers.py::test_rovers_of_three_kinds_are_found",
     "ros.md python 1": "mocha_link/bridges/test_docs.py::test_values",
     "state-machine.md mermaid": (
@@ -239,6 +239,7 @@ def folder(tmp_path_factory):
     pennovation = ROOT / "missions" / "pennovation"
     shutil.copy(ROOT / "tests" / "data" / "pennovation.plan", folder / "town.plan")
     shutil.copy(files / "geozones_ed269.json", folder / "geozones.json")
+    shutil.copy(files / "walk.gpx", folder)
     for name in ("mission.yaml", "team.yaml", "world.yaml"):
         shutil.copy(pennovation / name, folder / name)
     original = folder / "MOCHA" / "mocha_core" / "config"
@@ -264,6 +265,7 @@ RUN = [
     if block.page.name not in RUN_ALREADY
     for line in block.commands
     if line.split()[0] in PROGRAMS and line.split()[1] in RUN_IN and " | " not in line
+    if ".mcap" not in line  # records: tests/air_router/record runs these
 ]
 
 

@@ -118,6 +118,8 @@ def test_the_public_reader_opens_it_and_foxglove_finds_its_own_schemas(flown):
     drawn = {topic: s.name for topic, (s, _) in messages.items() if s.name.startswith("foxglove")}
     assert drawn == {
         "/mission": "foxglove.GeoJSON",
+        "/scene": "foxglove.SceneUpdate",
+        "/scene/robots": "foxglove.SceneUpdate",
         "/leg": "foxglove.GeoJSON",
         "/vehicle/location": "foxglove.LocationFix",
         "/vehicle/pose": "foxglove.PoseInFrame",

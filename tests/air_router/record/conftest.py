@@ -1,0 +1,51 @@
+"""A short record with something of everything that is drawn."""
+
+import pytest
+
+from air_router.controller.flight_setup import FlightSetup
+from air_router.controller.model.actions import Announce, FlyToNode, StateChanged
+from air_router.controller.model.events import RobotPose
+from air_router.controller.model.states import Signal, State
+from air_router.gossip.mapper import Mapper
+from air_router.record.recorder import Recorder
+from air_router.vehicle.vehicle import FlightMode, Telemetry
+from geo.frame import Point
+from geo.grid import GridPatch
+from mocha_link.links.metrics import LinkMetrics
+
+UNIX_S = 1.7e9
+
+
+def _fly(recorder, mission):
+    mapper = Mapper(mission)
+    patch = GridPatch(mapper.grid.west_m, mapper.grid.south_m, 1.0, mapper.grid.cells[:2, :3] + 1)
+    recorder.begin(FlightSetup(mission, ("io",), name="titan"), arm=True)
+    for second in range(20):
+        place = Point(1.0 + second, 2.0)
+        telemetry = Telemetry(1.0 + second, place, 40.0, battery=0.75, mode=FlightMode.MISSION)
+        recorder.event(telemetry, telemetry.time_s)
+    recorder.event(RobotPose("io", Point(5.0, 6.0), 8.0, "io"), 21.0)
+    recorder.action(FlyToNode(3, Point(8.0, 2.0)), 21.0)
+    recorder.action(StateChanged(State.READY, Signal.AIRBORNE, State.INIT, None), 22.0)
+    recorder.action(Announce("coming home"), 23.0)
+    recorder.links(lambda: {"io": LinkMetrics("io", rssi_dbm=-61.5)}, dict, 24.0)
+    assert mapper.paint(patch.encode())
+    recorder.map(mapper, 25.0)
+
+
+@pytest.fixture
+def record(tmp_path, pennovation):
+    with Recorder(tmp_path, "mission.yaml", unix_s=lambda: UNIX_S, name="titan") as recorder:
+        _fly(recorder, pennovation)
+    return recorder.path
+
+
+@pytest.fixture
+def shown(pennovation):
+    """Flies the same before a viewer, without a record."""
+
+    def fly(viewer):
+        with Recorder(None, "mission.yaml", unix_s=lambda: UNIX_S, viewer=viewer) as recorder:
+            _fly(recorder, pennovation)
+
+    return fly
