@@ -24,7 +24,7 @@ PATIENT = {"test_px4_commands.py"}
 LONG = {"test_hostile.py", "test_soak.py", "test_shortest_maps.py", "test_conformance.py"}
 FLIGHTS = {
     *("test_fly.py", "test_hostile_flight.py", "test_preflight.py", "test_px4.py"),
-    *("test_several.py", "test_sim_px4.py", "test_whole_flight.py"),
+    *("test_rovers.py", "test_several.py", "test_sim_px4.py", "test_whole_flight.py"),
 }
 """Of tests/system: vehicles fly in real time or faster, and must not wait for each other."""
 

@@ -22,6 +22,7 @@ from geo.frame import Geodetic, LocalFrame, Point
 from geo.grid import GridPatch, SemanticGrid, Terrain
 from mocha_link.links.metrics import MessageStored
 from mocha_link.node.node import Node
+from mocha_link.service.service_client import ServiceClient
 from mocha_link.team.team import Team
 from sitl.cli.cli import main
 from sitl.mavlink.truth import VehicleState
@@ -312,6 +313,33 @@ def test_a_vehicle_somewhere_else_is_noticed(simulation, caplog):
     simulation.follow(VehicleState(1.0, 47.397742, 8.545594, 489.4, 0.0))
     assert "km from the mission's home" in caplog.text
     assert simulation.report()["robots"]["io"]["contacts"]["titan"]["count"] == 0
+
+
+def test_a_robot_that_a_program_plays_is_where_it_says_and_says_nothing_else(tmp_path, mission):
+    team = derive_team(Team.load(mission.team), tmp_path)
+    plan = load_world(mission.world, mission, roles_of(mission, team).ground, seed=1)
+    endpoint = f"ipc://{tmp_path}/io"
+    places = Places("udp://127.0.0.1:0", "tcp://127.0.0.1:0", rovers={"io": endpoint})
+    there = Point(-30.0, 20.0)
+    latitude_deg, longitude_deg = mission.frame.to_geodetic(there)
+    pose = PoseMessage(stamp_s=0.0, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
+    seconds = iter(range(1, 10))
+    with (
+        TeamSimulation(mission, team, plan, places, epoch_s=EPOCH_S) as simulation,
+        ServiceClient(endpoint, timeout_s=WAIT_S) as program,
+    ):
+        io = simulation.world.robots["io"]
+
+        def follow():
+            home = mission.frame.to_geodetic(mission.home)
+            simulation.follow(VehicleState(next(seconds), *home, 50.0, 0.0))
+            return io.position
+
+        at_first = follow()
+        assert (follow(), program.latest("io", "/pose")) == (at_first, None)
+        for data in (pose.encode(), b"junk"):
+            program.publish("/pose", data, now=True)
+            assert follow() == pytest.approx(there, abs=1e-3)
 
 
 def test_closing_leaves_no_threads_and_frees_the_ports(tmp_path, mission):
