@@ -227,8 +227,8 @@ class Gossip:
             self._unreadable.add((message.robot, message.topic))
             _log.log(
                 logging.DEBUG if told else logging.WARNING,
-                "%s of %s cannot be read and is left alone, told once: %s; correct its publisher "
-                "or its type in the team file (docs/robot.md)",
+                "%s of %s cannot be read and is left alone, told once: %s; correct its publisher, "
+                "or its type or 'ros' in the team file (docs/robot.md)",
                 *(message.topic, message.robot, error),
             )
         return None

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from typing import Any, Self
 
 from air_router.controller.model.events import RobotPose
-from air_router.gossip.ros_messages import Datum, readers_of
+from air_router.gossip.ros_messages import MAP_FRAME, Datum, readers_of, stamp
 from air_router.gossip.team_messages import TeamMessageDecoder
 from air_router.messages import (
     JSON_PACKAGE,
@@ -136,7 +136,7 @@ def _path_of(data: bytes, _topic: Topic, robot: Robot) -> dict[str, Any]:
 
 
 def _header(stamp_s: float) -> dict[str, Any]:
-    return {"stamp": {"sec": int(stamp_s), "nanosec": int(stamp_s % 1 * 1e9)}, "frame_id": "map"}
+    return {"stamp": stamp(stamp_s), "frame_id": MAP_FRAME}
 
 
 def _position(robot: Robot, latitude_deg: float, longitude_deg: float) -> dict[str, Any]:

@@ -166,6 +166,13 @@ def test_what_cannot_be_read_is_told_once_for_each_topic(gossip, caplog):
     ]
 
 
+def test_of_several_messages_in_one_the_newest_is_read(gossip, pennovation):
+    """As a topic with `aggregate` brings them."""
+    old, new = (pose(pennovation.frame, Point(3.0, north)).encode() for north in (4.0, 5.0))
+    several = dataclasses.replace(heard("/pose", b"packed"), parts=(old, new))
+    assert gossip._news(several, "io").position == pytest.approx((3.0, 5.0), abs=1e-3)
+
+
 def test_a_message_without_a_stamp_is_as_old_as_when_its_node_took_it(gossip, pennovation):
     unstamped = pose(pennovation.frame, Point(3.0, 4.0)).model_copy(update={"stamp_s": 0.0})
     assert gossip._news(heard("/pose", unstamped.encode()), "io").stamp_s == 10.0

@@ -90,10 +90,11 @@ def test_what_a_simulated_robot_says_is_read_as_it_was_meant(kind, ros):
 def test_x_is_turned_from_east_by_the_yaw_of_the_datum():
     """A path of metres north is one along x where x is turned by 90 degrees."""
     team = team_of(("/odom", "nav_msgs/Odometry"), datum=placed(", 90"))
-    said = read(team, "/odom", local("nav_msgs/Odometry", x=100.0, y=30.0))
+    since_boot = {"header": {"stamp": {"sec": 12}}}  # of a clock that shows no time of day
+    said = read(team, "/odom", {**local("nav_msgs/Odometry", x=100.0, y=30.0), **since_boot})
     place = LocalFrame(DATUM).to_local(said.latitude_deg, said.longitude_deg)
     assert place == pytest.approx((-30.0, 100.0), abs=1e-6)
-    assert said.stamp_s == 0.0  # its clock shows no time of day
+    assert said.stamp_s == 0.0
 
 
 def test_no_fix_is_no_place():
