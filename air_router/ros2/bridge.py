@@ -6,6 +6,7 @@ The flight is asked as every program asks it, and answers as it answers every pr
 from __future__ import annotations
 
 import contextlib
+import json
 import math
 import queue
 import time
@@ -13,6 +14,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, Final
 
+from air_router.control.command_request import CommandRequestError, spoken
 from air_router.control.control import (
     ControlAnswer,
     ControlClient,
@@ -30,9 +32,15 @@ LOOK_S: Final = 0.2
 SLOW_LOOKS: Final = 5
 """So many looks are as long as the pause between two of what changes slowly."""
 
+MAP_LOOKS: Final = 5 * SLOW_LOOKS
+"""Of the map, which takes the flight's time: as often as robots are given it."""
+
 _MOST_WAITING: Final = 100
 """Requests of ROS programs that wait for their turn; more are not heard."""
 
+BY: Final = "ROS 2"
+TEXT: Final = "std_msgs/String"
+ANSWERS: Final = "~/answer"
 TRIGGERS: Final = ("hold", "resume", "explore", "home")
 
 _ALTITUDE: Final = "an altitude of a point is not 0: the flight keeps to the mission's"
@@ -120,7 +128,7 @@ class Ros2Bridge:
             answer = self._client.request({"request": "view", "areas": True})
             self._seen["areas"] = answer["areas_revision"]
             yield self._scene.areas(answer["areas"])
-        if self._seen.get("cells") != view["known_cells"]:
+        if self._looks % MAP_LOOKS == 1 and self._seen.get("cells") != view["known_cells"]:
             answer = self._client.request({"request": "view", "map": True})
             self._seen["cells"] = answer["known_cells"]
             yield self._scene.map(answer["map"], now_s)
@@ -173,6 +181,10 @@ class Ros2Bridge:
             self._graph.advertise(self._topic(topic), kind)
         if not self._requests:
             return
+        self._graph.advertise(self._topic(ANSWERS), TEXT, 10, lasting=False)
+        self._graph.subscribe(
+            self._topic("~/ask"), TEXT, lambda asked: self._later("ask", partial(self._ask, asked))
+        )
         for verb in TRIGGERS:
             self._serve(f"/{self._name}/{verb}", interfaces.TRIGGER, partial(self._trigger, verb))
         for name, kind, course, ask in (
@@ -205,13 +217,25 @@ class Ros2Bridge:
             if reply is not None:
                 self._graph.reply(service, kind, request, reply)
 
-        def take(request: Values) -> None:
-            try:
-                self._jobs.put_nowait(partial(respond, request))
-            except queue.Full:
-                self._say(f"{service}: too many requests; this one is not answered")
+        self._graph.serve(
+            service, kind, lambda asked: self._later(service, partial(respond, asked))
+        )
 
-        self._graph.serve(service, kind, take)
+    def _later(self, what: str, job: Callable[[], None]) -> None:
+        """Do something between two looks; from any thread."""
+        try:
+            self._jobs.put_nowait(job)
+        except queue.Full:
+            self._say(f"{what}: too many requests; this one is not answered")
+
+    def _ask(self, asked: Values) -> None:
+        """Ask in words, as at the terminal: for programs that have no services of ours."""
+        try:
+            request = spoken(asked["data"]).model_dump(exclude_none=True)
+            answer = self._client.request({**request, "by": BY})
+        except (CommandRequestError, ControlUnreachableError, ControlError) as error:
+            answer = {"accepted": False, "why": str(error)}
+        self._publish(Out(ANSWERS, TEXT, {"data": json.dumps(answer)}))
 
     def _trigger(self, verb: str, _: Values) -> Values:
         answer = self._asked(getattr(self._client, verb))

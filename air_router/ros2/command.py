@@ -55,9 +55,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run until Ctrl-C."""
     with needs_extra("ROS 2", "ros2", "air-router"):
-        from air_router.ros2.bridge import Ros2Bridge  # noqa: PLC0415 - an extra
+        from air_router.ros2.bridge import BY, Ros2Bridge  # noqa: PLC0415 - an extra
         from air_router.ros2.ros_graph import RosGraph  # noqa: PLC0415 - an extra
-    with until_terminated(), ControlClient(arguments.endpoint, by="ROS 2") as client:
+    with until_terminated(), ControlClient(arguments.endpoint, by=BY) as client:
         graph = RosGraph(arguments.domain)
         try:
             Ros2Bridge(client, graph, requests=arguments.requests, say=_say).run()

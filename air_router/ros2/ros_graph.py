@@ -6,6 +6,7 @@ all clients receive, names them again. Other middlewares have services of their 
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import time
 from collections.abc import Callable
@@ -51,23 +52,26 @@ class RosGraph:
         except DDSException as error:
             _LOG.warning("%s: a message was left out: %s", topic, error)
 
+    def subscribe(self, topic: str, kind: str, take: Take) -> Any:
+        """Hand over the messages of a topic, from another thread; what cannot be read is not.
+
+        Gives the reader.
+        """
+
+        def read(data: bytes) -> None:
+            with contextlib.suppress(RosError):
+                take(self._codec.to_json(kind, self._codec.decode(kind, data, 2)))
+
+        return self._dds.subscribe(topic, kind, _DEPTH, read)
+
     def serve(self, service: str, kind: str, take: Take) -> None:
         """Hand over what clients of a service ask, from another thread; what cannot be read is not.
 
         `kind`: of the service, e.g. ``std_srvs/Trigger``.
         """
-
-        def read(data: bytes) -> None:
-            try:
-                name = f"{kind}_Request"
-                take(self._codec.to_json(name, self._codec.decode(name, data, 2)))
-            except RosError:
-                return
-
         reply = f"rr{service}Reply"
         self._dds.advertise(reply, f"{kind}_Response", _DEPTH, lasting=False)
-        request = f"rq{service}Request"
-        self._readers[reply] = self._dds.subscribe(request, f"{kind}_Request", _DEPTH, read)
+        self._readers[reply] = self.subscribe(f"rq{service}Request", f"{kind}_Request", take)
 
     def reply(self, service: str, kind: str, request: Values, values: Values) -> None:
         """Answer a request."""

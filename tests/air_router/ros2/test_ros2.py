@@ -33,7 +33,7 @@ from air_router.flight.command_service import CommandService
 from air_router.flight.flight_stats import FlightStats
 from air_router.flight.flight_view import FlightView
 from air_router.gossip.mapper import Mapper
-from air_router.ros2.bridge import AnotherVehicleError, Ros2Bridge
+from air_router.ros2.bridge import MAP_LOOKS, AnotherVehicleError, Ros2Bridge
 from air_router.ros2.messages import TOPICS
 from air_router.ros2.ros_graph import RosGraph
 from geo.frame import Point
@@ -285,7 +285,7 @@ def test_the_flight_in_standard_messages(desk, bridge, program):
     cells[0, 1] = Terrain.ROAD
     desk.mapper.paint(GridPatch(grid.west_m + 3, grid.south_m + 2, 1.0, cells).encode())
     flight.fly_until(lambda: desk.request({"request": "view"})["heard"])
-    for _ in range(5):
+    for _ in range(MAP_LOOKS):
         bridge.look()
     at = pytest.approx((*flight.position, flight.altitude_m), abs=0.02)
     pose = program.standard("~/pose")
@@ -332,6 +332,33 @@ def test_services_answer_in_the_flights_words(desk, program):
     desk.gone = True
     answer = call["hold"]()
     assert (answer.success, answer.message) == (False, "no answer")
+
+
+@dataclass
+class String(IdlStruct, typename="std_msgs.msg.dds_.String_"):
+    data: str
+
+
+def test_words_are_answered_to_programs_of_any_middleware(desk, program):
+    answers = program.reader("rt/titan/answer", String)
+    asking = DataWriter(
+        program.participant, Topic(program.participant, "rt/titan/ask", String), qos=Qos(RELIABLE)
+    )
+    while not (asking.get_matched_subscriptions() and answers.get_matched_publications()):
+        pass
+
+    def ask(words):
+        asking.write(String(words))
+        program.serve()
+        return json.loads(taken(answers).data)
+
+    assert ask("seek phantom")["code"] == "unknown-robot"
+    assert ask("hold")["accepted"]
+    assert ask("goto nowhere") == {
+        "accepted": False,
+        "why": "goto where? type 'goto LAT,LON', more places behind it, in degrees",
+    }
+    assert desk.flight.controller.state is State.HOLD
 
 
 ACTION = "/titan/goto/_action"
@@ -454,6 +481,9 @@ class Silent:
 
     def serve(self, service, kind, take):
         self.served.append(service)
+
+    def subscribe(self, topic, kind, take):
+        self.served.append(topic)
 
 
 def test_nothing_is_served_unless_it_is_asked_for(desk):
