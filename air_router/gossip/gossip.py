@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
@@ -25,11 +26,12 @@ from air_router.messages import (
     PoseMessage,
     SeekMessage,
 )
+from air_router.mission.found_by import pose_topic
 from air_router.vehicle.clock import VehicleClock
 from air_router.vehicle.vehicle import Telemetry
 from geo.frame import FrameError, LocalFrame
 from mocha_link import Message, MetricsServer, Node, Team
-from mocha_link.links.metrics import LinkEvent, LinkMetrics, MessageStored
+from mocha_link.links.metrics import Direction, LinkEvent, LinkMetrics, MessageStored, SyncEnded
 
 _log = logging.getLogger(__name__)
 
@@ -37,6 +39,9 @@ POSE_INTERVAL_S: Final = 1.0
 MAP_INTERVAL_S: Final = 5.0
 """The map is aggregated: several patches, one database update."""
 
+
+SILENT_SYNCS: Final = 5
+"""A robot that was met so often, and has not said where it is, is told of."""
 
 SEEK_INTERVAL_S: Final = 30.0
 """Whom we seek is said again: what others heard of it holds for some minutes only."""
@@ -88,6 +93,8 @@ class Gossip:
         self._grid_topics = [topic.name for topic in topics if topic.type == OCCUPANCY]
         self._grid_of = occupancy_writer(team, name) if self._grid_topics else None
         self._unreadable: set[tuple[str, str]] = set()
+        self._found_by = {peer: pose_topic(team, peer) for peer in team.robot(name).peers}
+        self._met: Counter[str] = Counter()
         self.node = node or Node(team, self._name, clock=clock, keys=keys)
         self._metrics = None if metrics is None else MetricsServer(self.node, metrics)
         self._pose_at_s = float("-inf")
@@ -192,6 +199,8 @@ class Gossip:
 
     def _translate(self, event: LinkEvent) -> None:
         self._deliver(event)
+        if isinstance(event, SyncEnded) and event.direction is Direction.IN:
+            self._note_silence(event.peer)
         if not isinstance(event, MessageStored) or event.robot == self._name:
             return
         if self._reader.reads(event.robot, event.topic):  # a map takes long to decompress
@@ -202,6 +211,19 @@ class Gossip:
                 self._hand_on_goals()
             elif news is not None:
                 self._deliver(news)
+
+    def _note_silence(self, peer: str) -> None:
+        """Say once of a robot that was met, and does not say where it is, that it is silent."""
+        topic = self._found_by.get(peer)
+        self._met[peer] += 1
+        if self._met[peer] != SILENT_SYNCS or topic is None:
+            return
+        if self.node.latest(peer, topic.name) is None:
+            _log.warning(
+                "%s was synced with %d times and has said nothing on %s (%s), by which it would be "
+                "found; see whether its program or bridge runs (docs/robot.md)",
+                *(peer, SILENT_SYNCS, topic.name, topic.type),
+            )
 
     def _hand_on_goals(self) -> None:
         """Ways are planned to no more goals than for other requests; of one sender the newest."""

@@ -34,7 +34,7 @@ from air_router.vehicle.vehicle import Telemetry
 from geo.frame import Point
 from geo.grid import GridPatch, SemanticGrid, Terrain
 from mocha_link import Message, Node, Team
-from mocha_link.links.metrics import MessageStored
+from mocha_link.links.metrics import Direction, MessageStored, SyncEnded
 from mocha_link.service.metrics_client import watch
 from mocha_link.store.record import Header
 from mocha_link.team.team import Priority
@@ -164,6 +164,18 @@ def test_what_cannot_be_read_is_told_once_for_each_topic(gossip, caplog):
         "/pose of io",
         "/path of io",
     ]
+
+
+def test_a_robot_that_is_met_and_says_nothing_is_told_once(gossip, monkeypatch, caplog):
+    """Not one that does, and not one that is met but a few times."""
+    gossip._deliver = lambda _: None
+    monkeypatch.setattr(gossip.node, "latest", lambda robot, _: robot == "europa" or None)
+    for peer, times in (("io", 12), ("europa", 12), ("callisto", 4)):
+        for _ in range(times):
+            gossip._translate(SyncEnded(peer, 1.0, Direction.IN, 0, 10, 0.1))
+            gossip._translate(SyncEnded(peer, 1.0, Direction.OUT, 0, 10, 0.1))
+    (told,) = [record.getMessage() for record in caplog.records]
+    assert told.startswith("io was synced with 5 times and has said nothing on /pose (json/Pose)")
 
 
 def test_of_several_messages_in_one_the_newest_is_read(gossip, pennovation):
