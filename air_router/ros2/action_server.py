@@ -101,7 +101,9 @@ class ActionServer:
         if goal is None:
             return {"accepted": False}
         answer = self._ask(request["goal"])
-        if not answer.accepted:
+        if answer.accepted:
+            goal.message = answer.why
+        else:
             goal.end(Status.ABORTED, answer.why, answer.code or "")
         return {"accepted": True, "stamp": stamp(now_s)}
 

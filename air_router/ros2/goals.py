@@ -78,7 +78,7 @@ class Goal:
         accepted_s: When it came, Unix seconds.
         since: The newest change of state that was known before.
         begun: Whether the flight was seen to begin with it.
-        message: Why it ended.
+        message: What the flight answered; then also why it ended.
         code: Of a refusal.
     """
 
@@ -97,7 +97,8 @@ class Goal:
 
     def end(self, status: Status, message: str, code: str = "") -> None:
         """It has a result from now on."""
-        self.status, self.message, self.code = status, message, code
+        self.status, self.code = status, code
+        self.message = f"{self.message}; {message}" if self.message else message
 
     def follow(self, course: Course, changes: Sequence[Change]) -> None:
         """Take in the latest changes of state."""

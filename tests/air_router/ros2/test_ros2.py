@@ -409,7 +409,8 @@ def test_a_goal_is_flown_to_and_its_result_waited_for(desk, bridge, program, got
     flight.fly_until(lambda: flight.controller.state is not State.GOTO)
     bridge.look()
     answer = program.answer(results)
-    assert (answer.status, answer.result.message) == (4, "it was at the last point")
+    message = "it flies to the point; it was at the last point"
+    assert (answer.status, answer.result.message) == (4, message)
     assert goto.statuses() == [4]
     assert math.dist(flight.position, NEAR) < 5.0
 
@@ -427,12 +428,12 @@ def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(desk, brid
     answer = goto.cancel(GoalInfo(three, Time(0, 0)))
     assert (answer.return_code, [info.goal_id for info in answer.goals_canceling]) == (0, [three])
     assert flight.controller.state is State.HOLD
-    assert goto.ended(three) == (5, "it stops and hovers", "")
+    assert goto.ended(three) == (5, "it flies to the point; it stops and hovers", "")
     assert goto.cancel(GoalInfo(three, Time(0, 0))).return_code == 3
     assert goto.go(four, NEAR)
     flight.operator_asks(ExploreNow())
     bridge.look()
-    assert goto.ended(four) == (6, "GOTO -> EXPL: asked to explore", "")
+    assert goto.ended(four) == (6, "it flies to the point; GOTO -> EXPL: asked to explore", "")
     assert goto.ended(Uuid(bytes([9] * 16)))[0] == 0
 
 
