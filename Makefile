@@ -94,7 +94,7 @@ dist: $(VENV)/.tools
 
 # The documentation as a site, in build/site; a broken link is an error
 docs: $(VENV)/.tools
-	$(BIN)/mkdocs build --strict --clean
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --clean
 
 # Newer versions of everything, with the checksums of their files for every platform
 LOCK := $(BIN)/uv pip compile --upgrade --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-package mocha-link pyproject.toml

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--px4",
         metavar="PATH",
-        help="a build folder, source tree or px4 executable; or docker, podman",
+        help="a build folder, source tree or px4 executable; or docker, podman, docker:v1.17.0",
     )
     parser.add_argument(
         "--instance", type=instance, metavar="N", help="PX4's (default: the first that is free)"

@@ -15,7 +15,9 @@ from air_router.errors import NoVehicleError
 ENVIRONMENT: Final = "PX4_SITL"
 """The environment variable that names a build folder, a source tree or a `px4` executable."""
 
-IMAGE: Final = "px4io/px4-sitl:latest"
+IMAGE: Final = "px4io/px4-sitl"
+"""The official container image of PX4 with its built-in simulator; tags are PX4's: v1.17.0."""
+
 _ANSWER_S: Final = 10.0
 _RUNTIMES: Final = ("docker", "podman")
 _BUILDS: Final = ("build/px4_sitl_default", "build/px4_sitl_sih", ".")
@@ -24,8 +26,9 @@ _RC: Final = "etc/init.d-posix/rcS"
 WHAT_TO_INSTALL: Final = f"""\
 Install one of these and try again:
   * the px4 package (about 10 MB, Ubuntu) from https://github.com/PX4/PX4-Autopilot/releases
-  * Docker or Podman, and: docker pull {IMAGE}
-  * PX4's source, built with `make px4_sitl`; give its folder with --px4 DIR or {ENVIRONMENT}=DIR"""
+  * Docker or Podman, and: docker pull {IMAGE}:v1.17.0
+  * PX4's source, built with `make px4_sitl`; give its folder with --px4 DIR or {ENVIRONMENT}=DIR
+docs/simulated-vehicle.md has each step by step."""
 
 
 class NoPx4Error(NoVehicleError):
@@ -40,16 +43,23 @@ class Px4Install:
         program: The executable, or the container runtime.
         etc: The files that an executable starts from, where they are known.
         container: What the container is to be called; empty: it is an executable.
+        tag: The image's.
     """
 
     program: Path
     etc: Path | None = None
     container: str = ""
+    tag: str = ""
 
     @property
     def words(self) -> str:
         """What and where it is."""
-        return f"{self.program.name} image {IMAGE}" if self.container else str(self.program)
+        return f"{self.program.name} image {self.image}" if self.container else str(self.program)
+
+    @property
+    def image(self) -> str:
+        """The container image, if it is one."""
+        return f"{IMAGE}:{self.tag}"
 
     def command(self, instance: int, folder: Path, environment: Mapping[str, str]) -> list[str]:
         """Program and arguments; a container shares this machine's network.
@@ -64,7 +74,7 @@ class Px4Install:
             arguments += ["--name", self.container]
             for name, value in sorted(environment.items()):
                 arguments += ["--env", f"{name}={value}"]
-            return [*arguments, IMAGE, "-d", *(["-i", str(instance)] if instance else [])]
+            return [*arguments, self.image, "-d", *(["-i", str(instance)] if instance else [])]
         arguments = [str(self.program), "-d", "-i", str(instance)]
         if self.etc is not None:
             arguments += ["-w", str(folder), "-s", _RC, str(self.etc)]
@@ -81,8 +91,9 @@ def find_px4(asked: str | None = None, environment: Mapping[str, str] | None = N
     """Find a PX4 SITL.
 
     Args:
-        asked: A build folder, a source tree, an executable, or `docker` or `podman`; None looks at
-            the environment variable PX4_SITL, then on the PATH, then for a container runtime.
+        asked: A build folder, a source tree, an executable, or `docker` or `podman`, with a tag of
+            the image behind a colon if there are several; None looks at the environment variable
+            PX4_SITL, then on the PATH, then for a container runtime.
         environment: The process's, if None.
 
     Raises:
@@ -91,7 +102,7 @@ def find_px4(asked: str | None = None, environment: Mapping[str, str] | None = N
     environment = os.environ if environment is None else environment
     path = environment.get("PATH")
     asked = asked or environment.get(ENVIRONMENT)
-    if asked in _RUNTIMES:
+    if asked and asked.partition(":")[0] in _RUNTIMES:
         return _contained(asked, path)
     if asked:
         return _built(Path(asked))
@@ -118,7 +129,8 @@ def _built(path: Path) -> Px4Install:
         )
     if not path.is_file() or not os.access(path, os.X_OK):
         raise NoPx4Error(f"{path}: no such folder or executable.\n{WHAT_TO_INSTALL}")
-    return Px4Install(path.absolute(), _etc(path))
+    etc = _etc(path)  # PX4 looks for its tools beside the path that it was started by: no link
+    return Px4Install(path.absolute() if etc is None else path.resolve(), etc)
 
 
 def _etc(program: Path) -> Path | None:
@@ -127,14 +139,15 @@ def _etc(program: Path) -> Path | None:
     return root / "etc" if (root / _RC).is_file() else None
 
 
-def _contained(name: str, path: str | None) -> Px4Install:
+def _contained(asked: str, path: str | None) -> Px4Install:
     """A runtime that has the image; nothing is downloaded without being asked for."""
+    name, _, tag = asked.partition(":")
     runtime = shutil.which(name, path=path)
     if runtime is None:
         raise NoPx4Error(f"no {name} on the PATH\n{WHAT_TO_INSTALL}")
     try:
         done = subprocess.run(  # noqa: S603 - the user's own container runtime
-            [runtime, "image", "inspect", IMAGE],
+            [runtime, "image", "ls", "--format", "{{.Tag}}", IMAGE],
             check=False,
             capture_output=True,
             text=True,
@@ -144,5 +157,11 @@ def _contained(name: str, path: str | None) -> Px4Install:
         raise NoPx4Error(f"{name} does not answer\n{WHAT_TO_INSTALL}") from None
     if done.returncode != 0:
         said = (done.stderr.strip().splitlines() or ["no words"])[-1]
-        raise NoPx4Error(f"{name} has no image {IMAGE} ({said})\n{WHAT_TO_INSTALL}")
-    return Px4Install(Path(runtime), container=f"air-router-px4-{os.getpid()}")
+        raise NoPx4Error(f"{name} lists no images ({said})\n{WHAT_TO_INSTALL}")
+    tags = [each for each in done.stdout.split() if each != "<none>"]  # the newest first
+    if not tags or (tag and tag not in tags):
+        there = f"; it has {', '.join(tags)}" if tags else ""
+        wanted = f"{IMAGE}:{tag}" if tag else IMAGE
+        raise NoPx4Error(f"{name} has no image {wanted}{there}\n{WHAT_TO_INSTALL}")
+    found = tag or ("latest" if "latest" in tags else tags[0])
+    return Px4Install(Path(runtime), container=f"air-router-px4-{os.getpid()}", tag=found)

@@ -22,6 +22,7 @@ from sitl.process.px4_process import (
 from sitl.px4sim.state.situation import Place
 
 HOME = Place(40.4406, -79.9959, 280.0)
+LISTING = "image ls --format {{.Tag}} px4io/px4-sitl"
 LIMIT_S = 60
 
 # Says on the gimbal's port what PX4 says: first that it cannot arm yet, then that it can.
@@ -113,22 +114,51 @@ class TestFinding:
         found = find_px4(None, {"PATH": str(alone.parent)})
         assert found.command(0, tmp_path, {}) == [str(alone), "-d", "-i", "0"]
 
+    def test_the_official_package(self, build, tmp_path):
+        """The .deb has /opt/px4 and a link to its program on the PATH."""
+        folder = build() / "build" / "px4_sitl_default"
+        (tmp_path / "usr").mkdir()
+        (tmp_path / "usr" / "px4").symlink_to(folder / "bin" / "px4")
+        found = find_px4(None, {"PATH": str(tmp_path / "usr")})
+        command = found.command(0, tmp_path, {})
+        assert (command[0], command[-1]) == (str(folder / "bin" / "px4"), str(folder / "etc"))
+
+    def runtime(self, folder, name, *tags):
+        """A container runtime that lists an image with these tags."""
+        program = folder / name
+        lines = "\n".join(tags)
+        program.write_text(f"#!/bin/sh\n[ \"$*\" = '{LISTING}' ] && echo '{lines}'\n")
+        program.chmod(0o755)
+        return {"PATH": str(folder)}
+
     def test_a_container(self, tmp_path):
-        (tmp_path / "podman").symlink_to("/bin/true")
-        install = find_px4(None, {"PATH": str(tmp_path)})
-        assert install.container
+        environment = self.runtime(tmp_path, "podman", "v1.18.0", "v1.17.0", "<none>")
+        install = find_px4(None, environment)
+        assert install.words == "podman image px4io/px4-sitl:v1.18.0"
         command = install.command(2, tmp_path, {"PX4_HOME_LAT": "1.5"})
         assert command[:2] == [str(tmp_path / "podman"), "run"]
         assert "PX4_HOME_LAT=1.5" in command
-        assert command[-3:] == ["-d", "-i", "2"]
+        assert command[-4:] == ["px4io/px4-sitl:v1.18.0", "-d", "-i", "2"]
         assert install.stop_command()[-1] in command
-        assert find_px4("podman", {"PATH": str(tmp_path)}) == install
+        assert find_px4("podman", environment) == install
+
+    def test_a_container_of_a_version(self, tmp_path):
+        environment = self.runtime(tmp_path, "docker", "v1.18.0", "latest", "v1.17.0")
+        for asked, tag in (("docker", "latest"), ("docker:v1.17.0", "v1.17.0")):
+            assert find_px4(asked, environment).image == f"px4io/px4-sitl:{tag}"
+        with pytest.raises(NoPx4Error, match=r"px4-sitl:v1.16.0; it has v1.18.0, latest, v1.17.0"):
+            find_px4("docker:v1.16.0", environment)
 
     def test_a_container_runtime_without_the_image(self, tmp_path):
-        (tmp_path / "docker").symlink_to("/bin/false")
+        environment = self.runtime(tmp_path, "docker")
         for asked in (None, "docker"):
-            with pytest.raises(NoPx4Error, match=r"docker has no image px4io/px4-sitl:latest"):
-                find_px4(asked, {"PATH": str(tmp_path)})
+            with pytest.raises(NoPx4Error, match=r"docker has no image px4io/px4-sitl"):
+                find_px4(asked, environment)
+
+    def test_a_container_runtime_that_may_not_be_used(self, tmp_path):
+        (tmp_path / "docker").symlink_to("/bin/false")
+        with pytest.raises(NoPx4Error, match=r"docker lists no images \(no words\)"):
+            find_px4("docker", {"PATH": str(tmp_path)})
 
     @pytest.mark.parametrize("asked", [None, "docker", "/no/such/place"])
     def test_none_says_what_to_install(self, asked, tmp_path):
