@@ -93,7 +93,15 @@ def _check_distances(draft: MissionDocument) -> set[str]:
         return far
     advice = "correct it (latitude comes first)" if not draft.in_metres else "correct it"
     home = draft.home.position
-    for spot in (*draft.waypoints, *draft.rally_points):
+    spots = (*draft.waypoints, *draft.rally_points)
+    nearest_m = min((math.dist(spot.position, home) for spot in spots), default=0.0)
+    together = all(math.dist(spot.position, spots[0].position) <= _FAR_M for spot in spots)
+    if nearest_m > _FAR_M and len(spots) > 1 and together:
+        message = f"home is {nearest_m / 1000:.0f} km from every other place; {advice}"
+        draft.complain(draft.home.keys, message, "far-from-home")
+        areas = [_label(draft, area) for area in (*draft.zones, *draft.fences)]
+        return {draft.home.label, *(spot.label for spot in spots), *areas}
+    for spot in spots:
         if (far_m := math.dist(spot.position, home)) > _FAR_M:
             message = f"{spot.label} is {far_m / 1000:.0f} km from home; {advice}"
             draft.complain(spot.keys, message, "far-from-home")
@@ -101,11 +109,15 @@ def _check_distances(draft: MissionDocument) -> set[str]:
     for area in (*draft.zones, *draft.fences):
         far_m = max(math.dist(corner, home) for corner in area.shape.corners)
         if far_m > _FAR_M and area.place is None:  # zones of other files may be of any size
-            label = "the fence" if area in draft.fences else f"no-fly zone '{area.name}'"
+            label = _label(draft, area)
             message = f"{label} reaches {far_m / 1000:.0f} km from home; {advice}"
             draft.complain_area(area, message, "far-from-home")
             far.add(label)
     return far
+
+
+def _label(draft: MissionDocument, area: Area) -> str:
+    return "the fence" if area in draft.fences else f"no-fly zone '{area.name}'"
 
 
 def _check_fence_crossings(draft: MissionDocument) -> None:

@@ -348,8 +348,9 @@ def peers(reachable: Mapping[str, bool]) -> Check:
         )
     away = [name for name, reached in reachable.items() if not reached]
     if not away:
-        return Check("team", CheckVerdict.GOOD, f"{', '.join(reachable)}: reachable")
-    found = f"{', '.join(away)}: not reachable now"
+        found = f"{', '.join(reachable)}: their nodes answer (team files are compared in flight)"
+        return Check("team", CheckVerdict.GOOD, found)
+    found = f"{', '.join(away)}: no node answers now"
     return Check(
         "team", CheckVerdict.LOOK, found, "fine if out of range; else is its node running?"
     )

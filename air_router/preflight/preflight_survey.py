@@ -20,7 +20,10 @@ from air_router.vehicle.vehicle import Telemetry, Vehicle, VehicleInfo
 from mocha_link import Team
 
 DIAL_S: Final = 1.0
-"""Wall-clock limit for a robot's node to take a connection."""
+"""Wall-clock limit for a robot's node to answer."""
+
+_GREETING: Final = b"\xff"
+"""How every ZeroMQ connection begins."""
 
 
 class PreflightSurvey:
@@ -105,17 +108,18 @@ class PreflightSurvey:
         )
 
     async def _reachable(self) -> dict[str, bool] | None:
-        """Whose node takes a connection now; None without a team."""
+        """Whose node answers now; None without a team."""
         team = self._team
         if team is None:
             return None
         names = team.robot(self._uav).peers
         places = [(team.robot(n).address, team.robot(n).port_for(self._uav)) for n in names]
-        answers = await asyncio.gather(*(_takes_connection(*place) for place in places))
+        answers = await asyncio.gather(*(_answers(*place) for place in places))
         return dict(zip(names, answers, strict=True))
 
 
-async def _takes_connection(host: str, port: int) -> bool:
+async def _answers(host: str, port: int) -> bool:
+    """Whether a node is there: its socket greets at once, a gateway that takes all does not."""
     loop = asyncio.get_running_loop()
     try:
         async with asyncio.timeout(DIAL_S):
@@ -125,9 +129,9 @@ async def _takes_connection(host: str, port: int) -> bool:
             with socket.socket(family, kind, protocol) as probe:
                 probe.setblocking(False)
                 await loop.sock_connect(probe, address)
+                return (await loop.sock_recv(probe, 1)) == _GREETING
     except (OSError, TimeoutError):
         return False
-    return True
 
 
 def _free_bytes(folder: Path | None) -> int | None:

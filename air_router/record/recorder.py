@@ -120,7 +120,7 @@ class Recorder(Closeable):
                 self._file = _open(folder, (stem, name), mission, self._tell)
             except OSError as error:
                 if must:
-                    raise
+                    raise no_folder(error) from None
                 trouble(f"{folder}: {error.strerror}; the flight is not recorded")
         self.path = None if self._file is None else self._file.path
 
@@ -332,6 +332,12 @@ def _open(
             return LogFile(folder / name, trouble, facts)
         except FileExistsError:
             number += 1
+
+
+def no_folder(error: OSError) -> OSError:
+    """Why nothing can be recorded in the folder that the operator named, and what to do."""
+    advice = "name a folder that can be written to, --log-dir D, or say --no-record"
+    return OSError(error.errno, f"{error.strerror}; {advice}", error.filename)
 
 
 def _tame(name: str) -> str:

@@ -14,7 +14,7 @@ from mocha_link.errors import MissingExtraError
 
 COLUMNS: Final = (
     ("robot", "{}"),
-    ("found", "{}"),
+    ("found when sought", "{}"),
     ("syncs in/out", "{}"),
     ("bytes in/out", "{}"),
     ("newest data", "{}"),

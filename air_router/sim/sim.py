@@ -22,6 +22,7 @@ from air_router.live.page import joint_page
 from air_router.live.page_address import PageAddress
 from air_router.mission.loading import load_mission
 from air_router.mission.mission import Mission
+from air_router.record.recorder import no_folder
 from air_router.record.recording import ViewerAddress
 from air_router.report.report import several
 from air_router.sim.flights import Flights
@@ -175,7 +176,10 @@ def _port(port: int | None, index: int) -> int | None:
 @contextlib.contextmanager
 def _folder(log_dir: Path | None) -> Iterator[Path]:
     if log_dir is not None:
-        log_dir.mkdir(parents=True, exist_ok=True)
+        try:
+            log_dir.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise no_folder(error) from None
         yield log_dir
         return
     with tempfile.TemporaryDirectory(prefix="air-router-") as folder:

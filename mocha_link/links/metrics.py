@@ -91,8 +91,9 @@ class LinkMetrics:
         state_out: of the peer's latest pull from us.
         last_sync_in_s: when our last pull came to its end.
         last_sync_out_s: when the peer's last pull came to its end.
-        rtt_s: last round trip of a small request on a standing connection (real seconds).
-        rtt_smoothed_s: the same, smoothed as TCP does.
+        rtt_s: round trip of the connection in real seconds, without what a node takes to answer:
+            the least that the kernel has seen of late (TCP, on Linux), or of our packets (UDP).
+        rtt_smoothed_s: the same, smoothed over syncs.
         bandwidth_bytes_s: what the last sync of either direction moved per real second, of those
             with at least 16 KiB and two round trips.
         rssi_dbm: `signal` where that is in dBm.

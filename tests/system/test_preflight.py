@@ -4,6 +4,7 @@ import json
 import socket
 
 import pytest
+import zmq
 
 from mocha_link import Team
 
@@ -27,21 +28,23 @@ def test_the_card_of_a_vehicle_that_is_ready(vehicle, preflight, tmp_path):
     assert lines["health"]["advice"] == "no remote control is heard"  # none is simulated
     assert lines["vehicle"]["found"] == "PX4 1.17.0, system 1"
     assert "read back, equal, can be flown" in lines["plan"]["found"]
-    assert "not reachable now" in lines["team"]["found"]
+    assert "no node answers now" in lines["team"]["found"]
     assert int(lines["parameters"]["found"].split()[0]) >= 12
 
 
-def test_peers_that_listen_are_reachable_and_looking_changes_nothing(
+def test_a_node_is_told_from_what_takes_any_connection_and_looking_changes_nothing(
     vehicle, preflight, short_mission
 ):
     vehicle()
     team = Team.load(short_mission.with_name("team.yaml"))
-    io = team.robot("io")
-    with socket.create_server((io.address, io.port_for("titan"))):
+    io, europa = team.robot("io"), team.robot("europa")
+    gateway = socket.create_server((europa.address, europa.port_for("titan")))
+    with gateway, zmq.Context() as context, context.socket(zmq.REP) as node:
+        node.bind(f"tcp://{io.address}:{io.port_for('titan')}")
         code, out, _ = preflight("--look")
     assert code == 0
     text = out.replace("\n", " ")
-    assert "callisto, europa: not reachable now" in text
+    assert "callisto, europa: no node answers now" in text
     assert "another one is on board" in text
     assert "\x1b[" not in out
 

@@ -62,6 +62,10 @@ def read_mission(document: Document) -> MissionDocument:
         message = "a mission is a mapping of keys and values; see docs/mission-file.md"
         draft.complain((), message, "no-mission")
         return draft
+    if {"robots", "kinds"} <= document.data.keys() and "waypoints" not in document.data:
+        message = "this is a team file: name the mission, which says 'team: ...' for this file"
+        draft.complain((), message, "no-mission")
+        return draft
     _write_out(document.data)
     places = {name: list(range(_length(document.data, name))) for name in _LISTS}
     try:

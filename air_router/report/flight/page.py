@@ -130,7 +130,7 @@ def _robots(summary: FlightSummary, facts: dict[str, Any]) -> str:
             )
         )
     head = (
-        *("robot", "found", "contacts", "syncs from it", "syncs to it"),
+        *("robot", "found when sought", "contacts", "syncs from it", "syncs to it"),
         *("bytes", "oldest news", "its map at the end"),
     )
     return _table("Robots", head, rows, ready=True)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import re
 import socket
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from mavsdk.autopilot import Autopilot
@@ -172,9 +174,8 @@ class Px4Connection:
         return bound
 
     def _in_use(self, error: Exception) -> NoVehicleError:
-        return NoVehicleError(
-            f"{self._url}: cannot be opened ({error}); is another program using it?"
-        )
+        why = _serial_fault(self._url) or f"({error}); is another program using it?"
+        return NoVehicleError(f"{self._url}: cannot be opened {why}")
 
     async def _first_autopilot(self, mavsdk: Mavsdk) -> System:
         loop = asyncio.get_running_loop()
@@ -218,3 +219,22 @@ class Px4Connection:
         await asyncio.sleep(FIND_S - ELSEWHERE_S)  # nothing was heard so far
         found = advice(*await listen([p for p in USUAL_PORTS if p != here], ELSEWHERE_S))
         return f" ({found})" if found else ""
+
+
+def _serial_fault(url: str) -> str | None:
+    """What is wrong with the device of a serial URL, and what to do; None: nothing that we see."""
+    if not url.startswith("serial"):
+        return None
+    device = Path("/" + url.partition("://")[2].lstrip("/").rpartition(":")[0])
+    if not device.exists():
+        there = ", ".join(sorted(map(str, Path("/dev").glob("tty[AU]*"))))
+        found = f"there are {there}" if there else "there is no serial device at all; plug it in"
+        return f"({device} is not there): {found}"
+    if not device.is_char_device():
+        return f"({device} is no serial device): name one such as /dev/ttyACM0"
+    if not os.access(device, os.R_OK | os.W_OK):
+        return (
+            f"(no permission for {device}): `sudo usermod -aG {device.group()} $USER`, then log in "
+            "again"
+        )
+    return None

@@ -181,7 +181,7 @@ def test_disk(free, verdict):
 def test_the_team():
     assert preflight.peers({"io": True, "europa": True}).verdict is GOOD
     away = preflight.peers({"io": True, "europa": False})
-    assert (away.verdict, away.found) == (LOOK, "europa: not reachable now")
+    assert (away.verdict, away.found) == (LOOK, "europa: no node answers now")
     assert preflight.peers({}).verdict is LOOK
 
 
