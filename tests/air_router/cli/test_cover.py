@@ -1,14 +1,10 @@
 """`air-router cover`: from files to waypoints that a mission flies."""
 
 import json
-import math
 import re
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
-import shapely
 import yaml
 
 from air_router.cli.cli import main
@@ -20,15 +16,6 @@ URBAN = ROOT / "missions" / "urban" / "mission.yaml"
 PLAN = ROOT / "tests" / "data" / "pennovation.plan"
 WIDE = ("--camera", "60x45deg")
 FIELD = [[-75.2020, 39.9400], [-75.1990, 39.9400], [-75.1990, 39.9420], [-75.2020, 39.9420]]
-
-PAPER = [
-    *(Point(east, -120) for east in (*range(-160, 111, 30), 120)),
-    *(Point(east, -80) for east in (120, *range(110, -161, -30))),
-    *(Point(east, -40) for east in (*range(-160, 111, 30), 120)),
-    *(Point(east, 0) for east in (120, *range(110, -161, -30))),
-    *(Point(east, 50) for east in (*range(-160, 111, 30), 120)),
-]
-"""The lawnmower of the paper's simulations over the same town: five rows, 60 m high."""
 
 
 def run(capsys, *arguments):
@@ -75,27 +62,6 @@ def test_numbers_for_scripts(capsys):
     track = [mission.frame.to_local(*place.values()) for place in found["track"]]
     assert mission.airspace.track_distance_m(track)[0] >= 6.5 - 1e-6
     assert set(found) >= {"area_m2", "target_m2", "rows", "missed", "waypoints", "pictures"}
-
-
-def test_beside_the_paper_s_lawnmower(capsys):
-    mission = load_mission(URBAN)
-    zones = shapely.union_all([zone.polygon for zone in mission.zones])
-    target = mission.fences[0].polygon.difference(zones)
-    half_m = 60 * math.tan(math.radians(30))
-
-    def seen(rows):
-        return shapely.LineString(rows).buffer(half_m, cap_style="square", join_style="mitre")
-
-    theirs = target.intersection(
-        shapely.union_all([seen(PAPER[i : i + 11]) for i in range(0, 55, 11)])
-    )
-    cut = [a for a, b in pairwise(PAPER) if not mission.airspace.leg_clear(a, b)]
-    assert len(cut) >= 10  # as flown there: straight over the blocks
-    ours = facts(capsys, URBAN, *WIDE, "--sidelap", "42")  # rows as far apart as theirs
-    assert ours["row_spacing_m"] == pytest.approx(40.2, abs=0.1)
-    assert ours["covered_percent"] / 100 >= theirs.area / target.area - 0.001
-    length_m = sum(math.dist(a, b) for a, b in pairwise(PAPER))
-    assert ours["length_m"] < 1.5 * length_m
 
 
 def test_the_mission_with_other_waypoints_keeps_its_comments(capsys, tmp_path):
@@ -163,20 +129,6 @@ def test_a_mission_in_one_line_is_written_anew(capsys, tmp_path):
     path.write_text(json.dumps(data | {"fence": fence}))
     assert run(capsys, "cover", path, *WIDE, "--out", target)[0] == 0
     assert len(load_mission(target).waypoints) > 4
-
-
-def test_a_plan_becomes_a_mission_file(capsys, tmp_path):
-    target = tmp_path / "lawn.yaml"
-    options = ("--camera", "rededge", "--every", "30", "--out", target)
-    assert run(capsys, "cover", PLAN, *options)[0] == 0
-    mission = load_mission(target)
-    assert len(mission.waypoints) > 40
-    assert len(mission.zones) == 8
-    gaps = [
-        math.dist(a.position, b.position)
-        for a, b in zip(mission.waypoints, mission.waypoints[1:], strict=False)
-    ]
-    assert np.median(gaps) <= 30.0
 
 
 def test_an_area_of_its_own_in_a_mission_s_airspace(capsys, tmp_path):

@@ -9,7 +9,6 @@ from air_router.controller.model.actions import (
     FlyToNode,
     FlyToPoint,
     HoldHere,
-    LandHere,
     PublishMap,
 )
 from air_router.controller.model.events import RobotPose
@@ -23,19 +22,6 @@ from geo.airspace.zone import Zone
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
 from tests.air_router.conftest import CORNERS
-
-
-def test_a_whole_flight(pretend):
-    flight = pretend(duration_s=1500.0)
-    flight.robots = dict(CORNERS)
-    flight.take_off()
-    flight.fly_until(lambda: flight.finished is not None, 2500.0)
-    assert flight.finished.landed_by_us
-    assert {State.INIT, State.SEARCH, State.COMM, State.EXPL} <= set(flight.states)
-    found = {a.robot for a in flight.actions if getattr(a, "target", None) is State.COMM}
-    assert found == set(CORNERS)
-    assert math.dist(flight.position, flight.mission.home) < 1.0
-    assert flight.closest_m() >= flight.mission.planner.clearance_m
 
 
 def test_the_paper_s_times(pretend):
@@ -295,17 +281,6 @@ def test_silence_of_the_vehicle_commands_nothing(pretend):
     flight.give(LinkSilent(flight.now_s, 5.0))
     assert len(flight.motions) == commanded
     assert any("nothing heard" in text for text in flight.said)
-
-
-def test_the_same_events_lead_to_the_same_decisions(pretend):
-    flight = pretend(duration_s=900.0)
-    flight.robots = dict(CORNERS)
-    flight.take_off()
-    flight.fly_until(lambda: flight.finished is not None)
-    again = pretend(duration_s=900.0).controller
-    actions = [a for event, now_s in flight.events for a in again.handle(event, now_s)]
-    assert [a for a in actions if not isinstance(a, HoldHere | LandHere | FlyToNode | FlyToPoint)]
-    assert {type(a) for a in actions} == {type(a) for a in flight.actions}
 
 
 @pytest.mark.parametrize("seed", range(2))

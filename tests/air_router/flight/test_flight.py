@@ -463,13 +463,6 @@ def test_ctrl_c_in_a_climb_that_the_pilot_started_holds_the_vehicle(rig):
     assert flight.vehicle.verbs[-2:] == ["hold", "close"]
 
 
-def test_an_unconfirmed_jump_is_repeated(rig):
-    flight = rig()
-    flight.vehicle.failures["jump"] = [NotConfirmedError("lost")]
-    assert flight.run().outcome == "done"
-    assert any("did not follow: lost" in text for text in flight.vehicle.announced)
-
-
 def test_a_vehicle_that_stays_silent_is_lost(rig):
     flight = rig(duration_s=200.0)
     flight.at(

@@ -2,14 +2,10 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from shapely import Polygon
 
 from geo.airspace.airspace import FENCE, Airspace
-from geo.airspace.zone import Zone
 from geo.frame import Point
-from tests.geo.shapes import box, place, ring
+from tests.geo.shapes import box, ring
 
 
 def airspace(*zones, fence=None, clearance_m=5.0):
@@ -150,28 +146,3 @@ def test_holders_say_what_one_is_in():
 def test_a_clearance_is_a_distance(clearance_m):
     with pytest.raises(ValueError, match="clearance"):
         airspace(clearance_m=clearance_m)
-
-
-triangle = st.tuples(place, place, place).filter(lambda t: Polygon(t).area > 1)
-
-
-@given(st.lists(triangle, max_size=4), place, place, st.floats(0.1, 15), st.floats(0.1, 10))
-def test_legs_are_symmetric_monotone_in_clearance_and_judged_by_distance(
-    triangles, a, b, clearance_m, more_m
-):
-    zones = [Zone(f"zone {n}", t) for n, t in enumerate(triangles)]
-    space = Airspace(ring(*FENCED), zones, clearance_m)
-    clear = space.leg_clear(a, b)
-    assert clear == space.leg_clear(b, a)
-    assert clear == (space.blockers(a, b) == ())
-    assert clear == space.swept_clear([a, b])
-    assert space.legs_clear(a, [b, a]) == [clear, space.point_clear(a)]
-    if not clear:
-        assert not space.with_clearance(clearance_m + more_m).leg_clear(a, b)
-    distance_m, _ = space.track_distance_m([a, b])
-    if abs(distance_m - clearance_m) > 1e-5:
-        assert clear == (distance_m > clearance_m)
-    if clear:
-        assert space.distance_m(a) >= clearance_m - 2e-6
-    nearest = space.nearest_clear(a)
-    assert nearest is None or space.point_clear(nearest)

@@ -8,10 +8,10 @@ from shapely import (
 )
 
 from geo.airspace.airspace import FENCE, Airspace
-from geo.airspace.zone import Zone
+from geo.airspace.zone import Circle, Outline, Zone
 from geo.frame import Point
 from geo.paths.regions import Regions
-from geo.paths.shortest import shortest_paths
+from geo.paths.shortest import ShortestPaths, shortest_paths
 
 
 def ring(*corners):
@@ -114,3 +114,57 @@ def test_places_on_the_limit_itself_have_paths():
         path = shortest_paths(space).path(a, b)
         assert path is not None
         assert all(judge(space)(*leg) for leg in itertools.pairwise(path))
+
+
+def test_no_way_leads_between_zones_that_share_a_side_or_a_corner():
+    zones = [box("w", 0, 0, 10, 10), box("e", 10, 0, 20, 10), box("ne", 20, 10, 30, 20)]
+    path = ShortestPaths(Airspace(FENCED, zones, 0.0)).path(Point(10, -5), Point(10, 15))
+    union = union_all([zone.polygon for zone in zones])
+    assert not union.buffer(-1e-6).intersects(LineString(path))
+    assert length_m(path) > 25
+
+
+def test_a_way_stays_inside_of_all_fences():
+    fences = [Outline(FENCED), Circle(Point(60, 0), 100)]
+    paths = ShortestPaths(Airspace(fences, [box("wall", 0, -5, 10, 200)], 5.0))
+    path = paths.path(Point(-20, 0), Point(60, 0))
+    assert all(math.dist(place, (60, 0)) <= 95 + 1e-6 for place in path)
+    assert paths.path(Point(-60, 0), Point(60, 0)) is None
+
+
+def test_a_target_in_a_zone_has_a_place_beside_it_that_can_be_reached():
+    yard = [box("s", -40, -40, 40, -30), box("n", -40, 30, 40, 40), box("w", -40, -40, -30, 40)]
+    paths = ShortestPaths(Airspace(FENCED, [*yard, box("e", 30, -40, 40, 40)], 5.0))
+    home = Point(0, -80)
+    assert paths.connected(Point(0, 0), Point(10, 10))
+    for target in (Point(0, 0), Point(0, -31), Point(0, -35)):
+        place = paths.nearest(target, reachable_from=home)
+        assert paths.path(home, place) is not None
+        assert math.dist(place, target) <= 46
+    assert paths.nearest(Point(60, 60), reachable_from=home) == (60, 60)
+
+
+def test_starts_on_sides_of_the_mesh_are_as_good_as_others():
+    halls = [box("w", -20, -20, 20, 20), box("e", 30, -50, 40, 30)]
+    paths = ShortestPaths(Airspace(FENCED, halls, 5.0))
+    mesh, goal = paths.mesh, Point(80, 10)
+    for left, right, *_ in mesh.entries:
+        (a, b), (c, d) = mesh.places[left], mesh.places[right]
+        for share in (0.0, 0.5, 0.3):
+            here = Point(a + share * (c - a), b + share * (d - b))
+            around = [
+                Point(here[0] + 0.01 * math.cos(k), here[1] + 0.01 * math.sin(k)) for k in range(8)
+            ]
+            beside = [near for near in around if mesh.part_of(near) is not None]
+            best_m = min(length_m(paths.path(near, goal)) for near in beside) + 0.01
+            assert length_m(paths.path(here, goal)) <= best_m + 1e-6
+
+
+def test_an_airspace_without_room_has_no_paths_and_no_places():
+    full = Airspace(FENCED, [box("all", -120, -120, 120, 120)], 5.0)
+    paths = ShortestPaths(full)
+    assert paths.path(Point(0, 0), Point(1, 1)) is None
+    assert paths.nearest(Point(0, 0)) is None
+    assert paths.part_of(Point(0, 0)) is None
+    assert not paths.connected(Point(0, 0), Point(1, 1))
+    assert len(Regions(full)) == 0

@@ -189,13 +189,6 @@ def test_a_lost_run_is_told(sitl, capsys):
     assert "lost its worker (its process ended with code 1), 3 times; given up" in err
 
 
-def test_the_same_seed_gives_the_same_results(sitl, tmp_path):
-    sitl("--rows", "ugvs=3")
-    first = (tmp_path / "out" / "results.csv").read_text()
-    sitl("--rows", "ugvs=3", "--fresh")
-    assert (tmp_path / "out" / "results.csv").read_text() == first
-
-
 def test_results_are_tidy(sitl, tmp_path, capsys):
     sitl("--json")
     answer = json.loads(capsys.readouterr().out)

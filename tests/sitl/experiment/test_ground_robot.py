@@ -187,16 +187,6 @@ def test_stamps_of_a_topic_grow(five):
         assert stamps == sorted(set(stamps))
 
 
-def test_the_same_seed_drives_the_same_way():
-    def driven(seed):
-        robot = GroundRobot("io", URBAN, seed, START, QUICK)
-        robot.take("titan", MAP_TOPIC, MAP, 0.0)
-        return drive([robot], 60.0), robot.visited
-
-    assert driven(3) == driven(3)
-    assert driven(3) != driven(5)
-
-
 @pytest.mark.parametrize(
     ("other", "status", "keeps"),
     [

@@ -241,7 +241,7 @@ def random_frames(draw):
     return sender.pack(Outgoing(message.msgname, values))
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     datagrams=st.lists(st.one_of(st.binary(max_size=300), random_frames()), max_size=30),
     flying=st.booleans(),

@@ -1,27 +1,16 @@
 """The whole world beside the autopilot, as a process; the vehicle is played by the test."""
 
 import json
-import queue
-import select
-import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-import zmq
-from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.messages import PoseMessage
 from air_router.mission.loading import load_mission
-from geo.frame import Geodetic, LocalFrame, Point
-from geo.grid import GridPatch, SemanticGrid, Terrain
-from mocha_link.links.metrics import MessageStored
-from mocha_link.node.node import Node
+from geo.frame import Point
 from mocha_link.service.service_client import ServiceClient
 from mocha_link.team.team import Team
 from sitl.cli.cli import main
@@ -34,184 +23,11 @@ ROOT = Path(__file__).parents[3]
 MISSION = ROOT / "missions" / "pennovation" / "mission.yaml"
 EPOCH_S = 1_800_000_000
 WAIT_S = 60.0
-HIGH_M = 40.0
-WORLD = """\
-coordinates: local
-radio: {shadowing_db: 0}
-robots:
-  callisto: {patrol: [[-165, 60], [-165, 50]]}
-  europa: {patrol: [[95, -40], [95, -50]]}
-  io: {patrol: [[0, -125]]}
-"""
-
-
-class Vehicle(threading.Thread):
-    """Plays the vehicle: sends its truth at ten times real time, wherever it is told to be."""
-
-    def __init__(self, truth_url: str, frame: LocalFrame, altitude_amsl_m: float) -> None:
-        super().__init__(daemon=True)
-        host, _, port = truth_url.removeprefix("udp://").rpartition(":")
-        self._to = (host, int(port))
-        self._frame = frame
-        self._altitude_amsl_m = altitude_amsl_m
-        self._stopped = threading.Event()
-        self.position = Point(0.0, 0.0)
-        self.height_m = 0.0
-        self.time_s = 0.0
-
-    def now_s(self) -> float:
-        return EPOCH_S + self.time_s
-
-    def run(self) -> None:
-        packer = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-            while not self._stopped.wait(0.004):
-                self.time_s += 0.04
-                here = self._frame.to_geodetic(self.position)
-                message = packer.hil_state_quaternion_encode(
-                    int(self.time_s * 1e6),
-                    [1.0, 0.0, 0.0, 0.0],
-                    *(0.0, 0.0, 0.0),
-                    int(here.latitude_deg * 1e7),
-                    int(here.longitude_deg * 1e7),
-                    int((self._altitude_amsl_m + self.height_m) * 1e3),
-                    *(0, 0, 0, 0, 0, 0, 0, -1000),
-                )
-                out.sendto(message.pack(packer), self._to)
-
-    def stop(self) -> None:
-        self._stopped.set()
-        self.join(WAIT_S)
-
-
-class Arrivals:
-    """Waits for messages that arrive at a node."""
-
-    def __init__(self, node: Node) -> None:
-        self._events: queue.SimpleQueue[MessageStored] = queue.SimpleQueue()
-        node.subscribe(self._note)
-
-    def _note(self, event) -> None:
-        if isinstance(event, MessageStored):
-            self._events.put(event)
-
-    def wait(self, robot: str, topic: str, after_s: float = 0.0) -> None:
-        deadline_s = time.monotonic() + WAIT_S
-        while True:
-            event = self._events.get(timeout=max(0.0, deadline_s - time.monotonic()))
-            if (event.robot, event.topic) == (robot, topic) and event.at_s >= after_s:
-                return
-
-
-@contextmanager
-def process(*arguments: str):
-    command = [sys.executable, "-m", "sitl", "team", *arguments]
-    child = subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    try:
-        yield child
-    finally:
-        child.kill()
-        child.communicate()
-
-
-def ready_line(child: subprocess.Popen) -> dict:
-    readable, _, _ = select.select([child.stdout], [], [], WAIT_S)
-    assert readable, "not ready in time"
-    line = child.stdout.readline()
-    assert line, child.stderr.read()
-    return json.loads(line)
 
 
 @pytest.fixture
 def mission():
     return load_mission(MISSION)
-
-
-def test_robots_that_never_meet_hold_each_others_data_through_the_vehicle(tmp_path, mission):
-    world_file, report_file = tmp_path / "world.yaml", tmp_path / "out" / "report.json"
-    world_file.write_text(WORLD)
-    arguments = (
-        *(str(MISSION), "--world", str(world_file), "--epoch", str(EPOCH_S)),
-        *("--truth", "udp://127.0.0.1:0", "--camera", "tcp://127.0.0.1:0"),
-        *("--free-ports", str(tmp_path / "ports"), "--report", str(report_file)),
-    )
-    with process(*arguments) as child:
-        ready = ready_line(child)
-        assert ready["ready"] is True
-        assert ready["robots"] == ["callisto", "europa", "io"]
-        assert ready["vehicle"] == "titan"
-        team = Team.load(Path(ready["team"]))
-        vehicle = Vehicle(ready["truth"], mission.frame, mission.home_altitude_amsl_m)
-        vehicle.position = Point(-165, 55)
-        vehicle.height_m = HIGH_M
-        context = zmq.Context()
-        camera = context.socket(zmq.SUB)
-        camera.linger = 0
-        camera.rcvtimeo = int(WAIT_S * 1000)
-        camera.subscribe(b"")
-        camera.connect(ready["camera"])
-        with context, camera, Node(team, "titan", clock=vehicle) as titan:
-            arrivals = Arrivals(titan)
-            titan.publish("/map", small_map(mission.frame.origin))
-            vehicle.start()
-            arrivals.wait("callisto", "/pose")
-            patch = GridPatch.decode(camera.recv())
-            assert (patch.cells != Terrain.UNKNOWN).sum() > 2000
-            vehicle.position = Point(95, -45)
-            arrivals.wait("europa", "/pose")
-            pose = PoseMessage.decode(titan.latest("europa", "/pose").data)
-            here = mission.frame.to_local(pose.latitude_deg, pose.longitude_deg)
-            assert here.east_m == pytest.approx(95, abs=0.5)
-            assert EPOCH_S <= pose.stamp_s <= vehicle.now_s() + 0.1
-            met_s = vehicle.now_s()
-            wait_until(lambda: titan.links()["europa"].syncs_out >= 1)
-            child.send_signal(signal.SIGTERM)
-            out, err = child.communicate(timeout=WAIT_S)
-            vehicle.stop()
-    assert child.returncode == 0, err
-    assert out == ""
-    report = json.loads(report_file.read_text())
-    check_report(report, met_s)
-
-
-def check_report(report: dict, met_s: float) -> None:
-    robots = report["robots"]
-    assert set(robots) == {"callisto", "europa", "io"}
-    assert report["carried"] == [["europa", "callisto"]]
-    assert report["ended_s"] >= met_s
-    europa = robots["europa"]
-    assert europa["contacts"]["titan"]["count"] == 1
-    assert europa["contacts"]["titan"]["seconds"] > 0
-    assert europa["contacts"]["callisto"] == {
-        "count": 0,
-        "seconds": 0.0,
-        "last_s": None,
-        "closest_m": pytest.approx(280, abs=20),
-    }
-    assert europa["syncs"]["titan"]["in"] >= 1
-    assert europa["syncs"]["callisto"]["in"] == 0
-    held = {(h["robot"], h["topic"]): h for h in europa["holds"]}
-    carried_pose = held["callisto", "/pose"]
-    assert EPOCH_S <= carried_pose["stamp_s"] <= report["ended_s"]
-    assert carried_pose["age_s"] == pytest.approx(report["ended_s"] - carried_pose["stamp_s"])
-    assert ("titan", "/map") in held
-    assert europa["map"]["robot"] == "titan"
-    assert europa["map"]["known_cells"] == 150
-    assert [cells for _, cells in europa["map_history"]] == [150]
-    assert europa["driven_m"] == pytest.approx(report["simulated_s"], rel=0.1, abs=1.0)
-    io = robots["io"]
-    assert io["contacts"]["titan"]["count"] == 0
-    assert {h["robot"] for h in io["holds"]} == {"io"}
-    assert io["map"] is None
-    assert io["position"]["north_m"] == pytest.approx(-125, abs=0.2)
-
-
-def small_map(origin: Geodetic) -> bytes:
-    grid = SemanticGrid.blank(origin, 1.0, Point(0, 0), Point(20, 20))
-    grid.cells[:10, :15] = Terrain.ROAD
-    return grid.encode()
 
 
 def wait_until(condition) -> None:

@@ -117,7 +117,7 @@ def test_the_approach_speed_is_fast_far_away_and_zero_at_the_target():
 coordinates = st.floats(-500, 500)
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings.default.max_examples // 3)
 @given(
     target=st.tuples(coordinates, coordinates, st.floats(0, 100)),
     start_m_s=st.floats(-5, 5),
