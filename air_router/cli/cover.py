@@ -22,8 +22,9 @@ _ACCELERATION_M_S2: Final = 2.0
 _positive = number("more than 0", MORE_THAN_0, ANY_FINITE)
 
 _EPILOG = f"""\
-AREA is a mission (.yaml, .plan: its own fence is covered) or one or more polygons (.geojson, .kml,
-or .yaml with 'polygon' and 'holes', or 'circle', as in a mission; degrees).
+AREA is a mission (.yaml, .plan: its own fence is covered), one or more polygons (.geojson, .kml,
+.kmz, a .gpx track around the area), or .yaml with 'polygon' and 'holes', or 'circle', as in a
+mission; degrees.
 
 CAMERA is a name, a sensor and its lens in mm (13.2x8.8/10.4, with pixels 13.2x8.8/10.4@5472x3648),
 or the angles of view (60x45deg). It looks straight down, its longer side across the rows.

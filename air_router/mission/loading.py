@@ -27,6 +27,16 @@ DRAWN_OVER: Final = frozenset(
 """Problems of a file that are none in flight: such a place is left out."""
 
 
+_TO_CONVERT: Final = "not flown as it is: first `air-router convert {path} {path.stem}.yaml"
+_ZONES: Final = "a file of zones is no mission: name it under no_fly_files in one"
+_NO_MISSIONS: Final = {
+    ".waypoints": f"{_TO_CONVERT}`",
+    ".gpx": f"{_TO_CONVERT} --altitude M`",
+    **dict.fromkeys((".kml", ".kmz", ".geojson", ".txt", ".air", ".openair"), _ZONES),
+}
+"""Files of other programs, by suffix, and what to do with them."""
+
+
 def load_mission(
     path: Path,
     *,
@@ -73,8 +83,8 @@ def read_draft(path: Path) -> MissionDocument:
     suffix = path.suffix.lower()
     if suffix == ".plan":
         return read_plan(path)
-    if suffix in (".waypoints", ".gpx"):
-        message = f"not flown as it is: first `air-router convert {path} {path.stem}.yaml`"
+    if suffix in _NO_MISSIONS:
+        message = _NO_MISSIONS[suffix].format(path=path)
         raise DocumentError([Problem(path, 1, 1, message, "unknown-format")])
     return read_mission(Document.load(path))
 

@@ -34,6 +34,7 @@ _TEXT = re.compile(
     r"(?P<level>FL)?\s*(?P<value>-?[0-9]{1,9}(\.[0-9]{1,9})?)\s*"
     r"(?:(?P<unit>FT|FEET|F|M)(?=\s|$|A|MSL|GND|SFC|STD))?\s*(?P<datum>[A-Z]+)?"
 )
+_LONGEST_TEXT: Final = 40
 _NUMBER = re.compile(r"-?[0-9]{1,9}(\.[0-9]{1,9})?")
 _GROUND_WORDS: Final = frozenset({"GND", "SFC", "GROUND", "SURFACE", "0"})
 _ENDLESS: Final = ("UNL", "UNLD", "UNLTD", "UNLIM", "UNLIMITED")
@@ -61,7 +62,7 @@ def limit_in_text(text: str, *, upper: bool) -> AltitudeLimit | None:
     words = text.strip().upper()
     if words in _ENDLESS or words in _GROUND_WORDS:
         return _limit(0.0, "FT", "GND", upper=upper) if words in _GROUND_WORDS else None
-    match = _TEXT.fullmatch(words)
+    match = _TEXT.fullmatch(words) if len(words) <= _LONGEST_TEXT else None
     if match is None:
         raise ValueError(f"{text[:40]!r} is no altitude: read as without limit")
     if match["level"]:

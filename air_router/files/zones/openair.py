@@ -29,7 +29,7 @@ _NAUTICAL_MILE_M: Final = 1852.0
 _ANGLE = r"(\d{1,3}(?:\.\d{1,12})?)(?::(\d{1,2}(?:\.\d{1,12})?))?(?::(\d{1,2}(?:\.\d{1,12})?))?\s*"
 _PLACE = re.compile(rf"{_ANGLE}([NS])[\s,]*{_ANGLE}([EW])", re.IGNORECASE)
 _NUMBER = re.compile(r"\d{1,6}(?:\.\d{1,12})?")
-_COMMAND = re.compile(r"(\s*)([A-Za-z]{1,2})(?:\s+(\S.*?))?\s*")
+_COMMAND = re.compile(r"\s*([A-Za-z]{1,2})(?:\s+(\S.*))?")
 _SAID: Final = frozenset({"AN", "AY", "AL", "AH"})
 
 Place = tuple[int, int]
@@ -45,7 +45,7 @@ def read_openair(text: str, path: Path, allow: Collection[str] = ()) -> ZoneRead
         return reading
     reader = _Reader(reading, AllowedZones(allow))
     for number, line in enumerate(text.splitlines(), start=1):
-        reader.line(line.partition("*")[0], number)
+        reader.line(line.partition("*")[0].rstrip(), number)
     return reader.end()
 
 
@@ -56,17 +56,18 @@ class _Reader:
         self._zone: _Airspace | None = None
 
     def line(self, line: str, number: int) -> None:
-        """Read a line without its comment."""
-        match = _COMMAND.fullmatch(line)
-        if match is None or match[2] is None:
-            if line.strip():
-                self._wrong((number, 1), f"'{line.strip()[:40]}' is no OpenAir command")
+        """Read a line without its comment and the blanks at its end."""
+        if not line:
             return
-        command, value = match[2].upper(), match[3] or ""
-        at = (number, (match.start(3) if value else match.start(2)) + 1)
+        match = _COMMAND.fullmatch(line)
+        if match is None:
+            self._wrong((number, 1), f"'{line.strip()[:40]}' is no OpenAir command")
+            return
+        command, value = match[1].upper(), match[2] or ""
+        at = (number, match.start(2 if value else 1) + 1)
         if command == "AC":
             self._close()
-            self._zone = _Airspace((number, match.start(2) + 1), value.upper())
+            self._zone = _Airspace((number, match.start(1) + 1), value.upper())
         elif command in ("TO", "TC"):
             self._close()
             self._reading.note(at, "terrain is no airspace: left out", "not-a-zone")

@@ -230,3 +230,10 @@ def test_no_openair_crashes_its_reader(lines):
         assert 1 <= problem.line <= len(text.splitlines()) + 1
     for zone in reading.zones:
         assert isinstance(zone.shape, MapCircle) or len(zone.shape.ring) >= 3
+
+
+def test_long_lines_end_soon():
+    blanks = " " * 300_000
+    lines = ["AC R", f"AN a{blanks}b", f"AL 1{blanks}!", f"DP 1N{blanks}x", f"DP 1{blanks}N 2E"]
+    reading = read_openair("\n".join(lines), PATH)
+    assert codes(reading.problems) == ["wrong-form"]
