@@ -52,7 +52,6 @@ class Rovers:
         self._decoder = TeamMessageDecoder(frame, readers=readers_of(team))
         self._nodes = {name: nodes[name] for name in endpoints}
         self._topics = {name: pose_topic(team, name) for name in endpoints}
-        self._read: dict[str, object] = {}
         with ExitStack() as stack:
             for name, endpoint in endpoints.items():
                 served = stack.enter_context(ServiceServer(nodes[name], endpoint))
@@ -60,13 +59,12 @@ class Rovers:
             self._stack = stack.pop_all()
 
     def places(self, unix_s: float) -> Iterator[tuple[str, Point]]:
-        """Where robots have newly said that they are, by name."""
+        """Where robots say that they are, by name, as far as they have said so."""
         for name, node in self._nodes.items():
             topic = self._topics[name]
             message = None if topic is None else node.latest(name, topic.name)
-            if message is None or message.header == self._read.get(name):
+            if message is None:
                 continue
-            self._read[name] = message.header
             data = message.parts[-1] if message.parts else message.data
             try:
                 said = self._decoder.event_of(name, message.topic, data, peer=name, unix_s=unix_s)
