@@ -63,7 +63,7 @@ class Backdrop:
         if path.stat().st_size > _MOST_BYTES:
             raise UsageError(f"{path} is larger than 64 MiB; make it smaller")
         if bounds is not None:
-            return cls(path, kind, _bounds(bounds), None)
+            return cls(path, kind, bounds_of(bounds), None)
         world = _world_file(path)
         if world is None:
             raise UsageError(
@@ -95,7 +95,12 @@ class Backdrop:
         return {"bounds": self.bounds, "world": self.world, "tiles": tiles}
 
 
-def _bounds(text: str) -> Bounds:
+def bounds_of(text: str) -> Bounds:
+    """Bounds "S,W,N,E" in degrees.
+
+    Raises:
+        UsageError: they are none.
+    """
     try:
         south, west, north, east = (float(word) for word in text.split(","))
     except ValueError:

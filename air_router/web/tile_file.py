@@ -112,7 +112,7 @@ class TileFile:
             raise TileError(_why(self.path, error)) from None
         if data is None:
             return None
-        kind = _picture(data)
+        kind = picture_kind(data)
         if kind is None:
             raise TileError(
                 f"{self.path}: tile {zoom}/{column}/{row} is no picture of at most 1 MiB"
@@ -207,7 +207,7 @@ def _tile(file: sqlite3.Connection, zoom: int, column: int, tms_row: int) -> Any
     return found and found[0]
 
 
-def _picture(data: Any) -> str | None:
+def picture_kind(data: Any) -> str | None:
     """The media type of a picture after its first bytes; files mix them, whatever they say."""
     if not isinstance(data, bytes):
         return None
@@ -237,7 +237,7 @@ def _kind(path: Path, file: sqlite3.Connection, facts: dict[str, str]) -> str:
         )
     if not heads:
         raise UsageError(f"{path} has no tiles; {_HOW}")
-    kind = next(filter(None, map(_picture, heads)), None)
+    kind = next(filter(None, map(picture_kind, heads)), None)
     if kind is None:
         raise UsageError(
             f"the tiles of {path} are neither PNG nor JPEG nor WebP of at most 1 MiB; {_HOW}"

@@ -1,0 +1,122 @@
+"""Tiles that are fetched from a server on this machine: which, how politely, and again."""
+
+import http.server
+import threading
+
+import pytest
+
+from air_router.cli.cli import main
+from air_router.errors import ExitCode, UsageError
+from air_router.web.backdrop import Backdrop
+from air_router.web.tile_fetch import FetchError, TileArea, TileFetcher, TileKey, fetch, zooms_of
+from tests.air_router.tile_maker import picture, tile_at
+
+BOUNDS = (39.939, -75.204, 39.945, -75.196)
+WORDS = ",".join(map(str, BOUNDS))
+
+
+class MapServer(http.server.ThreadingHTTPServer):
+    """Has every tile but one; is busy, or tired, when told so."""
+
+    def __init__(self):
+        super().__init__(("127.0.0.1", 0), Answers)
+        self.asked, self.agents, self.busy, self.left = [], set(), 0, 10**6
+        self.template = f"http://127.0.0.1:{self.server_port}/{{z}}/{{x}}/{{y}}.png?key=secret"
+
+
+class Answers(http.server.BaseHTTPRequestHandler):
+    def do_GET(self):
+        server = self.server
+        zoom, column, row = map(int, self.path.split(".")[0].strip("/").split("/"))
+        server.agents.add(self.headers["User-Agent"])
+        code = 200
+        if server.busy:
+            server.busy -= 1
+            code = 429
+        elif server.left <= 0:
+            code = 403
+        elif (column, row) == tile_at(zoom, BOUNDS[2], BOUNDS[1]) and zoom == 15:
+            code = 404
+        server.left -= 1
+        server.asked.append((zoom, column, row, code))
+        self.send_response(code)
+        if code == 429:
+            self.send_header("Retry-After", "7")
+        self.end_headers()
+        if code == 200:
+            self.wfile.write(picture(column, row))
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture
+def server():
+    with MapServer() as made:
+        thread = threading.Thread(target=made.serve_forever, args=(0.01,))
+        thread.start()
+        yield made
+        made.shutdown()
+        thread.join()
+
+
+def test_what_is_fetched_lies_under_the_map_and_a_broken_fetch_goes_on(server, tmp_path):
+    area, path, pauses = TileArea(BOUNDS, range(15, 18)), tmp_path / "site.mbtiles", []
+    fetcher = TileFetcher(server.template, 5.0, "field@example.org", pause=pauses.append)
+    server.left, server.busy = 4, 1
+    with pytest.raises(FetchError, match=r"tile 1\d/\d+/\d+: the server says 403 .*to go on"):
+        fetch(path, area, fetcher, "© City")
+    assert 7.0 in pauses  # as long as the server wants
+    assert all(pause <= 1 / 5 for pause in pauses if pause != 7.0)
+    assert sum(pauses) > 7.0  # and between any two
+    server.left = 10**6
+    told = fetch(path, area, fetcher, "© City")
+    assert (told.before, told.none, told.new + told.before + told.none) == (2, 1, len(area))
+    good = [key for *key, code in server.asked if code == 200]
+    assert len(good) == len({tuple(key) for key in good}) == len(area) - 1
+    (agent,) = server.agents
+    assert agent.startswith("air-router/")
+    assert "field@example.org" in agent
+    tiles = Backdrop.of(path, None).tiles
+    assert (tiles.lowest, tiles.highest, tiles.attribution) == (15, 17, "© City")
+    assert tiles.bounds == BOUNDS
+    column, row = tile_at(17, 39.942, -75.2)
+    assert tiles.tile(17, column, row).data == picture(column, row)
+    assert b"secret" not in path.read_bytes()
+    other = TileFetcher(server.template.replace("secret", "other"), 5.0, pause=pauses.append)
+    with pytest.raises(UsageError, match="tiles of another server"):
+        fetch(path, area, other, "")
+
+
+def test_an_area_has_the_tiles_that_touch_it():
+    keys = list(TileArea(BOUNDS, range(16, 17)))
+    assert len(keys) == len(TileArea(BOUNDS, range(16, 17)))
+    north_west, south_east = keys[0], keys[-1]
+    assert north_west == TileKey(16, *tile_at(16, BOUNDS[2], BOUNDS[1]))
+    assert south_east == TileKey(16, *tile_at(16, BOUNDS[0], BOUNDS[3]))
+    assert len(TileArea((-90.0, -180.0, 90.0, 180.0), range(2))) == 1 + 4
+
+
+def test_absurd_numbers_of_tiles_and_what_is_no_server_are_refused(server, tmp_path, capsys):
+    path = tmp_path / "site.mbtiles"
+
+    def said(*options):
+        common = ["tiles", "fetch", str(path), "--url", server.template, "--attribution", "City"]
+        code = main([*common, *options])
+        return code, capsys.readouterr()
+
+    code, told = said("--bounds", "39,-76,40,-75", "--zooms", "10-19")
+    assert code == ExitCode.USAGE
+    assert "--most" in told.err
+    assert not path.exists()
+    code, told = said("--bounds", WORDS, "--zooms", "15", "--most", "1")
+    assert code == ExitCode.USAGE
+    code, told = said("--bounds", WORDS, "--zooms", "15-16", "--per-second", "10")
+    assert code == ExitCode.DONE
+    assert "tiles fetched, 0 were there, 1 the server does not have" in told.out
+    assert said("--bounds", WORDS, "--zooms", "25")[0] == ExitCode.USAGE
+    assert said("--bounds", WORDS, "--zooms", "15", "--per-second", "0")[0] == ExitCode.USAGE
+    for address in ("ftp://x/{z}/{x}/{y}", "https://x/{z}/{x}.png"):
+        with pytest.raises(UsageError, match="not the address of tiles"):
+            TileFetcher(address, 1.0)
+    assert zooms_of("15") == range(15, 16)
