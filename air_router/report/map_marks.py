@@ -15,12 +15,17 @@ from shapely import LineString, Polygon
 from shapely import Point as ShapelyPoint
 from shapely.geometry.base import BaseGeometry
 
+from air_router.report.palette import colours
 from air_router.routing.graph import WaypointGraph
 from geo.airspace.zone import Circle, Shape, polygons_of
 from geo.frame import Point
 
-FENCE, ZONE, EDGE, IDLE = "#2f7d4f", "#c8383b", "#b9c0c8", "#9aa1a8"
-ROUTE, TRACK, WRONG, ROBOT = "#1565c0", "#7b3fa0", "#e00010", "#a86400"
+_NAMES = ("fence", "zone", "graph", "route", "leg", "wrong", "around", "good")
+FENCE, ZONE, EDGE, ROUTE, TRACK, WRONG, ROBOT, HOME = (colours()[name] for name in _NAMES)
+RALLY = AROUND = ROBOT
+IDLE = "#9aa1a8"
+ZONE_FILL, ZONE_HATCH, ZONE_NAME = "#dfc9bd", "#c9a690", "#6b3d27"
+"""Those of zones on white paper: paler and darker."""
 
 
 def patch_of(shape: BaseGeometry, **style: Any) -> PathPatch:

@@ -30,14 +30,20 @@ with needs_extra("a picture", "plot", "air-router"):
     from matplotlib.figure import Figure
 
     from air_router.report.map_marks import (
+        AROUND,
         EDGE,
         FENCE,
+        HOME,
         IDLE,
+        RALLY,
         ROBOT,
         ROUTE,
         TRACK,
         WRONG,
         ZONE,
+        ZONE_FILL,
+        ZONE_HATCH,
+        ZONE_NAME,
         drawn,
         patch_of,
         quiet_direction,
@@ -178,18 +184,18 @@ def draw_zones(axes: Axes, zones: Sequence[Zone], grown: Sequence[BaseGeometry],
     axes.add_patch(
         patch_of(
             shapely.union_all([drawn(zone.shape) for zone in zones]),
-            facecolor="#eeb4ae",
+            facecolor=ZONE_FILL,
             edgecolor=ZONE,
             linewidth=1.0,
             hatch="////",
-            hatchcolor="#dd8f8a",
+            hatchcolor=ZONE_HATCH,
             zorder=3,
             label="no-fly zone",
         )
     )
     if len(zones) <= _MOST_NAMES:
         for zone in zones:
-            write_name(axes, zone.name, roomiest(zone.polygon), ("#8d2124", "#eeb4ae"))
+            write_name(axes, zone.name, roomiest(zone.polygon), (ZONE_NAME, ZONE_FILL))
 
 
 def _draw_idle(axes: Axes, mission: Mission) -> None:
@@ -213,6 +219,7 @@ def _draw_graph(axes: Axes, graph: WaypointGraph) -> None:
         LineCollection(
             lines,
             colors=EDGE,
+            alpha=0.5,
             linewidths=0.6 if len(lines) < _MANY_EDGES else 0.25,
             zorder=2.5,
             label=counted(len(lines), "clear connections"),
@@ -225,7 +232,7 @@ def _draw_around(axes: Axes, legs: Sequence[tuple[Point, Point]]) -> None:
         axes.add_collection(
             LineCollection(
                 list(legs),
-                colors="#d9822b",
+                colors=AROUND,
                 linewidths=1.1,
                 linestyles=(0, (4, 2)),
                 zorder=4.5,
@@ -313,7 +320,7 @@ def _draw_places(
     dot = 15 if len(seen) <= _MOST_NUMBERS else 5
     for part, marker, size, colour, label in (
         ([w.position for w in seen if w.position not in wrong], "o", dot, "white", "waypoint"),
-        ([p for p in mission.rally_points if p not in wrong], "D", 17, "#f0a92e", "rally point"),
+        ([p for p in mission.rally_points if p not in wrong], "D", 17, RALLY, "rally point"),
         ([p for p in wrong if not far(p, mission)], "o", 46, WRONG, "wrong place"),
     ):
         if part:
@@ -330,5 +337,5 @@ def _draw_places(
 
 def draw_home(axes: Axes, home: Point) -> None:
     """Where the vehicle takes off and lands."""
-    style: dict[str, Any] = {"marker": "^", "s": 85, "color": INK, "edgecolor": "white"}
+    style: dict[str, Any] = {"marker": "^", "s": 85, "color": HOME, "edgecolor": "white"}
     axes.scatter(*home, linewidth=1, zorder=8, label="home", **style)

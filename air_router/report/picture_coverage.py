@@ -15,7 +15,7 @@ from geo.frame import Point
 from mocha_link.sanitize import sanitize
 
 from matplotlib.collections import LineCollection  # isort: skip - picture says what is missing
-from air_router.report.map_marks import FENCE, ROUTE, WRONG, drawn, patch_of  # isort: skip
+from air_router.report.map_marks import AROUND, FENCE, ROUTE, TRACK, WRONG, drawn, patch_of  # isort: skip
 from air_router.report.map_sheet import GROUND, label_sheet, sheet_of  # isort: skip
 
 
@@ -45,8 +45,8 @@ def draw_coverage(field: Field, plan: Coverage, path: Path, told: str) -> None:
         LineCollection(_lines([plan.track]), colors="white", linewidths=2.6, zorder=5)
     )
     for lines, width, colour, label in (
-        ([plan.way_out, plan.way_back], 1.0, "#7b3fa0", "from home and back"),
-        ([plan.track], 1.0, "#d9822b", "on to the next row"),
+        ([plan.way_out, plan.way_back], 1.0, TRACK, "from home and back"),
+        ([plan.track], 1.0, AROUND, "on to the next row"),
         (rows, 1.6, ROUTE, f"{len(rows)} rows"),
     ):
         shown = _lines(lines)

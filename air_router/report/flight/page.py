@@ -14,6 +14,7 @@ from air_router.report.flight.flight_summary import FlightSummary
 from air_router.report.flight.svg import clock
 from air_router.report.flight.track import track_figure
 from air_router.report.flight.ulog import UlogTrack
+from air_router.report.palette import style_sheet
 from air_router.report.report import size_words
 
 
@@ -24,7 +25,8 @@ def page_of(summary: FlightSummary, source: str, ulog: UlogTrack | None = None) 
     track = track_figure(summary, ulog)
     shown = [track] if track is not None else []
     shown += figures(summary, ulog)
-    style = resources.files("air_router.report.flight").joinpath("page.css").read_text("utf-8")
+    sheet = resources.files("air_router.report.flight").joinpath("page.css").read_text("utf-8")
+    style = style_sheet() + sheet
     body = [
         _head(facts, title),
         _tiles(facts),
