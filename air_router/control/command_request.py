@@ -21,6 +21,7 @@ from air_router.controller.model.requests import (
     GoOn,
     GoTo,
     HoldNow,
+    LandNow,
     Reload,
     SeekNow,
 )
@@ -108,6 +109,12 @@ class _Home(CommandRequest):
         return ComeHome(by=self.who(by))
 
 
+class _Land(CommandRequest):
+    def asked(self, frame: LocalFrame, by: str = OPERATOR) -> LandNow:
+        del frame
+        return LandNow(by=self.who(by))
+
+
 class _Reload(CommandRequest):
     def asked(self, frame: LocalFrame, by: str = OPERATOR) -> Reload:
         del frame
@@ -152,6 +159,7 @@ MODELS: Final[Mapping[str, type[CommandRequest]]] = MappingProxyType(
         "seek": _Seek,
         "explore": _Explore,
         "home": _Home,
+        "land": _Land,
         "goto": _GoTo,
         "reload": _Reload,
         "status": _Status,

@@ -126,6 +126,10 @@ class ControlClient(Asker):
         """End the mission: come home, and land."""
         return self._answer("home")
 
+    def land(self) -> ControlAnswer:
+        """End the mission: land where it hovers."""
+        return self._answer("land")
+
     def reload(self, *, wait_s: float = 60.0) -> ControlAnswer:
         """Read the mission file again: its zones and fences have changed.
 

@@ -21,6 +21,7 @@ from air_router.controller.model.requests import (
     GoOn,
     GoTo,
     HoldNow,
+    LandNow,
     Reload,
     SeekNow,
 )
@@ -232,7 +233,7 @@ class CommandHandler:
         if objection is not None:
             return objection
         if state in {State.HOME, State.LAND}:
-            return Accepted("it comes home already")
+            return Accepted(f"it {'comes home' if state is State.HOME else 'lands'} already")
         if self._context.in_air and not self._authority.in_charge and state is not State.DONE:
             if (silent := self._preconditions.not_heard()) is not None:
                 return silent
@@ -244,6 +245,22 @@ class CommandHandler:
         answer = Accepted(self._how_it_comes_home())
         self._return_state.come_home_on_request(request.by)
         return answer
+
+    def _asked_to_land(self, request: LandNow) -> Accepted | Refused:
+        state = self._context.state
+        if state is State.LAND:
+            return Accepted("it lands already")
+        objection = self._preconditions.to_move()
+        if objection is not None:
+            return objection
+        if state is not State.HOLD:
+            return Refused(Refusal.BUSY, "it lands where it hovers: have it hold first")
+        why = self._return_state.why_no_landing()
+        if why is not None:
+            return Refused(Refusal.NO_WAY, why)
+        self._context.say(f"landing here, as {request.by} asked")
+        self._return_state.land_on_request(request.by)
+        return Accepted("it lands where it hovers")
 
     def _how_it_comes_home(self) -> str:
         """What follows when it is told to, in words."""
@@ -298,6 +315,7 @@ class CommandHandler:
         SeekNow: _asked_to_seek,
         ExploreNow: _asked_to_explore,
         ComeHome: _asked_to_come_home,
+        LandNow: _asked_to_land,
         GoTo: _asked_to_go_to,
         Reload: _asked_to_reload,
     }

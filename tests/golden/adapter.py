@@ -84,6 +84,7 @@ EVENTS = {
     "ask_seek": (requests.SeekNow, "request_id by robot"),
     "ask_explore": (requests.ExploreNow, "request_id by"),
     "ask_home": (requests.ComeHome, "request_id by"),
+    "ask_land": (requests.LandNow, "request_id by"),
     "ask_goto": (requests.GoTo, "request_id by points_m=points hold_s waits"),
     "ask_reload": (requests.Reload, "request_id by"),
 }

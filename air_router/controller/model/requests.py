@@ -60,6 +60,11 @@ class ComeHome(Asked):
 
 
 @dataclass(frozen=True, slots=True)
+class LandNow(Asked):
+    """End the mission: land where it hovers, on whatever is below."""
+
+
+@dataclass(frozen=True, slots=True)
 class GoTo(Asked):
     """Fly to points, one after the other, and hover at the last.
 
@@ -80,4 +85,4 @@ class Reload(Asked):
     """Read the mission file again: its zones and fences have changed."""
 
 
-AnyRequest = HoldNow | GoOn | SeekNow | ExploreNow | ComeHome | GoTo | Reload
+AnyRequest = HoldNow | GoOn | SeekNow | ExploreNow | ComeHome | LandNow | GoTo | Reload

@@ -24,7 +24,7 @@ class State(Enum):
     GOTO = "flying to requested points"
     HOLD = "hovering on request"
     HOME = "flying home along the graph"
-    LAND = "landing at home"
+    LAND = "landing"
     DONE = "landed and disarmed"
     PASSIVE = "the pilot or a failsafe flies: hands off"
 
@@ -47,6 +47,7 @@ class Signal(Enum):
     SEEK = "asked to seek a robot"
     EXPLORE = "asked to explore"
     GOTO = "asked to fly to points"
+    LAND_HERE = "asked to land where it hovers"
     NO_WAY = "no clear way to the points that are left"
     YIELDED = "another UAV seeks the same robot"
 

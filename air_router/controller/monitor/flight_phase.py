@@ -45,6 +45,7 @@ class FlightPhase:
         flies: In the air with its motors on, as it said last.
         killed: Where its motors were stopped in the air, in words, if they were.
         stayed_why: Why it ended before take-off, if it does.
+        landing_place: Where we have it land, in words.
     """
 
     handed_over: bool = False
@@ -52,6 +53,7 @@ class FlightPhase:
     flies: bool = False
     killed: str | None = None
     stayed_why: str = "disarmed"
+    landing_place: str = "at home"
     _flew: bool = False
     _was_armed: bool = False
     _news: bool = False
@@ -127,7 +129,7 @@ class FlightPhase:
         if self.killed is not None:
             return self.killed
         if landed_by_us:
-            return "landed at home"
+            return f"landed {self.landing_place}"
         if self._flew:
             return "landed, but not by our command"
         return f"{self.stayed_why}, before take-off"

@@ -216,10 +216,31 @@ class ReturnState(StateHandler):
         self._by_request = self._context.state is not State.READY
         self.come_home(f"{who}'s request")
 
+    def land_on_request(self, who: str) -> None:
+        """End the mission by landing where it hovers; `why_no_landing` has been asked."""
+        self.why = f"{who} asked to land here"
+        self._flight_phase.landing_place = f"where it hovered, as {who} asked"
+        self._context.signal(Signal.LAND_HERE)
+
+    def why_no_landing(self) -> str | None:
+        """Why it may not land where it hovers; None if nothing is below, and it stays there."""
+        mission, telemetry = self._context.mission, self._context.heard
+        drift_m = math.dist(telemetry.position, stopping_point(telemetry))
+        setpoints, commanded = self._gate.navigator.setpoints, self._gate.commanded_mode
+        if commanded.pending or setpoints.open(telemetry) or drift_m > LANDING_M:
+            return "it does not hover yet; ask again in a moment"
+        margin_m = mission.planner.tracking_margin_m
+        for airspace in (mission.column_airspace, mission.airspace_at(telemetry.altitude_m)):
+            if not airspace.with_margin(margin_m).point_clear(telemetry.position):
+                _, what = airspace.with_margin(margin_m).spare_m(telemetry.position)
+                return f"it would come too near to {names_of((what,))}; fly to another place first"
+        return None
+
     def call_off(self) -> None:
         """The way home is not flown on."""
         self.why = None
         self._by_request = False
+        self._flight_phase.landing_place = "at home"
 
     def objection(self) -> str | None:
         """Why its way home cannot be called off; None if it may."""

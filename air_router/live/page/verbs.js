@@ -8,6 +8,7 @@ const SURE = {
   resume: ["Resume?", "the vehicle resumes what it did before.", "Resume"],
   explore: ["Explore?", "the vehicle resumes exploration at the next waypoint.", "Explore"],
   home: ["Come home?", "the mission ends: the vehicle flies home along the graph, and lands.", "Come home"],
+  land: ["Land here?", "the mission ends: the vehicle lands where it hovers, on whatever is below it.", "Land here"],
 };
 
 export class Verbs {

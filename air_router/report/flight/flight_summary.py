@@ -299,5 +299,5 @@ def _wish(event: Asked) -> str:
             places = ", ".join(f"{p.east_m:.0f} m east {p.north_m:.0f} m north" for p in points)
             return f"go to {places}"
     words = {"HoldNow": "hold", "GoOn": "resume", "ExploreNow": "explore", "ComeHome": "home"}
-    words["Reload"] = "reload the mission file"
+    words |= {"LandNow": "land here", "Reload": "reload the mission file"}
     return words.get(type(event).__name__, type(event).__name__)

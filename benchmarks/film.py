@@ -1,0 +1,76 @@
+"""The README's animation: a recorded flight on the map page, 20 seconds long.
+
+python -m benchmarks.film logs/sim-....mcap docs/images/flight.webp
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import io
+import shutil
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+from air_router.live.playback import Film, Playback
+from air_router.record.log import Log
+from air_router.web.serving import Web
+
+LASTS_S = 20
+FRAMES_PER_S = 6
+SIZE = {"width": 1000, "height": 562}
+SHOWN = (800, 450)
+GO = """([to]) => { const when = document.getElementById("when");
+  when.value = String(to); when.dispatchEvent(new Event("change")); }"""
+IS_THERE = "([to]) => parseInt(document.getElementById('clock').textContent) >= Math.floor(to)"
+
+
+async def frames(record: Path, from_s: float, to_s: float) -> list[Image.Image]:
+    """The page at so many moments of the flight."""
+    from playwright.async_api import async_playwright  # noqa: PLC0415 - not for the other ones
+
+    film = Film(Log(record))
+    count = LASTS_S * FRAMES_PER_S
+    async with Playback(film, Web()).serving(print) as address, async_playwright() as playwright:
+        chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+        browser = await playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page: Any = await browser.new_page(viewport=SIZE)
+        await page.goto(address)
+        await page.locator("#pause").click()
+        shown = []
+        for number in range(count):
+            moment = [film.begin_s + from_s + (to_s - from_s) * number / count]
+            await page.evaluate(GO, moment)
+            await page.wait_for_function(IS_THERE, arg=moment)
+            await page.wait_for_timeout(120)
+            picture = Image.open(io.BytesIO(await page.screenshot())).convert("RGB")
+            shown.append(picture.resize(SHOWN, Image.Resampling.LANCZOS))
+        await browser.close()
+    return shown
+
+
+def main() -> None:
+    """Make it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("record", type=Path)
+    parser.add_argument("picture", type=Path, help="a .webp file")
+    parser.add_argument("--from-s", type=float, default=0.0, help="since the record's beginning")
+    parser.add_argument("--to-s", type=float, default=500.0)
+    told = parser.parse_args()
+    first, *others = asyncio.run(frames(told.record, told.from_s, told.to_s))
+    duration_ms = 1000 // FRAMES_PER_S
+    options = {
+        "duration": duration_ms,
+        "loop": 0,
+        "quality": 55,
+        "method": 4,
+        "minimize_size": True,
+    }
+    first.save(told.picture, save_all=True, append_images=others, **options)
+    print(f"{told.picture}: {told.picture.stat().st_size / 1e6:.1f} MB")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""`land`: where the vehicle hovers, when it hovers, and only where nothing is below."""
+
+import math
+
+import pytest
+
+from air_router.controller.model.actions import CommandAck, LandHere, Refusal
+from air_router.controller.model.events import AirspaceChanged
+from air_router.controller.model.requests import ComeHome, GoOn, HoldNow, LandNow
+from air_router.controller.model.states import State
+from geo.airspace.zone import Band, Circle, Zone
+from geo.frame import Point
+
+
+def asked(flight, request):
+    flight.operator_asks(request)
+    return next(a for a in reversed(flight.actions) if isinstance(a, CommandAck))
+
+
+@pytest.fixture
+def holding(pretend):
+    """A flight that hovers on request, somewhere on its way."""
+    flight = pretend(duration_s=4000.0)
+    flight.take_off()
+    flight.fly_away()
+    assert asked(flight, HoldNow()).accepted
+    for _ in range(60):
+        flight.step()
+    assert flight.controller.state is State.HOLD
+    return flight
+
+
+def test_it_lands_where_it_hovers_and_nothing_calls_that_off(holding):
+    place = holding.position
+    assert asked(holding, LandNow(by="kim")).accepted
+    assert holding.motions[-1] == LandHere()
+    assert holding.controller.state is State.LAND
+    assert asked(holding, LandNow()).why == "it lands already"
+    assert asked(holding, ComeHome()).why == "it lands already"
+    assert asked(holding, HoldNow()).code is Refusal.COMING_HOME
+    holding.fly_until(lambda: holding.finished is not None)
+    assert math.dist(holding.position, place) < 1.0
+    assert holding.finished.why == "landed where it hovered, as kim asked"
+
+
+def test_it_holds_first_and_stands_still(pretend):
+    flight = pretend(duration_s=4000.0)
+    flight.take_off()
+    flight.fly_away()
+    refused = asked(flight, LandNow())
+    assert (refused.code, refused.why) == (
+        Refusal.BUSY,
+        "it lands where it hovers: have it hold first",
+    )
+    flight.operator_asks(HoldNow())
+    refused = asked(flight, LandNow())
+    assert "it does not hover yet" in refused.why
+    assert flight.controller.state is State.HOLD
+
+
+@pytest.mark.parametrize("band", [None, Band(-math.inf, 15.0), Band(35.0, 60.0)], ids=str)
+@pytest.mark.parametrize(("beside_m", "lands"), [(0.5, False), (3.0, True)])
+def test_no_zone_may_be_below_nor_so_near_that_it_drifts_there(holding, band, beside_m, lands):
+    mission = holding.mission
+    kept_m = mission.planner.clearance_m + mission.planner.tracking_margin_m
+    east_m, north_m = holding.position
+    centre = Point(east_m + 3.0 + mission.planner.clearance_m + beside_m, north_m)
+    hut = Zone("hut", Circle(centre, 3.0), band=band)
+    holding.give(AirspaceChanged(mission.fences, (*mission.zones, hut)))
+    for _ in range(60):
+        holding.step()
+    assert (math.dist(holding.position, centre) - 3.0 > kept_m) is lands
+    answer = asked(holding, LandNow())
+    assert answer.accepted is lands
+    if not lands:
+        assert answer.code is Refusal.NO_WAY
+        assert "hut" in answer.why
+        assert LandHere() not in holding.motions
+
+
+def test_a_mission_that_goes_on_lands_at_home_again(holding):
+    holding.controller.return_state.land_on_request("kim")
+    holding.pilot_chooses(type(holding.mode).POSITION)
+    assert holding.controller.state is State.PASSIVE
+    holding.pilot_chooses(type(holding.mode).HOLD)
+    assert asked(holding, GoOn()).accepted
+    assert asked(holding, ComeHome()).accepted
+    holding.fly_until(lambda: holding.finished is not None)
+    assert holding.finished.why == "landed at home"
