@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # A flight is several processes: each would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup sim test rehearse rehearse-slice sabotage sabotage-slice experiments lint bench bench-link bench-route dist docs docs-test constraints clean
+.PHONY: setup sim test rehearse rehearse-slice sabotage sabotage-slice experiments lint film bench bench-link bench-route dist docs docs-test constraints clean
 
 setup: $(VENV)/.ready
 
@@ -65,6 +65,10 @@ lint: setup
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+
+# The README's animation and stills of the map page, from a record of the shipped mission: make film RECORD=logs/X.mcap
+film: setup
+	$(BIN)/python -m benchmarks.film $(RECORD) docs/images
 
 bench: setup
 	$(BIN)/python -m benchmarks

@@ -1,6 +1,6 @@
-"""The README's animation: a recorded flight on the map page, 20 seconds long.
+"""A recorded flight on the map page: the README's animation, 20 seconds long, and stills for docs.
 
-python -m benchmarks.film logs/sim-....mcap docs/images/flight.webp
+make film RECORD=logs/sim-....mcap
 """
 
 from __future__ import annotations
@@ -21,14 +21,13 @@ from air_router.web.serving import Web
 LASTS_S = 20
 FRAMES_PER_S = 6
 SIZE = {"width": 1000, "height": 562}
-SHOWN = (800, 450)
 GO = """([to]) => { const when = document.getElementById("when");
   when.value = String(to); when.dispatchEvent(new Event("change")); }"""
 IS_THERE = "([to]) => parseInt(document.getElementById('clock').textContent) >= Math.floor(to)"
 
 
-async def frames(record: Path, from_s: float, to_s: float) -> list[Image.Image]:
-    """The page at so many moments of the flight."""
+async def frames(record: Path, folder: Path, from_s: float, to_s: float) -> list[Image.Image]:
+    """The page at so many moments of the flight; stills of the last one go to the folder."""
     from playwright.async_api import async_playwright  # noqa: PLC0415 - not for the other ones
 
     film = Film(Log(record))
@@ -45,8 +44,14 @@ async def frames(record: Path, from_s: float, to_s: float) -> list[Image.Image]:
             await page.evaluate(GO, moment)
             await page.wait_for_function(IS_THERE, arg=moment)
             await page.wait_for_timeout(120)
-            picture = Image.open(io.BytesIO(await page.screenshot())).convert("RGB")
-            shown.append(picture.resize(SHOWN, Image.Resampling.LANCZOS))
+            shown.append(Image.open(io.BytesIO(await page.screenshot())).convert("RGB"))
+        await page.locator("#plot").click()
+        for name, width, height in (("live-timeline", 1280, 720), ("live-phone", 390, 844)):
+            await page.set_viewport_size({"width": width, "height": height})
+            await page.wait_for_timeout(500)
+            await page.screenshot(path=folder / f"{name}.png")
+            await page.locator("#plot").click()
+            await page.locator("#theme").click()
         await browser.close()
     return shown
 
@@ -55,11 +60,12 @@ def main() -> None:
     """Make it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("record", type=Path)
-    parser.add_argument("picture", type=Path, help="a .webp file")
+    parser.add_argument("folder", type=Path, help="where flight.webp and the stills go")
     parser.add_argument("--from-s", type=float, default=0.0, help="since the record's beginning")
     parser.add_argument("--to-s", type=float, default=500.0)
     told = parser.parse_args()
-    first, *others = asyncio.run(frames(told.record, told.from_s, told.to_s))
+    first, *others = asyncio.run(frames(told.record, told.folder, told.from_s, told.to_s))
+    picture = told.folder / "flight.webp"
     duration_ms = 1000 // FRAMES_PER_S
     options = {
         "duration": duration_ms,
@@ -68,8 +74,8 @@ def main() -> None:
         "method": 4,
         "minimize_size": True,
     }
-    first.save(told.picture, save_all=True, append_images=others, **options)
-    print(f"{told.picture}: {told.picture.stat().st_size / 1e6:.1f} MB")
+    first.save(picture, save_all=True, append_images=others, **options)
+    print(f"{picture}: {picture.stat().st_size / 1e6:.1f} MB")
 
 
 if __name__ == "__main__":

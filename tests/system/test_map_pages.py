@@ -1,8 +1,4 @@
-"""The map pages as a user sees them: on a laptop, and on a phone held either way, light and dark.
-
-With DOCS_IMAGES=docs/images in the environment the pictures of docs/live-page.md that show the
-timeline and the phone are taken anew.
-"""
+"""The map pages as a user sees them: on a laptop, and on a phone held either way."""
 
 import asyncio
 import contextlib
@@ -181,7 +177,7 @@ def test_a_recorded_flight_that_goes_back_forgets_what_came_later(replayed):
     assert page.locator("#when").bounding_box() == left
     go(replayed, 10)
     page.wait_for_function("() => !document.getElementById('robots').textContent.includes('map')")
-    assert "not heard of yet" in robots.inner_text()
+    assert "not heard yet" in robots.inner_text()
     words = page.locator("#vehicle").inner_text().split()
     assert words[words.index("heading") + 1] == "90°"
     assert {"14", "15.8"} <= set(words)

@@ -57,8 +57,8 @@ export class Panel {
     for (const [name, row] of this.rows) {
       const robot = this.heard[name];
       const share = this.links[name]?.map_share;
-      const map = share ? `, map ${percent(share)}` : "";
-      setText(row.age, (robot ? `seen ${age(robot.age_s)} ago` : "not heard of yet") + map);
+      const map = share ? `\nmap ${percent(share)}` : "";
+      setText(row.age, (robot ? `${age(robot.age_s)} ago` : "not heard yet") + map);
     }
   }
 
@@ -151,7 +151,7 @@ function instruments(vehicle) {
     ["heading", heading],
     ["home", known(vehicle.home_m, " m")],
     ["GPS", vehicle.at ? satellites : ""],
-    ["voltage", known(vehicle.voltage_v, " V")],
+    ["voltage", known(vehicle.voltage_v?.toFixed(1), " V")],
   ];
 }
 
