@@ -15,9 +15,9 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from air_router import __version__
 from air_router.errors import AirRouterError, UsageError
 from air_router.web.tile_file import HIGHEST_ZOOM, MOST_TILE_BYTES, Bounds, picture_kind
-from mocha_link.cli.program import version
 
 MOST_TILES: Final = 5_000
 """More are fetched only where the user says so: two hours of a server's time."""
@@ -131,7 +131,7 @@ class TileFetcher:
         for mark, number in marks.items():
             address = address.replace(mark, str(number))
         about = "; ".join(filter(None, ("tiles fetch", self.contact)))
-        agent = f"{version('air-router').replace(' ', '/', 1)} ({about})"
+        agent = f"air-router/{__version__} ({about})"
         request = urllib.request.Request(address, headers={"User-Agent": agent})  # noqa: S310 - http
         with urllib.request.urlopen(request, timeout=_TIMEOUT_S) as answer:  # noqa: S310 - http
             data: bytes = answer.read(MOST_TILE_BYTES + 1)
