@@ -15,6 +15,7 @@ from functools import partial
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
 from mocha_link.links.link_events import (
+    ContactEnded,
     LinkEvent,
     MessageStored,
     RssiChanged,
@@ -43,7 +44,7 @@ from mocha_link.sync.frames import Frame, Step
 from mocha_link.sync.peer_state import PeerState
 from mocha_link.sync.protocol import ID_BYTES
 from mocha_link.sync.pull import PathStats, Pull, PullContext
-from mocha_link.sync.server import Route, Server
+from mocha_link.sync.server import FOLLOW_S, Route, Server
 from mocha_link.team.team import Team, Topic, Trust, UnknownRobotError
 
 TIMEOUT_S = 5.0
@@ -70,6 +71,7 @@ class Gossip:
         database: where messages are kept; default: in memory.
         signer: signs what the robot publishes.
         datagrams: whether there are sockets for them.
+        follow: take in at once what a peer stores between two pulls.
     """
 
     def __init__(  # noqa: PLR0913 - what a node may be given
@@ -83,10 +85,11 @@ class Gossip:
         database: Database | None = None,
         signer: Signer | None = None,
         datagrams: bool = True,
+        follow: bool = True,
         protected: Iterable[str] = (),
     ) -> None:
         self.me = team.robot(name)
-        history = partial(history_of, team)
+        history = team.history
         self.database = database or Database(history)
         self._team = team
         self._by_timer = by_timer
@@ -111,6 +114,7 @@ class Gossip:
             ),
             new_id=new_id,
             timeout_s=timeout_s,
+            follow=follow,
         )
         boot_id = int.from_bytes(os.urandom(BOOT_ID_BYTES), "big")
         config_hash = config_hash_of(team)
@@ -119,9 +123,11 @@ class Gossip:
         self._warned_s: dict[str, float] = {}  # of that
         self._path_stats = {peer: PathStats() for peer in self.me.peers}
         self._servers = {
-            peer: Server(peer, self.database, self._known[peer]) for peer in self.me.peers
+            peer: Server(peer, self.database, self._known[peer], pushed=team.pushed(self.me, peer))
+            for peer in self.me.peers
         }
         self._pulls: dict[str, Pull] = {}
+        self._following: dict[str, Pull] = {}  # that are over; what a peer stores comes in on them
         self._ending: dict[str, tuple[Flow, float]] = {}
         self._spent = dict.fromkeys(self.me.peers, 0)
         self._actions: deque[Action] = deque()
@@ -147,9 +153,7 @@ class Gossip:
 
     def flush(self, topic: Topic, now: Instant) -> None:
         """Store the message of a topic that waits for its interval, if there is one."""
-        record = self._publisher.flush(topic, now.unix_s)
-        if record:
-            self._tell_own(record, now)
+        self._tell_own(self._publisher.flush(topic, now.unix_s), now)
 
     def heard(self, peer: str, reading: Reading | float | None, now: Instant) -> None:
         """Take in what the radio says of a peer. Raises UnknownRobotError or RadioError."""
@@ -180,6 +184,7 @@ class Gossip:
         left = budget - self._spent[peer] if budget else 0
         if budget and left < LEAST_BUDGET:
             return False
+        self._following.pop(peer, None)
         pull = self._pulls[peer] = Pull(
             peer,
             self._pull_context,
@@ -222,14 +227,14 @@ class Gossip:
 
     def reply(self, peer: str, parts: Sequence[Frame], now: Instant) -> None:
         """Take in what came back on the connection to a peer."""
-        pull = self._pulls.get(peer)
+        pull = self._pulls.get(peer) or self._following.get(peer)
         if pull:
             self._count_in(peer, sum(map(len, parts)))
             self._take(pull, pull.reply(parts, now), now)
 
     def packet_back(self, peer: str, packet: bytes, now: Instant) -> None:
         """Take in a datagram that a peer sent in answer to ours."""
-        pull = self._pulls.get(peer)
+        pull = self._pulls.get(peer) or self._following.get(peer)
         if pull and pull.flow and packet[1 : 1 + ID_BYTES] == pull.flow.token:
             self._count_in(peer, len(packet))
             self._take(pull, pull.packet(packet, now), now)
@@ -238,28 +243,26 @@ class Gossip:
             flow.receive(packet, now.steady_s)
             self._send_datagrams(peer, flow.transmit(now.steady_s))
 
-    def progress(self, peer: str, now: Instant) -> None:
-        """The connection to a peer stands, or bytes are arriving on it."""
+    def progress(self, peer: str, now: Instant, rtt_s: float | None = None) -> None:
+        """The connection to a peer stands, or bytes arrive on it; its round trip, if known."""
         pull = self._pulls.get(peer)
         if pull:
             pull.progress(now)
+            if rtt_s is not None:
+                pull.measured(rtt_s)
 
     def leaves(self, peer: str) -> bool:
-        """Whether the connection to a peer is to be closed, as soon as the transport does it.
+        """Whether the connection to a peer is to be closed or replaced, once the transport does it.
 
         Nothing more of it must be handed in: the peer's pull may be another one already.
         """
-        return any(isinstance(each, Disconnect) and each.peer == peer for each in self._actions)
-
-    def measured(self, peer: str, rtt_s: float) -> None:
-        """The round trip of the connection to a peer."""
-        pull = self._pulls.get(peer)
-        if pull:
-            pull.measured(rtt_s)
+        return any(a.peer == peer and isinstance(a, Connect | Disconnect) for a in self._actions)
 
     def lost(self, peer: str, reason: str, now: Instant) -> None:
         """The connection to a peer is gone."""
         pull = self._pulls.get(peer)
+        if peer in self._following:
+            self._unfollow(peer)
         if pull:
             self._take(pull, pull.disconnected(reason, now), now)
 
@@ -288,6 +291,10 @@ class Gossip:
             self._tell_own(record, now)
         for pull in list(self._pulls.values()):
             self._take(pull, pull.tick(now), now)
+        for peer, pull in list(self._following.items()):
+            self._take(pull, pull.tick(now), now)
+            if now.steady_s - pull.alive_s > FOLLOW_S:
+                self._unfollow(peer)
         for peer, (flow, until_s) in list(self._ending.items()):
             self._send_datagrams(peer, flow.transmit(now.steady_s))
             if flow.settled or now.steady_s > until_s:
@@ -300,7 +307,7 @@ class Gossip:
     @property
     def wake_s(self) -> float | None:
         """When to call `tick` at the latest, in steady seconds; None: no hurry."""
-        times = [pull.wake_s for pull in self._pulls.values()]
+        times = [pull.wake_s for pull in (*self._pulls.values(), *self._following.values())]
         times += [server.wake_s for server in self._servers.values()]
         times += [flow.wake_s for flow, _ in self._ending.values()]
         return min((each for each in times if each is not None), default=None)
@@ -363,15 +370,23 @@ class Gossip:
                 bandwidth_bytes_s=pull.throughput_bytes_s,
                 path=pull.path,
             )
-            self._actions.append(Disconnect(peer, pull.broken or pull.path == "udp"))
-            if pull.flow and pull.path == "udp":
+            if pull.follows:
+                self._following[peer] = pull
+            if not pull.follows or pull.path == "udp":
+                self._actions.append(Disconnect(peer, pull.broken or pull.path == "udp"))
+            if pull.flow and pull.path == "udp" and not pull.follows:
                 self._send_datagrams(peer, pull.flow.transmit(now.steady_s))
                 self._ending[peer] = (pull.flow, now.steady_s + LINGER_S)
         self._compare_config(peer, now)
         for event in step.events:
             self._emit(event)
             if isinstance(event, MessageStored) and event.robot == self.me.name:
-                self._recover(self._team.topic(event.robot, event.topic), now)
+                topic = self._team.topic(event.robot, event.topic)
+                self._tell_own(self._publisher.recovered(topic, now.unix_s), now)
+
+    def _unfollow(self, peer: str) -> None:
+        if self._following.pop(peer).path != "udp":
+            self._actions.append(Disconnect(peer, void=True))
 
     def _after_server(self, peer: str, now: Instant) -> None:
         server = self._servers[peer]
@@ -401,20 +416,15 @@ class Gossip:
         self._spent[peer] += size
         self._link_table.count(peer, bytes_in=size)
 
-    def _recover(self, topic: Topic, now: Instant) -> None:
-        record = self._publisher.recovered(topic, now.unix_s)
-        if record:
-            self._tell_own(record, now)
-
     def _refuse(self, peer: str, reason: str) -> None:
         self._link_table.count(peer, refused=1)
         first = not self._refusals[peer]
         self._refusals[peer] += 1
         LOG.log(logging.WARNING if first else logging.DEBUG, "refused from %s: %s", peer, reason)
 
-    def _tell_own(self, record: Record, now: Instant) -> None:
-        known = self._team.by_ids(record.header.robot_id, record.header.topic_id)
-        if known:
+    def _tell_own(self, record: Record | None, now: Instant) -> None:
+        known = record and self._team.by_ids(record.header.robot_id, record.header.topic_id)
+        if record and known:
             robot, topic = known
             size = len(record.body)
             self._emit(
@@ -428,6 +438,8 @@ class Gossip:
     def _tell_contacts(self) -> None:
         for event in self._trigger.news():
             self._emit(event)
+            if isinstance(event, ContactEnded) and event.peer in self._following:
+                self._unfollow(event.peer)
 
     def _emit(self, event: LinkEvent) -> None:
         self._link_table.update(event)
@@ -436,9 +448,3 @@ class Gossip:
     def _check(self, peer: str) -> None:
         if peer not in self._servers:
             raise UnknownRobotError(peer, self.me.peers, f"among the clients of {self.me.name}")
-
-
-def history_of(team: Team, robot_id: int, topic_id: int) -> int:
-    """How many versions of a topic the team keeps."""
-    known = team.by_ids(robot_id, topic_id)
-    return known[1].history if known else 1

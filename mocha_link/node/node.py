@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 from mocha_link.clock import Clock, Instant, SystemClock
@@ -14,7 +13,7 @@ from mocha_link.errors import MochaLinkError
 from mocha_link.links.metrics import LinkEvent, LinkMetrics
 from mocha_link.links.reading import Reading
 from mocha_link.node.broadcast import Broadcast, EventStream
-from mocha_link.node.gossip import TIMEOUT_S, Gossip, history_of
+from mocha_link.node.gossip import TIMEOUT_S, Gossip
 from mocha_link.node.lifetime import Startable
 from mocha_link.node.transport import Transport
 from mocha_link.radios import Radio, open_radio
@@ -117,7 +116,7 @@ class Node(Startable):
                 name,
                 by_timer=radio is None,
                 timeout_s=timeout_s,
-                database=Database(partial(history_of, team), self._storage),
+                database=Database(team.history, self._storage),
                 signer=Signer(self._secret, robot) if self._secret else None,
                 datagrams=datagrams,
                 protected=self._peer_keys,

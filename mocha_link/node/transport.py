@@ -261,9 +261,7 @@ class Transport:
         with self._lock:
             if not self._gossip.leaves(peer):  # another thread may have begun a new pull
                 if arrived:
-                    self._gossip.progress(peer, now)
-                if rtt_s is not None:
-                    self._gossip.measured(peer, rtt_s)
+                    self._gossip.progress(peer, now, rtt_s)
                 for parts in connection.replies():
                     self._gossip.reply(peer, parts, self._now())
                 if connection.failure and not self._gossip.leaves(peer):

@@ -1,8 +1,8 @@
 """The frames of the sync between two new nodes (docs/sync-protocol.md).
 
-There are two sorts. A *sync message* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END) may take
-several frames, which may arrive in any order. A *chunks* frame carries whole messages of robots,
-and pieces of them. A checksum covers everything but the data in chunks, which bring their own.
+There are two sorts. A *sync message* (OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, FOLLOW)
+may take several frames, which may arrive in any order. A *chunks* frame carries whole messages of
+robots, and pieces of them. A checksum covers everything but data in chunks, which bring their own.
 
 A message of a robot is known by its id: robot u8, topic u8, stamp u48 (Unix ms), as one number.
 """
@@ -20,7 +20,7 @@ from mocha_link.links.metrics import LinkEvent
 from mocha_link.store.payload import is_body
 from mocha_link.store.reassembly_buffer import Fragment
 
-OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS = range(1, 9)  # kinds of frames
+OPEN, HELLO, GROUPS, ANSWER, SKIP, DONE, END, CHUNKS, FOLLOW = range(1, 10)  # kinds of frames
 ROUNDS = 8  # OPENs of one pull
 MAX_SYNC_MESSAGE_BYTES = 1024 * 1024
 MIN_PART_BYTES = 200  # of a message, but for the last part

@@ -69,12 +69,14 @@ class PullContext:
     reassembly: ReassemblyBuffer
     new_id: Callable[[], bytes]
     timeout_s: float
+    follow: bool = True
 
 
 class Pull:
     """Brings over everything that is new at a peer; make one per pull, it is `over` at its end.
 
-    It is `broken` as well if it broke off.
+    It is `broken` as well if it broke off. One that `follows` goes on taking in what the peer
+    stores after its end.
 
     Args:
         original: the peer is known to run the original node: do not try anything newer.
@@ -123,6 +125,7 @@ class Pull:
             verify=verify,
             budget=budget,
             room=MESSAGE_ROOM,
+            follow=pull_context.follow,
         )
         self._datagrams = datagrams and not original and path_stats.may_use_datagrams()
         self._credit = Credit(path_stats.rate_bytes_s, path_stats.rtt_s)
@@ -178,7 +181,7 @@ class Pull:
             return Step(events=broken.events, refusals=step.refusals)
         step.frames = [request(self._id, SYNCF, each) for each in step.frames]
         size = sum(map(len, parts))
-        if self._credit.take(size, now.steady_s, self._path_stats.rtt_s) and not self.over:
+        if self._credit.take(size, now.steady_s, self._path_stats.rtt_s) and self.goes_on:
             step.frames.append(request(self._id, SYNCC, self._credit.grant))
         return step
 
@@ -222,7 +225,9 @@ class Pull:
 
     def tick(self, now: Instant) -> Step:
         """What the time alone brings: datagrams that are due, and the end of patience."""
-        if not self.over and now.steady_s - self.alive_s > self._timeout_s:
+        if self.over:
+            return Step(packets=self._due_datagrams(now))
+        if now.steady_s - self.alive_s > self._timeout_s:
             midway = self.path not in ("original", None)
             silent = f"no byte for {self._timeout_s:g} s in the middle of a sync"
             return self.fail(silent if midway else self._session.why_silent(), now)
@@ -249,6 +254,16 @@ class Pull:
         if self.path is None and self.flow is not None and self.flow.alive_s is not None:
             return Step()
         return self.fail(reason, now)
+
+    @property
+    def follows(self) -> bool:
+        """Whether it is over, and what the peer stores later comes in all the same."""
+        return self._receiver.follows and not self.broken
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether frames of the peer are expected."""
+        return not self.over or self.follows
 
     @property
     def wake_s(self) -> float | None:

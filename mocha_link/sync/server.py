@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 
 from mocha_link.clock import Instant
 from mocha_link.datagram.datagram import Flow
@@ -40,6 +40,7 @@ MOST_UNHEARD = 3  # after so many flows in a row without an acknowledgement
 UNHEARD_S = 0.1  # so long an acknowledgement may be late
 PADDING = b"\0"  # what a frame without meaning begins with
 DEAF_S = 10.0  # datagrams open nothing for so long; connections do
+FOLLOW_S = 60.0  # a peer that says nothing for longer does not follow any more
 
 _HELLO_ROOM = 64
 
@@ -60,6 +61,7 @@ class _Sync:
         self.began_s = now.steady_s
         self.heard_s = now.steady_s
         self.by_datagram = False
+        self.follows = False  # the pull is over, and what is stored later leaves at once
         self.all_cast = False  # everything that was given out went by datagrams
         self.route: Route | None = None
         self.routed_s = 0.0
@@ -85,10 +87,12 @@ class Server:
         database: Database,
         peer_state: PeerState,
         number: Callable[[], int] = _random_number,
+        pushed: Container[int] = (),
     ) -> None:
         self._peer = peer
         self._database = database
         self._peer_state = peer_state
+        self._pushed = pushed
         self._session = ServerSession(peer, database)
         self._sync: _Sync | None = None
         self._flow: Flow | None = None
@@ -153,13 +157,8 @@ class Server:
     def supply(self) -> tuple[Route, list[Frame]] | None:
         """The next frame for a connection, in parts, if the peer has credit left for one."""
         sync = self._sync
-        if sync is None or sync.route is None:
+        if sync is None or sync.route is None or self._datagrams_carry(sync):
             return None
-        if sync.by_datagram and self._flow is not None:
-            near = self._flow.rtt_s is not None and self._flow.rtt_s < NEAR_S
-            if not near and (self._flow.rate_bytes_s or 0) < FAST_BYTES_S:
-                return None
-            sync.by_datagram = sync.all_cast = False
         if sync.again:
             frame = sync.id + sync.again.popleft()
             sync.sent += len(frame)
@@ -172,6 +171,20 @@ class Server:
             return None
         sync.sent += sum(map(len, parts))
         return sync.route, parts
+
+    def _datagrams_carry(self, sync: _Sync) -> bool:
+        """Whether they carry what there is; to a near or fast peer its connection does from now on.
+
+        One that follows by datagrams has closed its connection.
+        """
+        flow = self._flow
+        if not sync.by_datagram or flow is None:
+            return False
+        near = flow.rtt_s is not None and flow.rtt_s < NEAR_S
+        if sync.follows or not (near or (flow.rate_bytes_s or 0) >= FAST_BYTES_S):
+            return True
+        sync.by_datagram = sync.all_cast = False
+        return False
 
     def on_contact(self, now: Instant) -> None:
         """A new contact begins."""
@@ -186,7 +199,7 @@ class Server:
             self._close_flow()
         if sync:
             self._doubt_datagrams(sync, now)
-        if sync and now.steady_s - sync.heard_s > PATIENCE_S:
+        if sync and now.steady_s - sync.heard_s > (FOLLOW_S if sync.follows else PATIENCE_S):
             self._break_off(sync, f"the peer said nothing for {PATIENCE_S:g} s", now)
 
     def _doubt_datagrams(self, sync: _Sync, now: Instant) -> None:
@@ -218,7 +231,9 @@ class Server:
             self._opened = (request_id, route)
             if request_id in self._past:
                 return self._rejection(request_id)  # a connection that came too late
-            sync = _Sync(request_id, SyncSender(self._database, self._peer_state), now)
+            sync = _Sync(
+                request_id, SyncSender(self._database, self._peer_state, self._pushed), now
+            )
             grant, argument = argument[: GRANT.size], argument[GRANT.size :]
             if not self._opens(sync, argument):
                 # An error reply would make us an original node to the peer, who reads by ids.
@@ -231,7 +246,7 @@ class Server:
         sync.heard_s = now.steady_s
         if code == SYNC1 and sync.sent and sync.route != route and self._flow is None:
             # Its first connection broke, with all that was sent on it.
-            sync.sender = SyncSender(self._database, self._peer_state)
+            sync.sender = SyncSender(self._database, self._peer_state, self._pushed)
             sync.allowed = 0
         if sync.route is None or code == SYNC1:
             sync.route, sync.sent, sync.routed_s = route, 0, now.steady_s
@@ -259,9 +274,10 @@ class Server:
             return False
         if sync and sync.id == token and not sync.by_datagram:
             return True  # the connection was first, so it serves
-        if sync and sync.id != token and now.steady_s - sync.heard_s < REPLACED_S:
+        heeds = sync and not sync.follows and now.steady_s - sync.heard_s < REPLACED_S
+        if sync and sync.id != token and heeds:
             return False  # a copy of an old opening must not end what goes well
-        sync = _Sync(token, SyncSender(self._database, self._peer_state), now)
+        sync = _Sync(token, SyncSender(self._database, self._peer_state, self._pushed), now)
         flow = Flow(
             token,
             lambda room: self._next_for_datagram(sync, room),
@@ -313,8 +329,9 @@ class Server:
 
     def _look(self, now: Instant) -> None:
         """End the pull when the peer says that it is over, or may not have anything."""
-        if self._sync and self._sync.sender.over:
-            self._end(self._sync, now)
+        sync = self._sync
+        if sync and (sync.sender.over or sync.sender.follows) and not sync.follows:
+            self._end(sync, now)
         elif self._sync and self._sync.sender.rejection is not None:
             self._turn_away(self._sync, self._sync.sender.rejection, now)
 
@@ -330,9 +347,11 @@ class Server:
         self._events.append(SyncTimedOut(self._peer, now.unix_s, Direction.OUT, reason))
 
     def _end(self, sync: _Sync, now: Instant) -> None:
-        self._sync = None
-        self._past.append(sync.id)
-        self._ended_s = now.steady_s
+        sync.follows = sync.sender.follows
+        if not sync.follows:
+            self._sync = None
+            self._past.append(sync.id)
+            self._ended_s = now.steady_s
         self._events.append(
             SyncEnded(
                 self._peer,
@@ -346,13 +365,15 @@ class Server:
         )
 
     def _break_off(self, sync: _Sync, reason: str, now: Instant) -> None:
-        if sync.sender.done and sync.all_cast and self._flow and self._flow.settled:
+        settled = sync.sender.done and sync.all_cast and self._flow and self._flow.settled
+        if settled and not sync.follows:
             self._end(sync, now)  # all has arrived, only the peer's END has not
             return
         self._sync = None
         self._past.append(sync.id)
         self._close_flow()
-        self._events.append(SyncTimedOut(self._peer, now.unix_s, Direction.OUT, reason))
+        if not sync.follows:  # otherwise it has ended well, and was told
+            self._events.append(SyncTimedOut(self._peer, now.unix_s, Direction.OUT, reason))
 
     def _close_flow(self) -> None:
         flow, self._flow = self._flow, None

@@ -1,7 +1,7 @@
 """What the messages of the sync between two new nodes say (docs/sync-protocol.md).
 
 In the order of a pull: OPEN, HELLO, and if digests were compared GROUPS and ANSWER; SKIP at any
-time, DONE; END says nothing.
+time, DONE; END and FOLLOW say nothing.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mocha_link.store.payload import STAMP_MASK, STAMPS_MS, is_body
 from mocha_link.store.reassembly_buffer import MAX_RANGES, Range
 from mocha_link.sync.frames import MAX_SYNC_MESSAGE_BYTES, SyncFrameError, message_id_of
 
-VERSION = 2
+VERSION = 3
 MAX_FRAGMENTS = 64
 MAX_LISTED = 65_535  # messages of a robot in an ANSWER
 GROUP_COUNT = 16

@@ -35,6 +35,9 @@ _MAX_REFUSALS = 100  # that one frame is told of
 class SyncReceiver:
     """Takes in what one peer gives us. Make one per pull; it is `over` when all is said.
 
+    With `follow` a pull that brought everything is not the end: what the peer stores later is
+    taken in as it comes, until the next pull.
+
     Args:
         peer: its name.
         team: whose robots and topics are accepted.
@@ -44,8 +47,10 @@ class SyncReceiver:
         verify: raises PayloadError for a message that this peer may not hand us.
         budget: bytes of frames that the peer may send; 0: no limit.
         room: the largest frame that we may send.
+        follow: ask for what is stored later.
 
     Attributes:
+        follows: all is said, and more may come.
         complete: everything that the peer had has come in.
         rejection: why the peer and we do not understand each other; nothing more is taken then.
         messages: that were stored.
@@ -63,9 +68,11 @@ class SyncReceiver:
         verify: Verify | None = None,
         budget: int = 0,
         room: int = ROOM,
+        follow: bool = False,
     ) -> None:
         self.peer = peer
         self.over = False
+        self.follows = False
         self.complete = False
         self.rejection: str | None = None
         self.messages = 0
@@ -77,6 +84,7 @@ class SyncReceiver:
         self._verify = verify
         self._budget = budget
         self._room = room
+        self._follow = follow
         self._topics: dict[int, tuple[Robot, Topic] | None] = {}
         self._assembler = sync.MessageAssembler(sync.HELLO, sync.GROUPS, sync.DONE)
         self._round = 0
@@ -100,7 +108,7 @@ class SyncReceiver:
     def receive(self, frame: sync.Frame, now: Instant, more: Sequence[sync.Frame] = ()) -> Step:
         """Take in a frame of the peer, `more` if it has further parts; a bad one is refused."""
         step = Step()
-        if self.over or self.rejection:
+        if (self.over and not self.follows) or self.rejection:
             return step
         self.bytes += len(frame) + sum(map(len, more))
         self._now_s = now.unix_s
@@ -114,7 +122,8 @@ class SyncReceiver:
             self._damaged += 1
             self._flawed = True
         done = self._done
-        if done and self._next + len(self._ahead) + self._damaged >= done.frames:
+        said = done and self._next + len(self._ahead) + self._damaged >= done.frames
+        if done and said and not self.over:
             self._finish(done, step)
         return step
 
@@ -304,8 +313,8 @@ class SyncReceiver:
     def _finish(self, done: sync_messages.Done, step: Step) -> None:
         missing = [message_id for message_id in self._begun if self._wants(message_id)]
         flawed = self._flawed or bool(missing)
-        last = self._repairs == _REPAIRS or self._round + 1 == sync.ROUNDS
-        if flawed and not (done.cut_short or self._hopeless or last):
+        final = self._repairs == _REPAIRS or self._round + 1 == sync.ROUNDS
+        if flawed and not (done.cut_short or self._hopeless or final):
             self._repairs += 1
             self._begin_round()
             step.frames += self._opening(self._knowledge())
@@ -314,7 +323,9 @@ class SyncReceiver:
         self.complete = not (flawed or done.cut_short)
         if self.complete:
             self._learn(done)
-        step.frames += sync.message_frames(sync.END, self._round, b"", self._room)
+        self.follows = self._follow and self.complete
+        last = sync.FOLLOW if self.follows else sync.END
+        step.frames += sync.message_frames(last, self._round, b"", self._room)
 
     def _learn(self, done: sync_messages.Done) -> None:
         knowledge = Knowledge(done.epoch, done.sequence, self._database.sequence)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import insort
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 
 from mocha_link.store import payload
 from mocha_link.store.database import Database
@@ -21,6 +21,7 @@ _DONE_BYTES = sync.MESSAGE_HEADER_BYTES + sync_messages.DONE_BYTES
 _SMALL_SHARE = 4
 _ROOMY = 16_384  # larger frames need not be full, so nothing is cut in two once half is used
 _BRIEF, _MUCH = 4_096, 16_384  # so little goes before a rest of so much
+PUSH_BYTES = 65_536  # a larger message waits for the next pull, which may take its time
 _FEW = 8  # new ones are put in their place one by one
 _BEGUN, _FIRST = 1 << 64, 1 << 65  # in a rank
 
@@ -32,8 +33,17 @@ class SyncSender:
     priority, then what was begun, then the newest. Where much was begun one small message goes
     before it, so that a contact too short for the rest still brings something. Make one per pull.
 
+    A peer that follows gets what is stored after the pull at once: messages of the robots in
+    `pushed`, small ones, of no promise. Its next pull brings whatever else there is.
+
+    Args:
+        database: what there is to give.
+        peer: what is remembered of the peer.
+        pushed: ids of the robots whose new messages reach the peer no other way than by us.
+
     Attributes:
         over: the peer has said that it is.
+        follows: all was given out, and the peer waits for more.
         done: all has been given out, or all that the peer's budget allows.
         cut_short: not all, because the budget was used up.
         rejection: why the peer gets nothing, once it has opened.
@@ -42,8 +52,9 @@ class SyncSender:
         bytes: of all frames.
     """
 
-    def __init__(self, database: Database, peer: PeerState) -> None:
+    def __init__(self, database: Database, peer: PeerState, pushed: Container[int] = ()) -> None:
         self.over = False
+        self.follows = False
         self.done = False
         self.cut_short = False
         self.rejection: Reception | None = None
@@ -52,7 +63,10 @@ class SyncSender:
         self.bytes = 0
         self._database = database
         self._peer = peer
-        self._assembler = sync.MessageAssembler(sync.OPEN, sync.ANSWER, sync.SKIP, sync.END)
+        self._pushed = pushed
+        self._assembler = sync.MessageAssembler(
+            sync.OPEN, sync.ANSWER, sync.SKIP, sync.END, sync.FOLLOW
+        )
         self._round = -1
         self._outbox: list[tuple[int, bytes, int]] = []  # kind, content, offset of what is left
         self._budget = 0
@@ -75,6 +89,10 @@ class SyncSender:
             self._receive_opening(message)
         elif message.kind == sync.END:
             self.over = True
+            self._peer.end()
+        elif message.kind == sync.FOLLOW:
+            self.follows = self.done and not self.cut_short
+            self.over = not self.follows
             self._peer.end()
         elif message.kind == sync.SKIP:
             self._skip(sync_messages.decode_skip(message.content))
@@ -102,7 +120,7 @@ class SyncSender:
             return None
         if self._outbox:
             return [prefix + self._message_part(room)]
-        if self.done:
+        if self.done and not self.follows:
             return None
         if self._database.sequence != self._sequence and not self._unknown:
             self._poll()
@@ -113,10 +131,10 @@ class SyncSender:
         if parts is not None:
             self.bytes += sum(map(len, parts)) - len(prefix)
             return parts
-        if self._queue or not (self._unknown or self._asked):
-            self._end()
-            return [prefix + self._message_part(room)]
-        return None
+        if self.follows or (not self._queue and (self._unknown or self._asked)):
+            return None
+        self._end()
+        return [prefix + self._message_part(room)]
 
     def _receive_opening(self, message: sync.SyncMessage) -> None:
         try:
@@ -245,7 +263,12 @@ class SyncSender:
 
     def _poll(self) -> None:
         sequence = self._database.sequence
-        self._enqueue(self._database.since(self._sequence))
+        new = self._database.since(self._sequence)
+        if self.follows:
+            new = [
+                r for r in new if r.header.robot_id in self._pushed and len(r.body) <= PUSH_BYTES
+            ]
+        self._enqueue(new)
         self._sequence = sequence
 
     def _enqueue(self, records: Iterable[Record]) -> None:

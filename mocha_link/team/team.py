@@ -226,6 +226,20 @@ class Team:
         topics = self.kinds[robot.kind]
         return (robot, topics[topic_id]) if topic_id in range(len(topics)) else None
 
+    def history(self, robot_id: int, topic_id: int) -> int:
+        """How many versions of a topic the robots keep; 1 of one that the team does not know."""
+        known = self.by_ids(robot_id, topic_id)
+        return known[1].history if known else 1
+
+    def pushed(self, pusher: Robot, peer: str) -> frozenset[int]:
+        """Ids of the robots whose messages `pusher` hands a peer at once.
+
+        Its own, and those of robots that are not linked to the peer: what several could push would
+        cross every link of a neighbourhood.
+        """
+        others = (r for r in self.robots.values() if r.name != peer and peer not in r.peers)
+        return frozenset(robot.robot_id for robot in (pusher, *others))
+
     def with_robots(self, changes: Mapping[str, Mapping[str, Any]]) -> Team:
         """The team with other values for some robots, e.g. ``{"io": {"base_port": 24100}}``.
 

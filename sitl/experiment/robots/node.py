@@ -62,6 +62,7 @@ class Node:
             by_timer=False,
             new_id=lambda: next(ids).to_bytes(ID_BYTES),
             datagrams=False,
+            follow=False,  # an exchange is counted when its connection closes
         )
         self._team = team
         self._queue = queue

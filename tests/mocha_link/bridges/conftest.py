@@ -72,7 +72,6 @@ def pulled(one, two):
     """Lets `two` publish, and `one` pull it."""
 
     def pull(topic, data):
-        two.publish(topic, data)
         stored, ended = threading.Event(), threading.Event()
 
         def seen(event):
@@ -82,6 +81,7 @@ def pulled(one, two):
                 ended.set()
 
         unsubscribe = one.subscribe(seen)
+        two.publish(topic, data)
         assert one.sync("two")
         assert stored.wait(60)
         assert ended.wait(60)

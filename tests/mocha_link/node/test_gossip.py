@@ -138,7 +138,7 @@ def test_the_path_and_its_round_trip_are_told(team, way, path):
     if way != "zmq":  # there the shell asks the kernel
         assert link.rtt_s == pytest.approx(0.1, abs=0.03)
     net.nodes["io"].sync("titan", net.now)
-    net.nodes["io"].measured("titan", 0.123)
+    net.nodes["io"].progress("titan", net.now, 0.123)
     net.settle()
     if way == "zmq":
         assert net.nodes["io"].links(net.now)["titan"].rtt_s == 0.123
@@ -155,8 +155,7 @@ def test_replies_and_losses_without_a_pull_are_nothing(net):
     io = net.nodes["io"]
     io.reply("titan", [b"what?"], net.now)
     io.lost("titan", "gone", net.now)
-    io.progress("titan", net.now)
-    io.measured("titan", 0.1)
+    io.progress("titan", net.now, 0.1)
     io.packet_back("titan", b"", net.now)
     io.packet_back("titan", b"what is this?", net.now)
     assert not io.packet_in("titan", b"", net.now)

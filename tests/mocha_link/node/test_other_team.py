@@ -244,6 +244,6 @@ def test_a_later_release_is_named():
     answers(field, hello(Reception.WELCOME, 0, 9))
     _, (event,) = field.nodes["a"].take()
     assert event.reason == (
-        "b speaks version 9 of the sync, we 2; install the same release on both"
+        "b speaks version 9 of the sync, we 3; install the same release on both"
     )
     assert not differs(field, "a")

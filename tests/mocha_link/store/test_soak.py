@@ -13,13 +13,11 @@ from __future__ import annotations
 
 import itertools
 import random
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
-from mocha_link.node.gossip import history_of
 from mocha_link.store.database import Database
 from mocha_link.store.record import WRAP_S
 from mocha_link.store.storage import Storage
@@ -104,7 +102,7 @@ class Days(NetworkSim):
         elif keep:
             database = self.nodes[name].database
         else:
-            database = Database(partial(history_of, self.team))
+            database = Database(self.team.history)
         self.restart(name, database=database, datagrams=self.random.random() < 0.5)
 
     def _read(self, name: str, *, keep: bool) -> Database:
@@ -113,7 +111,7 @@ class Days(NetworkSim):
         if not keep:
             path.unlink(missing_ok=True)
         self._storages[name] = Storage(path)
-        return Database(partial(history_of, self.team), self._storages[name])
+        return Database(self.team.history, self._storages[name])
 
     def close(self, name: str) -> None:
         """Let go of the disk of a robot."""

@@ -92,7 +92,7 @@ def test_a_near_peer_by_the_connection(team):
     net = NetworkSim(team, datagrams=True, delay_s=0.001)
     net.publish("titan", "/map", b"grid")
     net.nodes["io"].sync("titan", net.now)
-    net.nodes["io"].measured("titan", 0.002)
+    net.nodes["io"].progress("titan", net.now, 0.002)
     net.settle()
     assert path(net) == "zmq"
     net.publish("titan", "/map", b"grid 2")

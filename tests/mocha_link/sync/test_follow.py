@@ -1,0 +1,123 @@
+"""What is stored after a pull leaves at once, and costs nothing when it does not get there."""
+
+import random
+from pathlib import Path
+
+import pytest
+
+from mocha_link.links.link_events import MessageStored, SyncEnded, SyncStarted, SyncTimedOut
+from mocha_link.store.database import Database
+from mocha_link.sync.frames import FOLLOW, OPEN, message_frame
+from mocha_link.sync.peer_state import PeerState
+from mocha_link.sync.server import FOLLOW_S
+from mocha_link.sync.sync_messages import Have, Open
+from mocha_link.sync.sync_sender import PUSH_BYTES, SyncSender
+from mocha_link.team.document import Document
+from mocha_link.team.team import Team
+from tests.mocha_link.network_sim import NEAR_DBM, NetworkSim
+
+FAR_S = 0.05  # half a round trip
+PROMPT_S = 0.02
+CHAIN = """\
+robots:
+  callisto: {kind: rover, address: a, base_port: 10, clients: [titan]}
+  io: {kind: rover, address: b, base_port: 20, clients: [titan]}
+  titan: {kind: rover, address: c, base_port: 30, clients: [callisto, io]}
+kinds:
+  rover: {topics: [{name: /map, type: a/B}, {name: /pose, type: a/B}]}
+"""
+
+
+@pytest.fixture(params=[True, False], ids=["datagrams", "connection"])
+def net(team, request):
+    """io follows titan, some way from it."""
+    net = NetworkSim(team, datagrams=request.param, delay_s=FAR_S)
+    net.publish("titan", "/map", b"grid")
+    net.pull("io", "titan")
+    assert net.nodes["io"].links(net.now)["titan"].path == ("udp" if request.param else "zmq")
+    return net
+
+
+def publish(net, name, topic, data):
+    net.publish(name, topic, data)
+    net.nodes[name].tick(net.at(name))  # a publication wakes the node
+
+
+def test_a_message_is_there_half_a_round_trip_after_it_was_published(net):
+    for number in range(20):
+        publish(net, "titan", "/map", b"grid %d" % number)
+        net.wait(FAR_S + PROMPT_S)
+        assert net.held("io")["titan", "/map"] == b"grid %d" % number
+    assert len(net.told("io", SyncEnded)) == len(net.told("io", SyncStarted)) == 1
+    assert len(net.told("io", MessageStored)) == 21
+
+
+def test_the_next_pull_brings_what_a_push_did_not(net):
+    net.silent = {"titan"}
+    publish(net, "titan", "/map", b"lost")
+    net.wait(FAR_S + PROMPT_S)
+    net.silent = set()
+    assert net.held("io")["titan", "/map"] == b"grid"
+    net.pull("io", "titan")
+    assert net.held("io")["titan", "/map"] == b"lost"
+    assert net.told("io", SyncTimedOut) == net.told("titan", SyncTimedOut) == []
+    publish(net, "titan", "/map", b"and it follows again")
+    net.wait(FAR_S + PROMPT_S)
+    assert net.held("io")["titan", "/map"] == b"and it follows again"
+
+
+def test_a_large_message_waits_for_a_pull(net):
+    large = random.Random(1).randbytes(PUSH_BYTES + 1)
+    publish(net, "titan", "/map", large)
+    net.wait(10 * FAR_S)
+    assert net.held("io")["titan", "/map"] == b"grid"
+    net.pull("io", "titan")
+    assert net.held("io")["titan", "/map"] == large
+
+
+def test_who_is_not_in_contact_any_more_gets_nothing(net):
+    net.nodes["io"].heard("titan", NEAR_DBM, net.now)
+    net.settle()
+    net.nodes["io"].heard("titan", None, net.now)
+    publish(net, "titan", "/map", b"far away")
+    net.wait(10 * FAR_S)
+    assert net.held("io")["titan", "/map"] == b"grid"
+
+
+def test_a_peer_that_went_away_is_forgotten_without_a_word(net):
+    net.silent = {"io"}
+    net.wait(FOLLOW_S + 1)
+    publish(net, "titan", "/map", b"to whom")
+    before = len(net.carried)
+    net.wait(1)
+    assert len(net.carried) == before
+    assert net.told("titan", SyncTimedOut) == []
+
+
+@pytest.mark.parametrize("linked", [True, False])
+def test_of_others_only_that_is_pushed_which_the_peer_gets_no_other_way(team, linked):
+    """What several could push would cross every link of a neighbourhood."""
+    chain = Team.from_document(Document.from_text(CHAIN, Path("team.yaml")))
+    net = NetworkSim(team if linked else chain, delay_s=FAR_S)
+    net.pull("titan", "callisto")
+    net.pull("io", "titan")
+    publish(net, "callisto", "/pose", b"here")
+    net.wait(2 * (FAR_S + PROMPT_S))
+    assert net.held("titan")["callisto", "/pose"] == b"here"
+    assert (("callisto", "/pose") in net.held("io")) is not linked
+    net.pull("io", "titan")
+    assert net.held("io")["callisto", "/pose"] == b"here"
+
+
+def test_who_follows_before_all_was_said_ends_the_pull():
+    sender = SyncSender(Database(), PeerState(1))
+    sender.receive(message_frame(OPEN, 0, Open(9, 0, Have(())).encode(), 0, 1000))
+    sender.receive(message_frame(FOLLOW, 0, b"", 0, 1000))
+    assert (sender.over, sender.follows) == (True, False)
+
+
+def test_frames_of_a_connection_that_a_new_pull_replaces_are_not_handed_in(net):
+    io = net.nodes["io"]
+    assert not io.leaves("titan")
+    io.sync("titan", net.now)
+    assert io.leaves("titan")
