@@ -14,8 +14,7 @@ from air_router.cli.command_line import print_json
 from air_router.counted import counted
 from air_router.errors import ExitCode, MissionFileError, UsageError
 from air_router.files.conversion_warnings import ConversionWarnings
-from air_router.files.gpx_document import gpx_draft, read_gpx
-from air_router.files.json_document import MAX_BYTES, JsonDocument, json_text
+from air_router.files.json_document import JsonDocument, json_text
 from air_router.files.maps.feature_set import (
     FeatureSet,
     Line,
@@ -30,23 +29,22 @@ from air_router.files.maps.gpx_write import gpx_text, tell_losses
 from air_router.files.maps.kml_write import kml_text
 from air_router.files.mission_document import MissionDocument
 from air_router.files.qgc.qgc_items import NOT_FLOWN
-from air_router.files.qgc.qgc_write import areas_of, plan_of, tell_settings
-from air_router.files.qgc.waypoint_file import read_waypoints, waypoints_text
-from air_router.files.text.source import TextSource, spliced
-from air_router.files.whole_file import bytes_of, text_in, write_whole
+from air_router.files.qgc.qgc_write import areas_of, plan_of, tell_settings, with_zones
+from air_router.files.qgc.waypoint_file import waypoints_text
+from air_router.files.whole_file import write_whole
 from air_router.files.yaml.mission_write import mission_text
-from air_router.files.yaml.sim_plan import SUFFIX, sim_plan_draft
 from air_router.files.zip_document import kmz_of
 from air_router.files.zones.zone_files import add_zones, read_zones
+from air_router.mission.foreign import foreign_draft
 from air_router.mission.loading import judge, read_draft
 from air_router.mission.mission import Mission
 from air_router.record.log import Log
+from air_router.record.recording import viewer_file
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import NoRoute, Router
 from geo.airspace.zone import polygons_of
 from geo.frame import Point
-from mocha_link.errors import needs_extra
-from mocha_link.team.document import Document, DocumentError, Problem
+from mocha_link.team.document import DocumentError, Problem
 
 _PLAN, _YAML, _GEOJSON, _KML = "plan", "mission", "GeoJSON", "KML"
 _KMZ, _GPX, _WAYPOINTS = "KMZ", "GPX", "waypoint"
@@ -213,16 +211,6 @@ def _json_name(what: str) -> str:
     return what.removeprefix("no-fly ").replace(" ", "_")
 
 
-def _viewed(kind: str, log: Log) -> bytes:
-    if kind == _FOXGLOVE:
-        with needs_extra("a file for Foxglove", "foxglove", "air-router"):
-            from air_router.record.foxglove_sdk import foxglove_mcap  # noqa: PLC0415 - an extra
-        return foxglove_mcap(log)
-    with needs_extra("a file for Rerun", "rerun", "air-router"):
-        from air_router.record.rerun_file import rerun_file  # noqa: PLC0415 - an extra
-    return rerun_file(log)
-
-
 def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
     if arguments.source.suffix.lower() != _RECORD or kind not in (_FOXGLOVE, _RERUN):
         raise UsageError(
@@ -230,8 +218,7 @@ def _record(arguments: argparse.Namespace, kind: str, report: _Report) -> bytes:
             "nothing else does"
         )
     log = Log(arguments.source)
-    next(iter(log))  # it is a record, before anything is made of it
-    written = _viewed(kind, log)
+    written = viewer_file(log, foxglove=kind == _FOXGLOVE)
     if log.ending is not None:
         report.warnings.add("the rest", f"the record is not whole: {log.ending}", "record-cut")
     report.counts = {"bytes": len(written)}
@@ -265,21 +252,9 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str |
 
 
 def _draft(arguments: argparse.Namespace) -> MissionDocument:
-    source, suffix = arguments.source, arguments.source.suffix.lower()
-    if arguments.altitude is not None:
-        if suffix != ".gpx":
-            raise UsageError("--altitude is for a FROM in GPX; other missions say it themselves")
-        return gpx_draft(read_gpx(bytes_of(source, MAX_BYTES), source), arguments.altitude)
-    if suffix == ".waypoints":
-        return read_waypoints(text_in(bytes_of(source, MAX_BYTES), source), source)
-    in_metres = arguments.source.name.endswith(SUFFIX)
-    if in_metres and arguments.origin is None:
-        raise UsageError(f"{arguments.source} is in metres: say where it stands, --origin LAT,LON")
-    if in_metres:
-        return sim_plan_draft(Document.load(arguments.source), arguments.origin)
-    if arguments.origin is not None:
-        raise UsageError(f"--origin is for files in metres ({SUFFIX})")
-    return read_draft(arguments.source)
+    source: Path = arguments.source
+    foreign = foreign_draft(source, altitude_m=arguments.altitude, origin=arguments.origin)
+    return read_draft(source) if foreign is None else foreign
 
 
 def _written(
@@ -307,27 +282,11 @@ def _written(
         text = waypoints_text(draft, report.warnings)
     elif isinstance(document, JsonDocument) and draft.frame is not None:
         more = areas_of(draft.zones[own_zones:], draft.frame, report.warnings, inclusion=False)
-        text = _with_zones(document, more)
+        text = with_zones(document, more)
     else:
         text = json_text(plan_of(draft, report.warnings))
     judge(draft)
     return text
-
-
-def _with_zones(plan: JsonDocument, more: dict[str, list[Any]]) -> str:
-    """The text of a plan, which stays what it is and gets more zones."""
-    source = TextSource(plan.text, plan.node(), json=True)
-    if not source.is_mapping("geoFence"):
-        fence = {**more, "version": 2}
-        return spliced(plan.text, source.add_key((), "geoFence", fence))
-    splices = []
-    for kind, entries in more.items():
-        keys = ("geoFence", kind)
-        if entries and source.has(*keys):
-            splices += source.insert(keys, source.length(*keys), *entries)
-        elif entries:
-            splices += source.add_key(("geoFence",), kind, entries)
-    return spliced(plan.text, splices)
 
 
 def _check_options(arguments: argparse.Namespace, kind: str) -> None:

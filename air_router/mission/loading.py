@@ -14,6 +14,7 @@ from air_router.files.yaml.mission_file import read_mission
 from air_router.mission.airspaces import Airspaces, FlightWindow, airspaces_of
 from air_router.mission.fence_plan import FENCE_POINTS, FENCE_TOO_LONG, fence_plan
 from air_router.mission.fleet import check_fleet, layers_of, merge, variants
+from air_router.mission.foreign import no_mission
 from air_router.mission.mission import Mission, Waypoint
 from air_router.mission.team_validation import check_team
 from air_router.mission.validation import check_geometry
@@ -25,16 +26,6 @@ DRAWN_OVER: Final = frozenset(
     | {"rally-point-in-zone", "rally-point-outside-fence", "rally-point-too-near"}
 )
 """Problems of a file that are none in flight: such a place is left out."""
-
-
-_TO_CONVERT: Final = "not flown as it is: first `air-router convert {path} {path.stem}.yaml"
-_ZONES: Final = "a file of zones is no mission: name it under no_fly_files in one"
-_NO_MISSIONS: Final = {
-    ".waypoints": f"{_TO_CONVERT}`",
-    ".gpx": f"{_TO_CONVERT} --altitude M`",
-    **dict.fromkeys((".kml", ".kmz", ".geojson", ".txt", ".air", ".openair"), _ZONES),
-}
-"""Files of other programs, by suffix, and what to do with them."""
 
 
 def load_mission(
@@ -80,12 +71,10 @@ def read_draft(path: Path) -> MissionDocument:
     Raises:
         DocumentError: it cannot be read at all.
     """
-    suffix = path.suffix.lower()
-    if suffix == ".plan":
+    if path.suffix.lower() == ".plan":
         return read_plan(path)
-    if suffix in _NO_MISSIONS:
-        message = _NO_MISSIONS[suffix].format(path=path)
-        raise DocumentError([Problem(path, 1, 1, message, "unknown-format")])
+    if (why := no_mission(path)) is not None:
+        raise DocumentError([Problem(path, 1, 1, why, "unknown-format")])
     return read_mission(Document.load(path))
 
 

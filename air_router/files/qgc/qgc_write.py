@@ -10,10 +10,12 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from air_router.files.conversion_warnings import ConversionWarnings
+from air_router.files.json_document import JsonDocument
 from air_router.files.maps.feature_set import corners_of
 from air_router.files.mission_document import Area, MissionDocument
 from air_router.files.qgc.qgc_items import MavCommand
 from air_router.files.settings import DEFAULT_SEEK_POLICY, PlannerSettings, Timers
+from air_router.files.text.source import TextSource, spliced
 from geo.airspace.zone import Circle, Ring
 from geo.frame import Geodetic, LocalFrame
 
@@ -78,6 +80,22 @@ def areas_of(
             found["polygons"] += [_polygon(hole, frame, inclusion=False) for hole in holes]
         _tell_losses(area, warnings, inclusion=inclusion)
     return found
+
+
+def with_zones(plan: JsonDocument, more: dict[str, list[Any]]) -> str:
+    """The text of a plan, which stays what it is and gets more zones."""
+    source = TextSource(plan.text, plan.node(), json=True)
+    if not source.is_mapping("geoFence"):
+        fence = {**more, "version": 2}
+        return spliced(plan.text, source.add_key((), "geoFence", fence))
+    splices = []
+    for kind, entries in more.items():
+        keys = ("geoFence", kind)
+        if entries and source.has(*keys):
+            splices += source.insert(keys, source.length(*keys), *entries)
+        elif entries:
+            splices += source.add_key(("geoFence",), kind, entries)
+    return spliced(plan.text, splices)
 
 
 def _polygon(ring: Ring, frame: LocalFrame, *, inclusion: bool) -> dict[str, Any]:

@@ -1,0 +1,63 @@
+"""Missions of other programs that are converted before they are flown: they say too little."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from air_router.errors import UsageError
+from air_router.files.gpx_document import gpx_draft, read_gpx
+from air_router.files.json_document import MAX_BYTES
+from air_router.files.mission_document import MissionDocument
+from air_router.files.qgc.waypoint_file import read_waypoints
+from air_router.files.whole_file import bytes_of, text_in
+from air_router.files.yaml.sim_plan import SUFFIX, sim_plan_draft
+from geo.frame import Geodetic
+from mocha_link.team.document import Document
+
+GPX: Final = ".gpx"
+WAYPOINTS: Final = ".waypoints"
+
+_TO_CONVERT: Final = "not flown as it is: first `air-router convert {path} {path.stem}.yaml"
+_ZONES: Final = "a file of zones is no mission: name it under no_fly_files in one"
+_ADVICE: Final = {
+    WAYPOINTS: f"{_TO_CONVERT}`",
+    GPX: f"{_TO_CONVERT} --altitude M`",
+    **dict.fromkeys((".kml", ".kmz", ".geojson", ".txt", ".air", ".openair"), _ZONES),
+}
+
+
+def no_mission(path: Path) -> str | None:
+    """Why a file of another program is not flown, and what to do with it; None: it may be."""
+    advice = _ADVICE.get(path.suffix.lower())
+    return None if advice is None else advice.format(path=path)
+
+
+def foreign_draft(
+    path: Path, *, altitude_m: float | None, origin: Geodetic | None
+) -> MissionDocument | None:
+    """The mission of such a file; None: it is one of those that are flown.
+
+    Args:
+        path: The file.
+        altitude_m: Where a route in GPX is flown, above home.
+        origin: Where the origin of a file in metres stands.
+
+    Raises:
+        UsageError: one of these is missing, or is for other files.
+        DocumentError: the file cannot be read.
+    """
+    suffix, in_metres = path.suffix.lower(), path.name.endswith(SUFFIX)
+    if altitude_m is not None and suffix != GPX:
+        raise UsageError("--altitude is for a FROM in GPX; other missions say it themselves")
+    if in_metres and origin is None:
+        raise UsageError(f"{path} is in metres: say where it stands, --origin LAT,LON")
+    if origin is not None and not in_metres:
+        raise UsageError(f"--origin is for files in metres ({SUFFIX})")
+    if in_metres and origin is not None:
+        return sim_plan_draft(Document.load(path), origin)
+    if altitude_m is not None:
+        return gpx_draft(read_gpx(bytes_of(path, MAX_BYTES), path), altitude_m)
+    if suffix == WAYPOINTS:
+        return read_waypoints(text_in(bytes_of(path, MAX_BYTES), path), path)
+    return None
