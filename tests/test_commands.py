@@ -88,6 +88,12 @@ def test_without_a_command_there_is_the_list_of_them(program, capsys):
         ("air-router", "aiohttp", ["edit", MISSION], "the page needs aiohttp"),
         ("air-router", "matplotlib", ["check", MISSION, "--png", "x.png"], "a picture needs"),
         ("air-router", "pymavlink", ["sim", MISSION], "the simulated world needs pymavlink"),
+        (
+            "air-router",
+            "foxglove",
+            ["fly", MISSION, "--foxglove", "--no-record"],
+            "--foxglove needs",
+        ),
         ("air-router", "cyclonedds", ["ros2"], "ROS 2 needs cyclonedds"),
         ("mocha-link", "cyclonedds", ["bridge", "ros2", "--node", "ipc:///none"], "needs cyclon"),
         ("mocha-link", "shtab", ["completion", "bash"], "completion needs shtab"),
@@ -161,7 +167,7 @@ def test_what_only_the_program_says_needs_only_python(program):
 
 
 VEHICLE = {"mavsdk", "pymavlink"}
-EXTRAS = {"aiohttp", "distributed", "matplotlib", "scipy", "pyulog", "pyarrow", "rosbags", "shtab"}
+EXTRAS = {"aiohttp", "foxglove", "matplotlib", "pyulog", "rerun", "rosbags", "scipy", "shtab"}
 
 
 @pytest.mark.parametrize(
