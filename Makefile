@@ -87,13 +87,15 @@ $(VENV)/.tools: $(VENV)/.ready constraints-tools.txt
 	@$(PIP) --no-deps 'extremitypathfinder==2.7.2'  # asks for numpy<2, runs with 2
 	@touch $@
 
-# Wheels and source archives, a list of what they need (CycloneDX), and checksums
+# Wheels and source archives, what they need in pinned versions (requirements.txt, CycloneDX), and checksums
+EXTRAS := sim keys mavlink ros ros2 plot experiments web completion foxglove ulog
 dist: $(VENV)/.tools
 	rm -rf dist
 	$(BIN)/hadolint packaging/Dockerfile
 	$(BIN)/python -m build --no-isolation --outdir dist packaging/mocha-link
 	$(BIN)/python -m build --no-isolation --outdir dist
-	$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible --output-file dist/sbom.cdx.json constraints.txt
+	$(PINS) | $(COMPILE) --quiet $(EXTRAS:%=--extra %) --constraint - --output-file dist/requirements.txt
+	$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible --output-file dist/sbom.cdx.json dist/requirements.txt
 	cd dist && sha256sum -- * > SHA256SUMS
 
 # The documentation as a site, in build/site; a broken link is an error
@@ -101,10 +103,11 @@ docs: $(VENV)/.tools
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --clean
 
 # Newer versions of everything, with the checksums of their files for every platform
-LOCK := $(BIN)/uv pip compile --upgrade --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-package mocha-link pyproject.toml
+PINS = sed -n 's/^\([^ ]*==[^ ;]*\).*/\1/p' constraints.txt
+COMPILE = $(BIN)/uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-package mocha-link pyproject.toml
 constraints: $(VENV)/.tools
-	$(LOCK) --extra plot --extra dev --output-file constraints.txt
-	sed -n 's/^\([^ ]*==[^ ;]*\).*/\1/p' constraints.txt | $(LOCK) --extra bench --extra dist --extra docs --constraint - --output-file constraints-tools.txt
+	$(COMPILE) --upgrade --extra plot --extra dev --output-file constraints.txt
+	$(PINS) | $(COMPILE) --upgrade --extra bench --extra dist --extra docs --constraint - --output-file constraints-tools.txt
 
 clean:
 	rm -rf $(VENV)

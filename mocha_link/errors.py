@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 from urllib.parse import unquote, urlsplit
@@ -78,15 +78,20 @@ def needs_extra(what: str, extra: str, distribution: str = "mocha-link") -> Iter
 
 
 def install_command(extra: str, distribution: str = "mocha-link") -> str:
-    """What adds an extra to a distribution, from the checkout or wheel that it came from."""
+    """What adds an extra to a distribution: from its checkout or wheel, else its packages."""
     from importlib import metadata  # noqa: PLC0415 - half of what a command's start would take
 
-    origin = {}
-    with suppress(metadata.PackageNotFoundError):  # run from the sources
-        found = metadata.distribution(distribution).read_text("direct_url.json")
-        origin = json.loads(found or "{}")
-    path = Path(unquote(urlsplit(origin.get("url", "")).path))
-    if not path.is_absolute() or not path.exists():
+    try:
+        found = metadata.distribution(distribution)
+    except metadata.PackageNotFoundError:  # run from the sources
         return f"pip install '{_FOLDERS[distribution]}[{extra}]' (in the project's folder)"
+    origin = json.loads(found.read_text("direct_url.json") or "{}")
+    path = Path(unquote(urlsplit(origin.get("url", "")).path))
+    if not path.is_absolute() or not path.exists():  # a wheel among others, or gone
+        needs = (each.replace('"', "'").split(";") for each in found.requires or ())
+        names = [
+            shlex.quote(name) for name, *when in needs if f"extra == '{extra}'" in "".join(when)
+        ]
+        return f"pip install {' '.join(names)}"
     editable = "-e " if origin.get("dir_info", {}).get("editable") else ""
     return f"pip install {editable}{shlex.quote(f'{path}[{extra}]')}"

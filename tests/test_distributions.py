@@ -19,6 +19,7 @@ from tests.distributions import ROOT, ROVER, needed, project
 
 def test_all_have_one_version():
     assert air_router.__version__ == mocha_link.__version__ == sitl.__version__
+    assert {project(each)["version"] for each in (ROOT, ROVER)} == {mocha_link.__version__}
     assert f"mocha-link=={mocha_link.__version__}" in project(ROOT)["dependencies"]
 
 
