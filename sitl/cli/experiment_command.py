@@ -191,9 +191,11 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
         for claim in claims:
             sys.stdout.write(f"\nclaim {claim.number}: {claim.text}\n  {claim.answer}\n")
     if arguments.docs is not None:
-        from sitl.experiment.analysis.document_part import blocks_of, fill  # noqa: PLC0415 - with SciPy
+        from sitl.experiment.analysis import document_part  # noqa: PLC0415 - only with SciPy
 
-        fill(arguments.docs, experiment.name, blocks_of(experiment, records), figures)
+        blocks = document_part.blocks_of(experiment, records)
+        evidence = document_part.evidence_of(experiment, records)
+        document_part.fill(arguments.docs, experiment.name, blocks, figures, evidence)
     sys.stderr.write(f"results and {counted(len(figures), 'figures')} are in {folder}\n")
 
 

@@ -36,6 +36,8 @@ NOT_HERE = {  # patterns of lines, and why or where else
     r"bridge ros[12]": "needs ROS or its middleware: tests/mocha_link/bridges",
     r"--connect|air-router (fly|preflight)": "needs a vehicle: tests/system",
     r"air-router ask": "a flight: walk_tutorial.py",
+    r"air-router ros2": "a flight and DDS: tests/air_router/ros2",
+    r"air-router tiles": "a server of tiles: tests/air_router/editor",
     r"air-router watch": "flights elsewhere: tests/air_router/live",
     r"air-router (replay|report)": "a record: walk_tutorial.py, tests/air_router/record",
     r"sitl experiment (?!--list)": "minutes to hours: tests/sitl/experiment runs small ones",

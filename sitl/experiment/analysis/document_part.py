@@ -2,11 +2,13 @@
 
 A block of the document begins with `<!-- begin NAME WHAT -->` and ends with `<!-- end -->`; NAME is
 the experiment, WHAT one of facts, table, pairs, claims, links. What is between is replaced, so the
-document can be made again from any runs. Figures go beside it, into `images/experiments`.
+document can be made again from any runs. Figures go beside it, into `images/experiments`; tables
+and the numbers behind claims into `evidence/NAME-table.csv` and `-claims.csv`, where these exist.
 """
 
 from __future__ import annotations
 
+import csv
 import re
 import shutil
 from collections.abc import Mapping, Sequence
@@ -32,31 +34,37 @@ class NoMarksError(UsageError):
 
 
 def claims_text(claims: Sequence[Claim]) -> str:
-    """Claims, their answers and the numbers, for a document."""
-    text = []
+    """Claims and their answers, for a document."""
+    text = ["| claim | answer | but not |", "|---|---|---|"]
     for claim in claims:
-        text.append(f"**{claim.number}. {claim.text}** {_answer(claim)}")
-        text.append("")
-        text += [
-            f"* {'yes' if part.holds else 'no'}: {part.what} ({part.because})"
-            for part in claim.parts
-        ]
-        text.append("")
-    return "\n".join(text).rstrip()
+        answer = claim.answer.partition(":")[0]
+        but = [part.what for part in claim.parts if not part.holds and answer == "depends"]
+        text.append(f"| {claim.number}. {claim.text} | {answer} | {'; '.join(but)} |")
+    return "\n".join(text)
+
+
+def evidence_of(experiment: Experiment, records: Sequence[Record]) -> dict[str, list[list[str]]]:
+    """Table and claims with all numbers, as rows of cells under their heads."""
+    return {
+        "table": tables.as_rows(experiment, tables.lines(experiment, records)),
+        "claims": [
+            ["claim", "part", "holds", "because"],
+            *(
+                [str(claim.number), part.what, "yes" if part.holds else "no", part.because]
+                for claim in claims_of(experiment, records)
+                for part in claim.parts
+            ),
+        ],
+    }
 
 
 def facts_text(experiment: Experiment, found: Sequence[Line], records: Sequence[Record]) -> str:
     """What was run, how long it took, and how near the paper's waits it came."""
     measures = [record["measures"] for record in records]
     cpu_s = sum(run["cpu_s"] for run in measures)
-    slowest = min(found, key=lambda line: line.speed_up)
-    quickest = max(found, key=lambda line: line.speed_up)
     text = (
         f"{counted(len(records), 'runs')} ({counted(len(found), 'rows')}), "
-        f"{in_words(cpu_s)} of processor time, {cpu_s / len(records):.1f} s each; "
-        f"{slowest.speed_up:,.0f} to {quickest.speed_up:,.0f} times real time in one process "
-        f"('{slowest.label}', '{quickest.label}'); "
-        f"{max(record['peak_memory_MB'] for record in records)} MB per process."
+        f"{in_words(cpu_s)} of processor time."
     )
     ratios = near_paper(records) if tables.of_the_paper(experiment) else []
     if len(ratios) == len(TABLE):
@@ -106,10 +114,16 @@ def blocks_in(document: Path, name: str) -> str:
     return text
 
 
-def fill(document: Path, name: str, blocks: Mapping[str, str], figures: Sequence[Path]) -> None:
+def fill(
+    document: Path,
+    name: str,
+    blocks: Mapping[str, str],
+    figures: Sequence[Path],
+    evidence: Mapping[str, Sequence[Sequence[str]]],
+) -> None:
     """Replace an experiment's blocks in a document, and put those figures beside it that it shows.
 
-    A block for which there is nothing stays as it is.
+    Files of evidence that are there are written anew. What has no content stays as it is.
 
     Raises:
         NoMarksError: the document has no block of the experiment.
@@ -129,10 +143,8 @@ def fill(document: Path, name: str, blocks: Mapping[str, str], figures: Sequence
         if (IMAGES / copy.name).as_posix() in text:
             into.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(figure, copy)
-
-
-def _answer(claim: Claim) -> str:
-    held = sum(part.holds for part in claim.parts)
-    if held == len(claim.parts):
-        return "Confirmed."
-    return f"It depends: {held} of {len(claim.parts)} parts hold." if held else "Not confirmed."
+    for what, rows in evidence.items():
+        file = document.parent / "evidence" / f"{name}-{what}.csv"
+        if file.exists() and len(rows) > 1:
+            with file.open("w", encoding="utf-8", newline="") as out:
+                csv.writer(out, lineterminator="\n").writerows(rows)

@@ -140,16 +140,16 @@ def _columns(experiment: Experiment, found: Sequence[Line]) -> dict[str, _Cell]:
     columns["runs"] = lambda line: str(line.runs)
     columns["goals %"] = lambda line: _shown(line.goals_percent, 1)
     if paper:
-        columns["paper"] = lambda line: f"{line.paper.goals_percent:.1f}" if line.paper else ""
+        columns["paper %"] = lambda line: f"{line.paper.goals_percent:.1f}" if line.paper else ""
     columns["time min"] = lambda line: _shown(line.time_min, 1)
     if paper:
-        columns["paper "] = lambda line: f"{line.paper.mean_time_min:.1f}" if line.paper else ""
+        columns["paper min"] = lambda line: f"{line.paper.mean_time_min:.1f}" if line.paper else ""
     columns["wait s"] = lambda line: _shown(line.wait_mean_s, 2)
     if paper:
-        columns["paper  "] = lambda line: f"{line.paper.wait_mean_s:.2f}" if line.paper else ""
+        columns["paper s"] = lambda line: f"{line.paper.wait_mean_s:.2f}" if line.paper else ""
     columns["wait SD s"] = lambda line: _shown(line.wait_sd_s, 2)
     if paper:
-        columns["paper   "] = lambda line: f"{line.paper.wait_sd_s:.2f}" if line.paper else ""
+        columns["paper SD s"] = lambda line: f"{line.paper.wait_sd_s:.2f}" if line.paper else ""
     else:
         columns["pose age s"] = lambda line: _shown(line.pose_age_s, 0)
         columns["map age s"] = lambda line: _shown(line.map_age_s, 0)
@@ -157,23 +157,24 @@ def _columns(experiment: Experiment, found: Sequence[Line]) -> dict[str, _Cell]:
     return columns
 
 
+def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
+    """The table as it is read: the heads, then the cells of each row."""
+    columns = _columns(experiment, found)
+    return [[*columns], *([cell(line) for cell in columns.values()] for line in found)]
+
+
 def as_text(experiment: Experiment, found: Sequence[Line]) -> str:
     """The table for a terminal."""
-    columns = _columns(experiment, found)
-    cells = [[head.strip() for head in columns]]
-    cells += [[cell(line) for cell in columns.values()] for line in found]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(columns))]
-    text = ["  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in cells]
+    rows = as_rows(experiment, found)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    text = ["  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows]
     return "\n".join([experiment.title, "", *text, "", CAPTION])
 
 
 def as_markdown(experiment: Experiment, found: Sequence[Line]) -> str:
     """The table for a document."""
-    columns = _columns(experiment, found)
-    text = ["| " + " | ".join(head.strip() for head in columns) + " |"]
-    text.append("|" + "---:|" * len(columns))
-    text += ["| " + " | ".join(cell(line) for cell in columns.values()) + " |" for line in found]
-    return "\n".join(text)
+    heads, *rows = ("| " + " | ".join(row) + " |" for row in as_rows(experiment, found))
+    return "\n".join([heads, "|" + "---:|" * heads.count(" | ") + "---:|", *rows])
 
 
 def as_plain(found: Sequence[Line]) -> list[dict[str, Any]]:

@@ -251,15 +251,22 @@ def test_a_document_is_filled_between_its_marks(tmp_path):
     for name in ("goals", "waits"):
         (tmp_path / f"{name}.png").write_bytes(name.encode())
     figures = [tmp_path / "goals.png", tmp_path / "waits.png"]
+    (tmp_path / "evidence").mkdir()
+    kept = tmp_path / "evidence" / "a-table.csv"
+    kept.touch()
+    rows = {"table": [["runs"], ["1, 2"]], "claims": [["claim"], ["1"]]}
     for content in ("new \\1", "newer"):
-        fill(document, "a", {"table": content, "claims": "none"}, figures)
-    fill(document, "a", {"table": ""}, [])  # nothing is known now: what is there stays
+        fill(document, "a", {"table": content, "claims": "none"}, figures, rows)
+    # nothing is known now: what is there stays
+    fill(document, "a", {"table": ""}, [], {"table": [["runs"]]})
     assert document.read_text(encoding="utf-8").startswith(
         "# Title\n<!-- begin a table -->\nnewer\n<!-- end -->\nkept\n"
     )
     assert [p.name for p in (tmp_path / "images" / "experiments").iterdir()] == ["a-goals.png"]
+    assert kept.read_text() == 'runs\n"1, 2"\n'
+    assert [p.name for p in kept.parent.iterdir()] == [kept.name]
     with pytest.raises(NoMarksError, match="no place for 'b'"):
-        fill(document, "b", {"table": "x"}, figures)
+        fill(document, "b", {"table": "x"}, figures, {})
 
 
 class Seen:
