@@ -153,7 +153,7 @@ function fit() {
   const bounds = flights.reduce((all, flight) => (flight.bounds ? all.extend(flight.bounds) : all), L.latLngBounds([]));
   if (!bounds.isValid()) return;
   follow(false);
-  desk.show(bounds.pad(0.02), { animate: false });
+  desk.show(bounds.pad(0.02));
 }
 
 /** @param {boolean} on */

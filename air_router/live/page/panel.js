@@ -58,7 +58,7 @@ export class Panel {
       const robot = this.heard[name];
       const share = this.links[name]?.map_share;
       const map = share ? `\nmap ${percent(share)}` : "";
-      setText(row.age, (robot ? `${age(robot.age_s)} ago` : "not heard yet") + map);
+      setText(row.age, (robot ? `${age(robot.age_s)} ago` : "not heard") + map);
     }
   }
 
@@ -69,7 +69,7 @@ export class Panel {
     const peers = [...new Set(flights.flatMap((flight) => flight.links.map((link) => link.peer)))].sort();
     const head = flights.map((flight) => element("th", { className: flight.colour, textContent: flight.name }));
     const rows = peers.map((peer) => element("tr", {}, element("th", { textContent: peer }),
-      ...flights.map((flight) => cell(flight.links.find((link) => link.peer === peer)))));
+      ...flights.map((flight) => cell(flight.links.find((link) => link.peer === peer), flights.length > 1))));
     byId("links").querySelector("table").replaceChildren(
       element("thead", {}, element("tr", {}, element("th"), ...head)), element("tbody", {}, ...rows));
   }
@@ -155,20 +155,22 @@ function instruments(vehicle) {
   ];
 }
 
-/** @param {any} link @returns {HTMLElement} a cell of the matrix; empty without a link */
-function cell(link) {
+/** @param {any} link @param {boolean} brief @returns {HTMLElement} a cell of the matrix; empty without a link */
+function cell(link, brief) {
   if (!link) return element("td");
   const signal = link.rssi_dbm === null ? "–" : `${Math.round(link.rssi_dbm)} dBm`;
   const synced = link.synced_ago_s === null ? "never" : `${age(link.synced_ago_s)} ago`;
-  const title = `signal, last sync, data; ${link.syncs} syncs`;
-  return element("td", { title, textContent: `${signal} · ${synced} · ${(link.bytes / 1000).toFixed(0)} kB` });
+  const data = `${(link.bytes / 1000).toFixed(0)} kB`;
+  const title = `signal, last sync; ${data} in ${link.syncs} syncs`;
+  return element("td", { title, textContent: [signal, synced, ...(brief ? [] : [data])].join(" · ") });
 }
 
 /** @param {any} vehicle @returns {string} */
 function facts(vehicle) {
   const parts = [vehicle.name];
   if (vehicle.at) {
-    parts.push(`${vehicle.altitude_m} m`, `${vehicle.speed_m_s} m/s`, `${vehicle.mode} mode`);
+    const flying = [`${vehicle.altitude_m} m`, `${vehicle.speed_m_s} m/s`];
+    parts.push(...(vehicle.in_air ? flying : ["on the ground"]), `${vehicle.mode} mode`);
     if (vehicle.battery !== null) {
       const need = vehicle.need_home === null ? "" : ` (home takes ${percent(vehicle.need_home)})`;
       parts.push(`battery ${percent(vehicle.battery)}${need}`);

@@ -38,6 +38,7 @@ export class Desk {
     const { left, top, right, bottom } = this.free;
     const margin = Math.min(MARGIN_PIXELS, (innerWidth - left - right) / 8, (innerHeight - top - bottom) / 8);
     this.map.fitBounds(bounds, {
+      animate: false, // while one zoom moves, Leaflet takes no other
       maxZoom: 21,
       paddingTopLeft: [left + margin, top + margin],
       paddingBottomRight: [right + margin, bottom + margin],
