@@ -300,7 +300,7 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
         "tcp://127.0.0.1:PORT",
     )
     add_web(parser)
-    parser.add_argument("--json", action="store_true", help="end with one JSON object on stdout")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument(
         "--seek", choices=SEEK_POLICIES, help="how the next robot is chosen (as the mission says)"
     )

@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "simulated vehicle, whose true position and time are followed."
     )
     parser.epilog = _EPILOG
-    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission file or .plan")
+    parser.add_argument("mission", type=Path, metavar="MISSION", help="mission YAML or .plan")
     parser.add_argument("--team", type=Path, metavar="FILE", help="default: the mission's team")
     parser.add_argument("--world", type=Path, metavar="FILE", help="default: the mission's world")
     parser.add_argument(

@@ -15,9 +15,9 @@ HEAD = """\
 # Every command and option
 
 Written from the programs themselves (`DOCS_WRITE=1 pytest tests/docs`). What the commands are for,
-and exit codes: [commands.md](commands.md). All take `-h` (`--help`, with examples), `-v` (log more;
-`-vv`: still more) and `--log-level` (`debug`, `info`, `warning`, `error`). Each program has
-`completion {bash,zsh,fish}`, which prints a script for the shell.
+and exit codes: [commands.md](commands.md). All take `-h` (`--help`, with examples) and, before or
+after the command, `-v` (log more; `-vv`: still more) and `--log-level` (`debug`, `info`, `warning`,
+`error`). Each program has `completion {bash,zsh,fish}`, which prints a script for the shell.
 """
 EVERYWHERE = {"--help", "--verbose", "--log-level"}
 SHARED = """\
@@ -41,7 +41,7 @@ def page() -> str:
             purpose = " ".join((command.description or "").split()).partition(". ")[0].rstrip(".")
             parts += [f"### {command.prog}\n", f"{purpose}.\n"]
             own = [f"* {name}: {said}" for name, said in rows if (name, said) not in shared]
-            also = ", ".join(name for name, said in rows if (name, said) in shared)
+            also = ", ".join(_short(name) for name, said in rows if (name, said) in shared)
             lines = [*own, *([f"* shared: {also}"] if also else [])]
             if lines:
                 parts.append("\n".join(lines) + "\n")
@@ -66,6 +66,11 @@ def _told(action):
         or action.help is argparse.SUPPRESS
         or EVERYWHERE & {*action.option_strings}
     )
+
+
+def _short(name):
+    """`--speed X` as `--speed`: what it takes is said where it is explained."""
+    return f"`{name.split('`')[1].split()[0]}`"
 
 
 def _row(action, expand):
