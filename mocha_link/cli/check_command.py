@@ -20,9 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Say what the command does and takes."""
     parser.epilog = examples("mocha-link check missions/pennovation/team.yaml")
     parser.add_argument("team", type=Path, metavar="TEAM", help="team file (YAML)")
-    parser.add_argument(
-        "--json", action="store_true", help="print the ids and ports, or the problems, as JSON"
-    )
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="put table, claims and figures into a Markdown file, between its marks",
     )
     parser.add_argument("--no-figures", action="store_true", help="draw nothing")
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of the table")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     parser.add_argument("--list", action="store_true", help="list the experiments and their rows")
 
 

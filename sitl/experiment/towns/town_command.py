@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="write town.yaml there")
     parser.add_argument("--force", action="store_true", help="replace what is there")
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw it (png, svg, pdf)")
-    parser.add_argument("--json", action="store_true", help="print facts as JSON")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
 
 
 def run(arguments: argparse.Namespace) -> int:
