@@ -127,21 +127,19 @@ def go_mad(team):
     radio = ManualRadio()
     (host, _, port) = team.robot("titan").radio.removeprefix("udp://").rpartition(":")
     heard = json.dumps({"peer": "io", "rssi_dbm": -40.0}).encode()
-    with (
-        Node(team, "io", radio=radio) as node,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reader,
-    ):
-        node.subscribe(look)
-        for text in nonsense:
-            for topic in team.topics_of("io"):
-                node.publish(topic.name, text.encode(), now=True)
-            for _ in range(240):
-                radio.report("titan", -40.0)
-                reader.sendto(heard, (host, int(port)))
-                if fetched.acquire(timeout=0.5):
-                    break
-            else:
-                pytest.fail("the UAV did not fetch what the mad robot says")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reader:
+        for text in nonsense:  # a node of its own for each, since what is pushed ends no sync
+            with Node(team, "io", radio=radio) as node:
+                node.subscribe(look)
+                for topic in team.topics_of("io"):
+                    node.publish(topic.name, text.encode(), now=True)
+                for _ in range(240):
+                    radio.report("titan", -40.0)
+                    reader.sendto(heard, (host, int(port)))
+                    if fetched.acquire(timeout=0.5):
+                        break
+                else:
+                    pytest.fail("the UAV did not fetch what the mad robot says")
 
 
 def without_relays(path):
