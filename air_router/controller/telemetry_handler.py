@@ -76,11 +76,13 @@ class TelemetryHandler:
     _silence: Silence = field(default_factory=Silence)
     _breaches: Reminder = field(default_factory=Reminder)
     _chosen: tuple[FlightMode, float] | None = None
+    _put_off: bool = False  # a motion, while it is not certain who has the vehicle
 
     def wait_for_inputs(self, motion: Motion) -> Motion | None:
         """An interlock: where it is, how high, or whose, is not known: it is sent nowhere."""
         missing = self._inputs.why_no_leg(self._context.telemetry) is not None
-        return None if missing or self._deviations.waits else motion
+        self._put_off = self._put_off or self._monitor.doubts
+        return None if missing or self._deviations.waits or self._monitor.doubts else motion
 
     def vehicle_heard(self, telemetry: Telemetry) -> None:  # noqa: C901 - the order of what counts
         """The vehicle says how it is."""
@@ -143,6 +145,9 @@ class TelemetryHandler:
                 self._authority.take_over(Taker.PILOT, found.words)
             case EventKind.BREACH:
                 self._authority.give_up(f"{found.words} is not resumed by itself")
+        if self._put_off and not self._monitor.doubts:
+            self._put_off = False
+            self._context.retry_in(0.0)
         return found.kind is EventKind.GOOD and self._hear(telemetry)
 
     def _hear(self, telemetry: Telemetry) -> bool:

@@ -70,6 +70,11 @@ class SafetyMonitor:
     # Nothing is near this place, so far, among the zones of this mission.
     _clear: tuple[Point, float, Mission] | None = None
 
+    @property
+    def doubts(self) -> bool:
+        """Whether an order that is not ours shows, if not for long enough to be sure of it."""
+        return self._strange_since_s is not None
+
     def look(
         self, telemetry: Telemetry, commanded_mode: CommandedMode, leaving: Collection[str] = ()
     ) -> MonitorEvent:

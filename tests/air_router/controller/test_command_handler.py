@@ -24,6 +24,7 @@ from air_router.controller.model.events import (
 )
 from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import State
+from air_router.controller.monitor.safety_monitor import STRANGE_M
 from air_router.vehicle.vehicle import Ages, FlightMode, LinkSilent
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
@@ -326,6 +327,36 @@ def test_a_robot_that_is_found_as_soon_as_it_is_sought_costs_one_command(in_stat
     actions = [a for event in events for a in flight.controller.handle(event, flight.now_s)]
     assert flight.controller.state is State.COMM
     assert len([action for action in actions if isinstance(action, MOVES | HoldHere)]) == 1
+
+
+@pytest.mark.parametrize("ours", [True, False])
+def test_nothing_leaves_while_it_is_not_certain_whose_the_vehicle_is(in_state, ours):
+    flight = in_state(State.GOTO)
+    flight.fly_until(lambda: isinstance(flight.motions[-1], FlyToPoint))
+    commanded, goal = len(flight.motions), flight.motions[-1].position
+    strange = goal._replace(east_m=goal.east_m + 2 * STRANGE_M)
+
+    def flies_to(target):
+        flight.now_s += 0.1
+        stands = dataclasses.replace(flight.telemetry(), velocity_m_s=(0.0, 0.0))
+        flight.give(dataclasses.replace(stands, target=target))
+
+    flies_to(strange)  # a message of before, or a station's order
+    flight.give(ComeHome())
+    flies_to(strange)
+    assert flight.controller.state is State.HOME
+    assert flight.motions[commanded:] == []
+    if ours:
+        flies_to(goal)
+        flight.step()
+        assert flight.motions[commanded:] != []
+        flight.fly_until(lambda: flight.finished is not None)
+        assert flight.finished.landed_by_us
+    else:
+        while flight.controller.state is State.HOME:
+            flies_to(strange)
+        assert flight.controller.state is State.PASSIVE
+        assert flight.motions[commanded:] == []
 
 
 def test_points_are_flown_to_one_after_the_other_and_then_it_explores_on(in_state):
