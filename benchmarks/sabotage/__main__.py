@@ -2,11 +2,10 @@
 
 Each sabotage flies its own scenes until the judge finds one of them bad. Those are flown with the
 honest code, too: one that is bad then shows nothing. If one is, or if a sabotage has survived all
-of its scenes, the exit code is 1. Prints a table (CSV).
+of its scenes, the exit code is 1. Prints a table.
 """
 
 import argparse
-import csv
 import json
 import os
 import subprocess
@@ -81,15 +80,14 @@ def main() -> int:
     chosen = [s for s in SABOTAGES if not arguments.names or s.name in arguments.names]
     chosen = chosen[:: round(1 / arguments.share)]
     check([change for sabotage in chosen for change in sabotage.changes])
-    table = csv.writer(sys.stdout, lineterminator="\n")
-    table.writerow(["sabotage", "caught by", "as"])
+    print("| sabotage | caught by | how |\n|---|---|---|", flush=True)
     with ThreadPoolExecutor(arguments.jobs) as pool:
         survived, catching = 0, set[str]()
         for sabotage, how in zip(chosen, pool.map(caught, chosen), strict=True):
-            table.writerow([sabotage.name, *(how or ("nothing: it survived", ""))])
-            sys.stdout.flush()
+            scene, words = how or ("**nothing: it survived**", "")
+            print(f"| {sabotage.name} | {scene} | {words} |", flush=True)
             survived += how is None
-            catching |= {how[0]} if how else set()
+            catching |= set() if how is None else {scene}
         scenes = sorted(catching)
         shares = [s for n in range(arguments.jobs) if (s := scenes[n :: arguments.jobs])]
         honest = [each for flown in pool.map(lambda s: list(run([], s)), shares) for each in flown]
