@@ -25,12 +25,11 @@ $(VENV)/.ready: pyproject.toml packaging/mocha-link/pyproject.toml constraints.t
 sim: setup
 	$(BIN)/air-router sim $(MISSION) --speed $(SPEED) --log-dir logs $(SIM)
 
-# Three, as each looks through all tests first: one for the flights, which wait, and one a core. Looked
-# through before, once: workers that start cold would all rewrite the same assertions.
+# Looked through before, once: five workers that start cold would all rewrite the same assertions.
 test: export PYTHONDONTWRITEBYTECODE =
 test: setup
 	@[ -d tests/__pycache__ ] || $(BIN)/python -m pytest --collect-only -qq > /dev/null || true
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 5 --dist loadfile --no-loadscope-reorder
 
 # Every snippet of README and docs; the tutorial as it stands there and what else flies or serves: 4 minutes
 docs-test: setup

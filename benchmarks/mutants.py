@@ -120,7 +120,7 @@ MUTANTS = (
          "reading.value > limit", "trigger"),
     _row("no hysteresis", "mocha_link.trigger", "limit -= self._settings.hysteresis_db",
          "limit -= 0.0", "trigger"),
-    _row("no lingering", "mocha_link.gossip", "LINGER_S = 2.0", "LINGER_S = 0.0", "gossip new_pull"),
+    _row("no lingering", "mocha_link.gossip", "LINGER_S = 2.0", "LINGER_S = 0.0", "gossip pull"),
     _row("budget grows", "air_router.budget", "min(self._at_once, self._left + gained)",
          "self._left + gained", "control"),
     _row("upload not read back", "air_router.px4_plan",

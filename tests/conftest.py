@@ -18,6 +18,9 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 _STATE = tempfile.TemporaryDirectory(prefix="air-router-tests-")
 os.environ["XDG_STATE_HOME"] = _STATE.name
 
+PATIENT = {"test_px4_commands.py"}
+"""Waits nearly all of its time."""
+
 LONG = {"test_hostile.py", "test_soak.py", "test_shortest_maps.py", "test_conformance.py"}
 FLIGHTS = {
     *("test_fly.py", "test_hostile_flight.py", "test_preflight.py", "test_px4.py"),
@@ -40,7 +43,7 @@ def pytest_collection_modifyitems(items):
             item.add_marker("browser")
 
     def rank(item):
-        if _flies(item.path):
+        if _flies(item.path) or item.path.name in PATIENT:
             return 0
         return 1 if item.path.parent.name == "system" or item.path.name in LONG else 2
 

@@ -6,11 +6,6 @@ Real MAVSDK over UDP against a vehicle that swallows acknowledgements, and does 
 import asyncio
 import contextlib
 import itertools
-import socket
-import threading
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import pytest
 
@@ -26,7 +21,6 @@ from air_router.vehicle.px4.px4 import Px4Vehicle
 from air_router.vehicle.px4.px4_motions import ATTEMPTS
 from air_router.vehicle.vehicle import FlightMode
 from geo.frame import Point
-from tests.system.conftest import find_port
 from tests.system.scripted_px4 import (
     ARM_DISARM,
     CHANGE_SPEED,
@@ -47,9 +41,9 @@ THERE, ELSEWHERE = Point(40.0, 30.0), Point(-60.0, 30.0)
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, IN_PROGRESS = 0, 1, 2, 5
 
 
-@pytest.fixture(scope="module")
-def mission(shared_mission):
-    return load_mission(shared_mission)
+@pytest.fixture
+def mission(short_mission):
+    return load_mission(short_mission)
 
 
 @pytest.fixture
@@ -59,15 +53,14 @@ def patient(monkeypatch):
     monkeypatch.setattr(px4_commands, "LONGEST_S", 2.0 * LIMIT_S)
 
 
-@pytest.fixture(scope="module")
-def run(mission):
-    """Runs `script(vehicle)` against a vehicle that does `answer(px4, order)`."""
+@pytest.fixture
+def run(mission, udp_port):
+    """Runs `script(vehicle, px4)` against a vehicle that does `answer(px4, order)`."""
 
     def degrees(point):
         return mission.frame.to_geodetic(point)
 
-    def start(answer, script, *, port=None, **state):
-        udp_port = port or find_port()
+    def start(answer, script, **state):
         px4 = ScriptedPx4(udp_port, degrees(mission.home), answer)
         px4.places = degrees
 
@@ -102,7 +95,7 @@ def seen(telemetry, px4):
     )
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def hovering(mission):
     """A vehicle in Hold that says where it hovers."""
     return {"mode": HOLD, "target": mission.frame.to_geodetic(ELSEWHERE)}
@@ -164,6 +157,46 @@ def set_item(px4, order):
         px4.item = order.seq
 
 
+@pytest.mark.parametrize("verb", ORDERS)
+def test_an_order_arrives_once_when_nothing_answers(run, verb):
+    # It may be taking off: only the flight that goes on listening will know.
+    px4 = run(silent, start if verb is start else fails(verb), **state_for(verb))
+    assert px4.commands() == ORDERS[verb]
+
+
+def test_a_stop_arrives_once_when_nothing_answers(run, hovering):
+    px4 = run(silent, fails(hold), **hovering)
+    assert px4.commands() == STOP
+
+
+@pytest.mark.parametrize("answer", [silent, deaf])
+def test_a_jump_and_its_mode_arrive_once(run, hovering, answer):
+    def item_only(px4, order):
+        set_item(px4, order)
+        if order.get_type() == "COMMAND_LONG":
+            answer(px4, order)
+
+    px4 = run(item_only, fails(jump), **hovering)
+    assert px4.commands() == JUMP
+
+
+def test_a_reposition_is_not_repeated_even_if_nothing_changes(run, hovering):
+    assert run(deaf, fails(reposition), **hovering).commands() == STOP
+
+
+@pytest.mark.parametrize("verb", [hold, land, start])
+def test_what_leads_to_no_place_is_repeated_while_nothing_changes(run, verb):
+    heartbeats = []
+    px4 = run(lambda px4, _order: heartbeats.append(px4.heartbeats), fails(verb), **state_for(verb))
+    assert px4.commands() == ORDERS[verb] * ATTEMPTS
+    assert [order.confirmation for order in px4.orders] == list(range(ATTEMPTS))
+    assert all(later > sooner for sooner, later in itertools.pairwise(heartbeats))
+
+
+def test_a_stop_is_repeated_while_nothing_changes(run, hovering):
+    assert run(deaf, fails(hold), **hovering).commands() == STOP * ATTEMPTS
+
+
 def takes_over(px4, _order):
     px4.mode = POSITION
 
@@ -178,6 +211,51 @@ def test_a_pilot_s_mode_ends_it_at_once(run, verb):
 @pytest.mark.usefixtures("patient")
 def test_a_pilot_s_mode_ends_a_stop_at_once(run, hovering):
     assert run(takes_over, fails(hold, "the pilot chose"), **hovering).commands() == STOP
+
+
+def other_item(px4, _order):
+    px4.item = 7
+
+
+def disarms(px4, _order):
+    px4.armed = False
+
+
+@pytest.mark.parametrize(
+    ("verb", "choice"), [(hold, other_item), (land, other_item), (start, disarms)]
+)
+def test_a_pilot_s_choice_in_the_same_mode_is_not_followed_by_another_order(run, verb, choice):
+    px4 = run(choice, fails(verb), **state_for(verb))
+    assert px4.commands() == ORDERS[verb]
+
+
+def test_a_place_that_a_pilot_chooses_in_hold_is_not_followed_by_another_stop(run, hovering):
+    def diverts(px4, _order):
+        px4.target = px4.places(Point(90.0, 90.0))
+
+    assert run(diverts, fails(hold), **hovering).commands() == STOP
+
+
+def test_what_is_called_off_does_not_leave_again(run):
+    async def script(vehicle):
+        order = asyncio.create_task(vehicle.hold())
+        await first.wait()
+        order.cancel()
+        await asyncio.to_thread(px4s[0].wait_for_heartbeats, 60)  # MAVSDK repeats for 1.5 s
+
+    first, px4s = asyncio.Event(), []
+
+    def answer(px4, _order):
+        px4s.append(px4)
+        loop.call_soon_threadsafe(first.set)
+
+    async def with_loop(vehicle):
+        nonlocal loop
+        loop = asyncio.get_running_loop()
+        await script(vehicle)
+
+    loop = None
+    assert run(answer, with_loop).commands() == ORDERS[hold]
 
 
 def follows(px4, order):
@@ -269,6 +347,58 @@ def test_a_vehicle_that_is_about_it_is_waited_for(run, hovering, monkeypatch):
             px4._tell = busy
 
     assert run(Slow(), hold, **hovering).commands() == STOP
+
+
+@pytest.mark.parametrize("to", [(255, 190), (1, 190), (0, 0)])
+def test_an_acknowledgement_for_another_is_not_ours(run, hovering, to):
+    def for_another(px4, order):
+        px4.acknowledge(order, ACCEPTED, to)
+
+    assert run(for_another, fails(reposition), **hovering).commands() == STOP
+
+
+@pytest.mark.parametrize(("acknowledged", "confirmed"), [(1, False), (2, True)])
+def test_a_late_acknowledgement_is_that_of_the_order_before(run, hovering, acknowledged, confirmed):
+    def late(px4, order):
+        if len(px4.orders) == 2:
+            for _ in range(acknowledged):
+                px4.acknowledge(order, ACCEPTED)
+
+    async def script(vehicle):
+        with pytest.raises(NotConfirmedError):
+            await vehicle.reposition(ELSEWHERE, 30.0)
+        again = reposition if confirmed else fails(reposition)
+        await again(vehicle)
+
+    assert run(late, script, **hovering).commands() == STOP * 2
+
+
+def after_one_that_is_lost(verb, target=None):
+    """Answers to the second order with one acknowledgement, and by flying somewhere."""
+
+    def answer(px4, order):
+        if len(px4.orders) == 2:
+            px4.target = px4.places(target) if target else px4.target
+            px4.acknowledge(order, ACCEPTED)
+
+    async def script(vehicle):
+        with pytest.raises(NotConfirmedError):
+            await vehicle.reposition(THERE, 30.0)
+        await verb(vehicle)
+
+    return answer, script
+
+
+def test_a_stop_after_an_order_that_was_lost_shows_by_where_it_hovers(run, mission):
+    here = {"mode": HOLD, "target": mission.frame.to_geodetic(mission.home)}
+    answer, script = after_one_that_is_lost(hold)
+    assert run(answer, script, **here).commands() == STOP * 2
+
+
+def test_an_order_from_before_that_is_late_is_no_stop(run, mission):
+    here = {"mode": HOLD, "target": mission.frame.to_geodetic(mission.home)}
+    answer, script = after_one_that_is_lost(fails(hold), THERE)
+    assert run(answer, script, **here).commands() == STOP * 2
 
 
 def test_the_speed_is_told_beside_and_until_it_is_acknowledged(run, hovering):
@@ -393,6 +523,11 @@ def test_a_vehicle_that_is_disarmed_as_soon_as_it_was_armed_is_not_armed_again(r
     assert run(disarmed_at_once, refuses("disarmed again"), **STANDING).commands() == ARM
 
 
+@pytest.mark.parametrize("answer", [silent, deaf])
+def test_an_arming_that_is_not_answered_is_not_repeated(run, answer):
+    assert run(answer, refuses("does not show"), **STANDING).commands() == ARM
+
+
 def test_an_arming_that_shows_needs_no_answer(run):
     def arms(px4, order):
         px4.armed = True
@@ -426,162 +561,3 @@ def test_what_the_pilot_chose_since_the_arming_is_not_taken_back(run, choice, sa
         arms(px4, order)
 
     assert run(answer, script, **STANDING).commands() == ARM
-
-
-# What waits to the end, for seconds: several at a time.
-
-
-class Wait(NamedTuple):
-    """What is answered to a script, and all the orders that may leave.
-
-    Attributes:
-        hovers_at: In Hold, and says that it hovers there.
-        state: Of the vehicle, beside.
-    """
-
-    answer: Callable
-    script: Callable
-    orders: list
-    hovers_at: Point | None = None
-    state: dict | None = None
-
-
-def noted(px4, order):
-    order.heartbeats = px4.heartbeats
-
-
-def other_item(px4, _order):
-    px4.item = 7
-
-
-def disarms(px4, _order):
-    px4.armed = False
-
-
-def diverts(px4, _order):
-    px4.target = px4.places(Point(90.0, 90.0))
-
-
-def jumps(answer):
-    """Takes the item, and answers so to the mode."""
-
-    def item_only(px4, order):
-        set_item(px4, order)
-        if order.get_type() == "COMMAND_LONG":
-            answer(px4, order)
-
-    return item_only
-
-
-def acknowledges_for(*to):
-    return lambda px4, order: px4.acknowledge(order, ACCEPTED, to)
-
-
-def to_the_second(times, target=None):
-    """Answers to the second order, so many times, and by flying somewhere."""
-
-    def answer(px4, order):
-        if len(px4.orders) == 2:
-            px4.target = px4.places(target) if target else px4.target
-            for _ in range(times):
-                px4.acknowledge(order, ACCEPTED)
-
-    return answer
-
-
-def after_one_that_is_lost(verb, place=THERE):
-    async def script(vehicle):
-        with pytest.raises(NotConfirmedError):
-            await vehicle.reposition(place, 30.0)
-        await verb(vehicle)
-
-    return script
-
-
-def called_off():
-    """A vehicle that does not answer, and a hold that is called off when it has left."""
-    arrived, px4s = threading.Event(), []
-
-    def answer(px4, _order):
-        px4s.append(px4)
-        arrived.set()
-
-    async def script(vehicle):
-        order = asyncio.create_task(vehicle.hold())
-        assert await asyncio.to_thread(arrived.wait, LIMIT_S)
-        order.cancel()
-        await asyncio.to_thread(px4s[0].wait_for_heartbeats, 60)  # MAVSDK repeats for 1.5 s
-
-    return answer, script
-
-
-AT_HOME = Point(0.0, 0.0)
-WAITS = {
-    # Once when nothing answers. It may be taking off: only the flight that goes on listening knows.
-    "silence hold": Wait(silent, fails(hold), ORDERS[hold]),
-    "silence land": Wait(silent, fails(land), ORDERS[land]),
-    "silence start": Wait(silent, start, ORDERS[start], state=WAITING),
-    "silence reposition": Wait(silent, fails(reposition), ORDERS[reposition]),
-    "silence stop": Wait(silent, fails(hold), STOP, ELSEWHERE),
-    "silence jump": Wait(jumps(silent), fails(jump), JUMP, ELSEWHERE),
-    "silence arm": Wait(silent, refuses("does not show"), ARM, state=STANDING),
-    # While nothing changes: again where it leads to no place.
-    "no change hold": Wait(noted, fails(hold), ORDERS[hold] * ATTEMPTS),
-    "no change land": Wait(noted, fails(land), ORDERS[land] * ATTEMPTS),
-    "no change start": Wait(noted, fails(start), ORDERS[start] * ATTEMPTS, state=WAITING),
-    "no change stop": Wait(deaf, fails(hold), STOP * ATTEMPTS, ELSEWHERE),
-    "no change reposition": Wait(deaf, fails(reposition), STOP, ELSEWHERE),
-    "no change jump": Wait(jumps(deaf), fails(jump), JUMP, ELSEWHERE),
-    "no change arm": Wait(deaf, refuses("does not show"), ARM, state=STANDING),
-    # A pilot's choice in the same mode is not followed by another order.
-    "another item, hold": Wait(other_item, fails(hold), ORDERS[hold]),
-    "another item, land": Wait(other_item, fails(land), ORDERS[land]),
-    "disarmed, start": Wait(disarms, fails(start), ORDERS[start], state=WAITING),
-    "another place, stop": Wait(diverts, fails(hold), STOP, ELSEWHERE),
-    "called off": Wait(*called_off(), ORDERS[hold]),
-    # Acknowledgements for others, and of the order before.
-    "for a station": Wait(acknowledges_for(255, 190), fails(reposition), STOP, ELSEWHERE),
-    "for a component": Wait(acknowledges_for(1, 190), fails(reposition), STOP, ELSEWHERE),
-    "for all": Wait(acknowledges_for(0, 0), fails(reposition), STOP, ELSEWHERE),
-    "one late": Wait(
-        to_the_second(1), after_one_that_is_lost(fails(reposition), ELSEWHERE), STOP * 2, ELSEWHERE
-    ),
-    "one late, one not": Wait(
-        to_the_second(2), after_one_that_is_lost(reposition, ELSEWHERE), STOP * 2, ELSEWHERE
-    ),
-    "a stop shows": Wait(to_the_second(1), after_one_that_is_lost(hold), STOP * 2, AT_HOME),
-    "an order is no stop": Wait(
-        to_the_second(1, THERE), after_one_that_is_lost(fails(hold)), STOP * 2, AT_HOME
-    ),
-}
-
-
-@pytest.fixture(scope="module")
-def waited(run, mission):
-    """All of them, each with a vehicle of its own, as futures."""
-    with contextlib.ExitStack() as stack:
-        probes = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in WAITS]
-        for probe in probes:
-            stack.enter_context(probe).bind(("127.0.0.1", 0))
-        ports = [probe.getsockname()[1] for probe in probes]
-
-    def begin(wait, port):
-        state = dict(wait.state or {})
-        if wait.hovers_at:
-            state |= {"mode": HOLD, "target": mission.frame.to_geodetic(wait.hovers_at)}
-        return pool.submit(run, wait.answer, wait.script, port=port, **state)
-
-    with ThreadPoolExecutor(8) as pool:
-        return {name: begin(WAITS[name], port) for name, port in zip(WAITS, ports, strict=True)}
-
-
-@pytest.mark.parametrize("name", WAITS)
-def test_nothing_leaves_but_what_may(waited, name):
-    assert waited[name].result().commands() == WAITS[name].orders
-
-
-@pytest.mark.parametrize("verb", ["hold", "land", "start"])
-def test_what_is_repeated_says_so_and_waits_for_a_heartbeat_that_shows_no_change(waited, verb):
-    orders = waited[f"no change {verb}"].result().orders
-    assert [order.confirmation for order in orders] == list(range(ATTEMPTS))
-    assert all(b.heartbeats > a.heartbeats for a, b in itertools.pairwise(orders))

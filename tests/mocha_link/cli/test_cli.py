@@ -17,6 +17,7 @@ from mocha_link.cli.display import event_line, links_table
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded
 from mocha_link.node.node import Node
 from mocha_link.service.telemetry import MetricsServer, as_fields
+from mocha_link.sync.sync_sender import PUSH_BYTES
 
 
 @pytest.fixture
@@ -261,7 +262,7 @@ def test_a_node_outlives_the_reader_of_its_events(field, team_file):
         for line in process.stderr:
             if "no program reads the events any more" in line:
                 break
-        titan.publish("/map", b"grid")
+        titan.publish("/map", os.urandom(2 * PUSH_BYTES))  # so large that it is pulled
         while not saw.wait(SyncEnded, peer="io", direction=Direction.OUT).messages:
             pass
         process.terminate()
@@ -280,7 +281,7 @@ def test_a_node_does_not_wait_for_the_reader_of_its_events(field, team_file):
     process, _ = started([str(team_file), "--robot", "io"], stdout=writer)
     os.close(writer)
     with process:
-        titan.publish("/map", b"grid")
+        titan.publish("/map", os.urandom(2 * PUSH_BYTES))  # so large that it is pulled
         while not saw.wait(SyncEnded, peer="io", direction=Direction.OUT).messages:
             pass
         process.terminate()

@@ -446,10 +446,12 @@ def test_a_stalled_connection_is_dialled_anew_when_a_contact_begins(team):
     ]
 
 
+@pytest.mark.parametrize("follow", [True, False])
 @pytest.mark.parametrize("seed", range(3))
-def test_the_end_is_lost(team, seed):
+def test_the_end_is_lost(team, seed, follow):
     """Whatever of the last packets is lost, both sides come to know that all is over."""
     net = NetworkSim(team, datagrams=True, delay_s=FAR_S)
+    net.restart("io", follow=follow)
     net.publish("titan", "/map", b"grid")
     chance = random.Random(seed)
 
