@@ -214,7 +214,7 @@ def test_the_legend_has_the_colours_of_the_map_in_light_and_dark(replayed):
     assert seen[0] != seen[1]
 
 
-class Nobody:
+class Refusing:
     """Grants what is asked of a flight that is only looked at."""
 
     def grant(self, wish, by):
@@ -223,7 +223,7 @@ class Nobody:
 
 def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, record):
     film = Film(record)
-    page = LivePage(film.controller.mission, film.controller, Nobody(), dict, mapper=film.mapper)
+    page = LivePage(film.controller.mission, film.controller, Refusing(), dict, mapper=film.mapper)
     with served(page) as (address, end):
         looker = Looker(browser.new_page(viewport={"width": 844, "height": 390}), address)
         hold = looker.page.locator('[data-verb="hold"]')

@@ -162,7 +162,8 @@ def test_one_page_shows_both_and_asks_the_one_that_is_chosen(browser, flight):
     assert len(set(robots)) == len(robots) > 0
 
     page.evaluate(NONSENSE)
-    looker.shows("#gone", "titan is not understood")
+    # The words stay where they were; they are visible only until the next try succeeds.
+    page.locator("#gone", has_text="titan is not understood").wait_for(state="attached")
     page.locator("#gone").wait_for(state="hidden")
     assert "not a position" in looker.faults.pop()
 

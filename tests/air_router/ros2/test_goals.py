@@ -60,7 +60,7 @@ def test_whom_a_request_to_cancel_means():
     assert goals.to_cancel(ANY, 0.0) == (Cancel.DONE, [old, new])
     assert goals.to_cancel(ANY, 10.0) == (Cancel.DONE, [old])
     assert goals.to_cancel(OTHER, 0.0) == (Cancel.DONE, [new])
-    assert goals.to_cancel("nobody's", 0.0) == (Cancel.UNKNOWN_GOAL, [])
+    assert goals.to_cancel("another's", 0.0) == (Cancel.UNKNOWN_GOAL, [])
     old.end(Status.CANCELED, "it stops")
     assert goals.to_cancel(ID, 0.0) == (Cancel.ENDED, [])
     assert goals.to_cancel(ANY, 0.0) == (Cancel.DONE, [new])
