@@ -151,7 +151,7 @@ MUTANTS = (
     _row("flies on when killed", "air_router.telemetry_handler", "(killed := phase.killed_now()) is not None:", "phase.killed_now() is False:",
          "telemetry_handler flight_phase control_authority"),
     _row("failsafe is the pilot", "air_router.telemetry_handler",
-         "Taker.FAILSAFE if telemetry.failsafe else Taker.PILOT", "Taker.PILOT",
+         "ControlHolder.FAILSAFE if telemetry.failsafe else ControlHolder.PILOT", "ControlHolder.PILOT",
          "telemetry_handler control_authority"),
     _row("into a new zone", "air_router.airspace_update",
          "elif not inside and not self._clear_onward(telemetry):", "elif False:", "airspace_update"),

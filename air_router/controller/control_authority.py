@@ -11,7 +11,13 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, Motion, Taker
+from air_router.controller.model.actions import (
+    ControlHolder,
+    FlyToNode,
+    FlyToPoint,
+    HoldHere,
+    Motion,
+)
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import Signal, State
 from air_router.controller.monitor.flight_phase import FlightPhase
@@ -146,7 +152,7 @@ class ControlAuthority:
     _flight_phase: FlightPhase
     _levelling: Levelling
     giving_up: str | None = None
-    taken_by: Taker | None = None
+    taken_by: ControlHolder | None = None
     on_board: OnBoard = OnBoard.OURS
     compares: str | None = None
     _compared_by_s: float = 0.0
@@ -204,9 +210,9 @@ class ControlAuthority:
 
     def _let_go(self, why: str) -> None:
         self.giving_up = None
-        self.take_over(Taker.PILOT, why)
+        self.take_over(ControlHolder.PILOT, why)
 
-    def take_over(self, who: Taker, why: str) -> None:
+    def take_over(self, who: ControlHolder, why: str) -> None:
         """The pilot, or a failsafe, flies from now on."""
         if self._context.knows(Signal.TAKEN_OVER):
             self.taken_by = who
@@ -271,7 +277,7 @@ class ControlAuthority:
             self._flight_phase.stayed_why = why
             context.signal(Signal.GROUNDED)
         elif context.state is State.READY and not self.in_charge:
-            self.take_over(Taker.PILOT, why)
+            self.take_over(ControlHolder.PILOT, why)
         elif context.state in {State.LAND, State.PASSIVE}:
             context.say(why)
         elif self.in_charge and self.giving_up is None:

@@ -37,7 +37,7 @@ from air_router.controller.motion.navigator import Navigator
 from air_router.controller.preconditions import Preconditions
 from air_router.controller.states.explore_state import ExploreState
 from air_router.controller.states.goto_state import GotoState, GotoTask, GotoValidator
-from air_router.controller.states.hold_state import GivenAway, HoldState, LandState
+from air_router.controller.states.hold_state import HandsOffState, HoldState, LandState
 from air_router.controller.states.return_state import HomeReachability, ReturnState
 from air_router.controller.states.search_state import CommState, SearchState
 from air_router.controller.states.table import STATES, transitions
@@ -121,7 +121,7 @@ class Controller:
             HoldState(context, gate),
             home,
             LandState(gate),
-            GivenAway(self._let_go),
+            HandsOffState(self._let_go),
         )
         # What else is decided.
         levelling = Levelling(context, gate)

@@ -9,7 +9,7 @@ from typing import Final
 from air_router.controller.airspace_update import AirspaceUpdate
 from air_router.controller.command_handler import CommandHandler
 from air_router.controller.control_authority import ControlAuthority, Levelling
-from air_router.controller.model.actions import FlyToNode, HoldHere, Motion, Taker
+from air_router.controller.model.actions import ControlHolder, FlyToNode, HoldHere, Motion
 from air_router.controller.model.events import CommandConfirmed
 from air_router.controller.model.mission_context import MissionContext
 from air_router.controller.model.states import Signal, State
@@ -99,7 +99,7 @@ class TelemetryHandler:
         elif not phase.flies and (killed := phase.killed_now()) is not None:
             authority.fallen(killed)
         elif (ours := authority.in_charge) and self._gate.commanded_mode.taken(telemetry):
-            who = Taker.FAILSAFE if telemetry.failsafe else Taker.PILOT
+            who = ControlHolder.FAILSAFE if telemetry.failsafe else ControlHolder.PILOT
             self._chosen = (telemetry.mode, context.now_s)
             authority.take_over(who, f"{who.value} chose {telemetry.mode.value} mode")
         elif authority.giving_up is not None or authority.compares is not None:
@@ -142,7 +142,7 @@ class TelemetryHandler:
         found = self._monitor.look(telemetry, gate.commanded_mode, self._airspace_update.leaving)
         match found.kind:
             case EventKind.STRANGER:
-                self._authority.take_over(Taker.PILOT, found.words)
+                self._authority.take_over(ControlHolder.PILOT, found.words)
             case EventKind.BREACH:
                 self._authority.give_up(f"{found.words} is not resumed by itself")
         if self._put_off and not self._monitor.doubts:
@@ -177,9 +177,9 @@ class TelemetryHandler:
         context, authority = self._context, self._authority
         mode, taken_s = self._chosen or (telemetry.mode, -math.inf)
         late = telemetry.mode is mode and context.now_s - taken_s <= LATE_S
-        if telemetry.failsafe and late and authority.taken_by is Taker.PILOT:
-            authority.taken_by = Taker.FAILSAFE
-            context.say(f"it was {Taker.FAILSAFE.value} that chose {mode.value} mode")
+        if telemetry.failsafe and late and authority.taken_by is ControlHolder.PILOT:
+            authority.taken_by = ControlHolder.FAILSAFE
+            context.say(f"it was {ControlHolder.FAILSAFE.value} that chose {mode.value} mode")
         for what, _ in self._inputs.look(telemetry).news:
             context.say(what)
         news = self._breaches.news(self._monitor.breach(telemetry), context.now_s)

@@ -15,7 +15,7 @@ from air_router.editor.edits import EditError, read_edit
 from air_router.editor.mission_text import ChangedOnDiskError, SaveError
 from air_router.editor.session import EditSession, StaleError, UnconfirmedError
 from air_router.errors import AirRouterError
-from air_router.web.audience import Audience
+from air_router.web.browsers import Browsers
 from air_router.web.outbox import PageOutbox
 from air_router.web.serving import HERE, Say, Web
 from air_router.web.site import Site, as_json
@@ -43,7 +43,7 @@ class EditorServer:
         self._requests: asyncio.Queue[tuple[PageOutbox, str]] = asyncio.Queue(_MOST_WAITING)
         self._changed_on_disk = False
         self._state = self._shown()
-        self._audience = Audience(self._receive, self._welcome)
+        self._audience = Browsers(self._receive, self._welcome)
         self._site = Site.of_page("air_router.editor", "edit", web)
         self._site.add_socket("/socket", self._audience.converse)
 

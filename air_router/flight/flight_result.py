@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from air_router.controller.model.actions import Finish, Taker
+from air_router.controller.model.actions import ControlHolder, Finish
 from air_router.errors import ExitCode
 from geo.frame import Point
 
@@ -31,9 +31,9 @@ def ending_of(finish: Finish) -> tuple[str, ExitCode]:
     match finish:
         case Finish(landed_by_us=True):
             return "done", ExitCode.DONE
-        case Finish(taken_by=Taker.PILOT):
+        case Finish(taken_by=ControlHolder.PILOT):
             return "pilot", ExitCode.PILOT_TOOK_OVER
-        case Finish(taken_by=Taker.FAILSAFE):
+        case Finish(taken_by=ControlHolder.FAILSAFE):
             return "failsafe", ExitCode.ENDED_OTHERWISE
         case _:
             return f"ended: {finish.why}", ExitCode.ENDED_OTHERWISE

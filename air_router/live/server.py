@@ -20,7 +20,7 @@ from air_router.live.page_address import SHOWN_AT
 from air_router.live.scene import LiveScene
 from air_router.live.scenery import scenery
 from air_router.mission.mission import Mission
-from air_router.web.audience import Audience
+from air_router.web.browsers import Browsers
 from air_router.web.outbox import PageOutbox
 from air_router.web.serving import HERE, Say, Web
 from air_router.web.site import Site, as_json
@@ -83,7 +83,7 @@ class LivePage:
         self.record: dict[str, Any] = {}
         self._requests = Budget(REQUESTS_PER_S, REQUESTS_AT_ONCE)
         self._costly = Budget(COSTLY_PER_S, COSTLY_AT_ONCE)
-        self._audience = Audience(self._receive, self._welcome, pause_s=READ_EVERY_S)
+        self._audience = Browsers(self._receive, self._welcome, pause_s=READ_EVERY_S)
         self._site = Site.of_page("air_router.live", "live", web)
         self._site.add_socket("/socket", self._audience.converse)
         self._site.add_values("/flights", self._flights)

@@ -32,7 +32,7 @@ class ReplayError(AirRouterError):
     exit_code = ExitCode.INVALID_FILE
 
 
-class Told(NamedTuple):
+class RecordedStep(NamedTuple):
     """An event with the actions that followed."""
 
     t: float
@@ -58,7 +58,7 @@ class ReplayDifference:
     recorded: list[Any]
     replayed: list[Any]
     state: str
-    before: tuple[Told, ...]
+    before: tuple[RecordedStep, ...]
 
     def lines(self) -> Iterator[str]:
         """As text."""
@@ -116,7 +116,7 @@ def replay(entries: Iterable[RecordEntry], controller: Controller | None = None)
         LogError: see `air_router.record.log`.
     """
     result = Replay()
-    before: deque[Told] = deque(maxlen=CONTEXT)
+    before: deque[RecordedStep] = deque(maxlen=CONTEXT)
     motions: deque[tuple[Any, Any]] = deque(maxlen=4 * RECENT)
     for step in _steps(entries):
         if isinstance(step, RecordEntry):
@@ -145,12 +145,12 @@ def replay(entries: Iterable[RecordEntry], controller: Controller | None = None)
     return result
 
 
-def _steps(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | Told]:
+def _steps(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | RecordedStep]:
     """Events with their actions, and what else the controller was told, up to where it was left.
 
     The last event of a record that was cut off is left out: not all that followed may be there.
     """
-    current: Told | None = None
+    current: RecordedStep | None = None
     for entry in entries:
         if entry.kind == "action" and current is not None:
             current.actions.append(entry.value)
@@ -163,7 +163,7 @@ def _steps(entries: Iterable[RecordEntry]) -> Iterator[RecordEntry | Told]:
             yield current
             current = None
         if entry.kind == "event":
-            current = Told(entry.t, entry.value, [])
+            current = RecordedStep(entry.t, entry.value, [])
         elif entry.kind == "note" and entry.value.name == "LetGo":
             return
         else:
@@ -199,7 +199,9 @@ def about_own(event: Any, motions: Iterable[tuple[Any, Any]]) -> Any:
     return event
 
 
-def _decide(controller: Controller, step: Told, motions: Iterable[tuple[Any, Any]]) -> list[Any]:
+def _decide(
+    controller: Controller, step: RecordedStep, motions: Iterable[tuple[Any, Any]]
+) -> list[Any]:
     try:
         return list(controller.handle(about_own(step.event, motions), step.t))
     except Exception as error:  # noqa: BLE001 - a flight that ended so does it again

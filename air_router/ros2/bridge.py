@@ -24,7 +24,7 @@ from air_router.control.control import (
 from air_router.errors import AirRouterError
 from air_router.ros2 import goals, interfaces
 from air_router.ros2.action_server import ActionServer, Answer
-from air_router.ros2.messages import TOPICS, Out, Scene, Values
+from air_router.ros2.messages import TOPICS, OutgoingMessage, Scene, Values
 from air_router.ros2.ros_graph import RosGraph
 from mocha_link.bridges.bridge import channel
 
@@ -117,7 +117,7 @@ class Ros2Bridge:
             action.tell()
         return view
 
-    def _slow(self, view: dict[str, Any], now_s: float) -> Iterator[Out]:
+    def _slow(self, view: dict[str, Any], now_s: float) -> Iterator[OutgoingMessage]:
         self._looks += 1
         if self._looks % SLOW_LOOKS != 1:
             return
@@ -235,7 +235,7 @@ class Ros2Bridge:
             answer = self._client.request({**request, "by": BY})
         except (CommandRequestError, ControlUnreachableError, ControlError) as error:
             answer = {"accepted": False, "why": str(error)}
-        self._publish(Out(ANSWERS, TEXT, {"data": json.dumps(answer)}))
+        self._publish(OutgoingMessage(ANSWERS, TEXT, {"data": json.dumps(answer)}))
 
     def _trigger(self, verb: str, _: Values) -> Values:
         answer = self._asked(getattr(self._client, verb))
@@ -259,7 +259,7 @@ class Ros2Bridge:
         except (ControlUnreachableError, ControlError) as error:
             return _refused(str(error))
 
-    def _publish(self, out: Out) -> None:
+    def _publish(self, out: OutgoingMessage) -> None:
         self._graph.publish(self._topic(out.topic), out.kind, out.values)
 
     def _topic(self, topic: str) -> str:

@@ -35,7 +35,7 @@ _FENCE, _ZONE, _GRAPH, _PLACE, _ROBOT, _LINK = (
 
 
 @dataclass(frozen=True, slots=True)
-class Out:
+class OutgoingMessage:
     """A message to publish; a topic that begins with ``~/`` belongs to the vehicle."""
 
     topic: str
@@ -72,7 +72,7 @@ class Scene:
         """Degrees as metres of the frame `map`."""
         return self._frame.to_local(*pair)
 
-    def vehicle(self, view: Mapping[str, Any], unix_s: float) -> Iterator[Out]:
+    def vehicle(self, view: Mapping[str, Any], unix_s: float) -> Iterator[OutgoingMessage]:
         """Where the vehicle is, and its battery; nothing before its first telemetry."""
         yield self._out("~/state", {"data": view["state"]})
         if view["position"] is None:
@@ -114,7 +114,7 @@ class Scene:
             },
         )
 
-    def team(self, view: Mapping[str, Any]) -> Out:
+    def team(self, view: Mapping[str, Any]) -> OutgoingMessage:
         """Robots where they were heard last, links to those that the radio hears, the goal."""
         places = {robot: self._xyz(pair) for robot, pair in view["heard"].items()}
         markers = [
@@ -135,7 +135,7 @@ class Scene:
                 markers.append(_marker("goal", 0, _LINES, _FENCE, ends))
         return self._out("~/team", {"markers": [_clear(), *markers]})
 
-    def areas(self, areas: Mapping[str, Any]) -> Out:
+    def areas(self, areas: Mapping[str, Any]) -> OutgoingMessage:
         """Fences, zones, and the graph of waypoints."""
         markers = [_clear()]
         for area in areas["areas"]:
@@ -159,13 +159,13 @@ class Scene:
         markers.append(_marker("waypoints", 0, _SPHERES, _PLACE, places, size_m=3.0))
         return self._out("~/areas", {"markers": markers})
 
-    def map(self, packed: str, unix_s: float) -> Out:
+    def map(self, packed: str, unix_s: float) -> OutgoingMessage:
         """The map that the vehicle has painted."""
         grid = SemanticGrid.decode(zlib.decompress(base64.b64decode(packed)))
         values, cells = occupancy_of(grid, unix_s)
         return self._out("~/map", {**values, "data": cells})
 
-    def diagnostics(self, view: Mapping[str, Any], unix_s: float) -> Out:
+    def diagnostics(self, view: Mapping[str, Any], unix_s: float) -> OutgoingMessage:
         """Mission and links, as rqt_robot_monitor and Foxglove show them."""
         level, message = _OK, view["state"]
         if view["walled_in"]:
@@ -184,11 +184,11 @@ class Scene:
             statuses.append(self._status(f"link {link['peer']}", level, message, link))
         return self._diagnostics(statuses, unix_s)
 
-    def silent(self, why: str, unix_s: float) -> Out:
+    def silent(self, why: str, unix_s: float) -> OutgoingMessage:
         """The flight does not answer."""
         return self._diagnostics([self._status("mission", _STALE, why, {})], unix_s)
 
-    def _diagnostics(self, statuses: Sequence[Values], unix_s: float) -> Out:
+    def _diagnostics(self, statuses: Sequence[Values], unix_s: float) -> OutgoingMessage:
         return self._out(
             "/diagnostics", {"header": {"stamp": stamp(unix_s)}, "status": list(statuses)}
         )
@@ -207,8 +207,8 @@ class Scene:
         return {"x": place.east_m, "y": place.north_m, "z": up_m}
 
     @staticmethod
-    def _out(topic: str, values: Values) -> Out:
-        return Out(topic, TOPICS[topic], values)
+    def _out(topic: str, values: Values) -> OutgoingMessage:
+        return OutgoingMessage(topic, TOPICS[topic], values)
 
 
 def _clear() -> Values:

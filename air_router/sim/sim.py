@@ -26,7 +26,7 @@ from air_router.record.recorder import no_folder
 from air_router.record.recording import ViewerAddress
 from air_router.report.report import several
 from air_router.sim.flights import Flights
-from air_router.sim.sim_world import Seat, SimOptions, SimWorld
+from air_router.sim.sim_world import SimOptions, SimVehicle, SimWorld
 from air_router.web.serving import shown_beside, web_of
 from mocha_link.errors import MissingExtraError
 
@@ -126,7 +126,7 @@ def _fly_several(mission: Mission, options: SimOptions, arguments: argparse.Name
 
 
 def _command(
-    seat: Seat, index: int, world: SimWorld, arguments: argparse.Namespace
+    seat: SimVehicle, index: int, world: SimWorld, arguments: argparse.Namespace
 ) -> Sequence[str]:
     """What flies one of several UAVs; each has ports of its own, behind those of the one before."""
     command = ["fly", str(arguments.mission), "--uav", seat.uav, "--arm", "--yes", "--json", PART]

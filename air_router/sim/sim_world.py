@@ -55,7 +55,7 @@ class SimOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Seat:
+class SimVehicle:
     """Where a flight finds one vehicle of a simulation.
 
     Attributes:
@@ -192,10 +192,11 @@ class SimWorld(Closeable):
         self.team = Path(ready["team"])
         places = ready["vehicles"]
         self.seats = tuple(
-            Seat(seat.uav, seat.url, seat.system_id, _camera(places, seat.uav)) for seat in seats
+            SimVehicle(seat.uav, seat.url, seat.system_id, _camera(places, seat.uav))
+            for seat in seats
         )
 
-    def _with_ours(self) -> tuple[list[Seat], dict[str, Any]]:
+    def _with_ours(self) -> tuple[list[SimVehicle], dict[str, Any]]:
         """Our own vehicles and a team around them; all know when time began."""
         epoch = ["--epoch", str(int(time.time()))]
         ports = [_free_ports() for _ in self._uavs]
@@ -206,21 +207,21 @@ class SimWorld(Closeable):
         # The first vehicle's clock is the world's: it waits for team, flights and other vehicles.
         lead = ["--pace", f"127.0.0.1:{pace_port}", "--pace-for", str(2 * len(self._uavs))]
         team = self._start_team(truths, [*epoch, *follow])
-        seats: list[Seat] = []
+        seats: list[SimVehicle] = []
         vehicles: list[Child] = []
         for number, (uav, (api, truth, _)) in enumerate(zip(self._uavs, ports, strict=True)):
             to = ["--api-to", f"127.0.0.1:{api}", "--truth-to", f"127.0.0.1:{truth}"]
             more = ["--no-gcs", "--seed", str(self._options.seed + number), *epoch]
             more += follow if vehicles else lead
             vehicles.append(self._start_vehicle("vehicle", uav, number, [*to, *more]))
-            seats.append(Seat(uav, f"udpin://127.0.0.1:{api}", number + 1))
+            seats.append(SimVehicle(uav, f"udpin://127.0.0.1:{api}", number + 1))
         ready = team.ready()
         for vehicle in vehicles:
             vehicle.ready()
         self._clock = vehicles[0]
         return seats, ready
 
-    def _with_px4(self, place: str) -> tuple[list[Seat], dict[str, Any]]:
+    def _with_px4(self, place: str) -> tuple[list[SimVehicle], dict[str, Any]]:
         """Real PX4s, which choose their ports and their time, and a team that follows them."""
         where = ["--px4", place] if place else []
         vehicles = []
@@ -229,7 +230,7 @@ class SimWorld(Closeable):
             vehicles.append(self._start_vehicle("px4", uav, number, [*where, *files]))
         told = [vehicle.ready() for vehicle in vehicles]
         seats = [
-            Seat(uav, str(ready["mavlink"]), int(ready["system_id"]))
+            SimVehicle(uav, str(ready["mavlink"]), int(ready["system_id"]))
             for uav, ready in zip(self._uavs, told, strict=True)
         ]
         return seats, self._start_team([str(ready["truth"]) for ready in told], []).ready()

@@ -20,9 +20,9 @@ from shapely.geometry.base import BaseGeometry
 
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import polygons_of
-from geo.coverage.missed import Missed, explain
 from geo.coverage.row_order import Joiner, Row, cells_of, in_order
 from geo.coverage.scan_lines import Border, Floats, Span, Sweep, common, merged
+from geo.coverage.unseen import UnseenGround, explain
 from geo.frame import Point
 from geo.paths.free_space import FreeSpace
 from geo.paths.mesh import Mesh
@@ -96,7 +96,7 @@ class Coverage:
     way_back: tuple[Point, ...]
     target: BaseGeometry
     seen: BaseGeometry
-    missed: tuple[Missed, ...]
+    missed: tuple[UnseenGround, ...]
 
     @property
     def share(self) -> float:

@@ -9,7 +9,14 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from sitl.conformance.line import Link
-from sitl.conformance.session import DepartureError, Heard, Session, Where, event_id, mode_name
+from sitl.conformance.session import (
+    DepartureError,
+    Heard,
+    PositionEstimate,
+    Session,
+    event_id,
+    mode_name,
+)
 from sitl.mavlink.mavlink_codec import command_number
 
 Fields = dict[str, Any]
@@ -239,7 +246,7 @@ class Measure:
         note: How it is told.
     """
 
-    of: Callable[[Sequence[Where]], float]
+    of: Callable[[Sequence[PositionEstimate]], float]
     note: str
 
     def __call__(self, session: Session, between: Sequence[float], for_s: float) -> None:
@@ -258,21 +265,21 @@ class Measure:
             raise DepartureError(f"expected {limits} in {for_s:g} s, it {session.notes[-1]}")
 
 
-def _strayed_m(track: Sequence[Where]) -> float:
+def _strayed_m(track: Sequence[PositionEstimate]) -> float:
     start = track[0]
     return max(
         math.hypot(place.north_m - start.north_m, place.east_m - start.east_m) for place in track
     )
 
 
-def _speed_m_s(track: Sequence[Where]) -> float:
+def _speed_m_s(track: Sequence[PositionEstimate]) -> float:
     flown = track[1:]
     pairs = itertools.pairwise(flown)
     way_m = sum(math.hypot(b.north_m - a.north_m, b.east_m - a.east_m) for a, b in pairs)
     return way_m / max(flown[-1].at_s - flown[0].at_s, 0.1)
 
 
-def _climb_m_s(track: Sequence[Where]) -> float:
+def _climb_m_s(track: Sequence[PositionEstimate]) -> float:
     start, end = track[0], track[-1]
     return (end.up_m - start.up_m) / max(end.at_s - start.at_s, 0.1)
 

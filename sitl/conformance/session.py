@@ -56,7 +56,7 @@ class Heard:
 
 
 @dataclass(frozen=True, slots=True)
-class Where:
+class PositionEstimate:
     """A position estimate: seconds, metres north, east and up of where the vehicle was started."""
 
     at_s: float
@@ -102,7 +102,7 @@ class Session:
         }
         self.streams: list[Stream] = []
         self.notes: list[str] = []
-        self.track: list[Where] = []
+        self.track: list[PositionEstimate] = []
         self.counts: Counter[tuple[Link, str]] = Counter()
         self.two_answers = True
         self.vehicle_id = 1
@@ -170,7 +170,7 @@ class Session:
         return [text.rstrip("\t") for text in texts.values()]
 
     @property
-    def position(self) -> Where:
+    def position(self) -> PositionEstimate:
         """Where the vehicle says it is."""
         if not self.track:
             self.run(5.0, lambda: bool(self.track))
@@ -235,7 +235,7 @@ class Session:
         if frame.name == "LOCAL_POSITION_NED" and link is Link.API:
             padded = frame.payload.ljust(_POSITION.size, b"\0")
             _, north, east, down, *_rest = _POSITION.unpack(padded[: _POSITION.size])
-            self.track.append(Where(self.now_s, north, east, -down))
+            self.track.append(PositionEstimate(self.now_s, north, east, -down))
         if frame.name not in _COUNTED_ONLY:
             self._heard[link, frame.name].append(heard)
 

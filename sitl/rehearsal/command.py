@@ -20,7 +20,7 @@ from air_router.errors import ExitCode
 from sitl.rehearsal.faults import Fault, Scene, scenes
 from sitl.rehearsal.judge.acceptance import End
 from sitl.rehearsal.judge.judge_flight import Verdict, judge
-from sitl.rehearsal.judge.judge_track import By, Violation
+from sitl.rehearsal.judge.judge_track import Responsible, Violation
 from sitl.rehearsal.programs.flight import SPEED, RealFlight
 from sitl.rehearsal.programs.scenes import WireScene, wire_scenes
 from sitl.rehearsal.script import scenario_of
@@ -53,7 +53,7 @@ def table(verdicts: Iterable[tuple[str, Verdict]], words: Mapping[str, str]) -> 
 
 def _row(name: str, verdicts: list[Verdict], ends: list[End]) -> str:
     counts = Counter(verdict.end for verdict in verdicts)
-    nearest = [v.nearest_m[By.OURS] for v in verdicts if By.OURS in v.nearest_m]
+    nearest = [v.nearest_m[Responsible.OURS] for v in verdicts if Responsible.OURS in v.nearest_m]
     closest = f"{min(nearest):.1f} m" if nearest else ""
     bad = sum(not verdict.good for verdict in verdicts)
     cells = [name, len(verdicts), *(counts[end] or "" for end in ends), closest, bad]
@@ -182,7 +182,7 @@ def _run_programs(arguments: argparse.Namespace) -> int:
 
 
 def _as_json(scene: Scene, verdict: Verdict) -> dict[str, object]:
-    closest_m = verdict.nearest_m.get(By.OURS)
+    closest_m = verdict.nearest_m.get(Responsible.OURS)
     return {
         "scene": verdict.scene,
         "fault": scene.fault.name,

@@ -25,10 +25,10 @@ from sitl.rehearsal.faults import DRAWN, Fault, Scene
 from sitl.rehearsal.judge.evidence import (
     COMPANION,
     Evidence,
-    Happening,
     Line,
     Sample,
-    What,
+    SceneEvent,
+    SceneEventKind,
     WireMessage,
 )
 from sitl.rehearsal.stand_ins.link import Burst, Link, Way
@@ -123,7 +123,7 @@ class Scenario:
         self._samples: list[Sample] = []
         self._messages: list[WireMessage] = []
         self._heard: list[WireMessage] = []
-        self._happenings: list[Happening] = []
+        self._happenings: list[SceneEvent] = []
         self._lines: list[Line] = []
         self.file: MissionFile
         self.mission: Mission
@@ -224,7 +224,7 @@ class Scenario:
 
     def _live(self, *, resume: bool) -> tuple[int | None, str]:
         """One life of a companion, from start to end or power cut."""
-        self.happened(What.STARTED)
+        self.happened(SceneEventKind.STARTED)
         companion = Companion(self.file.path, self, self, self._say, resume=resume)
         self.companion = companion
         try:
@@ -233,7 +233,7 @@ class Scenario:
             self.companion = None
             return None, "killed"
         self.companion = None
-        self.happened(What.ENDED)
+        self.happened(SceneEventKind.ENDED)
         return companion.exit_code, companion.outcome
 
     # World
@@ -256,7 +256,7 @@ class Scenario:
             self._collect()
         if self._stalled_until_s < math.inf:
             self._stalled_until_s = self._deaf_from_s = math.inf
-            self.happened(What.CONTINUED)
+            self.happened(SceneEventKind.CONTINUED)
         inbox, self._inbox = self._inbox, []
         return inbox
 
@@ -314,21 +314,21 @@ class Scenario:
 
     # What happens
 
-    def happened(self, what: What, value: Any = None) -> None:
+    def happened(self, what: SceneEventKind, value: Any = None) -> None:
         """For the record."""
-        self._happenings.append(Happening(self.now_s, what, value))
+        self._happenings.append(SceneEvent(self.now_s, what, value))
 
     def stall(self, seconds: float) -> None:
         """The companion's program stands still for so long."""
         if self.companion is not None:
             self._stalled_until_s = self.now_s + seconds
             self._deaf_from_s = self.now_s + SPARE_BYTES_S
-            self.happened(What.STOPPED)
+            self.happened(SceneEventKind.STOPPED)
 
     def kill(self) -> None:
         """The companion's power is gone."""
         if self.companion is not None:
-            self.happened(What.KILLED)
+            self.happened(SceneEventKind.KILLED)
             self._inbox.clear()
             raise PowerCutError
 
@@ -395,7 +395,7 @@ class Scenario:
         off_m = math.hypot(errors.north_m, errors.east_m)
         if abs(off_m - self._off_m) > 1.0:
             self._off_m = off_m
-            self.happened(What.ESTIMATE_OFF, off_m)
+            self.happened(SceneEventKind.ESTIMATE_OFF, off_m)
 
     def _end_if_over(self) -> None:
         autopilot, now_s = self.vehicle.autopilot, self.now_s

@@ -15,9 +15,9 @@ from sitl.px4sim.state.px4_modes import FlightMode
 from sitl.rehearsal.companion import EPOCH_S
 from sitl.rehearsal.courses import ScheduledFault
 from sitl.rehearsal.faults import PHASES, Scene
-from sitl.rehearsal.haste import Haste
+from sitl.rehearsal.hasty_operator import HastyOperator
 from sitl.rehearsal.inputs import prank_of, request_of, wrong_of
-from sitl.rehearsal.judge.evidence import What
+from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.scenario import Scenario
 from sitl.rehearsal.stand_ins.link import StreamFault, Way
 from sitl.rehearsal.stand_ins.team import pose
@@ -58,7 +58,7 @@ class Script:
         self._upload = False
         self._reading: tuple[float, str | None, int] | None = None
         self._other_until_s = -math.inf
-        haste = self._haste = Haste(scenario, self._ask, self._change)
+        haste = self._haste = HastyOperator(scenario, self._ask, self._change)
         self.pilot = False
         self._happenings: dict[str, Callable[[Any], object]] = {
             "jump": self._jump_by,
@@ -128,7 +128,7 @@ class Script:
         """Let happen what is due."""
         while self._due and self._due[0][0] <= now_s:
             _, scheduled = self._due.pop(0)
-            self._scenario.happened(What.FAULT, scheduled.what)
+            self._scenario.happened(SceneEventKind.FAULT, scheduled.what)
             self._happenings[scheduled.what](scheduled.value)
         self._haste.step(now_s)
         self._go_on_asking(now_s)
@@ -160,7 +160,7 @@ class Script:
 
     def _battery(self, drain_s: float) -> None:
         self._scenario.stations.parameter("SIM_BAT_DRAIN", drain_s)
-        self._scenario.happened(What.BATTERY, drain_s)
+        self._scenario.happened(SceneEventKind.BATTERY, drain_s)
 
     def _fuller(self, share: float) -> None:
         def lie(fields: dict[str, Any], _dice: object) -> dict[str, Any]:
@@ -213,7 +213,7 @@ class Script:
 
     def _taken(self, how: str) -> None:
         self.pilot = True
-        self._scenario.happened(What.PILOT, how)
+        self._scenario.happened(SceneEventKind.PILOT, how)
 
     def _pilot(self, name: str) -> None:
         mode = FlightMode[name]
@@ -293,7 +293,7 @@ class Script:
         was_armed = self._scenario.vehicle.autopilot.armed
         self._scenario.stations.command(400, 0.0, force)
         if was_armed and not self._scenario.vehicle.autopilot.armed:
-            self._scenario.happened(What.DISARMED, "station")
+            self._scenario.happened(SceneEventKind.DISARMED, "station")
 
     def _home(self, by: tuple[float, float]) -> None:
         situation = self._scenario.vehicle.autopilot.situation
@@ -304,7 +304,7 @@ class Script:
         degrees = situation.projection.to_global(north_m, east_m + side_m)
         amsl_m = situation.home_altitude_m + up_m
         self._scenario.stations.set_home(*degrees, amsl_m)
-        self._scenario.happened(What.HOME_MOVED, (*degrees, amsl_m))
+        self._scenario.happened(SceneEventKind.HOME_MOVED, (*degrees, amsl_m))
 
     def _plan(self, which: str) -> None:
         stations = self._scenario.stations
@@ -327,10 +327,10 @@ class Script:
             return
         if ahead_m is None:
             self._scenario.stations.delete(MissionType.FENCE)
-            self._scenario.happened(What.FENCE_CHANGED, "deleted")
+            self._scenario.happened(SceneEventKind.FENCE_CHANGED, "deleted")
         else:
             self._scenario.stations.add_zone(ahead_m)
-            self._scenario.happened(What.FENCE_CHANGED, "added")
+            self._scenario.happened(SceneEventKind.FENCE_CHANGED, "added")
 
     # Robots
 
@@ -360,7 +360,9 @@ class Script:
     def _ask(self, request: AnyRequest) -> None:
         companion = self._scenario.companion
         if companion is not None:
-            self._scenario.happened(What.REQUEST, _VERBS.get(type(request).__name__, "another"))
+            self._scenario.happened(
+                SceneEventKind.REQUEST, _VERBS.get(type(request).__name__, "another")
+            )
             self._scenario.call(lambda: companion.ask(request))
 
     def _request(self, choice: float) -> None:
@@ -412,12 +414,12 @@ class Script:
         until_s, _, zones = self._reading
         companion = self._scenario.companion
         if companion is not None and len(companion.flight.controller.mission.zones) != zones:
-            self._scenario.happened(What.MISSION_FILE, self._scenario.file.text)
+            self._scenario.happened(SceneEventKind.MISSION_FILE, self._scenario.file.text)
         elif companion is not None and now_s < until_s:
             return
         else:
             left = (until_s - READ_S, self._scenario.file.text)
-            self._scenario.happened(What.FILE_LEFT, left)
+            self._scenario.happened(SceneEventKind.FILE_LEFT, left)
             self._scenario.file.undo()
         self._reading = None
 

@@ -24,7 +24,7 @@ from typing import Self
 
 from air_router.errors import AirRouterError
 from mocha_link.team.team import Team
-from sitl.team.relayed_flow import Flow, RadioLink, Side, close_socket
+from sitl.team.relayed_flow import Flow, RadioLink, RelayedSocket, close_socket
 
 CLOSE_AFTER_S = 2.0
 """Wall seconds that a cut may last before the connections over it are closed."""
@@ -167,7 +167,7 @@ class Relay:
                 for key, mask in ready:
                     if isinstance(key.data, _Listener):
                         self._accept(key.data)
-                    elif isinstance(key.data, Side):
+                    elif isinstance(key.data, RelayedSocket):
                         self._serve(key.data, mask)
                     else:
                         self._wake_out.recv(4096)
@@ -217,7 +217,7 @@ class Relay:
         else:
             self._drop(flow)
 
-    def _serve(self, side: Side, mask: int) -> None:
+    def _serve(self, side: RelayedSocket, mask: int) -> None:
         flow = side.flow
         if flow not in flow.link.flows or not flow.link.up:
             return  # gone or cut since the selector saw it

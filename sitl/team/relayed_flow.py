@@ -60,7 +60,7 @@ class RadioLink:
 
 
 @dataclass(slots=True, eq=False)
-class Side:
+class RelayedSocket:
     """One end of a connection: its socket, and bytes that it has yet to take."""
 
     socket: socket.socket
@@ -80,12 +80,12 @@ class Flow:
 
     def __init__(self, accepted: socket.socket, dialling: socket.socket, link: RadioLink) -> None:
         self.link = link
-        self.near = Side(accepted, self)
-        self.far = Side(dialling, self)
+        self.near = RelayedSocket(accepted, self)
+        self.far = RelayedSocket(dialling, self)
         self._connected = False
 
     @property
-    def sides(self) -> tuple[Side, Side]:
+    def sides(self) -> tuple[RelayedSocket, RelayedSocket]:
         """Both ends."""
         return self.near, self.far
 
@@ -94,7 +94,7 @@ class Flow:
         """Both ends have said all, and were told so."""
         return all(side.at_end and side.told_end for side in self.sides)
 
-    def serve(self, side: Side, mask: int) -> bool:
+    def serve(self, side: RelayedSocket, mask: int) -> bool:
         """Do what the selector found possible; False if the connection is broken."""
         try:
             if side is self.far and not self._connected:
@@ -111,7 +111,7 @@ class Flow:
             return False
         return True
 
-    def wanted(self, side: Side) -> int:
+    def wanted(self, side: RelayedSocket) -> int:
         """What the selector should wait for at a side; nothing while the link is cut."""
         if not self.link.up:
             return 0
@@ -126,10 +126,10 @@ class Flow:
         for side in self.sides:
             close_socket(side.socket, reset=reset)
 
-    def _other(self, side: Side) -> Side:
+    def _other(self, side: RelayedSocket) -> RelayedSocket:
         return self.far if side is self.near else self.near
 
-    def _read(self, side: Side) -> None:
+    def _read(self, side: RelayedSocket) -> None:
         other = self._other(side)
         size = self.link.allowance()
         if side.at_end or other.pending or not size:
@@ -139,7 +139,7 @@ class Flow:
         side.at_end = not other.pending
         self._flush(other)
 
-    def _flush(self, side: Side) -> None:
+    def _flush(self, side: RelayedSocket) -> None:
         if side is self.far and not self._connected:
             return
         if side.pending:

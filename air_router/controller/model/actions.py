@@ -120,7 +120,7 @@ class CommandAck:
     points: tuple[Point, ...] = ()
 
 
-class Taker(Enum):
+class ControlHolder(Enum):
     """Who else may have the vehicle."""
 
     PILOT = "the pilot"
@@ -133,7 +133,7 @@ class Finish:
 
     landed_by_us: bool
     why: str
-    taken_by: Taker | None = None
+    taken_by: ControlHolder | None = None
 
 
 Action = (

@@ -82,7 +82,7 @@ class LandState(StateHandler):
 
 
 @dataclass(slots=True, eq=False)
-class GivenAway(StateHandler):
+class HandsOffState(StateHandler):
     """PASSIVE and DONE: the vehicle is not ours any more, or down. Nothing is flown."""
 
     _begin: Callable[[], None]

@@ -14,7 +14,7 @@ from air_router.controller.model.mission_context import StateHandler
 from air_router.controller.model.states import From, Requests, Signal, Spec, State
 from air_router.controller.states.explore_state import ExploreState
 from air_router.controller.states.goto_state import GotoState
-from air_router.controller.states.hold_state import GivenAway, HoldState, LandState
+from air_router.controller.states.hold_state import HandsOffState, HoldState, LandState
 from air_router.controller.states.return_state import ReturnState
 from air_router.controller.states.search_state import CommState, SearchState
 
@@ -56,10 +56,10 @@ STATES: Final[Mapping[State, Spec]] = MappingProxyType({
             Signal.GROUNDED: State.DONE, **_ASKED}),
     State.LAND: Spec(LandState, requests=Requests.CALL_OFF, keeps_target=True,
         on={Signal.GROUNDED: State.DONE, Signal.TAKEN_OVER: State.PASSIVE}),
-    State.PASSIVE: Spec(GivenAway, requests=Requests.NOT_OURS, ours=False, keeps_target=True,
+    State.PASSIVE: Spec(HandsOffState, requests=Requests.NOT_OURS, ours=False, keeps_target=True,
         on={Signal.GROUNDED: State.DONE, Signal.RESUMED: State.EXPL,
             Signal.COME_HOME: State.HOME}),
-    State.DONE: Spec(GivenAway, requests=Requests.OVER, ours=False, keeps_target=True, on={}),
+    State.DONE: Spec(HandsOffState, requests=Requests.OVER, ours=False, keeps_target=True, on={}),
 })
 # fmt: on
 """The mission's state machine. What is not here does not happen."""

@@ -77,7 +77,7 @@ class RoundRobin:
 
 
 @dataclass(frozen=True, slots=True)
-class Meeting:
+class MeetingPoint:
     """Where a robot would be met, and how long the vehicle flies there."""
 
     place: SearchPlace
@@ -85,7 +85,7 @@ class Meeting:
 
 
 @dataclass(frozen=True, slots=True)
-class _Prospect:
+class _Candidate:
     """A robot that could be sought: where, how old what we hold of it is, and what it is worth."""
 
     place: SearchPlace
@@ -146,7 +146,7 @@ class Freshest:
         """As `Policy.place`."""
         return self._meeting(robot, targets, outlook).place
 
-    def _prospect(self, robot: str, targets: TargetList, outlook: Outlook) -> _Prospect:
+    def _prospect(self, robot: str, targets: TargetList, outlook: Outlook) -> _Candidate:
         known = targets[robot]
         meeting = self._meeting(robot, targets, outlook)
         arrival_s = outlook.now_s + meeting.flight_s
@@ -158,15 +158,17 @@ class Freshest:
         # Multiplied by what may be infinite, not divided: where no way leads, nothing is gained.
         chance = 1 / (1 + doubt_s / round_s) / (1 + known.tries)
         benefit = ages_s * chance / (meeting.flight_s + round_s)
-        return _Prospect(meeting.place, age_s, meeting.flight_s, benefit)
+        return _Candidate(meeting.place, age_s, meeting.flight_s, benefit)
 
-    def _meeting(self, robot: str, targets: TargetList, outlook: Outlook) -> Meeting:
+    def _meeting(self, robot: str, targets: TargetList, outlook: Outlook) -> MeetingPoint:
         course = targets.course(robot)
         if course is None:
-            return Meeting(SearchPlace(robot, None, NEVER_HEARD), outlook.flight_s(outlook.unseen))
+            return MeetingPoint(
+                SearchPlace(robot, None, NEVER_HEARD), outlook.flight_s(outlook.unseen)
+            )
         along_m, flight_s = self._aim(course, outlook)
         words = _words(course, along_m, outlook)
-        return Meeting(SearchPlace(robot, course.place(along_m), words), flight_s)
+        return MeetingPoint(SearchPlace(robot, course.place(along_m), words), flight_s)
 
     def _aim(self, course: PredictedPath, outlook: Outlook) -> tuple[float, float]:
         """How far along a course the robot is sought, and the flight there."""

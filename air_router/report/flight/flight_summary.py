@@ -42,7 +42,7 @@ class NothingFlownError(AirRouterError):
 
 
 @dataclass(frozen=True, slots=True)
-class Stay:
+class StateInterval:
     """A time in one state; `robot` is whom it is about."""
 
     state: str
@@ -93,7 +93,7 @@ class FlightSummary:
     track: list[tuple[float, float, float, float]] = field(default_factory=list)
     distances: list[tuple[float, float]] = field(default_factory=list)
     battery: list[tuple[float, float]] = field(default_factory=list)
-    states: list[Stay] = field(default_factory=list)
+    states: list[StateInterval] = field(default_factory=list)
     announcements: list[tuple[float, str]] = field(default_factory=list)
     closest: tuple[float, str] | None = field(default=None, init=False)
     requests: list[RequestRecord] = field(default_factory=list)
@@ -230,7 +230,7 @@ class FlightSummary:
     def _leave(self, t: float) -> None:
         if self._entered is not None:
             state, from_s, robot, because = self._entered
-            self.states.append(Stay(state.name, from_s, t, robot, because))
+            self.states.append(StateInterval(state.name, from_s, t, robot, because))
 
     @property
     def mission(self) -> Mission | None:

@@ -26,7 +26,7 @@ def system_of(datagram: bytes) -> int | None:
     return datagram[_SYSTEM_AT[datagram[0]]]
 
 
-class _Ear(asyncio.DatagramProtocol):
+class _Receiver(asyncio.DatagramProtocol):
     def __init__(self) -> None:
         self.systems: set[int] = set()
 
@@ -45,7 +45,7 @@ async def listen(
         The systems heard by port, and the ports that other programs have.
     """
     loop = asyncio.get_running_loop()
-    ears: dict[int, _Ear] = {}
+    ears: dict[int, _Receiver] = {}
     taken = []
     async with contextlib.AsyncExitStack() as stack:
         for port in ports:
@@ -56,7 +56,7 @@ async def listen(
                 bound.close()
                 taken.append(port)
                 continue
-            transport, ear = await loop.create_datagram_endpoint(_Ear, sock=bound)
+            transport, ear = await loop.create_datagram_endpoint(_Receiver, sock=bound)
             stack.callback(transport.close)
             ears[port] = ear
         await asyncio.sleep(limit_s)

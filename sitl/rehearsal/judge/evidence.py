@@ -68,7 +68,7 @@ class WireMessage:
     delivered: bool = True
 
 
-class What(StrEnum):
+class SceneEventKind(StrEnum):
     """What can happen in a scene that the judge has to know of; the comment says the value.
 
     Only what has been done is told, when it has been done: a pilot's mode that the vehicle refused
@@ -95,17 +95,17 @@ class What(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class SceneEvent:
     """Something that the scene did.
 
     Attributes:
         time_s: When.
         what: Which kind.
-        value: As `What` says.
+        value: As `SceneEventKind` says.
     """
 
     time_s: float
-    what: What
+    what: SceneEventKind
     value: Any = None
 
 
@@ -148,7 +148,7 @@ class Evidence:
     samples: tuple[Sample, ...]
     messages: tuple[WireMessage, ...] = ()
     heard: tuple[WireMessage, ...] = ()
-    happenings: tuple[Happening, ...] = ()
+    happenings: tuple[SceneEvent, ...] = ()
     lines: tuple[Line, ...] = ()
     exit_code: int | None = None
     outcome: str = ""
@@ -157,6 +157,6 @@ class Evidence:
     reaction_s: float = 1.0
     speed: float = 1.0
 
-    def told(self, what: What) -> Iterator[Happening]:
+    def told(self, what: SceneEventKind) -> Iterator[SceneEvent]:
         """The happenings of a kind, in order of time."""
         return (happening for happening in self.happenings if happening.what is what)

@@ -11,11 +11,11 @@ from typing import Final
 import numpy as np
 
 from sitl.rehearsal.judge.acceptance import End, Row, accepted
-from sitl.rehearsal.judge.evidence import AUTOPILOT, Evidence, What
+from sitl.rehearsal.judge.evidence import AUTOPILOT, Evidence, SceneEventKind
 from sitl.rehearsal.judge.judge_heard import announcements
 from sitl.rehearsal.judge.judge_inputs import InputJudge
 from sitl.rehearsal.judge.judge_space import SpaceJudge
-from sitl.rehearsal.judge.judge_track import LAND_MODE, By, Track, Violation, number
+from sitl.rehearsal.judge.judge_track import LAND_MODE, Responsible, Track, Violation, number
 from sitl.rehearsal.judge.judge_wire import WireJudge
 from sitl.rehearsal.judge.mission_reader import MissionFileError
 
@@ -39,7 +39,13 @@ _CRITICAL: Final = 5  # MAV_STATE_CRITICAL
 _SAYS_PILOT: Final = re.compile(r"pilot (chose|took|has)", re.IGNORECASE)
 _LANDED: Final = "landed at home"
 _TAKEN: Final = frozenset(
-    {What.PILOT, What.DISARMED, What.FENCE_CHANGED, What.HOME_MOVED, What.REBOOTED}
+    {
+        SceneEventKind.PILOT,
+        SceneEventKind.DISARMED,
+        SceneEventKind.FENCE_CHANGED,
+        SceneEventKind.HOME_MOVED,
+        SceneEventKind.REBOOTED,
+    }
 )
 
 
@@ -61,8 +67,8 @@ class Verdict:
     faults: frozenset[str]
     end: End
     violations: tuple[Violation, ...] = ()
-    nearest_m: Mapping[By, float] = field(default_factory=dict)
-    seconds: Mapping[By, float] = field(default_factory=dict)
+    nearest_m: Mapping[Responsible, float] = field(default_factory=dict)
+    seconds: Mapping[Responsible, float] = field(default_factory=dict)
     said: str = ""
 
     @property
@@ -123,11 +129,14 @@ def _end(track: Track, row: Row) -> End:
         return End.STAYED
     if any(not s.armed and not s.landed for s in samples):
         return End.FELL
-    holder = {By.PILOT: End.PILOT, By.AUTOPILOT: End.FAILSAFE}
+    holder = {Responsible.PILOT: End.PILOT, Responsible.AUTOPILOT: End.FAILSAFE}
     if track.flying[-1]:
         kinds = [h.what for h in track.evidence.happenings]
-        alone = What.KILLED in kinds and What.STARTED not in kinds[kinds.index(What.KILLED) :]
-        changed = [h.time_s for h in track.evidence.told(What.FENCE_CHANGED)]
+        alone = (
+            SceneEventKind.KILLED in kinds
+            and SceneEventKind.STARTED not in kinds[kinds.index(SceneEventKind.KILLED) :]
+        )
+        changed = [h.time_s for h in track.evidence.told(SceneEventKind.FENCE_CHANGED)]
         let_go = [line.time_s for line in track.evidence.lines if "hands off" in line.text]
         left = End.HOVERS if alone else End.NOT
         if changed and let_go and let_go[-1] >= changed[0]:
@@ -148,7 +157,7 @@ def _ending(track: Track, end: End, row: Row) -> Iterator[Violation]:
     if end not in row.ends:
         text = f"{end.value}, {last:.1f} m from home; this fault allows: "
         yield Violation(last_s, "end", text + ", ".join(e.value for e in row.ends))
-    anew = [h.time_s for h in track.evidence.told(What.REBOOTED)]
+    anew = [h.time_s for h in track.evidence.told(SceneEventKind.REBOOTED)]
     steps = zip(track.time_s, track.time_s[1:], track.flying, strict=False)
     flown = [b - a for a, b, up in steps if up and not any(a - 1.0 <= at_s <= b for at_s in anew)]
     widest_s = max(flown, default=0.0)
@@ -160,7 +169,7 @@ def _ending(track: Track, end: End, row: Row) -> Iterator[Violation]:
 def _battery(track: Track) -> Iterator[Violation]:
     """A battery's failsafe is bad where home could be reached after the reserve was."""
     evidence = track.evidence
-    if not any(True for _ in evidence.told(What.BATTERY)):
+    if not any(True for _ in evidence.told(SceneEventKind.BATTERY)):
         return
     reserve = track.mission.battery_reserve * 100.0
     low_s = next(
@@ -173,7 +182,7 @@ def _battery(track: Track) -> Iterator[Violation]:
         ),
         math.inf,
     )
-    failsafe_s = next((b for b, _, by in track.given if by is By.AUTOPILOT), math.inf)
+    failsafe_s = next((b for b, _, by in track.given if by is Responsible.AUTOPILOT), math.inf)
     if not low_s < failsafe_s < math.inf:
         return
     index = track.at(low_s)
@@ -187,7 +196,11 @@ def _battery(track: Track) -> Iterator[Violation]:
 def _that_happened(track: Track) -> frozenset[str]:
     """The faults of the scene, without a pilot's choice that was refused or came too late."""
     faults = track.evidence.faults
-    return faults if any(by is By.PILOT for *_, by in track.given) else faults - {"PILOT", "PAUSE"}
+    return (
+        faults
+        if any(by is Responsible.PILOT for *_, by in track.given)
+        else faults - {"PILOT", "PAUSE"}
+    )
 
 
 def _was_lied_to(track: Track, at_s: float) -> bool:
@@ -221,7 +234,7 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
     if end is not End.LANDED and _LANDED in text:
         yield Violation(last_s, "told", f"'{_LANDED}' was said: {end.value}")
     # A companion that is started anew while it lands leaves it to do so, and says that.
-    left = code == REFUSED and len(list(evidence.told(What.STARTED))) > 1
+    left = code == REFUSED and len(list(evidence.told(SceneEventKind.STARTED))) > 1
     if end is End.LANDED and code not in {DONE, None} and not (lied_to or left):
         yield Violation(last_s, "told", f"exit {code}, though it landed at home by our command")
     if code == TAKEN_OVER and not taken:
@@ -230,8 +243,10 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
     if claims and not lied_to and claims[0] < min(taken, default=math.inf) - _LAG_S:
         yield Violation(claims[0], "told", "a pilot is said to have taken over, but none had")
     # Disarmed by a station there is nothing to take over: the flight ends, and says why.
-    disarmed = any(h.what is What.DISARMED for h in evidence.happenings) and "disarm" in text
-    over_s = max((h.time_s for h in evidence.told(What.ENDED)), default=math.inf)
+    disarmed = (
+        any(h.what is SceneEventKind.DISARMED for h in evidence.happenings) and "disarm" in text
+    )
+    over_s = max((h.time_s for h in evidence.told(SceneEventKind.ENDED)), default=math.inf)
     before = min(taken, default=math.inf) > over_s  # it had ended before that
     if end is End.PILOT and code not in {TAKEN_OVER, None} and not (disarmed or left or before):
         yield Violation(last_s, "told", f"exit {code}, though the pilot has the vehicle")
@@ -239,7 +254,7 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
         return
     # What was said before it went wrong, as by the pre-flight card, is not said of it.
     flies_s = float(track.time_s[int(np.argmax(track.flying))])
-    begun_s = min((h.time_s for h in evidence.told(What.FAULT)), default=flies_s)
+    begun_s = min((h.time_s for h in evidence.told(SceneEventKind.FAULT)), default=flies_s)
     if row.shows_s and _cruised_s(track, begun_s) < row.shows_s:
         return
     since = [text for time_s, text in announcements(evidence) if time_s >= begun_s]
@@ -249,7 +264,7 @@ def _words(track: Track, end: End, row: Row) -> Iterator[Violation]:
 
 def _cruised_s(track: Track, since_s: float) -> float:
     """For how long it flew level from then on, until an offset was taken back."""
-    offs_s = [h.time_s for h in track.evidence.told(What.FAULT) if h.value == "off"]
+    offs_s = [h.time_s for h in track.evidence.told(SceneEventKind.FAULT) if h.value == "off"]
     until_s = offs_s[1] if len(offs_s) > 1 else math.inf
     level = track.flying & (track.above_m > _CRUISES * track.mission.altitudes_m[0])
     level &= np.array([s.custom_mode != LAND_MODE for s in track.evidence.samples])

@@ -17,10 +17,18 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from sitl.rehearsal.judge.evidence import What, WireMessage
+from sitl.rehearsal.judge.evidence import SceneEventKind, WireMessage
 from sitl.rehearsal.judge.judge_heard import INPUTS, Input, announcements, news, spans
 from sitl.rehearsal.judge.judge_space import leads_home, same_area, sky_areas
-from sitl.rehearsal.judge.judge_track import LAND_MODE, By, Floats, Sky, Track, Violation, number
+from sitl.rehearsal.judge.judge_track import (
+    LAND_MODE,
+    Floats,
+    Responsible,
+    Sky,
+    Track,
+    Violation,
+    number,
+)
 from sitl.rehearsal.judge.mission_reader import Area, MissionFileError
 
 _SAID_S: Final = 3.0
@@ -110,11 +118,18 @@ class InputJudge:
     def _deaf_spans(self) -> Iterator[tuple[float, float]]:
         """When the companion was not running, or not yet connected."""
         evidence = self.track.evidence
-        since_s = -math.inf if any(evidence.told(What.STARTED)) else None
+        since_s = -math.inf if any(evidence.told(SceneEventKind.STARTED)) else None
         for happening in evidence.happenings:
-            if happening.what in {What.KILLED, What.STOPPED, What.ENDED}:
+            if happening.what in {
+                SceneEventKind.KILLED,
+                SceneEventKind.STOPPED,
+                SceneEventKind.ENDED,
+            }:
                 since_s = happening.time_s
-            elif happening.what in {What.STARTED, What.CONTINUED} and since_s is not None:
+            elif (
+                happening.what in {SceneEventKind.STARTED, SceneEventKind.CONTINUED}
+                and since_s is not None
+            ):
                 yield since_s, happening.time_s + _SETTLED_S
                 since_s = None
         if since_s is not None:
@@ -128,7 +143,7 @@ class InputJudge:
         first, last = track.at(begin_s), track.at(end_s)
         if end_s > track.time_s[-1] or not track.flying[first : last + 1].all():
             return False
-        return not ours or all(by is By.OURS for by in track.by[first : last + 1])
+        return not ours or all(by is Responsible.OURS for by in track.by[first : last + 1])
 
     def _state(self, time_s: float) -> str:
         """The mission state that was announced last."""
@@ -153,7 +168,7 @@ class InputJudge:
     def _judge_files_left(self) -> None:
         """Other zones or fences that it was asked to heed, and did not: it says why."""
         track = self.track
-        for left in track.evidence.told(What.FILE_LEFT):
+        for left in track.evidence.told(SceneEventKind.FILE_LEFT):
             asked_s, text = left.value
             flown = track.sky(asked_s)
             try:
@@ -231,7 +246,7 @@ class InputJudge:
     def _cruises(self, index: int) -> bool:
         track = self.track
         lands = track.evidence.samples[index].custom_mode == LAND_MODE
-        return bool(track.flying[index]) and track.by[index] is By.OURS and not lands
+        return bool(track.flying[index]) and track.by[index] is Responsible.OURS and not lands
 
     def _judge_way_home(self, since_s: float, what: str) -> None:
         """From then on it flies home: within the time that the way takes it begins to land."""

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from sitl.rehearsal.judge.judge_track import LAND_MODE, By, Floats, Sky, Track, Violation
+from sitl.rehearsal.judge.judge_track import LAND_MODE, Floats, Responsible, Sky, Track, Violation
 from sitl.rehearsal.judge.mission_reader import Area
 
 STOP_M: Final = 12.0
@@ -66,8 +66,8 @@ class SpaceJudge:
     track: Track
     tolerance: Tolerance = NONE
     violations: list[Violation] = field(default_factory=list)
-    nearest_m: dict[By, float] = field(default_factory=dict)
-    seconds: dict[By, float] = field(default_factory=dict)
+    nearest_m: dict[Responsible, float] = field(default_factory=dict)
+    seconds: dict[Responsible, float] = field(default_factory=dict)
 
     def judge(self) -> None:
         """Look at the whole track."""
@@ -88,14 +88,14 @@ class SpaceJudge:
         track = self.track
         first, last = (bisect.bisect_left(track.time_s, at_s) for at_s in span)
         rooms = rooms_m(track, area, first, last, fence=fence)
-        limit_m, leaving, before = area.clearance_m, False, By.OURS
+        limit_m, leaving, before = area.clearance_m, False, Responsible.OURS
         worst: tuple[float, int, float] | None = None
         for index, room_m in zip(range(first, last), rooms, strict=True):
             by = track.by[index]
             self.nearest_m[by] = min(self.nearest_m.get(by, math.inf), room_m)
-            if by is By.OURS and math.isfinite(room_m):
+            if by is Responsible.OURS and math.isfinite(room_m):
                 appears = new and index == first
-                if appears or (before is not By.OURS and room_m < area.clearance_m):
+                if appears or (before is not Responsible.OURS and room_m < area.clearance_m):
                     excuse_m = STOP_M if appears else DRIFT_M
                     limit_m, leaving = min(area.clearance_m, room_m - excuse_m), True
                 elif leaving and room_m >= area.clearance_m:
@@ -121,7 +121,7 @@ class SpaceJudge:
         near_m = mission.acceptance_m + BESIDE_HOME_M + self.tolerance.home_m
         worst: dict[str, tuple[float, Violation]] = {}
         up = landing = False
-        excuse_m, before = 0.0, By.OURS
+        excuse_m, before = 0.0, Responsible.OURS
 
         def note(kind: str, text: str, value: float, limit: float) -> None:
             short = abs(value - limit)
@@ -138,8 +138,10 @@ class SpaceJudge:
             beyond_m = max(low_m - above_m, above_m - high_m, 0.0)
             up |= above_m >= low_m
             excuse_m = 0.0 if beyond_m == 0.0 else excuse_m
-            if by is By.OURS:
-                if before is not By.OURS and beyond_m:  # it may not get farther off from here
+            if by is Responsible.OURS:
+                if (
+                    before is not Responsible.OURS and beyond_m
+                ):  # it may not get farther off from here
                     excuse_m = beyond_m + DRIFT_M
                 lands = track.evidence.samples[index].custom_mode == LAND_MODE
                 begins = (lands and not landing) or not (up or excuse_m or lands)

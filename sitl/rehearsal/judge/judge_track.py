@@ -16,8 +16,8 @@ from sitl.rehearsal.judge.evidence import (
     AUTOPILOT,
     COMPANION,
     Evidence,
-    Happening,
-    What,
+    SceneEvent,
+    SceneEventKind,
     WireMessage,
 )
 from sitl.rehearsal.judge.mission_reader import RawMission, read_mission
@@ -58,7 +58,7 @@ _MOTIONS: Final = frozenset({16, 17, 20, 21, 22, 34, 176, 192, 193, 252, 300})
 _MOVING: Final = frozenset({"MISSION_SET_CURRENT", "SET_MODE", "MANUAL_CONTROL"})
 
 
-class By(StrEnum):
+class Responsible(StrEnum):
     """Who answers for where the vehicle is."""
 
     OURS = "ours"
@@ -123,7 +123,7 @@ class Track:
         samples = evidence.samples
         first_m = samples[0].altitude_amsl_m
         texts = [(-math.inf, evidence.mission_text)]
-        texts += [(h.time_s, str(h.value)) for h in evidence.told(What.MISSION_FILE)]
+        texts += [(h.time_s, str(h.value)) for h in evidence.told(SceneEventKind.MISSION_FILE)]
         self._first_m = first_m
         self.skies = [Sky(at_s, self.read(text)) for at_s, text in texts]
         self.mission = self.skies[0].mission
@@ -178,32 +178,34 @@ class Track:
     def _estimate_off(self) -> Floats:
         """For each sample; an estimate that comes back is followed by a vehicle that comes back."""
         off = np.zeros(len(self.time_s))
-        told = list(self.evidence.told(What.ESTIMATE_OFF))
+        told = list(self.evidence.told(SceneEventKind.ESTIMATE_OFF))
         for number, happening in enumerate(told):
             end_s = told[number + 1].time_s if number + 1 < len(told) else math.inf
             span = (self.time_s >= happening.time_s) & (self.time_s < end_s + SETTLES_S)
             off[span] = np.maximum(off[span], float(happening.value))
         return off
 
-    def _given(self) -> Iterator[tuple[float, float, By]]:
+    def _given(self) -> Iterator[tuple[float, float, Responsible]]:
         takings = [
-            (h.time_s, By.PILOT)
+            (h.time_s, Responsible.PILOT)
             for h in self.evidence.happenings
-            if h.what in {What.PILOT, What.DISARMED} and self._shows(h)
+            if h.what in {SceneEventKind.PILOT, SceneEventKind.DISARMED} and self._shows(h)
         ]
-        takings += [(h.time_s, By.AUTOPILOT) for h in self.evidence.told(What.REBOOTED)]
+        takings += [
+            (h.time_s, Responsible.AUTOPILOT) for h in self.evidence.told(SceneEventKind.REBOOTED)
+        ]
         acting = False
         for sample in self.evidence.samples:
             if sample.failsafe and not acting:
-                takings.append((sample.time_s, By.AUTOPILOT))
+                takings.append((sample.time_s, Responsible.AUTOPILOT))
             acting = sample.failsafe
-        last: dict[By, float] = {}
+        last: dict[Responsible, float] = {}
         for begin_s, by in sorted(takings):
             if begin_s >= last.get(by, -math.inf):
                 last[by] = self._given_back_s(begin_s)
                 yield begin_s, last[by], by
 
-    def _shows(self, taking: Happening) -> bool:
+    def _shows(self, taking: SceneEvent) -> bool:
         """Whether anything changed: of two choices at once the second may undo the first.
 
         So may a command of ours that leaves before another item or place could be heard of.
@@ -219,7 +221,7 @@ class Track:
         after = samples[self.at(taking.time_s) : self.at(taking.time_s + _SHOWS_S) + 1]
         return any(sample.custom_mode != before for sample in after)
 
-    def _heard_of_s(self, taking: Happening) -> float:
+    def _heard_of_s(self, taking: SceneEvent) -> float:
         """When the companion heard that the vehicle goes elsewhere; infinite: never."""
         name, fields = _TELLS[str(taking.value)]
         told = [
@@ -237,7 +239,7 @@ class Track:
             h.time_s
             for h in self.evidence.happenings
             if h.time_s > since_s
-            if (_resumes(h) and self._free(h.time_s)) or h.what is What.STARTED
+            if (_resumes(h) and self._free(h.time_s)) or h.what is SceneEventKind.STARTED
         ]
         if not asked:
             return math.inf
@@ -249,15 +251,15 @@ class Track:
         sample = self.evidence.samples[self.at(time_s)]
         return sample.custom_mode in GIVEN_BACK_IN and not sample.failsafe
 
-    def _answers(self, time_s: float) -> By:
+    def _answers(self, time_s: float) -> Responsible:
         holders = [by for begin_s, end_s, by in self.given if begin_s <= time_s < end_s]
-        if By.PILOT in holders:
-            return By.PILOT
-        return By.AUTOPILOT if holders else By.OURS
+        if Responsible.PILOT in holders:
+            return Responsible.PILOT
+        return Responsible.AUTOPILOT if holders else Responsible.OURS
 
 
-def _resumes(happening: Happening) -> bool:
-    return happening.what is What.REQUEST and str(happening.value).split()[0] in RESUMING
+def _resumes(happening: SceneEvent) -> bool:
+    return happening.what is SceneEventKind.REQUEST and str(happening.value).split()[0] in RESUMING
 
 
 def command_of(message: WireMessage) -> int | None:

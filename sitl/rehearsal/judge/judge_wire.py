@@ -9,10 +9,17 @@ from typing import Final
 
 import shapely
 
-from sitl.rehearsal.judge.evidence import AUTOPILOT, What, WireMessage
+from sitl.rehearsal.judge.evidence import AUTOPILOT, SceneEventKind, WireMessage
 from sitl.rehearsal.judge.judge_plan import PlanJudge
 from sitl.rehearsal.judge.judge_space import DRIFT_M, Tolerance, room_m, sky_areas, straight_room_m
-from sitl.rehearsal.judge.judge_track import By, Track, Violation, command_of, is_motion, number
+from sitl.rehearsal.judge.judge_track import (
+    Responsible,
+    Track,
+    Violation,
+    command_of,
+    is_motion,
+    number,
+)
 from sitl.rehearsal.judge.mission_reader import Pair
 
 ARM, SPEED, REPOSITION, SET_HOME, RETURN, TERMINATE = 400, 178, 192, 179, 20, 185  # MAV_CMD
@@ -72,7 +79,7 @@ class WireJudge:
         plan.judge()
         self.violations += plan.violations
         armed = [s.time_s for s in track.evidence.samples if s.armed]
-        disarmed = [h.time_s for h in track.evidence.told(What.DISARMED)]
+        disarmed = [h.time_s for h in track.evidence.told(SceneEventKind.DISARMED)]
         if armed:
             later = (s.time_s for s in track.evidence.samples if s.time_s > armed[0])
             gone = next((at for at in later if not self._armed(at)), math.inf)
@@ -125,7 +132,9 @@ class WireJudge:
                 continue
             known_s = next((h.time_s for h in self._hearts if h.time_s > begin_s), math.inf)
             known_s += self.track.evidence.reaction_s + self.notice_s
-            told = (h for h in self.track.evidence.told(What.PILOT) if h.time_s == begin_s)
+            told = (
+                h for h in self.track.evidence.told(SceneEventKind.PILOT) if h.time_s == begin_s
+            )
             known_s += _SHOWS_LATER_S if any(h.value in _UNSHOWN for h in told) else 0.0
             if message.time_s > known_s:
                 text = f"{words} while the vehicle is {by} since {begin_s:.1f} s"
@@ -142,7 +151,7 @@ class WireJudge:
             if seconds < least_s and _plain(before) == _plain(message):
                 self._add(message, "repeat", f"{message.name} left twice within {seconds:.2f} s")
         sent = [m for m in commands if is_motion(m)]
-        choices = [h.time_s for h in self.track.evidence.told(What.PILOT)]
+        choices = [h.time_s for h in self.track.evidence.told(SceneEventKind.PILOT)]
         for later, message in enumerate(sent):
             for before in sent[:later]:
                 again = _same(before, message) and message.time_s - before.time_s < _REPEATS_S
@@ -190,7 +199,7 @@ class WireJudge:
             end_s = sky.from_s + _RENEWS_S + track.evidence.reaction_s + self.notice_s
             told = [m for m in motions if m.delivered and m.time_s < sky.from_s - _READ_S]
             at_once = [m for m in motions if sky.from_s - _READ_S <= m.time_s <= end_s]
-            ours = set(track.by[index : track.at(end_s) + 1]) == {By.OURS}
+            ours = set(track.by[index : track.at(end_s) + 1]) == {Responsible.OURS}
             target = self._target(told[-1], plan) if told else None
             stands = math.dist(track.rest(index), (track.east_m[index], track.north_m[index])) < 0.2
             if target is None or at_once or stands or not ours or not track.flying[index]:

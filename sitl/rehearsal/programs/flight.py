@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from sitl.rehearsal.judge.evidence import Evidence, Happening, Line, What
+from sitl.rehearsal.judge.evidence import Evidence, Line, SceneEvent, SceneEventKind
 from sitl.rehearsal.judge.mission_reader import read_mission
 from sitl.rehearsal.programs.processes import Companion, Programs, free_port, hurry
 from sitl.rehearsal.programs.recording import Recording
@@ -71,9 +71,9 @@ class RealFlight:
         self._path = path
         self._speed = speed
         self._px4 = px4
-        self._happenings: list[Happening] = []
+        self._happenings: list[SceneEvent] = []
         self._lines: list[Line] = []
-        self._awaited: tuple[Happening, Callable[[], bool]] | None = None
+        self._awaited: tuple[SceneEvent, Callable[[], bool]] | None = None
         self._sticks_moved_s: tuple[float, float] | None = None
         self._relay: LossyRelay
         self._companion: Companion
@@ -125,7 +125,9 @@ class RealFlight:
             code = self._companion.process.poll()
             self._companion.close()
         seen = self._seen
-        taken = any(h.what in {What.PILOT, What.DISARMED} for h in self._happenings)
+        taken = any(
+            h.what in {SceneEventKind.PILOT, SceneEventKind.DISARMED} for h in self._happenings
+        )
         refused = self.scene.fault in _NEED and not taken
         return Evidence(
             scene=f"{self.scene}{' on PX4' if self._px4 else ' over MAVLink'}",
@@ -171,8 +173,12 @@ class RealFlight:
 
     def _is_left_alone(self, todo: list[Act]) -> bool:
         """Whether the pilot has it for good and the companion waits for its landing."""
-        told = [h.what for h in self._happenings if h.what in {What.PILOT, What.REQUEST}]
-        taken = told[-1:] == [What.PILOT]  # and not given back since
+        told = [
+            h.what
+            for h in self._happenings
+            if h.what in {SceneEventKind.PILOT, SceneEventKind.REQUEST}
+        ]
+        taken = told[-1:] == [SceneEventKind.PILOT]  # and not given back since
         return not todo and (taken or "-> PASSIVE" in self._companion.last)
 
     def _entered_s(self, state: str) -> float:
@@ -191,12 +197,12 @@ class RealFlight:
             if shows() or now_s > happening.time_s + _SHOWS_S:
                 self._awaited = None
 
-    def _note(self, what: What, value: object = None) -> None:
-        self._happenings.append(Happening(self._seen.time_s, what, value))
+    def _note(self, what: SceneEventKind, value: object = None) -> None:
+        self._happenings.append(SceneEvent(self._seen.time_s, what, value))
 
-    def _await(self, what: What, value: object, shows: Callable[[], bool]) -> None:
+    def _await(self, what: SceneEventKind, value: object, shows: Callable[[], bool]) -> None:
         if not shows():  # what is there already was not chosen now
-            self._awaited = Happening(self._seen.time_s, what, value), shows
+            self._awaited = SceneEvent(self._seen.time_s, what, value), shows
 
     # What is done, by the names of `scenes`.
 
@@ -207,54 +213,54 @@ class RealFlight:
             for _ in range(10):
                 self._station.sticks(0)
                 time.sleep(_BEAT_S)
-        self._await(What.PILOT, value, lambda: self._seen.mode == MODES[value])
+        self._await(SceneEventKind.PILOT, value, lambda: self._seen.mode == MODES[value])
         self._station.choose(value)
 
     def do_other_mode(self, value: str) -> None:
         """Another station chooses a mode."""
-        self._await(What.PILOT, value, lambda: self._seen.mode == MODES[value])
+        self._await(SceneEventKind.PILOT, value, lambda: self._seen.mode == MODES[value])
         Station(self._relay, 254).choose(value)
 
     def do_sticks(self, value: float) -> None:
         """The pilot holds the sticks for some seconds."""
         from_s = self._seen.time_s + _RESTS_S
         self._sticks_moved_s = from_s, from_s + value
-        self._await(What.PILOT, "sticks", lambda: self._seen.mode == MODES["POSCTL"])
+        self._await(SceneEventKind.PILOT, "sticks", lambda: self._seen.mode == MODES["POSCTL"])
 
     def do_resume(self, _value: object) -> None:
         """The operator asks it to go on."""
-        self._note(What.REQUEST, "resume")
+        self._note(SceneEventKind.REQUEST, "resume")
         self._companion.signal(signal.SIGUSR2)
 
     def do_ask(self, value: str) -> None:
         """The operator types a request."""
-        self._note(What.REQUEST, value)
+        self._note(SceneEventKind.REQUEST, value)
         self._companion.type(value)
 
     def do_silence(self, value: object) -> None:
         """Nothing passes, until it is said again."""
-        self._note(What.FAULT if value else What.FAULT_OVER, "silence")
+        self._note(SceneEventKind.FAULT if value else SceneEventKind.FAULT_OVER, "silence")
         self._relay.weather.silent = bool(value)
 
     def do_lose(self, value: str | None) -> None:
         """One stream does not pass."""
         self._relay.weather.lost = STREAMS[value] if value else frozenset()
-        self._note(What.FAULT if value else What.FAULT_OVER, "lost")
+        self._note(SceneEventKind.FAULT if value else SceneEventKind.FAULT_OVER, "lost")
 
     def do_freeze(self, value: str | None) -> None:
         """One stream says for ever what it said first."""
         self._relay.weather.frozen = STREAMS[value] if value else frozenset()
-        self._note(What.FAULT if value else What.FAULT_OVER, "frozen")
+        self._note(SceneEventKind.FAULT if value else SceneEventKind.FAULT_OVER, "frozen")
 
     def do_delay(self, value: str | None) -> None:
         """One stream, or all of them, come late."""
         self._relay.weather.late = STREAMS[value] if value else frozenset()
         self._relay.weather.late_s = 0.0 if value is None else _OLD_S / self._speed
-        self._note(What.FAULT_OVER if value is None else What.FAULT, "late")
+        self._note(SceneEventKind.FAULT_OVER if value is None else SceneEventKind.FAULT, "late")
 
     def do_delete(self, value: int) -> None:
         """A station deletes mission or fence."""
-        self._note(What.FENCE_CHANGED, "deleted")
+        self._note(SceneEventKind.FENCE_CHANGED, "deleted")
         self._station.clear(value)
 
     def do_replan(self, value: str) -> None:
@@ -264,48 +270,48 @@ class RealFlight:
             items = [*items[:3], *reversed(items[3:])]
 
         def stored() -> None:
-            self._note(What.FENCE_CHANGED, f"{value} plan")
+            self._note(SceneEventKind.FENCE_CHANGED, f"{value} plan")
             if value == "reversed":
-                self._note(What.PILOT, "plan")
+                self._note(SceneEventKind.PILOT, "plan")
 
         moved = [{**i, "x": i["x"] + 1, "y": i["y"] - 1} for i in items]
         self._station.upload(moved, stored=stored)
 
     def do_home(self, value: float) -> None:
         """A station moves home up or down."""
-        self._note(What.HOME_MOVED, value)
+        self._note(SceneEventKind.HOME_MOVED, value)
         first = self._seen.samples[0]
         place = first.latitude_deg, first.longitude_deg
         self._station.move_home(place, (self._seen.ground_m or 0.0) + value)
 
     def do_speed(self, value: float) -> None:
         """A station changes the speed."""
-        self._note(What.FAULT, "speed")
+        self._note(SceneEventKind.FAULT, "speed")
         self._station.change_speed(value)
 
     def do_disarm(self, value: bool) -> None:
         """The pilot disarms it, by force if it has to be."""
-        self._await(What.DISARMED, "pilot", lambda: not self._seen.armed)
+        self._await(SceneEventKind.DISARMED, "pilot", lambda: not self._seen.armed)
         self._station.disarm(forced=value)
 
     def do_battery(self, value: float) -> None:
         """It falls faster from now on: so many seconds from full to empty."""
-        self._note(What.BATTERY, value)
+        self._note(SceneEventKind.BATTERY, value)
         self._station.set_parameter("SIM_BAT_DRAIN", value)
 
     def do_stop(self, _value: object) -> None:
         """The companion's process gets no time."""
-        self._note(What.STOPPED)
+        self._note(SceneEventKind.STOPPED)
         self._companion.signal(signal.SIGSTOP)
 
     def do_go_on(self, _value: object) -> None:
         """It gets time again."""
-        self._note(What.CONTINUED)
+        self._note(SceneEventKind.CONTINUED)
         self._companion.signal(signal.SIGCONT)
 
     def do_kill(self, _value: object) -> None:
         """As a power failure does."""
-        self._note(What.KILLED)
+        self._note(SceneEventKind.KILLED)
         self._companion.close()
 
     def do_restart(self, _value: object) -> None:
@@ -315,14 +321,14 @@ class RealFlight:
 
     def do_reboot(self, _value: object) -> None:
         """The autopilot's power fails, and it starts anew."""
-        self._note(What.REBOOTED)
+        self._note(SceneEventKind.REBOOTED)
         self._programs.end_vehicles()
         self._seen.restart()
         self._programs.start_again()
 
     def do_move_link(self, _value: object) -> None:
         """The vehicle is heard from another port."""
-        self._note(What.FAULT, "link moved")
+        self._note(SceneEventKind.FAULT, "link moved")
         self._relay.move()
 
     def do_reload(self, _value: object) -> None:
@@ -338,7 +344,7 @@ class RealFlight:
         before, found, after = text.partition("no_fly_zones:\n")
         text = before + found + zone + after
         path.write_text(text, encoding="utf-8")
-        self._note(What.MISSION_FILE, text)
+        self._note(SceneEventKind.MISSION_FILE, text)
         self.do_ask("reload")
 
     def do_second_vehicle(self, _value: object) -> None:
@@ -353,7 +359,7 @@ class RealFlight:
     # The programs.
 
     def _start(self, *how: str) -> None:
-        self._note(What.STARTED)
+        self._note(SceneEventKind.STARTED)
         self._companion = Companion(
             [*self._arguments, *how], Path(self._arguments[0]).parent, lambda: self._seen.time_s
         )

@@ -45,7 +45,7 @@ Wrong = Callable[[dict[str, Any], random.Random], dict[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)
-class _Trouble:
+class _ActiveFault:
     """A stream's fault and when it is over."""
 
     kind: StreamFault
@@ -87,7 +87,7 @@ class Link:
         self._under_way: list[tuple[float, int, Callable[[], object]]] = []
         self._arrives_s = dict.fromkeys(Way, 0.0)
         self._delay_s, self._other_delay_s = 0.0, 0.0
-        self._troubles: dict[tuple[Way, str], _Trouble] = {}
+        self._troubles: dict[tuple[Way, str], _ActiveFault] = {}
         self._frozen: dict[tuple[Way, str], Fields] = {}
         self._booted_s = 0.0
 
@@ -108,7 +108,7 @@ class Link:
     ) -> None:
         """Something is the matter with one stream until then."""
         self._frozen.pop((way, name), None)
-        self._troubles[(way, name)] = _Trouble(kind, until_s, late_s, wrong)
+        self._troubles[(way, name)] = _ActiveFault(kind, until_s, late_s, wrong)
 
     def reboot(self, now_s: float) -> None:
         """The vehicle's clock begins anew."""
@@ -157,7 +157,7 @@ class Link:
         """What is under way is lost."""
         self._under_way.clear()
 
-    def _trouble_of(self, way: Way, name: str, now_s: float) -> _Trouble | None:
+    def _trouble_of(self, way: Way, name: str, now_s: float) -> _ActiveFault | None:
         trouble = self._troubles.get((way, name))
         if trouble is not None and now_s >= trouble.until_s:
             del self._troubles[(way, name)]

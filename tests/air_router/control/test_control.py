@@ -39,7 +39,7 @@ from air_router.errors import ExitCode
 from air_router.flight.command_service import CommandService
 from air_router.flight.mission_reloader import ReloadReport
 from air_router.sim import sim
-from air_router.sim.sim_world import Seat
+from air_router.sim.sim_world import SimVehicle
 from geo.frame import Point
 from mocha_link import ListenError, PortInUseError
 from mocha_link.service.endpoint import bind, connect
@@ -300,7 +300,7 @@ def test_of_several_simulated_uavs_each_has_its_own_endpoints():
         parser = argparse.ArgumentParser()
         sim.add_arguments(parser)
         arguments = parser.parse_args(["m.yaml", *more])
-        seats = [Seat(name, "udp://x", 1, "tcp://y") for name in ("titan", "atlas")]
+        seats = [SimVehicle(name, "udp://x", 1, "tcp://y") for name in ("titan", "atlas")]
         world = SimpleNamespace(team=Path("t"), pace=None)
         commands = [sim._command(seat, n, world, arguments) for n, seat in enumerate(seats)]
         names = ("--metrics", "--control", "--web", "--web-host")

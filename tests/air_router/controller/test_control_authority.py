@@ -5,7 +5,7 @@ import math
 import pytest
 
 from air_router.controller.control_authority import COMPARED_S
-from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere, Taker
+from air_router.controller.model.actions import ControlHolder, FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.events import RobotPose
 from air_router.controller.model.requests import ComeHome, GoOn, HoldNow
 from air_router.controller.model.states import State
@@ -154,7 +154,7 @@ def test_mission_chosen_far_away_and_low_is_held(pretend):
     assert [type(m) for m in flight.motions] == [HoldHere]
     flight.pilot_chooses(FlightMode.LAND)
     flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.taken_by is Taker.PILOT
+    assert flight.finished.taken_by is ControlHolder.PILOT
 
 
 @pytest.mark.parametrize("only_fence", [False, True])
@@ -374,7 +374,7 @@ def test_a_failsafe_that_shows_after_its_mode_is_not_told_as_the_pilot_s_choice(
     assert flight.said[-1] == "it was an autopilot failsafe that chose Hold mode"
     flight.mode = FlightMode.LAND
     flight.fly_until(lambda: flight.finished is not None)
-    assert flight.finished.taken_by is Taker.FAILSAFE
+    assert flight.finished.taken_by is ControlHolder.FAILSAFE
 
 
 def test_while_the_plan_on_board_is_compared_no_state_sends_it_anywhere(pretend):

@@ -18,8 +18,8 @@ from air_router.live.page import joint_page
 from air_router.live.page_address import PageAddress
 from air_router.live.relay import MOST_BYTES
 from air_router.web.assets import Assets
-from air_router.web.audience import Audience
 from air_router.web.backdrop import Backdrop
+from air_router.web.browsers import Browsers
 from air_router.web.guard import Guard
 from air_router.web.serving import Web, shown_beside
 from air_router.web.site import MAX_MESSAGE_BYTES, ServeError, Site
@@ -33,7 +33,7 @@ class FlightPage:
     def __init__(self, name, token=None):
         self.name = name
         self.heard = []
-        self.audience = Audience(self._receive, self._welcome)
+        self.audience = Browsers(self._receive, self._welcome)
         self._token = token
 
     def _welcome(self, outbox):

@@ -16,7 +16,7 @@ from shapely import Polygon
 from geo.airspace.airspace import Airspace
 from geo.airspace.zone import Circle, Outline, Zone
 from geo.coverage.coverage import CoverageError, Swath, cover
-from geo.coverage.missed import Why
+from geo.coverage.unseen import UnseenCause
 from geo.frame import Point
 
 MAPS = Path(__file__).parents[2] / "data" / "maps"
@@ -122,7 +122,7 @@ def test_the_start_decides_on_which_side_of_a_wall():
     wall = Airspace(box(-10, -10, 310, 210), [Zone("wall", box(148, -20, 152, 220))], 5.0)
     coverage = plan(FIELD, wall, start=Point(10, 10))
     check(coverage, FIELD, wall)
-    (missed,) = [m for m in coverage.missed if m.why is Why.APART]
+    (missed,) = [m for m in coverage.missed if m.why is UnseenCause.APART]
     assert missed.by in {"wall", "fence"}
     assert missed.place.east_m > 150
     assert 0.4 < coverage.share < 0.6
@@ -132,10 +132,10 @@ def test_what_no_place_can_see_is_named():
     narrow = Airspace(None, [Zone("a", box(0, 0, 300, 98)), Zone("b", box(0, 102, 300, 200))], 5.0)
     coverage = plan(FIELD.buffer(30, join_style="mitre"), narrow, Swath(8.0, 6.0, 6.0))
     missed = {(m.why, m.by) for m in coverage.missed}
-    assert missed & {(Why.NEAR, "a"), (Why.NEAR, "b")}
+    assert missed & {(UnseenCause.NEAR, "a"), (UnseenCause.NEAR, "b")}
     outside = Airspace(box(0, 0, 100, 200), [], 5.0)
     coverage = plan(FIELD, outside)
-    assert coverage.missed[0].why is Why.OUTSIDE
+    assert coverage.missed[0].why is UnseenCause.OUTSIDE
     assert coverage.missed[0].area_m2 > 30_000
 
 
@@ -234,5 +234,5 @@ def test_random_concave_areas_with_zones(seed):
     swath = Swath(chance.uniform(30, 80), chance.uniform(20, 60), 28.0)
     coverage = plan(area, airspace, swath)
     check(coverage, area, airspace, swath)
-    apart_m2 = sum(m.area_m2 for m in coverage.missed if m.why is not Why.SLIVER)
+    apart_m2 = sum(m.area_m2 for m in coverage.missed if m.why is not UnseenCause.SLIVER)
     assert coverage.seen.area > 0.96 * (coverage.target.area - apart_m2)

@@ -11,9 +11,9 @@ from sitl.rehearsal.command import fly, table
 from sitl.rehearsal.courses import ScheduledFault
 from sitl.rehearsal.faults import FLIGHTS, PHASES, Fault, Scene, scenes
 from sitl.rehearsal.judge.acceptance import ACCEPTED, End
-from sitl.rehearsal.judge.evidence import What
+from sitl.rehearsal.judge.evidence import SceneEventKind
 from sitl.rehearsal.judge.judge_flight import Verdict
-from sitl.rehearsal.judge.judge_track import By, Violation
+from sitl.rehearsal.judge.judge_track import Responsible, Violation
 from sitl.rehearsal.script import scenario_of
 from sitl.rehearsal.stand_ins.loop import SimulatedLoop
 
@@ -51,7 +51,7 @@ def test_a_companion_that_stands_still_hears_nothing_and_goes_on_later():
     evidence = scenario_of(Scene(Fault.STOPPED, 4), PENNOVATION).fly()
     stopped, going = (
         next(h.time_s for h in evidence.happenings if h.what is what)
-        for what in (What.STOPPED, What.CONTINUED)
+        for what in (SceneEventKind.STOPPED, SceneEventKind.CONTINUED)
     )
     assert going > stopped
     said = [m.time_s for m in evidence.messages if m.component == 191]
@@ -72,11 +72,14 @@ def test_whatever_can_happen_happens(monkeypatch):
     ]
     monkeypatch.setattr(Scene, "schedule", lambda _: list(happen))
     evidence = scenario_of(Scene(Fault.NONE, 0), PENNOVATION).fly()
-    told = {h.value for h in evidence.happenings if h.what is What.FAULT}
+    told = {h.value for h in evidence.happenings if h.what is SceneEventKind.FAULT}
     assert told >= {*kinds, *LAST} - {"reject"}
-    assert {What.PILOT, What.HOME_MOVED, What.KILLED, What.DISARMED} <= {
-        h.what for h in evidence.happenings
-    }
+    assert {
+        SceneEventKind.PILOT,
+        SceneEventKind.HOME_MOVED,
+        SceneEventKind.KILLED,
+        SceneEventKind.DISARMED,
+    } <= {h.what for h in evidence.happenings}
 
 
 def test_every_fault_has_flights_words_and_a_row_of_the_judge():
@@ -133,8 +136,11 @@ def test_a_simulated_loop_waits_without_waiting():
 def test_the_table():
     bad = (Violation(10.0, "room", "0.5 m inside"),)
     verdicts = [
-        ("GUSTS", Verdict("GUSTS-0", frozenset({"GUSTS"}), End.LANDED, (), {By.OURS: 6.2})),
-        ("GUSTS", Verdict("GUSTS-1", frozenset({"GUSTS"}), End.NOT, bad, {By.OURS: -0.5})),
+        (
+            "GUSTS",
+            Verdict("GUSTS-0", frozenset({"GUSTS"}), End.LANDED, (), {Responsible.OURS: 6.2}),
+        ),
+        ("GUSTS", Verdict("GUSTS-1", frozenset({"GUSTS"}), End.NOT, bad, {Responsible.OURS: -0.5})),
     ]
     text = table(verdicts, {"GUSTS": "gusty wind"})
     assert "| gusty wind | 2 | 1 | 1 | -0.5 m | 1 |" in text

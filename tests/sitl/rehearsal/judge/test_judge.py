@@ -13,10 +13,17 @@ from hypothesis import strategies as st
 from shapely import LineString, Point, Polygon
 
 from sitl.rehearsal.judge.acceptance import ACCEPTED, End, accepted
-from sitl.rehearsal.judge.evidence import Evidence, Happening, Line, Sample, What, WireMessage
+from sitl.rehearsal.judge.evidence import (
+    Evidence,
+    Line,
+    Sample,
+    SceneEvent,
+    SceneEventKind,
+    WireMessage,
+)
 from sitl.rehearsal.judge.judge_flight import judge
 from sitl.rehearsal.judge.judge_space import room_m
-from sitl.rehearsal.judge.judge_track import LAND_MODE, By
+from sitl.rehearsal.judge.judge_track import LAND_MODE, Responsible
 from sitl.rehearsal.judge.mission_reader import Area, Frame, read_mission
 
 ROOT = Path(__file__).parents[4]
@@ -128,7 +135,7 @@ def test_an_honest_flight_is_good():
     verdict = judge(evidence())
     assert verdict.good, verdict.violations
     assert verdict.end is End.LANDED
-    assert verdict.nearest_m[By.OURS] == pytest.approx(20.0, abs=0.1)
+    assert verdict.nearest_m[Responsible.OURS] == pytest.approx(20.0, abs=0.1)
 
 
 NEAR = ((0, 0), (16, 30), (0, 0))
@@ -199,7 +206,7 @@ def test_a_leg_to_an_item_is_as_clear_as_one_to_a_place():
     assert "leg" in kinds(evidence(states, more=[jump]))
 
 
-PILOT = (Happening(30.0, What.PILOT, "sticks"),)
+PILOT = (SceneEvent(30.0, SceneEventKind.PILOT, "sticks"),)
 AFTER = [heart(float(at), HOLD) for at in range(1, 90)]
 
 
@@ -222,7 +229,7 @@ def test_no_command_while_the_pilot_has_it_until_the_operator_asks():
     late = command(61.0, 21)
     given = evidence(more=[late, *AFTER], faults=("HAND_BACK",), happenings=PILOT, code=6)
     assert "authority" in kinds(given)
-    asked = (*PILOT, Happening(60.0, What.REQUEST, "resume"))
+    asked = (*PILOT, SceneEvent(60.0, SceneEventKind.REQUEST, "resume"))
     back = dataclasses.replace(given, happenings=asked, exit_code=0)
     assert "authority" not in kinds(back)
     unaware = dataclasses.replace(
@@ -233,7 +240,7 @@ def test_no_command_while_the_pilot_has_it_until_the_operator_asks():
 
 @pytest.mark.parametrize(("choice", "good"), [(None, True), ("POSCTL", True), ("sticks", False)])
 def test_a_choice_that_the_autopilot_did_not_follow_is_no_takeover(choice, good):
-    happenings = () if choice is None else (Happening(30.0, What.PILOT, choice),)
+    happenings = () if choice is None else (SceneEvent(30.0, SceneEventKind.PILOT, choice),)
     assert judge(evidence(faults=("PILOT",), happenings=happenings)).good == good
 
 
@@ -242,7 +249,7 @@ def test_a_choice_that_the_autopilot_did_not_follow_is_no_takeover(choice, good)
     [(30.5, 30.4, False), (31.5, 30.4, True), (31.5, None, False), (33.0, None, True)],
 )
 def test_a_place_that_our_next_command_undoes_at_once_was_never_heard_of(at_s, heard_s, wrong):
-    diverted = (Happening(30.0, What.PILOT, "reposition"),)
+    diverted = (SceneEvent(30.0, SceneEventKind.PILOT, "reposition"),)
     ours_s = [command(at_s, 176, param2=4.0), command(61.0, 21), *AFTER]
     goes = [(29.0, 10, 10)] + ([(heard_s, 50, 50)] if heard_s else [])
     name = "POSITION_TARGET_GLOBAL_INT"
@@ -257,7 +264,7 @@ def test_a_place_that_our_next_command_undoes_at_once_was_never_heard_of(at_s, h
 
 @pytest.mark.parametrize(("at_s", "wrong"), [(25.0, True), (74.0, False)])
 def test_heights_are_spoken_of_where_it_cruises_with_them(at_s, wrong):
-    drifts = (Happening(at_s, What.FAULT, "drift"),)
+    drifts = (SceneEvent(at_s, SceneEventKind.FAULT, "drift"),)
     assert ("told" in kinds(evidence(faults=("BAROMETER",), happenings=drifts))) == wrong
 
 
@@ -265,7 +272,7 @@ def test_heights_are_spoken_of_where_it_cruises_with_them(at_s, wrong):
 def test_a_fence_that_did_not_get_on_board_is_spoken_of(said):
     drawn = TEXT + "  - {name: new, polygon: [[70, 80], [90, 80], [90, 90], [70, 90]]}\n"
     lines = [(32.0, "the changed fence is not on board: coming home")] if said else []
-    reloaded = (Happening(30.0, What.MISSION_FILE, drawn),)
+    reloaded = (SceneEvent(30.0, SceneEventKind.MISSION_FILE, drawn),)
     assert ("plan" in kinds(evidence(happenings=reloaded, said=lines))) != said
 
 
@@ -286,7 +293,7 @@ def test_no_command_leaves_twice_at_once():
 
 
 def test_a_vehicle_in_a_mode_of_the_pilots_is_not_given_back_by_asking():
-    asked = (*PILOT, Happening(60.0, What.REQUEST, "resume"))
+    asked = (*PILOT, SceneEvent(60.0, SceneEventKind.REQUEST, "resume"))
     states = [(*s[:5], RETURN if n > 30.0 / 0.05 else s[5]) for n, s in enumerate(track())]
     given = evidence(
         states, more=[command(61.0, 176), *AFTER], faults=("HAND_BACK",), happenings=asked
@@ -296,7 +303,7 @@ def test_a_vehicle_in_a_mode_of_the_pilots_is_not_given_back_by_asking():
 
 def test_a_leg_that_a_changed_file_crosses_is_not_flown_on():
     wall = TEXT + "  - {name: wall, polygon: [[30, 55], [33, 55], [33, 80], [30, 80]]}\n"
-    happen = (Happening(46.5, What.MISSION_FILE, wall),)  # on its way to (0, 60)
+    happen = (SceneEvent(46.5, SceneEventKind.MISSION_FILE, wall),)  # on its way to (0, 60)
     leg = goto(46.0, 0, 60)
     assert "leg" in kinds(evidence(more=[leg], happenings=happen))
     stopped = command(46.6, 176, param2=4.0, param3=3.0)
@@ -306,8 +313,8 @@ def test_a_leg_that_a_changed_file_crosses_is_not_flown_on():
 def test_a_failsafe_is_the_autopilots_and_reported_apart():
     states = track(THROUGH)
     verdict = judge(evidence(states, failsafe=((22.0, 999.0),), faults=("BATTERY",), code=1))
-    assert By.AUTOPILOT in verdict.nearest_m
-    assert verdict.nearest_m[By.AUTOPILOT] < 0.0
+    assert Responsible.AUTOPILOT in verdict.nearest_m
+    assert verdict.nearest_m[Responsible.AUTOPILOT] < 0.0
     assert {v.kind for v in verdict.violations} <= {"room"}
     assert verdict.end is End.FAILSAFE
 
@@ -318,7 +325,7 @@ def test_a_battery_that_ran_down_though_home_was_near_is_bad():
         for t in range(60)
     ]
     states = track((*ROUND, *ROUND, *ROUND, *ROUND, *ROUND))
-    scene = (Happening(20.0, What.BATTERY, 300.0),)
+    scene = (SceneEvent(20.0, SceneEventKind.BATTERY, 300.0),)
     end_s = len(states) * 0.05
     late = evidence(
         states,
@@ -348,7 +355,7 @@ def test_what_is_told_has_to_be_what_happened(change, wrong):
 
 
 def test_a_plan_that_a_station_changed_may_be_left_to_it_if_that_is_said():
-    scene = (Happening(30.0, What.FENCE_CHANGED, "deleted"),)
+    scene = (SceneEvent(30.0, SceneEventKind.FENCE_CHANGED, "deleted"),)
     hovers = track(land=False)
     said = [(31.0, "hands off: another plan is on board (the fence)")]
     left = evidence(hovers, faults=("FENCE_DELETED",), happenings=scene, said=said, code=None)
@@ -358,7 +365,7 @@ def test_a_plan_that_a_station_changed_may_be_left_to_it_if_that_is_said():
 
 
 def test_an_estimate_that_jumps_excuses_as_much_and_no_more():
-    scene = (Happening(15.0, What.ESTIMATE_OFF, 4.0),)
+    scene = (SceneEvent(15.0, SceneEventKind.ESTIMATE_OFF, 4.0),)
     near, nearer = (track(((0, 0), (x, 30), (0, 0))) for x in (17.5, 19.5))
     assert kinds(evidence(near, happenings=scene)) == set()
     assert kinds(evidence(nearer, happenings=scene)) == {"room"}
@@ -369,7 +376,7 @@ def test_what_is_drawn_where_it_cannot_stop_is_left_and_counts_from_then_on():
         "  - {name: glider",
         "  - {name: new, polygon: [[30, -9], [45, -9], [45, 9], [30, 9]]}\n  - {name: glider",
     )
-    scene = (Happening(26.0, What.MISSION_FILE, drawn),)
+    scene = (SceneEvent(26.0, SceneEventKind.MISSION_FILE, drawn),)
     stops = ((0, 0), (33, 0), (0, 0))
     assert "room" not in kinds(evidence(track(stops), happenings=scene))
     again = ((0, 0), (33, 0), (0, 0), (33, 0), (0, 0))

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from sitl.rehearsal.judge.evidence import Happening, What, WireMessage
+from sitl.rehearsal.judge.evidence import SceneEvent, SceneEventKind, WireMessage
 from sitl.rehearsal.judge.judge_flight import judge
 from tests.sitl.rehearsal.judge.test_judge import (
     FRAME,
@@ -173,14 +173,14 @@ def test_only_where_zones_leave_a_way_home_is_it_to_be_flown(gap):
     walls = [[[32, 85], [90, 85], [90, 88], [32, 88]], south]
     walls += [[[east, 32], [east + 3, 32], [east + 3, 88], [east, 88]] for east in (32, 87)]
     text = TEXT + "".join(f"  - {{name: wall {n}, polygon: {w}}}\n" for n, w in enumerate(walls))
-    enclosed = Happening(60.0, What.MISSION_FILE, text)
+    enclosed = SceneEvent(60.0, SceneEventKind.MISSION_FILE, text)
     spoil = between(65.0, 300.0, "SYS_STATUS", battery_remaining=24)
     hovers = [*FLOWN[:900], *[(60, 60, 40.0, True, False, MISSION)] * 3000]
     assert ("home" in found(flight(hovers, spoil, happenings=(enclosed,)))) == gap
 
 
 def test_a_breach_is_said_also_to_the_pilot_who_flies_it():
-    states, taken = track(THROUGH, speed=2.0), (Happening(15.0, What.PILOT, "sticks"),)
+    states, taken = track(THROUGH, speed=2.0), (SceneEvent(15.0, SceneEventKind.PILOT, "sticks"),)
     breach = flight(states, faults=("PILOT",), happenings=taken, code=6)
     hands_off = (16.0, "hands off: the pilot chose Position mode")
     silent = dataclasses.replace(breach, lines=flight(said=[hands_off]).lines)
@@ -215,14 +215,14 @@ def test_a_changed_file_that_is_not_taken_is_spoken_of(said, wrong):
     drawn = TEXT + "  - {name: new, polygon: [[300, 55], [303, 55], [303, 80], [300, 80]]}\n"
 
     def left(text):
-        return (Happening(74.0, What.FILE_LEFT, (70.0, text)),)
+        return (SceneEvent(74.0, SceneEventKind.FILE_LEFT, (70.0, text)),)
 
     assert found(flight(said=[(72.0, said)], happenings=left(drawn))) == wrong
     assert found(flight(said=[(72.0, said)], happenings=left(TEXT))) == set()
 
 
 def test_a_companion_that_stood_still_says_nothing():
-    still = (Happening(69.0, What.STOPPED), Happening(88.0, What.CONTINUED))
+    still = (SceneEvent(69.0, SceneEventKind.STOPPED), SceneEvent(88.0, SceneEventKind.CONTINUED))
     assert found(flight(spoil=between(70.0, 88.0), happenings=still)) == set()
 
 

@@ -16,7 +16,7 @@ _DUST_M2 = 0.01
 """Smaller gaps are the rounding of geometry."""
 
 
-class Why(Enum):
+class UnseenCause(Enum):
     """Why ground is not seen."""
 
     NEAR = "no place that keeps its distance is near enough"
@@ -26,7 +26,7 @@ class Why(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Missed:
+class UnseenGround:
     """Ground that is not seen.
 
     Attributes:
@@ -35,7 +35,7 @@ class Missed:
         parts: the ground, in metres east and north.
     """
 
-    why: Why
+    why: UnseenCause
     by: str
     parts: tuple[Polygon, ...]
 
@@ -58,7 +58,7 @@ def explain(
     free: BaseGeometry,
     within: BaseGeometry,
     reach_m: float,
-) -> tuple[Missed, ...]:
+) -> tuple[UnseenGround, ...]:
     """What is missed, by reason, the most ground first.
 
     Args:
@@ -71,19 +71,21 @@ def explain(
     rest = missed
     for fence in airspace.fences:
         rest = rest.intersection(fence.polygon)
-    shares = [(Why.OUTSIDE, missed.difference(rest))]
-    for why, places in ((Why.SLIVER, within), (Why.APART, free)):
+    shares = [(UnseenCause.OUTSIDE, missed.difference(rest))]
+    for why, places in ((UnseenCause.SLIVER, within), (UnseenCause.APART, free)):
         in_sight = places.intersection(rest.buffer(2 * reach_m).envelope).buffer(reach_m)
         shares.append((why, rest.intersection(in_sight)))
         rest = rest.difference(in_sight)
-    shares.append((Why.NEAR, rest))
-    found: dict[tuple[Why, str], list[Polygon]] = {}
+    shares.append((UnseenCause.NEAR, rest))
+    found: dict[tuple[UnseenCause, str], list[Polygon]] = {}
     for why, share in shares:
         for part in polygons_of(share):
             if part.area >= _DUST_M2:
-                by = _nearest(part, airspace) if why in {Why.APART, Why.NEAR} else ""
+                by = (
+                    _nearest(part, airspace) if why in {UnseenCause.APART, UnseenCause.NEAR} else ""
+                )
                 found.setdefault((why, by), []).append(part)
-    groups = [Missed(why, by, tuple(parts)) for (why, by), parts in found.items()]
+    groups = [UnseenGround(why, by, tuple(parts)) for (why, by), parts in found.items()]
     return tuple(sorted(groups, key=lambda group: -group.area_m2))
 
 

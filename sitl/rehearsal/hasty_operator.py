@@ -47,7 +47,7 @@ Moment = Callable[[], bool]
 """Does something if its moment has come; whether it had."""
 
 
-class Haste:
+class HastyOperator:
     """An operator in a hurry, who asks and draws at the worst moment.
 
     Args:
@@ -208,8 +208,8 @@ def _read(path: Path, text: str) -> RawMission:
 
 
 @functools.lru_cache(maxsize=4)
-def _sky(mission: RawMission) -> Sky:
-    return Sky(mission)
+def _sky(mission: RawMission) -> FlyableSpace:
+    return FlyableSpace(mission)
 
 
 def rest(here: Pair, velocity_m_s: Pair) -> Pair:
@@ -226,7 +226,7 @@ class Turn(NamedTuple):
     off_to: Pair
 
 
-class Sky:
+class FlyableSpace:
     """Where ways may be flown, and where they are much too near: all zones count at any height."""
 
     def __init__(self, mission: RawMission) -> None:

@@ -13,7 +13,7 @@ Receive = Callable[[PageOutbox, str], None]
 """Takes what a page has sent."""
 
 
-class Audience:
+class Browsers:
     """Every browser has an outbox.
 
     `receive` takes a text from a page, `welcome` tells a new page what there is; both are called
