@@ -7,7 +7,8 @@ a path too near. Exact along straight sides; at corners of polygons
 * lean: mitred corners that are cut off at 1.03 of the distance, hardly more corners than the zone
   has, so that searches are quick;
 * tight: arcs, at most 0.3 % too far out. So are, in the lean area too, those shapes that would
-  close a gap in between them only because of their mitred corners.
+  close a gap in between them only because of their mitred corners: both areas are connected alike,
+  but for pockets between corners that the lean area fills.
 """
 
 from __future__ import annotations
@@ -63,10 +64,7 @@ class FreeSpace:
     @cached_property
     def lean(self) -> list[Polygon]:
         """The connected parts of the area, with few corners."""
-        pinching = self._pinching()
-        grown = self._lean_zones.copy()
-        grown[pinching] = self._grown_tight(pinching)
-        return self._parts(grown, self._inside)
+        return self._parts(self._lean_grown(), self._inside)
 
     def tight(self, within: Bounds | None = None) -> list[Polygon]:
         """The connected parts of the area, or of what of it lies within bounds, with arcs."""
@@ -161,23 +159,40 @@ class FreeSpace:
     def _tree(self) -> STRtree:
         return STRtree(self._lean_zones)
 
-    def _pinching(self) -> Indices:
-        """The zones that may close a gap, in themselves or to others, by their mitred corners."""
-        lean, zones = self._lean_zones, self._zones
-        pinching = shapely.get_num_interior_rings(lean) > 0
-        one, other = self._tree.query(lean, predicate="intersects")
+    def _lean_grown(self) -> Shapes:
+        """The lean shapes, but tight ones where corners close a gap: in themselves or to others.
+
+        Between two shapes that are too close and meet in one piece there is no gap.
+        """
+        grown, zones = self._lean_zones.copy(), self._zones
+        pinching = shapely.get_num_interior_rings(grown) > 0
+        pinching[self._closing(grown)] = True
+        tight = np.zeros(len(zones), dtype=bool)
+        one, other = self._tree.query(grown, predicate="intersects")
         one, other = one[one < other], other[one < other]
-        reach_m = self._reaches_m[one] + self._reaches_m[other]
-        apart = ~_dwithin(zones[one], zones[other], reach_m)
-        pinching[one[apart]] = True
-        pinching[other[apart]] = True
-        across = np.flatnonzero(~shapely.covers(self._inside, lean))
+        close = _dwithin(zones[one], zones[other], self._reaches_m[one] + self._reaches_m[other])
+        changed = np.ones(len(one), dtype=bool)
+        while True:
+            meeting = shapely.intersection(grown[one[changed]], grown[other[changed]])
+            gaps = ~close[changed] & ~shapely.is_empty(meeting)
+            gaps |= shapely.get_num_geometries(meeting) > 1
+            pinching[one[changed][gaps]] = pinching[other[changed][gaps]] = True
+            more = np.flatnonzero(pinching & ~tight)
+            if not len(more):
+                return grown
+            grown[more] = self._grown_tight(more)
+            tight[more] = True
+            changed = np.isin(one, more) | np.isin(other, more)
+
+    def _closing(self, grown: Shapes) -> Indices:
+        """The zones that may close a gap between them and a fence."""
+        across = np.flatnonzero(~shapely.covers(self._inside, grown))
+        closing = shapely.get_num_geometries(shapely.difference(grown[across], self._inside)) > 1
         reach_m = self._reaches_m[across] + self._airspace.fence_distance_m + HAIR_M
         for fence in self._airspace.fences:
-            clear = shapely.covers(fence.polygon, zones[across])
-            clear &= ~_dwithin(fence.polygon.boundary, zones[across], reach_m)
-            pinching[across[clear]] = True
-        return np.flatnonzero(pinching)
+            clear = shapely.covers(fence.polygon, self._zones[across])
+            closing |= clear & ~_dwithin(fence.polygon.boundary, self._zones[across], reach_m)
+        return across[closing]
 
     def _parts(self, grown: Shapes, inside: BaseGeometry) -> list[Polygon]:
         return polygons_of(inside.difference(shapely.union_all(grown)))

@@ -7,7 +7,7 @@ so every corner that a shortest path can turn at is a vertex, and no triangle cr
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,8 @@ _REFLEX = math.pi + 1e-9
 Place = tuple[float, float]
 Entry = tuple[int, int, int, int, int]
 """A side of a triangle, seen by who comes in over it: its left, its right and the opposite vertex,
-and the entries into the next triangles over the sides left-opposite and opposite-right (-1: none).
+and the entries into the next triangles over the sides left-opposite and opposite-right (-1: none,
+or a dead end: triangles that lead to no others).
 """
 
 
@@ -42,7 +43,7 @@ class Mesh:
         parts: the connected parts of the area; they touch in single points at most.
 
     Attributes:
-        entries: every side of every triangle as an `Entry`.
+        entries: every side of every triangle as an `Entry`, that leads into no dead end.
         back: for every side of a triangle, the entry into the neighbour behind it; -1: border.
         places, east_m, north_m: the vertices.
         corner: whether paths turn at a vertex: the area takes more than half of the way around it.
@@ -57,12 +58,16 @@ class Mesh:
         triangles, east_m, north_m = _vertices(outlines)
         back, left, right = _neighbours(triangles, len(east_m))
         self.part = part
+        dead_ends = _dead_ends(back)
+        closed = np.append(np.isin(np.arange(back.size), dead_ends), False)  # -1 is the last
+        left, right = np.where(closed[left], -1, left), np.where(closed[right], -1, right)
         numbers = list(range(-1, max(back.size, east_m.size)))  # each is one object in all lists
 
         def listed(values: Integers) -> list[int]:
             return list(map(numbers.__getitem__, (values + 1).ravel().tolist()))
 
         self.back = listed(back)
+        self._dead_ends = listed(dead_ends)
         self.east_m: list[float] = east_m.tolist()
         self.north_m: list[float] = north_m.tolist()
         self.places = list(zip(self.east_m, self.north_m, strict=True))
@@ -79,6 +84,19 @@ class Mesh:
 
     def __len__(self) -> int:
         return len(self.part)
+
+    def entries_towards(self, triangles: Iterable[int]) -> list[Entry]:
+        """The entries, with those that lead to some triangles in dead ends."""
+        entries = self.entries
+        for triangle in triangles:
+            while (inward := self._dead_ends[triangle]) >= 0:
+                if entries is self.entries:
+                    entries = entries.copy()
+                triangle, side = divmod(self.back[inward], 3)  # noqa: PLW2901 - outwards, step by step
+                first, second = 3 * triangle + (side + 1) % 3, 3 * triangle + (side + 2) % 3
+                entries[first] = (*entries[first][:3], inward, entries[first][4])
+                entries[second] = (*entries[second][:4], inward)
+        return entries
 
     def holding(self, point: Point) -> list[int]:
         """The triangles that a point is in: several where it lies on a side or on a vertex."""
@@ -168,6 +186,23 @@ def _neighbours(triangles: Integers, vertices: int) -> tuple[Integers, Integers,
     sides = back.reshape(-1, 3)
     # From `left` to `right` to `ahead` and back: the second side is on the right, the third left.
     return back, np.roll(sides, -2, axis=1).ravel(), np.roll(sides, -1, axis=1).ravel()
+
+
+def _dead_ends(back: Integers) -> Integers:
+    """For every triangle the entry into it, if all that lies behind that are dead ends; -1: not."""
+    inward = np.full(len(back) // 3, -1)
+    open_ = back.reshape(-1, 3) >= 0
+    ends = np.flatnonzero(open_.sum(axis=1) == 1)
+    while len(ends):
+        entry = 3 * ends + open_[ends].argmax(axis=1)
+        outer = back[entry] // 3
+        last = np.isin(outer, ends) & (ends < outer)  # two that only lead to each other
+        ends, entry, outer = ends[~last], entry[~last], outer[~last]
+        inward[ends] = entry
+        open_.ravel()[entry] = open_.ravel()[back[entry]] = False
+        outer = np.unique(outer)
+        ends = outer[open_[outer].sum(axis=1) == 1]
+    return inward
 
 
 def _reflex(triangles: Integers, east_m: Floats, north_m: Floats) -> npt.NDArray[np.bool_]:

@@ -1,35 +1,43 @@
 """The shortest path through a mesh of triangles: any angle, exact, without a graph.
 
 The method is Polyanya (Cui, Harabor and Grastien, "Compromise-free pathfinding on a navigation
-mesh", IJCAI 2017), written for triangles. A search node is an interval of a triangle's side and
-the last turning point (root), that sees all of it; A* takes the nodes in the order of the shortest
-path that they may still allow. Where an interval ends at a corner of the border the path may turn
-there: all triangles around the corner are entered at once, so that no interval ever lies in line
-with its root, which is where degenerate maps break such a search.
+mesh", IJCAI 2017), written for triangles. A search node is what a turning point (root) sees through
+a side of a triangle, kept as a cone between two rays; A* takes the nodes in the order of the
+shortest path that they may still allow. Rays lead to vertices and are never cut to intervals, so
+that nothing is lost by rounding, however narrow a gap is. A cone is followed as long as it leads
+into one triangle only: nodes are queued where it divides and where a path may turn.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from heapq import heapify, heappop, heappush, heappushpop
+from heapq import heapify, heappop, heappush
 from typing import NamedTuple
 
 from geo.frame import Point
 from geo.paths.mesh import ON_M, Mesh, Place
 
-_FLAT_M2 = 1e-8
-"""A vertex so near to a line of sight (as twice the triangle's area) counts as on it."""
-
 _SPECK_M = 1e-9
-"""A shorter interval leads nowhere that its ends do not."""
+"""Corners that are reached so little sooner than before are not looked at again."""
+
+_ROUNDED_M = 1e-11
+"""By how much rounding may move a place; one that is on a ray but for this is on it."""
+
+_CLOSE_M2 = 1e-5
+"""Nothing is on a ray whose cross product with it is more: it is looked at more closely."""
+
+_NOWHERE, _LEFTWARD, _RIGHTWARD = -1, -2, -3
+"""Instead of the vertex on a ray: none; the root is still to be turned at, to that hand."""
 
 _HERE = -1
-"""The entry of a node whose root sees the goal without entering another triangle."""
+"""The entry of a node whose root sees the goal."""
 
-_Span = tuple[float, float, float, float]
-_Node = tuple[float, int, int, float, float, float, float]
-"""Estimate of the whole path, root, entry; the interval's left and right end (east, north)."""
+_Cone = tuple[float, float, int, float, float, int]
+"""The left and the right ray from a root (east, north), each with the vertex that it leads to."""
+
+_Node = tuple[float, int, int, float, float, int, float, float, int]
+"""Estimate of the whole path, root, entry, and the cone through the entry's side."""
 
 
 class Source(NamedTuple):
@@ -61,9 +69,9 @@ def shortest(
     return search.run(sources, allowed) if search.reachable else None
 
 
-def seen_corners(mesh: Mesh, place: Point) -> list[Point]:
-    """The corners seen from a place that a shortest path from there may turn at first."""
-    outlook = _Outlook(mesh, place)
+def seen_corners(mesh: Mesh, place: Point, goal: Point) -> list[Point]:
+    """The corners seen from a place that a shortest path from there to a goal may turn at first."""
+    outlook = _Outlook(mesh, goal)
     outlook.run([Source(0.0, place)], None)
     return outlook.corners
 
@@ -76,6 +84,7 @@ class _Search:
         self._goal = goal
         self._goal_triangles = set(mesh.holding(goal))
         self._goal_entries = {3 * t + side for t in self._goal_triangles for side in range(3)}
+        self._entries = mesh.entries_towards(self._goal_triangles)
         self._roots: list[tuple[float, float, float, int]] = []  # place, metres so far, the former
         self._best_m: dict[int, float] = {}
         self._queue: list[_Node] = []
@@ -87,26 +96,23 @@ class _Search:
     def run(
         self, sources: Sequence[Source], allowed: Callable[[Point], bool] | None
     ) -> tuple[Point, ...] | None:
-        queue, goals = self._queue, self._goal_entries
+        queue = self._queue
         waiting = self._by_estimate(sources)
         estimate_m, source = next(waiting, (math.inf, None))
-        node: _Node | None = None
         while True:
             while source is not None and (not queue or estimate_m <= queue[0][0]):
-                if node is not None and node[0] < estimate_m:
-                    break
                 if allowed is None or allowed(source.place):
                     self._begin(source)
                 estimate_m, source = next(waiting, (math.inf, None))
-            if node is not None:
-                node = heappushpop(queue, node)
-            elif queue:
-                node = heappop(queue)
-            else:
+            if not queue:
                 return None
-            if node[2] in goals or node[2] == _HERE:
-                return self._path(node)
-            node = self._expand(node)
+            node = heappop(queue)
+            if node[2] == _HERE:
+                return self._path(node[1])
+            if node[5] <= _LEFTWARD:
+                self._open(node)
+            else:
+                self._follow(node)
 
     def _by_estimate(self, sources: Sequence[Source]) -> Iterator[tuple[float, Source]]:
         heap = [(s.length_m + math.dist(s.place, self._goal), s) for s in sources]
@@ -116,8 +122,8 @@ class _Search:
 
     def _begin(self, source: Source) -> None:
         """Enter all triangles around a source."""
-        mesh = self._mesh
-        root = self._root(*source.place, source.length_m, -1)
+        mesh, (east, north) = self._mesh, source.place
+        root = self._root(east, north, source.length_m, -1)
         around = mesh.holding(source.place)
         if not self._goal_triangles.isdisjoint(around):
             self._arrive(root)
@@ -126,9 +132,8 @@ class _Search:
             entry = mesh.back[side]
             if entry >= 0:
                 left, right, _, _, _ = mesh.entries[entry]
-                span = (*mesh.places[left], *mesh.places[right])
-                if not _in_line(source.place, span):
-                    heappush(self._queue, self._node(root, entry, span))
+                if not _in_line(source.place, mesh.places[left], mesh.places[right]):
+                    self._see(root, entry, left, right)
 
     def _root(self, east_m: float, north_m: float, so_far_m: float, former: int) -> int:
         self._roots.append((east_m, north_m, so_far_m, former))
@@ -137,197 +142,221 @@ class _Search:
     def _arrive(self, root: int) -> None:
         east, north, so_far_m, _ = self._roots[root]
         estimate_m = so_far_m + math.dist((east, north), self._goal)
-        heappush(self._queue, (estimate_m, root, _HERE, east, north, east, north))
+        heappush(self._queue, (estimate_m, root, _HERE, 0.0, 0.0, _NOWHERE, 0.0, 0.0, _NOWHERE))
 
-    def _node(self, root: int, entry: int, span: _Span) -> _Node:
-        """A node, with the length of the path through it as if nothing stood behind it."""
+    def _see(self, root: int, entry: int, left: int, right: int) -> None:
+        """Queue all that a root sees through a side between two vertices."""
+        east, north, _, _ = self._roots[root]
+        left_e, left_n = self._mesh.places[left]
+        right_e, right_n = self._mesh.places[right]
+        cone = (left_e - east, left_n - north, left, right_e - east, right_n - north, right)
+        self._push(root, entry, left, right, cone)
+
+    def _push(self, root: int, entry: int, left: int, right: int, cone: _Cone) -> None:
+        heappush(self._queue, (self._estimate_m(root, left, right, *cone), root, entry, *cone))
+
+    def _follow(self, node: _Node) -> None:  # noqa: C901, PLR0912 - unrolled: here time is spent
+        """Look on through triangles until what is seen divides, or ends."""
+        _, root, entry, left_e, left_n, on_left, right_e, right_n, on_right = node
+        entries, goals = self._entries, self._goal_entries
+        places, queue, close_m2 = self._mesh.places, self._queue, _CLOSE_M2
+        east, north, _, _ = self._roots[root]
+        while entry >= 0:
+            left, right, apex, onward_left, onward_right = entries[entry]
+            if entry in goals:
+                cone = (left_e, left_n, on_left, right_e, right_n, on_right)
+                self._arrive_through(root, left, right, cone)
+                return
+            ahead_e, ahead_n = places[apex]
+            ahead_e -= east
+            ahead_n -= north
+            hand = left_e * ahead_n - left_n * ahead_e
+            along = -close_m2 < hand < close_m2 and _along(hand, left_e, left_n, ahead_e, ahead_n)
+            if along or hand > 0:
+                if on_left == left:
+                    self._turn(root, left, entry, _LEFTWARD)
+                if along:
+                    left_e, left_n, on_left = ahead_e, ahead_n, apex
+                entry = onward_right
+                continue
+            hand = right_e * ahead_n - right_n * ahead_e
+            along = -close_m2 < hand < close_m2 and _along(hand, right_e, right_n, ahead_e, ahead_n)
+            if along or hand < 0:
+                if on_right == right:
+                    self._turn(root, right, entry, _RIGHTWARD)
+                if along:
+                    right_e, right_n, on_right = ahead_e, ahead_n, apex
+                entry = onward_left
+            elif onward_left < 0:  # only what is right of the apex leads on
+                left_e, left_n, on_left, entry = ahead_e, ahead_n, apex, onward_right
+            elif onward_right < 0:
+                right_e, right_n, on_right, entry = ahead_e, ahead_n, apex, onward_left
+            else:
+                one = (left_e, left_n, on_left, ahead_e, ahead_n, apex)
+                other = (ahead_e, ahead_n, apex, right_e, right_n, on_right)
+                one_m = self._estimate_m(root, left, apex, *one)
+                other_m = self._estimate_m(root, apex, right, *other)
+                if one_m <= other_m:
+                    heappush(queue, (other_m, root, onward_right, *other))
+                    if one_m > queue[0][0]:
+                        heappush(queue, (one_m, root, onward_left, *one))
+                        return
+                    right_e, right_n, on_right, entry = ahead_e, ahead_n, apex, onward_left
+                else:
+                    heappush(queue, (one_m, root, onward_left, *one))
+                    if other_m > queue[0][0]:
+                        heappush(queue, (other_m, root, onward_right, *other))
+                        return
+                    left_e, left_n, on_left, entry = ahead_e, ahead_n, apex, onward_right
+
+    def _turn(self, root: int, vertex: int, entry: int, hand: int) -> None:
+        """Queue a corner as a new root, unless it was reached as directly before."""
+        if not self._mesh.corner[vertex]:
+            return
+        root_e, root_n, so_far_m, _ = self._roots[root]
+        east, north = self._mesh.places[vertex]
+        ray_e, ray_n = east - root_e, north - root_n
+        so_far_m += math.hypot(ray_e, ray_n)
+        if so_far_m >= self._best_m.get(vertex, math.inf) - _SPECK_M:
+            return
+        self._best_m[vertex] = so_far_m
+        turned = self._root(east, north, so_far_m, root)
+        estimate_m = so_far_m + math.dist((east, north), self._goal)
+        heappush(self._queue, (estimate_m, turned, entry, ray_e, ray_n, hand, 0.0, 0.0, _NOWHERE))
+
+    def _open(self, node: _Node) -> None:
+        """Enter what lies behind a corner, beyond the ray that leads to it, until the border."""
+        _, root, entry, east, north, hand, _, _, _ = node
+        left, right, apex, onward_left, onward_right = self._entries[entry]
+        leftward = hand == _LEFTWARD
+        corner = left if leftward else right
+        if self._roots[root][2] > self._best_m[corner]:
+            return
+        places = self._mesh.places
+        ahead_e, ahead_n = places[apex][0] - places[corner][0], places[apex][1] - places[corner][1]
+        if _along(east * ahead_n - north * ahead_e, east, north, ahead_e, ahead_n):
+            pass  # nothing lies between; the former root sees on along this side
+        elif leftward and onward_right >= 0:
+            cone = (ahead_e, ahead_n, apex, east, north, _NOWHERE)
+            self._push(root, onward_right, apex, right, cone)
+        elif not leftward and onward_left >= 0:
+            cone = (east, north, _NOWHERE, ahead_e, ahead_n, apex)
+            self._push(root, onward_left, left, apex, cone)
+        entry = onward_left if leftward else onward_right
+        while entry >= 0:
+            if entry in self._goal_entries:
+                self._arrive(root)
+                return
+            left, right, apex, onward_left, onward_right = self._entries[entry]
+            if leftward:
+                if onward_right >= 0:
+                    self._see(root, onward_right, apex, right)
+                entry = onward_left
+            else:
+                if onward_left >= 0:
+                    self._see(root, onward_left, left, apex)
+                entry = onward_right
+
+    def _estimate_m(  # noqa: PLR0913, PLR0917 - a cone, unpacked: asked most
+        self,
+        root: int,
+        left: int,
+        right: int,
+        left_e: float,
+        left_n: float,
+        on_left: int,
+        right_e: float,
+        right_n: float,
+        on_right: int,
+    ) -> float:
+        """The path through a cone and a side of a triangle as if nothing stood behind it."""
         root_e, root_n, length_m, _ = self._roots[root]
         goal_e, goal_n = self._goal
-        left_e, left_n, right_e, right_n = span
-        side_e, side_n = left_e - right_e, left_n - right_n
-        goal_hand = side_e * (goal_n - right_n) - side_n * (goal_e - right_e)
-        root_hand = side_e * (root_n - right_n) - side_n * (root_e - right_e)
+        (one_e, one_n), (other_e, other_n) = self._mesh.places[left], self._mesh.places[right]
+        side_e, side_n = one_e - other_e, one_n - other_n
+        goal_hand = side_e * (goal_n - other_n) - side_n * (goal_e - other_e)
+        root_hand = side_e * (root_n - other_n) - side_n * (root_e - other_e)
         if goal_hand * root_hand > 0:  # on the root's side of it: the mirror image is as far
             twice = 2 * goal_hand / (side_e * side_e + side_n * side_n)
             goal_e += twice * side_n
             goal_n -= twice * side_e
         ahead_e, ahead_n = goal_e - root_e, goal_n - root_n
-        left_e, left_n, right_e, right_n = (
-            left_e - root_e,
-            left_n - root_n,
-            right_e - root_e,
-            right_n - root_n,
-        )
         if left_e * ahead_n > left_n * ahead_e:
-            length_m += math.hypot(left_e, left_n) + math.hypot(ahead_e - left_e, ahead_n - left_n)
-        elif right_e * ahead_n < right_n * ahead_e:
+            if on_left != left:
+                left_e, left_n = self._crossing(root, left_e, left_n, left, right)
+            length_m += math.hypot(left_e, left_n)
+            return length_m + math.hypot(ahead_e - left_e, ahead_n - left_n)
+        if right_e * ahead_n < right_n * ahead_e:
+            if on_right != right:
+                right_e, right_n = self._crossing(root, right_e, right_n, left, right)
             length_m += math.hypot(right_e, right_n)
-            length_m += math.hypot(ahead_e - right_e, ahead_n - right_n)
-        else:
-            length_m += math.hypot(ahead_e, ahead_n)
-        return (length_m, root, entry, *span)
+            return length_m + math.hypot(ahead_e - right_e, ahead_n - right_n)
+        return length_m + math.hypot(ahead_e, ahead_n)
 
-    def _expand(self, node: _Node) -> _Node | None:
-        """Look through an interval into its triangle; queue all that is seen there but one node."""
-        _, root, entry, left_e, left_n, right_e, right_n = node
-        root_e, root_n, _, _ = self._roots[root]
-        mesh = self._mesh
-        left, right, apex, onward_left, onward_right = mesh.entries[entry]
-        apex_e, apex_n = mesh.east_m[apex], mesh.north_m[apex]
-        left_e, left_n = left_e - root_e, left_n - root_n
-        left_hand = left_e * (apex_n - root_n) - left_n * (apex_e - root_e)
-        if left_hand >= -_FLAT_M2:
-            return self._beyond_left(node, left_hand)
-        right_e, right_n = right_e - root_e, right_n - root_n
-        right_hand = right_e * (apex_n - root_n) - right_n * (apex_e - root_e)
-        if right_hand <= _FLAT_M2:
-            return self._beyond_right(node, right_hand)
-        seen = None
-        if onward_left >= 0:
-            place = self._crossing(root, (left_e, left_n), left, apex)
-            seen = self._node(root, onward_left, (*place, apex_e, apex_n))
-        if onward_right >= 0:
-            place = self._crossing(root, (right_e, right_n), right, apex)
-            other = self._node(root, onward_right, (apex_e, apex_n, *place))
-            if seen is None:
-                return other
-            heappush(self._queue, other)
-        return seen
+    def _arrive_through(self, root: int, left: int, right: int, cone: _Cone) -> None:
+        """Arrive in the triangle behind a side: straight, or along the edge of what is seen."""
+        left_e, left_n, on_left, right_e, right_n, on_right = cone
+        east, north, so_far_m, _ = self._roots[root]
+        ahead_e, ahead_n = self._goal[0] - east, self._goal[1] - north
+        via = None
+        if left_e * ahead_n > left_n * ahead_e:
+            via = left_e, left_n
+            if on_left != left:
+                via = self._crossing(root, left_e, left_n, left, right)
+        elif right_e * ahead_n < right_n * ahead_e:
+            via = right_e, right_n
+            if on_right != right:
+                via = self._crossing(root, right_e, right_n, left, right)
+        if via is not None:
+            so_far_m += math.hypot(*via)
+            root = self._root(east + via[0], north + via[1], so_far_m, root)
+        self._arrive(root)
 
-    def _beyond_left(self, node: _Node, apex_hand: float) -> _Node | None:
-        """The apex is on the left of all that is seen, or on its edge: go on over the right."""
-        _, root, entry, left_e, left_n, right_e, right_n = node
-        root_e, root_n, _, _ = self._roots[root]
-        mesh = self._mesh
-        left, right, apex, onward_left, onward_right = mesh.entries[entry]
-        first = top = mesh.places[apex]
-        seen = None
-        if onward_right >= 0:
-            if apex_hand > _FLAT_M2:
-                first = self._crossing(root, (left_e - root_e, left_n - root_n), right, apex)
-            last = self._crossing(root, (right_e - root_e, right_n - root_n), right, apex)
-            if _apart(first, last):
-                seen = self._node(root, onward_right, (*first, *last))
-        if mesh.corner[left] and (left_e, left_n) == mesh.places[left]:
-            turned = self._turn(root, left)
-            if turned is not None:
-                if onward_right >= 0 and _apart(top, first):
-                    heappush(self._queue, self._node(turned, onward_right, (*top, *first)))
-                self._sweep_left(turned, onward_left)
-        return seen
+    def _crossing(self, root: int, ray_e: float, ray_n: float, left: int, right: int) -> Place:
+        """Where a ray from a root meets the side that it passes through, as seen from the root."""
+        east, north, _, _ = self._roots[root]
+        left_e, left_n = self._mesh.places[left]
+        right_e, right_n = self._mesh.places[right]
+        left_hand = ray_e * (left_n - north) - ray_n * (left_e - east)
+        right_hand = ray_e * (right_n - north) - ray_n * (right_e - east)
+        across = left_hand - right_hand
+        share = min(max(left_hand / across, 0.0), 1.0) if across > 0 else 0.0
+        here_e, here_n = left_e + share * (right_e - left_e), left_n + share * (right_n - left_n)
+        return here_e - east, here_n - north
 
-    def _beyond_right(self, node: _Node, apex_hand: float) -> _Node | None:
-        """As `_beyond_left`, in the mirror."""
-        _, root, entry, left_e, left_n, right_e, right_n = node
-        root_e, root_n, _, _ = self._roots[root]
-        mesh = self._mesh
-        left, right, apex, onward_left, onward_right = mesh.entries[entry]
-        last = top = mesh.places[apex]
-        seen = None
-        if onward_left >= 0:
-            if apex_hand < -_FLAT_M2:
-                last = self._crossing(root, (right_e - root_e, right_n - root_n), left, apex)
-            first = self._crossing(root, (left_e - root_e, left_n - root_n), left, apex)
-            if _apart(first, last):
-                seen = self._node(root, onward_left, (*first, *last))
-        if mesh.corner[right] and (right_e, right_n) == mesh.places[right]:
-            turned = self._turn(root, right)
-            if turned is not None:
-                if onward_left >= 0 and _apart(last, top):
-                    heappush(self._queue, self._node(turned, onward_left, (*last, *top)))
-                self._sweep_right(turned, onward_right)
-        return seen
-
-    def _turn(self, root: int, vertex: int) -> int | None:
-        """A new root at a corner, unless it was reached as directly before."""
-        root_e, root_n, so_far_m, _ = self._roots[root]
-        east, north = self._mesh.places[vertex]
-        so_far_m += math.hypot(east - root_e, north - root_n)
-        if so_far_m >= self._best_m.get(vertex, math.inf) - _SPECK_M:
-            return None
-        self._best_m[vertex] = so_far_m
-        return self._root(east, north, so_far_m, root)
-
-    def _sweep_left(self, root: int, entry: int) -> None:
-        """Enter the triangles around a root, leftwards, until the border."""
-        mesh = self._mesh
-        while entry >= 0:
-            if entry in self._goal_entries:
-                self._arrive(root)
-                return
-            _, right, apex, onward_left, onward_right = mesh.entries[entry]
-            if onward_right >= 0:
-                span = (*mesh.places[apex], *mesh.places[right])
-                heappush(self._queue, self._node(root, onward_right, span))
-            entry = onward_left
-
-    def _sweep_right(self, root: int, entry: int) -> None:
-        mesh = self._mesh
-        while entry >= 0:
-            if entry in self._goal_entries:
-                self._arrive(root)
-                return
-            left, _, apex, onward_left, onward_right = mesh.entries[entry]
-            if onward_left >= 0:
-                span = (*mesh.places[left], *mesh.places[apex])
-                heappush(self._queue, self._node(root, onward_left, span))
-            entry = onward_right
-
-    def _crossing(self, root: int, ray: Place, base: int, apex: int) -> Place:
-        """Where a ray from a root meets the side between two vertices that it passes between."""
-        mesh = self._mesh
-        root_e, root_n, _, _ = self._roots[root]
-        base_e, base_n = mesh.east_m[base], mesh.north_m[base]
-        base_hand = ray[0] * (base_n - root_n) - ray[1] * (base_e - root_e)
-        if -_FLAT_M2 <= base_hand <= _FLAT_M2:
-            return base_e, base_n
-        apex_e, apex_n = mesh.east_m[apex], mesh.north_m[apex]
-        apex_hand = ray[0] * (apex_n - root_n) - ray[1] * (apex_e - root_e)
-        if -_FLAT_M2 <= apex_hand <= _FLAT_M2:
-            return apex_e, apex_n
-        share = base_hand / (base_hand - apex_hand)
-        return base_e + share * (apex_e - base_e), base_n + share * (apex_n - base_n)
-
-    def _path(self, node: _Node) -> tuple[Point, ...]:
-        """The way back from a node in the goal's triangle."""
-        _, root, _, left_e, left_n, right_e, right_n = node
-        root_e, root_n, _, former = self._roots[root]
-        goal_e, goal_n = self._goal
-        ahead_e, ahead_n = goal_e - root_e, goal_n - root_n
+    def _path(self, root: int) -> tuple[Point, ...]:
+        """The way back from a root that sees the goal, without corners that it does not turn at."""
         path = [self._goal]
-        if (left_e - root_e) * ahead_n - (left_n - root_n) * ahead_e > _FLAT_M2:
-            path.append(Point(left_e, left_n))
-        elif (right_e - root_e) * ahead_n - (right_n - root_n) * ahead_e < -_FLAT_M2:
-            path.append(Point(right_e, right_n))
-        path.append(Point(root_e, root_n))
-        while former >= 0:
-            root_e, root_n, _, former = self._roots[former]
-            path.append(Point(root_e, root_n))
+        while root >= 0:
+            east, north, _, former = self._roots[root]
+            here = Point(east, north)
+            while len(path) > 1 and _in_line(path[-1], here, path[-2]):
+                path.pop()
+            path.append(here)
+            root = former
         return tuple(path[::-1])
 
 
 class _Outlook(_Search):
-    """A search that only notes where it could turn; it looks for nothing."""
+    """A search that only notes where it could turn; it never arrives."""
 
-    def __init__(self, mesh: Mesh, place: Point) -> None:
-        super().__init__(mesh, place)
+    def __init__(self, mesh: Mesh, goal: Point) -> None:
+        super().__init__(mesh, goal)
         self._goal_entries = set()
         self._goal_triangles = set()
         self.corners: list[Point] = []
 
-    def _turn(self, root: int, vertex: int) -> int | None:
-        turned = super()._turn(root, vertex)
-        if turned is not None:
-            self.corners.append(Point(*self._mesh.places[vertex]))
-        return None
+    def _open(self, node: _Node) -> None:
+        self.corners.append(Point(*self._roots[node[1]][:2]))
 
 
-def _in_line(place: Point, span: _Span) -> bool:
+def _along(hand: float, ray_e: float, ray_n: float, ahead_e: float, ahead_n: float) -> bool:
+    """Whether a place is on a ray, by the rounding of places; `hand` is their cross product."""
+    return abs(hand) <= _ROUNDED_M * (abs(ray_e) + abs(ray_n) + abs(ahead_e) + abs(ahead_n))
+
+
+def _in_line(place: Place, one: Place, other: Place) -> bool:
     """Whether a point lies on the line through two others."""
-    along_e, along_n = span[2] - span[0], span[3] - span[1]
-    hand = along_e * (place.north_m - span[1]) - along_n * (place.east_m - span[0])
+    along_e, along_n = other[0] - one[0], other[1] - one[1]
+    hand = along_e * (place[1] - one[1]) - along_n * (place[0] - one[0])
     return abs(hand) <= ON_M * math.hypot(along_e, along_n)
-
-
-def _apart(one: Place, other: Place) -> bool:
-    return abs(one[0] - other[0]) + abs(one[1] - other[1]) > _SPECK_M

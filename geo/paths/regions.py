@@ -55,16 +55,20 @@ class Regions:
 
     def _wall(self, part: Polygon, beyond: Point) -> _Suspects:
         """What bounds a part of the clear area on the side of a place outside of it."""
-        ring = _facing(part, ShapelyPoint(beyond))
+        ring = _facing(part, beyond)
         zones = self._paths.space.touching(ring).tolist()
         fences = [_FENCES] if self._paths.space.fence_touches(ring) else []
         return (*fences, *zones)
 
 
-def _facing(part: Polygon, beyond: ShapelyPoint) -> LinearRing:
+def _facing(part: Polygon, beyond: Point) -> LinearRing:
     """The ring of a polygon's border that a place outside of it lies behind."""
-    for hole in part.interiors:
-        if Polygon(hole).intersects(beyond):
+    east_m, north_m = beyond
+    west, south, east, north = shapely.bounds(shapely.get_rings(part)[1:]).reshape(-1, 4).T
+    near = (west <= east_m) & (east_m <= east) & (south <= north_m) & (north_m <= north)
+    for index in np.flatnonzero(near).tolist():
+        hole = part.interiors[index]
+        if Polygon(hole).intersects(ShapelyPoint(beyond)):
             return hole
     return part.exterior
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -54,16 +54,8 @@ class ShortestPaths:
     def __init__(self, airspace: Airspace) -> None:
         self.airspace = airspace
         self.space = FreeSpace(airspace)
+        self.mesh = Mesh(self.space.lean)
         self._kept_m = max(airspace.fence_distance_m, *airspace.distances_m, 0.0)
-
-    @cached_property
-    def mesh(self) -> Mesh:
-        """The lean clear area."""
-        return Mesh(self.space.lean)
-
-    @cached_property
-    def _tight(self) -> Mesh:
-        return Mesh(self.space.tight())
 
     def path(
         self,
@@ -98,21 +90,15 @@ class ShortestPaths:
 
         Parts are numbered as the lean clear area has them; see `connected`.
         """
-        part = self.mesh.part_of(point)
-        if part is not None or not self.airspace.point_clear(point):
-            return part
         landing = self._landing(self.mesh, point)
         return None if landing is None else landing[1]
 
     def connected(self, a: Point, b: Point) -> bool:
         """Whether a clear path from one place to the other exists."""
-        one, other = self.part_of(a), self.part_of(b)
-        if one is not None and one == other:
-            return True
-        if not (self.airspace.point_clear(a) and self.airspace.point_clear(b)):
-            return False
-        here, there = self._landing(self._tight, a), self._landing(self._tight, b)
-        return here is not None and there is not None and here[1] == there[1]
+        one = self.part_of(a)
+        if one is None:
+            return self._pocket_path(a, b) is not None
+        return one == self.part_of(b)
 
     def nearest(self, point: Point, reachable_from: Point | None = None) -> Point | None:
         """The clear place nearest to a point, itself if it is clear; None if there is none.
@@ -162,56 +148,86 @@ class ShortestPaths:
     def _clear_path(self, start: Point, end: Point) -> Path | None:
         if self.airspace.leg_clear(start, end) and self._same_part(start, end):
             return (start, end)
-        path = self._through(self.mesh, start, end)
-        if path is not None:
-            return self._closer(self._with_fewer_corners(path))
-        if not (self.airspace.point_clear(start) and self.airspace.point_clear(end)):
+        here, there = self._landing(self.mesh, start), self._landing(self.mesh, end)
+        if here is None and there is None:
+            return self._pocket_path(start, end)
+        if here is None or there is None or here[1] != there[1]:
             return None
-        path = self._through(self._tight, start, end)
-        return None if path is None else self._with_fewer_corners(path)
+        path = self._between(self.mesh, here[0], there[0])
+        if path is None:
+            return None
+        beside_m = path_length_m(here[0]) + path_length_m(there[0])
+        return self._closer(self._with_fewer_corners(path), beside_m)
 
     def _same_part(self, a: Point, b: Point) -> bool:
         """Whether no gap without width lies between two places that see each other."""
         one, other = self.part_of(a), self.part_of(b)
         return one is None or other is None or one == other
 
-    def _through(self, mesh: Mesh, start: Point, end: Point) -> Path | None:
-        """The shortest path in a mesh; the ends may lie where only exact corners reach."""
-        here, there = self._landing(mesh, start), self._landing(mesh, end)
-        if here is None or there is None or here[1] != there[1]:
-            return None
-        path = shortest(mesh, [Source(0.0, here[0])], there[0])
+    def _between(self, mesh: Mesh, here: Path, there: Path) -> Path | None:
+        """The shortest path in a mesh between the ends of two paths that lead there."""
+        path = shortest(mesh, [Source(0.0, here[-1])], there[-1])
         if path is None:
             return None
-        if here[0] is not start:
-            path = self._begun_at(start, path)
-        if there[0] is not end:
-            path = self._begun_at(end, path[::-1])[::-1]
+        path = self._begun_at(here[:-1], path)
+        path = self._begun_at(there[:-1], path[::-1])[::-1]
         return path if self._all_clear(path) else None
 
-    def _landing(self, mesh: Mesh, point: Point) -> tuple[Point, int] | None:
-        """A clear place as the mesh has it, and the part that it is in."""
+    def _landing(self, mesh: Mesh, point: Point) -> tuple[Path, int] | None:
+        """A path from a clear place into a mesh, and the part of it that this leads to.
+
+        It is the place alone, but where only exact corners leave it clear.
+        """
         part = mesh.part_of(point)
         if part is not None:
-            return point, part
-        if not len(mesh):
+            return (point,), part
+        if not len(mesh) or not self.airspace.point_clear(point):
             return None
-        away_m, place, part = mesh.nearest(point)
-        if away_m > self.space.slack_m or not self.airspace.leg_clear(point, place):
+        _, place, part = mesh.nearest(point)
+        if self.airspace.leg_clear(point, place):
+            return (point, place), part
+        if mesh is not self.mesh:
             return None
-        return place, part
+        nearby = self._nearby(point)
+        for place in mesh.all_around(point, _DIRECTIONS):
+            path = shortest(nearby, [Source(0.0, point)], place)
+            if path is not None and self._all_clear(path):
+                return path, mesh.nearest(place)[2]
+        return None
 
-    def _begun_at(self, start: Point, path: Path) -> Path:
+    def _nearby(self, point: Point) -> Mesh:
+        """The tight clear area around a place, as far as corners may reach too far there."""
+        reach_m = 3 * self._kept_m + 1.0
+        east_m, north_m = point
+        west_m, south_m = east_m - reach_m, north_m - reach_m
+        return Mesh(self.space.tight((west_m, south_m, east_m + reach_m, north_m + reach_m)))
+
+    def _pocket_path(self, start: Point, end: Point) -> Path | None:
+        """A path within a pocket between corners that the mesh does not have."""
+        if not (self.airspace.point_clear(start) and self.airspace.point_clear(end)):
+            return None
+        path = shortest(self._nearby(start), [Source(0.0, start)], end)
+        return path if path is not None and self._all_clear(path) else None
+
+    def _begun_at(self, start: Path, path: Path) -> Path:
         """A path that begins beside the mesh, with as few corners of the mesh as it can."""
+        if not start:
+            return path
         for skipped in range(min(3, len(path)) - 1, 0, -1):
-            if self.airspace.leg_clear(start, path[skipped]):
-                return (start, *path[skipped:])
-        return (start, *path)
+            if self.airspace.leg_clear(start[-1], path[skipped]):
+                return (*start, *path[skipped:])
+        return (*start, *path)
 
-    def _closer(self, path: Path) -> Path:
-        """The path, or a shorter one around the same corners if they make a difference."""
+    def _closer(self, path: Path, beside_m: float) -> Path:
+        """The path, or a shorter one around the same corners if they make a difference.
+
+        Args:
+            path: as the mesh has it.
+            beside_m: how much of it leads into the mesh and out of it, and may be a detour.
+        """
         length_m = path_length_m(path)
-        if _turned(path) * _CORNER_EXCESS * self._kept_m < _WORTH * length_m:
+        excess_m = _turned(path) * _CORNER_EXCESS * self._kept_m + 2 * beside_m
+        if excess_m < _WORTH * length_m:
             return path
         # All that is as near is within an ellipse around the ends.
         slack_m = (math.sqrt(max(length_m**2 - math.dist(path[0], path[-1]) ** 2, 0.0))) / 2 + 1.0
@@ -219,7 +235,8 @@ class ShortestPaths:
         west, south = (ends.min(axis=0) - slack_m).tolist()
         east, north = (ends.max(axis=0) + slack_m).tolist()
         nearby = Mesh(self.space.tight((west, south, east, north)))
-        closer = self._through(nearby, path[0], path[-1])
+        here, there = self._landing(nearby, path[0]), self._landing(nearby, path[-1])
+        closer = here and there and self._between(nearby, here[0], there[0])
         if closer is None:
             return path
         closer = self._with_fewer_corners(closer)
@@ -242,13 +259,12 @@ class ShortestPaths:
         if goal is None:
             return None
         outlook = start if mesh.part_of(start) is not None else mesh.nearest(start)[1]
-        places = [outlook, *doors, *seen_corners(mesh, outlook)]
+        places = [outlook, *doors, *seen_corners(mesh, outlook, goal[0][-1])]
         sources = [Source(math.dist(start, place), place) for place in dict.fromkeys(places)]
-        path = shortest(mesh, sources, goal[0], allowed=first)
+        path = shortest(mesh, sources, goal[0][-1], allowed=first)
         if path is None:
             return None
-        if goal[0] is not end:
-            path = self._begun_at(end, path[::-1])[::-1] if len(path) > 1 else (*path, end)
+        path = self._begun_at(goal[0][:-1], path[::-1])[::-1]
         return (start, *path) if self._all_clear(path) else None
 
     def _all_clear(self, path: Sequence[Point]) -> bool:

@@ -66,8 +66,7 @@ class Ground:
 class BruteForce:
     """All corners of the clear area, and who of them sees whom."""
 
-    def __init__(self, ground):
-        free = ground.grown()
+    def __init__(self, free):
         self._free = free.buffer(1e-6)
         shapely.prepare(self._free)
         self.corners = _reflex(free)

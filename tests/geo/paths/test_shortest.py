@@ -10,6 +10,7 @@ from shapely import (
 from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Circle, Outline, Zone
 from geo.frame import Point
+from geo.paths.free_space import FreeSpace
 from geo.paths.regions import Regions
 from geo.paths.shortest import ShortestPaths, shortest_paths
 
@@ -99,6 +100,44 @@ def test_a_gap_is_open_when_it_is_wider_than_twice_the_clearance(gap_m, open_):
     path = shortest_paths(space).path(Point(-50, 50), Point(50, -50))
     assert (path is not None) is open_
     assert Regions(space).connected(Point(-50, 50), Point(50, -50)) is open_
+
+
+@pytest.mark.parametrize(
+    ("clearance_m", "slit_m", "slant_m"),
+    [(0, 0.0004, 0), (0, 0.0004, 6), (0, 0.0003, 9), (5, 0.0003, 3)],
+)
+def test_a_way_through_a_slit_is_found_from_both_sides(clearance_m, slit_m, slant_m):
+    east = 2 * clearance_m + slit_m
+    west = Zone("west", ring((-98, -5), (0, -5), (-slant_m, 5), (-98, 5)))
+    walls = [west, Zone("east", ring((east + slant_m, -5), (98, -5), (98, 5), (east, 5)))]
+    paths = ShortestPaths(Airspace(FENCED, walls, clearance_m))
+    for start, end in itertools.product(
+        (Point(-47, 13), Point(3, 88), Point(60, 41)), (Point(-60, -90), Point(0, -11))
+    ):
+        lengths_m = [length_m(paths.path(*ends)) for ends in ((start, end), (end, start))]
+        assert lengths_m[0] == pytest.approx(lengths_m[1])
+        by_slit_m = math.dist(start, (east / 2, 5)) + math.dist((east / 2, -5), end)
+        assert lengths_m[0] < by_slit_m + 25 + slant_m
+
+
+def test_no_question_takes_a_mesh_of_the_whole_map(monkeypatch):
+    """Not even one that is refused, nor a gap between zones that meet elsewhere."""
+    fence = ring((-900, -900), (900, -900), (900, 900), (-900, 900))
+    hook = ring(
+        (-40, 0), (-5.05, 0), (-5.05, 4), (-40, 40), (40, 40), (40, 50), (-60, 50), (-60, 0)
+    )
+    yard = Outline(
+        ring((200, 200), (300, 200), (300, 300), (200, 300)),
+        (ring((230, 230), (270, 230), (270, 270), (230, 270)),),
+    )
+    zones = [Zone("hook", hook), Zone("tip", ring((5.05, 2), (40, -10), (40, 42), (30, 42)))]
+    paths = ShortestPaths(Airspace(fence, [*zones, Zone("yard", yard)], 5))
+    drawn = []
+    monkeypatch.setattr(FreeSpace, "tight", lambda _, within=None: drawn.append(within) or [])
+    assert paths.path(Point(0, 20), Point(250, 250)) is None
+    assert paths.path(Point(0, 20), Point(800, -800)) is not None
+    assert paths.connected(Point(0, 20), Point(-800, 800))
+    assert all(within is not None and within[2] - within[0] < 100 for within in drawn)
 
 
 def test_start_and_end_that_are_not_clear_have_no_path():

@@ -13,6 +13,7 @@ from shapely import LineString, Polygon
 
 from benchmarks.route.maps import made, read
 from geo.frame import Point
+from geo.paths.polyanya import Source, shortest
 from geo.paths.shortest import ShortestPaths, path_length_m
 from tests.geo.optimum import BruteForce, Ground, gridded, places, scattered
 
@@ -78,7 +79,7 @@ def pairs(many):
 def searched(kind, seed):
     """Who sees whom takes brute force most of its time, wherever it is asked to go then."""
     ground, _ = kind(seed)
-    return ShortestPaths(ground.airspace), BruteForce(ground)
+    return ShortestPaths(ground.airspace), BruteForce(ground.grown())
 
 
 def ratios(kind, seeds, step=None):
@@ -104,6 +105,19 @@ def test_lengths_are_those_that_brute_force_finds(kind, step):
     assert np.median(found) <= 1.0005
     assert found.max() <= 1.05
     assert found.min() >= 0.999  # its arcs are a little larger than ours
+
+
+@given(st.integers(0, 2**32 - 1), st.booleans(), st.sampled_from([0.0, 5.0]))
+def test_searches_find_what_brute_force_finds_in_the_same_area(seed, on_grid, clearance_m):
+    ground, chance = (gridded if on_grid else scattered)(seed)
+    paths = ShortestPaths(ground.airspace.with_clearance(clearance_m))
+    optimum = BruteForce(shapely.union_all(paths.space.lean))
+    for start, goal in pairs(places(chance, 6, 5 if on_grid else None)):
+        path = shortest(paths.mesh, [Source(0.0, start)], goal)
+        if path is not None:
+            assert path_length_m(path) == pytest.approx(optimum.length_m(start, goal), abs=1e-4)
+        elif optimum.holds(start) and optimum.holds(goal):
+            assert paths.part_of(start) != paths.part_of(goal)
 
 
 @pytest.mark.parametrize("kind", [scattered, gridded])
