@@ -22,12 +22,18 @@ TARGETS = (
     *(("shortest", 20, z, "build_ms", most) for z, most in ((20, 8), (100, 60), (500, 550))),
     *(("shortest", 20, z, "cold_median_ms", m) for z, m in ((20, 0.2), (100, 0.8), (500, 3.5))),
     *(("shortest", 20, z, "cold_worst_ms", most) for z, most in ((20, 2), (100, 10), (500, 60))),
+    *(
+        ("walled", 20, z, f"{name}_worst_ms", 15)
+        for z in (20, 100, 500, 1000)
+        for name in ("found", "gate", "refused")
+    ),
     ("waypoints", 2000, 100, "build_ms", 60),
     ("waypoints", 2000, 500, "build_ms", 1000),
     ("shortest", 20, 500, "memory_mb", 30),
     ("shortest", 20, 500, "ratio_median", 1.0005),
     ("shortest", 20, 500, "ratio_worst", 1.05),
 )
+CLIFFS = ("found", "gate", "refused")
 HEAD = (
     f"{'map':<12}{'way':<21}{'build':>8}{'x bare':>8}{'cold':>8}{'worst':>8}{'warm':>8}"
     f"{'worst':>8}{'length':>9}{'worst':>8}{'none':>6}{'MB':>6}"
@@ -48,10 +54,27 @@ def main() -> int:
             _compare(row, reference)
             rows.append(row)
             print(_line(row), flush=True)
+    rows += _cliffs(options)
     missed = _judge(rows)
     if options.json:
         Path(options.json).write_text(json.dumps(rows, indent=1))
     return 1 if missed and options.strict else 0
+
+
+def _cliffs(options: argparse.Namespace) -> list[dict[str, Any]]:
+    """The worst of 40 first questions: goals that are open, behind a tight gate, walled in."""
+    head = f"{'zones':>6}{'build':>9}" + "".join(
+        f"{f'{n}: median':>17}{'worst':>8}" for n in CLIFFS
+    )
+    print(f"\n{head}", flush=True)
+    rows = []
+    for zones in (20, 100, 500, 1000):
+        row = {"map": f"W20_Z{zones}", "way": "walled"} | _run("walled", 20, zones, options)
+        rows.append(row)
+        times = (f"{row[f'{n}_median_ms']:>17.2f}{row[f'{n}_worst_ms']:>8.1f}" for n in CLIFFS)
+        said = row.get("failed") or f"{row['build_ms']:>9.0f}" + "".join(times)
+        print(f"{zones + 4:>6}{said}", flush=True)
+    return rows
 
 
 def _options() -> argparse.Namespace:
@@ -128,7 +151,7 @@ def _judge(rows: list[dict[str, Any]]) -> int:
             missed += value > most
             said = "met" if value <= most else "MISSED"
             print(
-                f"{way:<10} W{waypoints}_Z{zones:<5} {what:<16}{value:>10.4g} of {most:<8g}{said}"
+                f"{way:<10} W{waypoints}_Z{zones:<5} {what:<17}{value:>10.4g} of {most:<8g}{said}"
             )
     return missed
 

@@ -3,7 +3,7 @@
 import json
 import math
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from shapely import Polygon, STRtree
@@ -54,6 +54,32 @@ def made(waypoints: int, zones: int, seed: int = 1, pairs: int = 40) -> Map:
         min(500.0, 2.29 * side_m / math.sqrt(waypoints)),
         tuple((place(), place()) for _ in range(pairs)),
     )
+
+
+def walled(map_: Map, *, gate: bool) -> Map:
+    """A map with four walls around one of its goals; every pair leads there from outside.
+
+    Args:
+        map_: what stands around them.
+        gate: corners of two walls leave a gap of little more than twice the distance to keep, which
+            rounder corners than cheap ones keep open.
+    """
+    goal, gap_m = map_.pairs[1][1], (6.0, 8.07) if gate else (0.0, 0.0)
+    east_m, north_m = goal
+    corners = {  # west, south, east, north of the goal
+        "south": (-30.0, -30.0, 30.0 - gap_m[0], -26.0),
+        "north": (-30.0, 26.0, 30.0, 30.0),
+        "west": (-30.0, -30.0, -26.0, 30.0),
+        "east": (30.0, -26.0 + gap_m[1], 34.0, 30.0),
+    }
+    walls = [
+        Zone(name, _ring([[east_m + e, north_m + n] for e, n in ((w, s), (o, s), (o, t), (w, t))]))
+        for name, (w, s, o, t) in corners.items()
+    ]
+    pairs = [(start, goal) for start, _ in map_.pairs if math.dist(start, goal) > 50]
+    old = map_.airspace
+    airspace = Airspace(old.fences, [*old.zones, *walls], old.clearance_m)
+    return replace(map_, airspace=airspace, pairs=tuple(pairs))
 
 
 def read(path: Path) -> Map:

@@ -10,11 +10,12 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.route.maps import Map, made
-from benchmarks.route.ways import WAYS, Query, bare
+from benchmarks.route.maps import Map, made, walled
+from benchmarks.route.ways import WAYS, Query, Shortest, bare
 
 _PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 1e6
 
@@ -22,7 +23,8 @@ _PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 1e6
 def main(arguments: list[str]) -> None:
     name, waypoints, zones, repeats = arguments[0], *map(int, arguments[1:])
     map_ = made(waypoints, zones)
-    print(json.dumps(measured(name, map_, repeats)), flush=True)
+    cell = walled_in(map_) if name == "walled" else measured(name, map_, repeats)
+    print(json.dumps(cell), flush=True)
 
 
 def measured(name: str, map_: Map, repeats: int) -> dict[str, Any]:
@@ -44,6 +46,24 @@ def measured(name: str, map_: Map, repeats: int) -> dict[str, Any]:
         "memory_mb": after_mb - before_mb,
         "lengths_m": lengths_m,
     }
+
+
+def walled_in(map_: Map) -> dict[str, Any]:
+    """The planner `shortest` where its goals are open, behind a tight gate, and walled in."""
+    cell: dict[str, Any] = {}
+    within, gated = (walled(map_, gate=gate) for gate in (False, True))
+    for name, asked in (
+        ("found", replace(within, pairs=map_.pairs)),
+        ("gate", gated),
+        ("refused", within),
+    ):
+        gc.collect()
+        cell["build_ms"], query = _least_ms(Shortest(asked).build, 1)
+        times_ms, lengths_m = _asked(query, asked)
+        cell[f"{name}_median_ms"] = statistics.median(times_ms)
+        cell[f"{name}_worst_ms"] = max(times_ms)
+        cell[f"{name}_paths"] = sum(length_m is not None for length_m in lengths_m)
+    return cell
 
 
 def _asked(query: Query, map_: Map) -> tuple[list[float], list[float | None]]:

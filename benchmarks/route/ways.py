@@ -16,7 +16,7 @@ from geo.frame import Point
 from geo.paths.free_space import HAIR_M, FreeSpace
 from geo.paths.mesh import Mesh
 from geo.paths.polyanya import Source, shortest
-from geo.paths.shortest import ShortestPaths, path_length_m
+from geo.paths.shortest import path_length_m, shortest_paths
 
 Query = Callable[[Point, Point], float | None]
 """Length of the path between two places; None if there is none."""
@@ -33,17 +33,12 @@ class Way(Protocol):
 class Shortest:
     """Our planner `shortest`: build is free space, mesh and location index; query is the router."""
 
-    kind = "shortest"
-
     def __init__(self, map_: Map) -> None:
-        self._mission = mission(map_, self.kind)
-        self._graph = WaypointGraph(mission(map_, self.kind, nodes=1))
+        self._map = map_
 
     def build(self) -> Query:
-        paths = ShortestPaths(self._mission.planning_airspace)
-        len(paths.mesh)
-        self._graph.paths = paths
-        return routed(Router(self._graph))
+        shortest_paths.cache_clear()
+        return routed(Router(WaypointGraph(mission(self._map, "shortest", nodes=1))))
 
 
 class Waypoints:
@@ -51,7 +46,7 @@ class Waypoints:
 
     def __init__(self, map_: Map) -> None:
         self._mission = mission(map_, "waypoints")
-        len(WaypointGraph(self._mission).paths.mesh)
+        WaypointGraph(self._mission)
 
     def build(self) -> Query:
         return routed(Router(WaypointGraph(self._mission)))

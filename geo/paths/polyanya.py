@@ -18,6 +18,9 @@ from typing import NamedTuple
 from geo.frame import Point
 from geo.paths.mesh import ON_M, Mesh, Place
 
+_PATIENCE = 200
+"""After so many nodes a path is looked for from its end too, by turns: one end may be walled in."""
+
 _SPECK_M = 1e-9
 """Corners that are reached so little sooner than before are not looked at again."""
 
@@ -65,21 +68,39 @@ def shortest(
     Returns:
         The path; None if there is none, or where the goal is not in the mesh.
     """
-    search = _Search(mesh, goal)
-    return search.run(sources, allowed) if search.reachable else None
+    ahead = _Search(mesh, sources, goal, allowed)
+    patience: float = _PATIENCE if len(sources) == 1 and allowed is None else math.inf
+    if ahead.run(patience):
+        return ahead.path
+    back = _Search(mesh, [Source(sources[0].length_m, goal)], sources[0].place)
+    while not back.run(patience):
+        if ahead.run(patience):
+            return ahead.path
+    return None if back.path is None else back.path[::-1]
 
 
 def seen_corners(mesh: Mesh, place: Point, goal: Point) -> list[Point]:
     """The corners seen from a place that a shortest path from there to a goal may turn at first."""
-    outlook = _Outlook(mesh, goal)
-    outlook.run([Source(0.0, place)], None)
+    outlook = _Outlook(mesh, [Source(0.0, place)], goal)
+    outlook.run(math.inf)
     return outlook.corners
 
 
 class _Search:
-    """One search: the roots found so far, and the queue of nodes."""
+    """One search: the roots found so far, and the queue of nodes.
 
-    def __init__(self, mesh: Mesh, goal: Point) -> None:
+    Attributes:
+        path: what was found, once `run` has come to an end.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        sources: Sequence[Source],
+        goal: Point,
+        allowed: Callable[[Point], bool] | None = None,
+    ) -> None:
+        self.path: tuple[Point, ...] | None = None
         self._mesh = mesh
         self._goal = goal
         self._goal_triangles = set(mesh.holding(goal))
@@ -88,31 +109,31 @@ class _Search:
         self._roots: list[tuple[float, float, float, int]] = []  # place, metres so far, the former
         self._best_m: dict[int, float] = {}
         self._queue: list[_Node] = []
+        self._allowed = allowed
+        self._waiting = self._by_estimate(sources if self._goal_triangles else ())
+        self._next = next(self._waiting, None)
 
-    @property
-    def reachable(self) -> bool:
-        return bool(self._goal_triangles)
-
-    def run(
-        self, sources: Sequence[Source], allowed: Callable[[Point], bool] | None
-    ) -> tuple[Point, ...] | None:
+    def run(self, most: float) -> bool:
+        """Look at so many nodes more at most; whether that was the end of the search."""
         queue = self._queue
-        waiting = self._by_estimate(sources)
-        estimate_m, source = next(waiting, (math.inf, None))
-        while True:
-            while source is not None and (not queue or estimate_m <= queue[0][0]):
-                if allowed is None or allowed(source.place):
+        while most > 0:
+            while self._next is not None and (not queue or self._next[0] <= queue[0][0]):
+                _, source = self._next
+                if self._allowed is None or self._allowed(source.place):
                     self._begin(source)
-                estimate_m, source = next(waiting, (math.inf, None))
+                self._next = next(self._waiting, None)
             if not queue:
-                return None
+                return True
             node = heappop(queue)
             if node[2] == _HERE:
-                return self._path(node[1])
+                self.path = self._path(node[1])
+                return True
             if node[5] <= _LEFTWARD:
                 self._open(node)
             else:
                 self._follow(node)
+            most -= 1
+        return False
 
     def _by_estimate(self, sources: Sequence[Source]) -> Iterator[tuple[float, Source]]:
         heap = [(s.length_m + math.dist(s.place, self._goal), s) for s in sources]
@@ -171,20 +192,18 @@ class _Search:
             ahead_e -= east
             ahead_n -= north
             hand = left_e * ahead_n - left_n * ahead_e
-            along = -close_m2 < hand < close_m2 and _along(hand, left_e, left_n, ahead_e, ahead_n)
-            if along or hand > 0:
+            if hand > 0 or (hand > -close_m2 and _along(hand, left_e, left_n, ahead_e, ahead_n)):
                 if on_left == left:
                     self._turn(root, left, entry, _LEFTWARD)
-                if along:
+                if hand < close_m2 and _along(hand, left_e, left_n, ahead_e, ahead_n):
                     left_e, left_n, on_left = ahead_e, ahead_n, apex
                 entry = onward_right
                 continue
             hand = right_e * ahead_n - right_n * ahead_e
-            along = -close_m2 < hand < close_m2 and _along(hand, right_e, right_n, ahead_e, ahead_n)
-            if along or hand < 0:
+            if hand < 0 or (hand < close_m2 and _along(hand, right_e, right_n, ahead_e, ahead_n)):
                 if on_right == right:
                     self._turn(root, right, entry, _RIGHTWARD)
-                if along:
+                if hand > -close_m2 and _along(hand, right_e, right_n, ahead_e, ahead_n):
                     right_e, right_n, on_right = ahead_e, ahead_n, apex
                 entry = onward_left
             elif onward_left < 0:  # only what is right of the apex leads on
@@ -340,8 +359,8 @@ class _Search:
 class _Outlook(_Search):
     """A search that only notes where it could turn; it never arrives."""
 
-    def __init__(self, mesh: Mesh, goal: Point) -> None:
-        super().__init__(mesh, goal)
+    def __init__(self, mesh: Mesh, sources: Sequence[Source], goal: Point) -> None:
+        super().__init__(mesh, sources, goal)
         self._goal_entries = set()
         self._goal_triangles = set()
         self.corners: list[Point] = []

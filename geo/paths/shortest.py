@@ -133,17 +133,19 @@ class ShortestPaths:
         """
         if not len(self.mesh):
             return None
-        local = ShortestPaths(near.around(point, 1.5 * _OUT_M))
-        best: Path | None = None
-        least_m = _OUT_M
         places = [self.mesh.nearest(point)[1], *self.mesh.corners_within(point, _OUT_M)]
-        for place in places[:_OUT_TRIES]:
-            if math.dist(point, place) >= least_m:
-                break
-            path = local.path(point, place)
-            if path is not None and path_length_m(path) < least_m:
-                best, least_m = path, path_length_m(path)
-        return best
+        for least_m in (_OUT_M / 8, _OUT_M):  # few zones are near enough for a short one
+            best: Path | None = None
+            local = ShortestPaths(near.around(point, least_m + max(least_m / 2, self._kept_m)))
+            for place in places[:_OUT_TRIES]:
+                if math.dist(point, place) >= least_m:
+                    break
+                path = local.path(point, place)
+                if path is not None and path_length_m(path) < least_m:
+                    best, least_m = path, path_length_m(path)  # noqa: PLW2901
+            if best is not None:
+                return best
+        return None
 
     def _clear_path(self, start: Point, end: Point) -> Path | None:
         if self.airspace.leg_clear(start, end) and self._same_part(start, end):
