@@ -94,7 +94,7 @@ class Sender:
     def __init__(self, system_id: int, component_id: int = 1) -> None:
         self._system_id = system_id
         self._component_id = component_id
-        self._sequence = 0
+        self._sequence = 0  # of the next frame, 0 to 255
 
     def pack(self, message: Outgoing) -> bytes:
         """The frame."""

@@ -70,14 +70,14 @@ class MavlinkLink:
         self._receiver = Receiver()
         self._commands = Commands(autopilot, telemetry.version)
         self._protocol = MissionProtocol(autopilot.plan, self.system_id)
-        self._reporter = MissionReporter(autopilot) if reports_mission else None
+        self._reporter = MissionReporter(autopilot) if reports_mission else None  # truth: none
         self._streams = StreamSchedule(rates_hz)
-        self._queue: list[Outgoing | bytes] = []
+        self._queue: list[Outgoing | bytes] = []  # to be taken; bytes: passed on
         self._delayed: deque[tuple[float, Outgoing]] = deque()
         self._texts = TextChannel(time_scale)
-        self._listing: int | None = None
+        self._listing: int | None = None  # next param_index of PARAM_REQUEST_LIST; None: over
         self._passed_over: set[str] = set()
-        self._handlers: dict[str, Callable[[Any], None]] = {
+        self._handlers: dict[str, Callable[[Any], None]] = {  # by message name
             "HEARTBEAT": self._on_heartbeat,
             "COMMAND_LONG": self._on_command_long,
             "COMMAND_INT": self._on_command_int,

@@ -96,8 +96,9 @@ class MavlinkVehicle:
         self.ground = MavlinkLink(
             self.autopilot, self._telemetry, GROUND_RATES_HZ, time_scale=scale
         )
+        # What comes in on one of these goes out on the other; a truth link only sends.
         self._links = (self.onboard, self.ground) if settings.ground_link else (self.onboard,)
-        self._tells_truth = settings.truth_link
+        self._tells_truth = settings.truth_link  # else `truth` queues nothing
         self.truth = MavlinkLink(
             self.autopilot, self._telemetry, TRUTH_RATES_HZ, reports_mission=False
         )

@@ -46,21 +46,19 @@ class MissionProtocol:
     def __init__(self, plan: PlanStore, system_id: int, component_id: int = 1) -> None:
         self._plan = plan
         self._system_id = system_id
-        self._components = (component_id, _MISSION_PLANNER, 0)
-        self._state = _State.IDLE
-        self._type = 0
-        self._partner = (0, 0)
-        self._sequence = 0
-        self._count = 0
-        self._items: list[MissionItem] = []
-        self._checksum = 0
-        self._marked: int | None = None
-        self._as_float = False
-        self._sent_s = 0.0
-        self._received_s = 0.0
-        self.uploads = 0
-        """How many uploads were begun: MISSION_ITEM_REACHED starts anew with each."""
-
+        self._components = (component_id, _MISSION_PLANNER, 0)  # as target_component: for us
+        self._state = _State.IDLE  # while receiving, `plan.transferring` keeps other links out
+        self._type = 0  # MAV_MISSION_TYPE of the transfer, or of the last one
+        self._partner = (0, 0)  # system and component, of the transfer or of the last one
+        self._sequence = 0  # of the item to be sent or asked for next
+        self._count = 0  # of the transfer
+        self._items: list[MissionItem] = []  # received so far; stored when all are there
+        self._checksum = 0  # of these; the plan's opaque_id
+        self._marked: int | None = None  # the one that says it is current
+        self._as_float = False  # MISSION_ITEM, not MISSION_ITEM_INT: as the partner does
+        self._sent_s = 0.0  # time of the last MISSION_REQUEST, on the wall's clock
+        self._received_s = 0.0  # time of the partner's last message, on the wall's clock
+        # By message name; called with the message, its sender and the time.
         self._handlers: dict[str, Callable[[Any, tuple[int, int], float], list[Reply]]] = {
             "MISSION_ACK": self._on_ack,
             "MISSION_SET_CURRENT": self._on_set_current,
@@ -207,7 +205,7 @@ class MissionProtocol:
         if self._plan.transferring:  # by another link
             return [self._ack(MissionResult.ERROR, sender)]
         self._partner, self._type = sender, message.mission_type
-        self._checksum, self.uploads = 0, self.uploads + 1
+        self._checksum = 0
         if message.count > self._capacity():
             return [self._ack(MissionResult.NO_SPACE)]
         if message.count == 0:

@@ -30,7 +30,7 @@ class MessageBuilder:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self._situation = autopilot.situation
+        self._situation = autopilot.situation  # one object for ever, renewed in every step
 
     @property
     def boot_ms(self) -> int:

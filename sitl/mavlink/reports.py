@@ -33,10 +33,10 @@ class TextChannel:
     """
 
     def __init__(self, time_scale: float) -> None:
-        self._window_s = _WINDOW_S * time_scale
+        self._window_s = _WINDOW_S * time_scale  # simulated; within it the station counts as there
         self._texts: deque[tuple[float, Notice]] = deque(maxlen=_MOST)
-        self._heard_s = -math.inf
-        self._identifier = 0
+        self._heard_s = -math.inf  # its last heartbeat, simulated time
+        self._identifier = 0  # of the next STATUSTEXT, by which its chunks are joined
 
     def heard_ground_station(self, now_s: float) -> None:
         """A heartbeat of a ground station came in on the link."""
@@ -102,11 +102,11 @@ class MissionReporter:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self._state = _NO_MISSION
-        self._current = 0
-        self._reached = -1
-        self._repeats = 0
-        self._next_s = -math.inf
+        self._state = _NO_MISSION  # MISSION_STATE; stays where no rule fits
+        self._current = 0  # item of the last MISSION_CURRENT
+        self._reached = -1  # item of the last MISSION_ITEM_REACHED; -1: none
+        self._repeats = 0  # of that message
+        self._next_s = -math.inf  # simulated time of the next report without a change
 
     def step(self, now_s: float) -> list[Outgoing]:
         """What is to be sent now."""
@@ -205,8 +205,8 @@ class HealthReport:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self._told: tuple[tuple[_Check, ...], int] | None = None
-        self._next_s = _EVERY_S
+        self._told: tuple[tuple[_Check, ...], int] | None = None  # checks, modes
+        self._next_s = _EVERY_S  # simulated time of the next look
 
     def step(self) -> list[Notice]:
         """The events of a report that is due; to be called after every step."""

@@ -26,7 +26,7 @@ class StreamSchedule:
     """
 
     def __init__(self, rates_hz: Mapping[str, float]) -> None:
-        self._defaults_s = {name: 1.0 / rate for name, rate in rates_hz.items()}
+        self._defaults_s = {name: 1.0 / rate for name, rate in rates_hz.items()}  # for interval 0
         self._intervals_s = dict(self._defaults_s)
         self._due_s = dict.fromkeys(self._intervals_s, 0.0)
 
@@ -111,7 +111,7 @@ class Telemetry:
     def __init__(self, autopilot: Autopilot, start_unix_s: float, version: Px4Version) -> None:
         self.version = version
         self.status = StatusMessages(autopilot, start_unix_s, version.number)
-        self._builders = (
+        self._builders = (  # by message name
             self.status.builders()
             | PositionMessages(autopilot).builders()
             | ControlMessages(autopilot).builders()

@@ -52,7 +52,7 @@ class TruthParser:
 
     def __init__(self) -> None:
         self._mavlink = mavlink.MAVLink(None)
-        self._time_s = 0.0
+        self._time_s = 0.0  # simulated, of the last HIL_ACTUATOR_CONTROLS
 
     def parse(self, datagram: bytes) -> VehicleState | None:
         """The last valid state in a datagram, or None."""

@@ -40,7 +40,7 @@ class UdpLink:
 
     def __init__(self, bind: Address, partner: Address, what: str) -> None:
         self._partner = partner
-        self._heard = False
+        self._heard = False  # the partner has talked, and stays
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:

@@ -78,16 +78,16 @@ class Autopilot:
             altitude_m=place.altitude_m,
             home_altitude_m=place.altitude_m,
         )
+        # PX4's nav_state, nav_state_user_intention, and what disarming puts back into the latter.
         self.mode = self.intended = self._after_disarming = FlightMode.AUTO_LOITER
-        self._flying_mode: FlightMode | None = None
+        self._flying_mode: FlightMode | None = None  # in the last step
         self.setpoint = Setpoint()
-        self.terminated = False
-        self.report_asked = False
+        self.terminated = False  # for good: it never arms again (flight termination)
+        self.report_asked = False  # by RUN_PREARM_CHECKS; `HealthReport` takes it back
         self._intake = PlanIntake(self.plan, self.guard, self.mission, self.modes.returning)
-        self._home_base_m = place.altitude_m
+        self._home_base_m = place.altitude_m  # home's AMSL before the wandering error is added
         self._ground = GroundContact()
-        self._armed_s = 0.0
-        self._ever_asked = False
+        self._ever_asked = False  # sticks choose Position only before any mode command
 
     # What the world may see
 
@@ -233,7 +233,6 @@ class Autopilot:
             return False
         situation = self.situation
         situation.armed, situation.took_off_s = True, None
-        self._armed_s = self.time_s
         self._ground.armed(self.time_s)
         self.watchdog.armed()
         self._set_home_here()
@@ -399,7 +398,7 @@ class Autopilot:
         landed_s = self._ground.landed_s
         reason = disarm_due(
             self.parameters,
-            armed_for_s=self.time_s - self._armed_s,
+            armed_for_s=self.time_s - self._ground.armed_s,
             landed_for_s=None if landed_s is None else self.time_s - landed_s,
             in_mission=self.mode is FlightMode.AUTO_MISSION and not self.mission.result.finished,
         )

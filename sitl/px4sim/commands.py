@@ -54,7 +54,7 @@ class Commands:
 
     def __init__(self, autopilot: Autopilot, version: Px4Version) -> None:
         self._autopilot = autopilot
-        self._handlers: dict[int, Callable[[CommandRequest], CommandResult]] = {
+        self._handlers: dict[int, Callable[[CommandRequest], CommandResult]] = {  # by MAV_CMD
             20: self._return,
             21: self._land,
             22: self._take_off,

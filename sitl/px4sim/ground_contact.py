@@ -18,18 +18,19 @@ class GroundContact:
     """Spool-up and thrust ramp before a take-off, detection of take-off and landing.
 
     Attributes:
+        armed_s: When it was armed last, simulated time.
         landed_s: When it landed; None if it has not flown since it was armed.
     """
 
     def __init__(self) -> None:
-        self._armed_s = 0.0
-        self._ramp_s: float | None = None
-        self._touched_s: float | None = None
+        self.armed_s = 0.0
+        self._ramp_s: float | None = None  # start of MPC_TKO_RAMP_T; None: no take-off asked
+        self._touched_s: float | None = None  # on the ground since then, not found landed yet
         self.landed_s: float | None = None
 
     def armed(self, now_s: float) -> None:
         """The motors start."""
-        self._armed_s, self._ramp_s, self.landed_s = now_s, None, None
+        self.armed_s, self._ramp_s, self.landed_s = now_s, None, None
 
     def hold_down(self, setpoint: Setpoint, situation: Situation) -> Wanted | None:
         """What the vehicle does while it is not free to fly yet; None once it is."""
@@ -40,7 +41,7 @@ class GroundContact:
             if not situation.landed:
                 return None
             spool_up_s = situation.parameters.limited("COM_SPOOLUP_TIME", 0.0, 30.0)
-            self._ramp_s = max(self._armed_s + spool_up_s, situation.time_s)
+            self._ramp_s = max(self.armed_s + spool_up_s, situation.time_s)
         since_s = situation.time_s - self._ramp_s
         if since_s < 0:
             return Wanted(up_m_s=-0.5)

@@ -33,9 +33,9 @@ class OwnCommands:
 
     def __init__(self, autopilot: Autopilot) -> None:
         self._autopilot = autopilot
-        self._mode: FlightMode | None = None
-        self._speed_m_s: float | None = None
-        self._due: list[tuple[float, int, int, _Params]] = []
+        self._mode: FlightMode | None = None  # flown at the last step
+        self._speed_m_s: float | None = None  # the mission's DO_CHANGE_SPEED that was told last
+        self._due: list[tuple[float, int, int, _Params]] = []  # when, MAV_CMD, confirmation
 
     def step(self) -> list[Outgoing]:
         """The COMMAND_LONGs that are due now; to be called after every step."""

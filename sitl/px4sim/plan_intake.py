@@ -21,8 +21,8 @@ class PlanIntake:
         self._guard = guard
         self._mission = mission
         self._return = returning
-        self._revision = 0
-        self._mission_id = 0
+        self._revision = 0  # of the plan store, when it was looked at last
+        self._mission_id = 0  # checksum of the mission that is loaded; 0: none
 
     def step(self, situation: Situation) -> None:
         """Look for changes."""

@@ -29,8 +29,8 @@ class HoldFlight:
 
     def __init__(self) -> None:
         self._target: Setpoint = Setpoint()
-        self._reposition: Setpoint | None = None
-        self._speed_m_s: float | None = None
+        self._reposition: Setpoint | None = None  # asked for, not taken up yet
+        self._speed_m_s: float | None = None  # to take up with it; None: as before
 
     def reposition(self, target: Setpoint, speed_m_s: float | None = None) -> None:
         """Go to a point; taken up with the next step, in this mode or on entering it."""
@@ -67,8 +67,8 @@ class TakeoffFlight:
     """AUTO.TAKEOFF: straight up, then done."""
 
     def __init__(self) -> None:
-        self._wanted_m: float | None = None
-        self._requested = False
+        self._wanted_m: float | None = None  # AMSL; None: MIS_TAKEOFF_ALT above here
+        self._requested = False  # and not taken up yet
         self._target = Setpoint()
         self.done = False
 
@@ -147,16 +147,12 @@ class ReturnFlight:
     """AUTO.RTL: climb, go home (or to a nearer rally point), land there."""
 
     def __init__(self) -> None:
+        # All chosen anew on entering; `_phase` goes on by height and distance.
         self._phase = _ReturnPhase.CLIMB
-        self._start = (0.0, 0.0)
-        self._goal = (0.0, 0.0)
-        self._altitude_m = 0.0
-        self.rally_points: tuple[tuple[float, float], ...] = ()
-
-    @property
-    def landing(self) -> bool:
-        """Whether the last descent has begun."""
-        return self._phase is _ReturnPhase.LAND
+        self._start = (0.0, 0.0)  # north, east: where it was entered and climbs
+        self._goal = (0.0, 0.0)  # home or rally point (north, east)
+        self._altitude_m = 0.0  # to return at, AMSL
+        self.rally_points: tuple[tuple[float, float], ...] = ()  # north, east, of the plan
 
     def activate(self, situation: Situation, last: Setpoint) -> None:
         """See `Flight`."""

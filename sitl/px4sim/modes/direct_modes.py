@@ -20,7 +20,7 @@ class OffboardFlight:
 
     def __init__(self) -> None:
         self._direct = Direct()
-        self._heard_s = -math.inf
+        self._heard_s = -math.inf  # simulated time of the last setpoint
 
     def hear(self, direct: Direct, situation: Situation) -> None:
         """A setpoint came in."""
@@ -56,10 +56,10 @@ class OrbitFlight:
     """Flies a circle with even speed, looking at its centre."""
 
     def __init__(self) -> None:
-        self._centre: tuple[float, float] | None = None
-        self._altitude_m: float | None = None
-        self._radius_m = _RADIUS_M
-        self._speed_m_s = _SPEED_M_S
+        self._centre: tuple[float, float] | None = None  # north, east; None: to be here
+        self._altitude_m: float | None = None  # AMSL; None: to be the present one
+        self._radius_m = _RADIUS_M  # negative: anticlockwise
+        self._speed_m_s = _SPEED_M_S  # along the circle
 
     def request(
         self,
@@ -128,7 +128,7 @@ class Pilot:
 
     def __init__(self) -> None:
         self.sticks = Sticks()
-        self._heard_s = -math.inf
+        self._heard_s = -math.inf  # simulated time of the last MANUAL_CONTROL
         self._rest = Sticks()
 
     def hear(self, sticks: Sticks, situation: Situation) -> None:
@@ -165,8 +165,8 @@ class StickFlight:
     def __init__(self, pilot: Pilot, mode: FlightMode) -> None:
         self._pilot = pilot
         self._mode = mode
-        self._place: tuple[float, float] | None = None
-        self._altitude_m: float | None = None
+        self._place: tuple[float, float] | None = None  # north, east, held while the sticks rest
+        self._altitude_m: float | None = None  # AMSL, held while the throttle rests
 
     def activate(self, situation: Situation, last: Setpoint) -> None:
         """See `Flight`."""

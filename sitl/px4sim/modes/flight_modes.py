@@ -66,7 +66,7 @@ class FlightModes:
         self.orbit = OrbitFlight()
         self.offboard = OffboardFlight()
         self.pilot = Pilot()
-        self._flights: dict[FlightMode, Flight] = {
+        self._flights: dict[FlightMode, Flight] = {  # without an entry: not to be flown
             FlightMode.AUTO_LOITER: self.hold,
             FlightMode.AUTO_TAKEOFF: self.takeoff,
             FlightMode.AUTO_MISSION: mission,

@@ -55,15 +55,15 @@ class MissionFlight:
     def __init__(self) -> None:
         self._order = ItemOrder((), 0)
         self.result = MissionResult()
-        self._flying = False
-        self._activated = False
-        self._disarmed_since = False
-        self._item: MissionItem | None = None
-        self._climb: Setpoint | None = None
-        self._moving_to_land = False
+        self._flying = False  # the mode is active and not at the mission's end
+        self._activated = False  # Mission mode was entered with this mission
+        self._disarmed_since = False  # since then: a flown mission starts anew
+        self._item: MissionItem | None = None  # that is flown; None: at the end
+        self._climb: Setpoint | None = None  # straight up before the first item; None: done
+        self._moving_to_land = False  # NAV_LAND: on the way to where it lands
         self._target = Setpoint()
-        self._reached_s: float | None = None
-        self._begun_s = 0.0
+        self._reached_s: float | None = None  # within the acceptance since then
+        self._begun_s = 0.0  # simulated time at which the item became current
 
     @property
     def index(self) -> int:

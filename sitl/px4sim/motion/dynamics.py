@@ -38,6 +38,9 @@ class Limits:
     yaw_rate_rad_s: float = math.radians(60.0)
 
 
+_OWN: Final = Limits()
+
+
 @dataclass(frozen=True, slots=True)
 class Wanted:
     """What the vehicle is to do in this step.
@@ -70,7 +73,6 @@ class Multirotor:
         "acceleration_north_m_s2",
         "acceleration_up_m_s2",
         "east_m",
-        "limits",
         "north_m",
         "on_ground",
         "up_m",
@@ -81,15 +83,14 @@ class Multirotor:
         "yaw_rate_rad_s",
     )
 
-    def __init__(self, limits: Limits | None = None) -> None:
-        self.limits = limits or Limits()
-        self.north_m = self.east_m = self.up_m = 0.0
-        self.velocity_north_m_s = self.velocity_east_m_s = self.velocity_up_m_s = 0.0
-        self.acceleration_north_m_s2 = self.acceleration_east_m_s2 = 0.0
-        self.acceleration_up_m_s2 = 0.0
-        self.yaw_rad = 0.0
-        self.yaw_rate_rad_s = 0.0
-        self.on_ground = True
+    def __init__(self) -> None:
+        self.north_m = self.east_m = self.up_m = 0.0  # the truth, from where it was started
+        self.velocity_north_m_s = self.velocity_east_m_s = self.velocity_up_m_s = 0.0  # over ground
+        self.acceleration_north_m_s2 = self.acceleration_east_m_s2 = 0.0  # without the wind's push
+        self.acceleration_up_m_s2 = 0.0  # without gravity
+        self.yaw_rad = 0.0  # clockwise from north, -pi to pi
+        self.yaw_rate_rad_s = 0.0  # in the last step
+        self.on_ground = True  # touching it; `GroundContact` decides what counts as landed
 
     def step(
         self, step_s: float, wanted: Wanted | None, push_m_s2: tuple[float, float] = (0.0, 0.0)
@@ -149,7 +150,7 @@ class Multirotor:
         )
 
     def _follow(self, step_s: float, wanted: Wanted) -> None:
-        limits = wanted.limits or self.limits
+        limits = wanted.limits or _OWN
         missing_north = wanted.north_m_s - self.velocity_north_m_s
         missing_east = wanted.east_m_s - self.velocity_east_m_s
         missing = math.hypot(missing_north, missing_east)
@@ -181,7 +182,7 @@ class Multirotor:
             self.yaw_rad = math.remainder(self.yaw_rad + self.yaw_rate_rad_s * step_s, math.tau)
             return
         missing = math.remainder(wanted.yaw_rad - self.yaw_rad, math.tau)
-        most = self.limits.yaw_rate_rad_s * step_s
+        most = _OWN.yaw_rate_rad_s * step_s
         turn = max(-most, min(most, missing * min(1.0, 3.0 * step_s)))
         self.yaw_rate_rad_s = turn / step_s
         self.yaw_rad = math.remainder(self.yaw_rad + turn, math.tau)

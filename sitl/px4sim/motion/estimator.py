@@ -29,7 +29,7 @@ class WanderingError:
     def __init__(self, sigma: float, tau_s: float) -> None:
         self._sigma = sigma
         self._tau_s = tau_s
-        self.value = 0.0
+        self.value = 0.0  # the error now, in the unit of `sigma`; within three of them
 
     def step(self, step_s: float, normal: float) -> None:
         """Wander on for `step_s`; `normal` is a draw from the standard normal distribution."""
@@ -58,9 +58,9 @@ class EstimateErrors:
         self._home = WanderingError(_HOME_SIGMA_M, _HOME_TAU_S)
         self.north_m = self.east_m = self.altitude_m = self.home_altitude_m = 0.0
         self._sensors = random.Random(f"sensors {seed}")  # noqa: S311 - noise, not a secret
-        self._jump = (0.0, 0.0, 0.0)
-        self._coast = (0.0, 0.0)
-        self._coast_m_s = (0.0, 0.0)
+        self._jump = (0.0, 0.0, 0.0)  # north, east, up in m: sum of all jumps
+        self._coast = (0.0, 0.0)  # north, east in m: drift since positioning was lost
+        self._coast_m_s = (0.0, 0.0)  # of that drift; walks at random
         self.resets = 0
 
     def jump(self, north_m: float, east_m: float, altitude_m: float = 0.0) -> None:

@@ -49,16 +49,16 @@ class Wind:
     def __init__(self, settings: WindSettings, seed: int) -> None:
         self._random = random.Random(f"wind {seed}")  # noqa: S311 - weather, not a secret
         towards_rad = math.radians(settings.from_deg) + math.pi
-        self._mean = (
+        self._mean = (  # m/s, north and east, towards which it blows
             settings.speed_m_s * math.cos(towards_rad),
             settings.speed_m_s * math.sin(towards_rad),
         )
         gusts = settings.gusts_m_s
         sigma = settings.speed_m_s * _GUST_SHARE if gusts is None else gusts
-        self._gusty = sigma > 0.0
+        self._gusty = sigma > 0.0  # else no step draws a number
         self._gust_north = WanderingError(sigma, _GUST_TAU_S)
         self._gust_east = WanderingError(sigma, _GUST_TAU_S)
-        self._trim = (0.0, 0.0)
+        self._trim = (0.0, 0.0)  # the part of the push that the controller makes up for, m/s2
         self.north_m_s = self.east_m_s = 0.0
 
     def step(

@@ -47,7 +47,7 @@ class Fence:
     """All areas that are in force."""
 
     def __init__(self) -> None:
-        self._areas: tuple[FenceArea, ...] = ()
+        self._areas: tuple[FenceArea, ...] = ()  # without those left out for a conflict
 
     def load(
         self,

@@ -280,7 +280,7 @@ class ItemOrder:
     def __init__(self, items: tuple[MissionItem, ...], index: int) -> None:
         self.items = items
         self.index = max(0, min(index, len(items) - 1))
-        self._jumps_left = {
+        self._jumps_left = {  # by the index of its DO_JUMP
             number: _index_of(item.params[1])
             for number, item in enumerate(items)
             if item.command == Command.DO_JUMP

@@ -85,9 +85,9 @@ class Failsafe:
     """Which failsafe acts."""
 
     def __init__(self) -> None:
-        self._active: list[_Active] = []
-        self._fallback = Action.NONE
-        self._delayed_until_s: float | None = None
+        self._active: list[_Active] = []  # until a mode command or disarming, even if it is over
+        self._fallback = Action.NONE  # of an intended mode that cannot be flown now
+        self._delayed_until_s: float | None = None  # end of COM_FAIL_ACT_T's Hold
 
     @property
     def acting(self) -> bool:

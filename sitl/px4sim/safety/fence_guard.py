@@ -43,9 +43,9 @@ class FenceGuard:
 
     def __init__(self, plan: PlanStore) -> None:
         self._plan = plan
-        self._identifier = 0
-        self._load_at_s: float | None = None
-        self._checked_s = -math.inf
+        self._identifier = 0  # checksum of the fence seen last; 0: none
+        self._load_at_s: float | None = None  # simulated time; None: nothing to load
+        self._checked_s = -math.inf  # simulated time of the last look
         self.fence = Fence()
         self.violated = False
 

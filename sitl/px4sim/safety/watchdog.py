@@ -52,15 +52,15 @@ class Watchdog:
     """
 
     def __init__(self, time_scale: float) -> None:
-        self._heard_for_s = _HEARD_FOR_S * time_scale
-        self._ground_station_s: float | None = None
-        self._companion_s: float | None = None
-        self._companion_lost = False
-        self._sticks = False
-        self._sticks_at_arming = False
+        self._heard_for_s = _HEARD_FOR_S * time_scale  # in simulated seconds
+        self._ground_station_s: float | None = None  # its last heartbeat, simulated time
+        self._companion_s: float | None = None  # its last heartbeat; None: never there
+        self._companion_lost = False  # only said: PX4 has no failsafe for it
+        self._sticks = False  # heard at the last look
+        self._sticks_since_arming = False  # then or later: only their loss is a failsafe
         self.ground_station_lost = True
-        self._warning = BatteryWarning.NONE
-        self._warning_at_arming = BatteryWarning.NONE
+        self._warning = BatteryWarning.NONE  # the battery's at the last look
+        self._warning_at_arming = BatteryWarning.NONE  # only a worse one acts
 
     def heard(self, kind: int, situation: Situation) -> None:
         """A HEARTBEAT came in; `kind` is its MAV_TYPE."""
@@ -76,7 +76,7 @@ class Watchdog:
     def armed(self) -> None:
         """The motors start: a battery that is low already, or a lack of sticks, is no news."""
         self._warning_at_arming = self._warning
-        self._sticks_at_arming = self._sticks
+        self._sticks_since_arming = self._sticks
 
     def sticks(
         self, intended: FlightMode, situation: Situation, *, present: bool
@@ -86,11 +86,11 @@ class Watchdog:
             return []
         self._sticks = present
         if present:
-            self._sticks_at_arming = True
+            self._sticks_since_arming = True
             return []
         situation.say("", "commander_rc_lost")
         exception = _STICK_EXCEPTIONS.get(intended, 0)
-        if int(situation.parameters["COM_RCL_EXCEPT"]) & exception or not self._sticks_at_arming:
+        if int(situation.parameters["COM_RCL_EXCEPT"]) & exception or not self._sticks_since_arming:
             return []
         choice = int(situation.parameters["NAV_RCL_ACT"])
         return [(STICK_LOSS_ACTIONS.get(choice, Action.NONE), Cause.MANUAL_CONTROL_LOST)]

@@ -91,7 +91,7 @@ class Parameters:
             self._values[name] = type(DEFAULTS[name])(value)
         self._limited: dict[tuple[str, float, float], float] = {}  # asked for in every step
         self._names = tuple(DEFAULTS)
-        self._numbers = {name: number for number, name in enumerate(self._names)}
+        self._numbers = {name: number for number, name in enumerate(self._names)}  # param_index
 
     def __getitem__(self, name: str) -> float:
         """The value as a number to calculate with; the default where a NaN was stored."""
