@@ -68,7 +68,7 @@ class LocalLine:
 
     def __init__(self, settings: VehicleSettings) -> None:
         self.vehicle = MavlinkVehicle(settings)
-        self._ends = {Link.API: self.vehicle.onboard}
+        self._ends = {Link.API: self.vehicle.onboard}  # those that are open
         if settings.ground_link:
             self._ends[Link.GROUND] = self.vehicle.ground
         self.links = frozenset(self._ends)
@@ -121,9 +121,9 @@ class UdpLine:
     def __init__(self, ports: Mapping[Link, int], *, fresh: bool) -> None:
         self.links = frozenset(ports)
         self.fresh = fresh
-        self.now_s = 0.0
-        self._sockets: dict[Link, socket.socket] = {}
-        self._partners: dict[Link, tuple[str, int]] = {}
+        self.now_s = 0.0  # 0: not heard yet
+        self._sockets: dict[Link, socket.socket] = {}  # empty once it is closed
+        self._partners: dict[Link, tuple[str, int]] = {}  # whence it sent last
         self._heard_s = time.monotonic()
         try:
             for link, port in ports.items():

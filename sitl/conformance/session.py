@@ -107,9 +107,9 @@ class Session:
         self.two_answers = True
         self.vehicle_id = 1
         self._heard: defaultdict[tuple[Link, str], list[Heard]] = defaultdict(list)
-        self._newest: dict[tuple[Link, str], Heard] = {}
-        self._speakers: dict[tuple[int, int], Speaker] = {}
-        self._beat_s = -math.inf
+        self._newest: dict[tuple[Link, str], Heard] = {}  # through all exchanges
+        self._speakers: dict[tuple[int, int], Speaker] = {}  # by sender: sequences go on
+        self._beat_s = -math.inf  # vehicle's time of our last HEARTBEATs
 
     @property
     def now_s(self) -> float:

@@ -72,10 +72,10 @@ class Pace:
 
     def __init__(self, expected: int = 0) -> None:
         self._missing = expected
-        self._present: dict[object, _Participant] = {}
-        self._records: dict[str, _Record] = {}
-        self._began: tuple[float, float] | None = None
-        self._now: tuple[float, float] | None = None
+        self._present: dict[object, _Participant] = {}  # by connection
+        self._records: dict[str, _Record] = {}  # by name; also of those that left
+        self._began: tuple[float, float] | None = None  # simulated and wall time when all took part
+        self._now: tuple[float, float] | None = None  # the same, at the last `limit`
 
     def joined(self, key: object) -> None:
         """A process has connected; `key` stands for its connection."""

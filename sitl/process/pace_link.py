@@ -64,9 +64,9 @@ class PaceServer(WorldPace):
 
     def __init__(self, bind: Address, expected: int) -> None:
         super().__init__(expected)
-        self._unread: dict[socket.socket, bytes] = {}
+        self._unread: dict[socket.socket, bytes] = {}  # by connection: the begun line
         self._followers: set[socket.socket] = set()
-        self._last: Limit | None = None
+        self._last: Limit | None = None  # that the followers were told
         try:
             self._listener = socket.create_server(bind)
         except OSError as error:
@@ -177,13 +177,13 @@ class FollowedPace(WorldPace):
         super().__init__()
         self._source = source
         self._name = name
-        self._socket: socket.socket | None = None
-        self._again_s = 0.0
-        self._unread = b""
+        self._socket: socket.socket | None = None  # None: not connected yet, or not any more
+        self._again_s = 0.0  # wall time of the next attempt to connect
+        self._unread = b""  # the begun line
         self._limit = Limit(most_speed=STARTING_SPEED)
-        self._told_s = -math.inf
-        self._news_s = 0.0
-        self._ended = False
+        self._told_s = -math.inf  # time of our clock that was told last
+        self._news_s = 0.0  # wall time of the last limit that came
+        self._ended = False  # the other one has gone: free for good
 
     @property
     def sockets(self) -> Collection[socket.socket]:

@@ -71,10 +71,10 @@ class VehicleProcess(Closeable):
     def __init__(
         self, settings: VehicleSettings, ports: Ports, pace: WorldPace | None = None
     ) -> None:
-        self._speed = settings.speed
-        self._pace = pace or WorldPace()
+        self._speed = settings.speed  # times real time, at most
+        self._pace = pace or WorldPace()  # alone without one
         self._vehicle = MavlinkVehicle(settings)
-        self._links: list[tuple[MavlinkLink, UdpLink]] = []
+        self._links: list[tuple[MavlinkLink, UdpLink]] = []  # those that are open
         try:
             self._open(self._vehicle.onboard, ports.onboard_bind, ports.onboard_to, "API link")
             if ports.ground_to is not None:

@@ -70,7 +70,7 @@ class Companion:
         clock = VehicleClock(self._loop.time, self._unix_s)
         mapper = Mapper(mission)
         self.node = NodeStandIn(team, uav, clock.now_s)
-        self._link: StandIn | None = None
+        self._link: StandIn | None = None  # of the present life of MAVSDK; None: not opened yet
         self.flight = Flight(
             mission,
             Px4Vehicle(mission, _URL, clock, connection=self._connect),

@@ -69,8 +69,8 @@ class MissionFile:
         self.path = path
         self._document = document
         self._before = document
-        self._middle: Point | None = None
-        self._walls: list[str] = []
+        self._middle: Point | None = None  # of the four walls; None: none was drawn yet
+        self._walls: list[str] = []  # names of those that stand, the last one opens first
         self.frame: LocalFrame
         self.text = ""
         self._write(document)

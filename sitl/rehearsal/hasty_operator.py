@@ -66,8 +66,8 @@ class HastyOperator:
         self._ask = ask
         self._change = change
         self._dice = scenario.scene.chance("haste")
-        self._waiting: list[tuple[float, Moment]] = []
-        self._sent: Pair | None = None
+        self._waiting: list[tuple[float, Moment]] = []  # until when, and what to do
+        self._sent: Pair | None = None  # where it was sent last, east and north
 
     def step(self, now_s: float) -> None:
         """Do what waits for a moment that has come."""

@@ -112,19 +112,19 @@ class Scenario:
         self.companion: Companion | None = None
         self._dice = scene.chance("stage")  # the name of its dice: another would be other flights
         self._speaker = Speaker(1, COMPANION)
-        self._step_at_s = self._tick_at_s = STEP_S
-        self._stalled_until_s = self._deaf_from_s = math.inf
-        self._inbox: list[Callable[[], object]] = []
-        self._restarts = False
-        self._flew_s: float | None = None
-        self._disarmed_s: float | None = None
-        self._given_away_s: float | None = None
-        self._off_m = 0.0
-        self._samples: list[Sample] = []
-        self._messages: list[WireMessage] = []
-        self._heard: list[WireMessage] = []
-        self._happenings: list[SceneEvent] = []
-        self._lines: list[Line] = []
+        self._step_at_s = self._tick_at_s = STEP_S  # when the vehicle, and the script, move on next
+        self._stalled_until_s = self._deaf_from_s = math.inf  # of the companion; inf: it runs
+        self._inbox: list[Callable[[], object]] = []  # for the companion's loop, as soon as it runs
+        self._restarts = False  # a companion is to be started
+        self._armed_s: float | None = None  # for the first time
+        self._disarmed_s: float | None = None  # after a flight; None again once it is armed
+        self._given_away_s: float | None = None  # since then no companion has it, or will
+        self._off_m = 0.0  # error of the estimate as it was recorded last
+        self._samples: list[Sample] = []  # this and the next four: for the judge
+        self._messages: list[WireMessage] = []  # as they were sent, both ways
+        self._heard: list[WireMessage] = []  # by the companion, as it came
+        self._happenings: list[SceneEvent] = []  # in the order of time
+        self._lines: list[Line] = []  # said by the companions
         self.file: MissionFile
         self.mission: Mission
         self.seek: tuple[str, ...]
@@ -401,20 +401,20 @@ class Scenario:
         autopilot, now_s = self.vehicle.autopilot, self.now_s
         companion = self.companion
         if autopilot.armed:
-            if self._flew_s is None:
-                self._flew_s = now_s
+            if self._armed_s is None:
+                self._armed_s = now_s
                 self.link.late_s = 4.0 if Fault.LATE in self.scene.faults else 0.0
                 self.link.old_s = 2.0 if Fault.OLD in self.scene.faults else 0.0
             self._disarmed_s = None
-        elif self._flew_s is not None and self._disarmed_s is None:
+        elif self._armed_s is not None and self._disarmed_s is None:
             self._disarmed_s = now_s
         if now_s > MOST_S:
             raise SceneOverError
         if self._disarmed_s is not None and now_s > self._disarmed_s + LANDED_S:
             raise SceneOverError
-        if companion is None and self._flew_s is None and now_s > BOOT_S + TICK_S:
+        if companion is None and self._armed_s is None and now_s > BOOT_S + TICK_S:
             raise SceneOverError  # it was refused on the ground
-        given_away = companion is None or (self._flew_s is not None and not companion.in_charge)
+        given_away = companion is None or (self._armed_s is not None and not companion.in_charge)
         if not given_away or not self._script.done or not autopilot.armed:
             self._given_away_s = None
         elif self._given_away_s is None:

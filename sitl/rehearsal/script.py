@@ -50,17 +50,17 @@ class Script:
         self._scenario = scenario
         self._dice = scenario.scene.chance("script")
         self._waiting = schedule
-        self._due: list[tuple[float, ScheduledFault]] = []
+        self._due: list[tuple[float, ScheduledFault]] = []  # simulated time, in its order
         self._phases: set[str] = set()
-        self._jump = (0.0, 0.0)
-        self._sticks_from_s = self._moved_until_s = math.inf
-        self._resumes_s = self._resumes_until_s = math.inf
-        self._upload = False
-        self._reading: tuple[float, str | None, int] | None = None
-        self._other_until_s = -math.inf
+        self._jump = (0.0, 0.0)  # north and east, m: sum of the jumps
+        self._sticks_from_s = self._moved_until_s = math.inf  # heard from, moved until
+        self._resumes_s = self._resumes_until_s = math.inf  # asked next, given up at
+        self._upload = False  # the operator wants our plan put on board, too
+        self._reading: tuple[float, int] | None = None  # patience's end; how many zones before
+        self._other_until_s = -math.inf  # so long another UAV is heard
         haste = self._haste = HastyOperator(scenario, self._ask, self._change)
         self.pilot = False
-        self._happenings: dict[str, Callable[[Any], object]] = {
+        self._handlers: dict[str, Callable[[Any], object]] = {  # by `ScheduledFault.what`
             "jump": self._jump_by,
             "jump back": lambda _: self._shift(-self._jump[0], -self._jump[1]),
             "off": lambda off: self._errors.jump(off[0], 0.0, off[1]),
@@ -129,7 +129,7 @@ class Script:
         while self._due and self._due[0][0] <= now_s:
             _, scheduled = self._due.pop(0)
             self._scenario.happened(SceneEventKind.FAULT, scheduled.what)
-            self._happenings[scheduled.what](scheduled.value)
+            self._handlers[scheduled.what](scheduled.value)
         self._haste.step(now_s)
         self._go_on_asking(now_s)
         self._look_after_reading(now_s)
@@ -402,16 +402,15 @@ class Script:
         if companion is None or not self._flies or self._reading is not None:
             return
         zones = len(companion.flight.controller.mission.zones)
-        name = draw()
-        if name is not None:
-            self._reading = (self._scenario.now_s + READ_S, name, zones)
+        if draw() is not None:
+            self._reading = (self._scenario.now_s + READ_S, zones)
             self._ask(Reload())
 
     def _look_after_reading(self, now_s: float) -> None:
         """Whether the changed file was taken; what was not is taken out of it again."""
         if self._reading is None:
             return
-        until_s, _, zones = self._reading
+        until_s, zones = self._reading
         companion = self._scenario.companion
         if companion is not None and len(companion.flight.controller.mission.zones) != zones:
             self._scenario.happened(SceneEventKind.MISSION_FILE, self._scenario.file.text)

@@ -36,8 +36,8 @@ class Stations:
     def __init__(self, vehicle: MavlinkVehicle, tell: Tell) -> None:
         self._vehicle = vehicle
         self._tell = tell
-        self._senders = (Speaker(255, GROUND_CONTROL), Speaker(254, GROUND_CONTROL))
-        self._plan_ids = 1 << 20
+        self._senders = (Speaker(255, GROUND_CONTROL), Speaker(254, GROUND_CONTROL))  # by `station`
+        self._plan_ids = 1 << 20  # counted up: no two plans look alike to the vehicle
 
     # Messages
 

@@ -26,9 +26,9 @@ class SimClock:
     def __init__(self, epoch_s: float | None, wall_s: Callable[[], float] = time.time) -> None:
         self._epoch_s = epoch_s
         self._wall_s = wall_s
-        self._elapsed_s = 0.0
-        self._offset_s = 0.0
-        self._now_s = wall_s() if epoch_s is None else epoch_s
+        self._elapsed_s = 0.0  # simulated, through all starts of the vehicle
+        self._offset_s = 0.0  # what came before the vehicle's last start
+        self._now_s = wall_s() if epoch_s is None else epoch_s  # Unix
 
     def now_s(self) -> float:
         """Unix seconds now."""

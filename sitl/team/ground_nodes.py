@@ -26,7 +26,7 @@ class RadioReadings:
     """Sends readings to each robot's `radio` endpoint; robots without one get none."""
 
     def __init__(self, team: Team) -> None:
-        self._endpoints = {
+        self._endpoints = {  # host and port, by robot
             robot.name: _endpoint(robot.radio)
             for robot in team.robots.values()
             if robot.radio is not None
@@ -120,8 +120,8 @@ class GroundNodes:
         self._team = team
         self._clock = clock
         self._arrivals: queue.SimpleQueue[tuple[str, MessageStored]] = queue.SimpleQueue()
-        self._unsubscribe: list[Callable[[], object]] = []
-        self.keepers: dict[str, MapKeeper] = {name: MapKeeper() for name in names}
+        self._unsubscribe: list[Callable[[], object]] = []  # from each node
+        self.keepers = {name: MapKeeper() for name in names}  # the maps that reach each robot
         self.nodes: dict[str, Node] = {}
         try:
             for name in self.keepers:

@@ -91,14 +91,14 @@ class Relay:
         now_s: Callable[[], float] = time.monotonic,
         close_after_s: float = CLOSE_AFTER_S,
     ) -> None:
-        self._limited = rate_bytes_s is not None
+        self._limited = rate_bytes_s is not None  # else no link needs credit
         self._now_s = now_s
         self._close_after_s = close_after_s
         self._selector = selectors.DefaultSelector()
-        self._links: dict[frozenset[str], RadioLink] = {}
-        self._listeners: list[_Listener] = []
+        self._links: dict[frozenset[str], RadioLink] = {}  # one for both directions
+        self._listeners: list[_Listener] = []  # one for each pair, to the end
         self._lock = threading.Lock()
-        self._closing = False
+        self._closing = False  # under `_lock`, like all that the thread shares
         self._wake_in, self._wake_out = socket.socketpair()
         self._wake_in.setblocking(False)
         self._wake_out.setblocking(False)

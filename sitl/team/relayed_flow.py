@@ -82,7 +82,7 @@ class Flow:
         self.link = link
         self.near = RelayedSocket(accepted, self)
         self.far = RelayedSocket(dialling, self)
-        self._connected = False
+        self._connected = False  # the far end answers; until then it is dialled
 
     @property
     def sides(self) -> tuple[RelayedSocket, RelayedSocket]:

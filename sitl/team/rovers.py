@@ -50,8 +50,8 @@ class Rovers:
         endpoints: Mapping[str, str],
     ) -> None:
         self._decoder = TeamMessageDecoder(frame, readers=readers_of(team))
-        self._nodes = {name: nodes[name] for name in endpoints}
-        self._topics = {name: pose_topic(team, name) for name in endpoints}
+        self._nodes = {name: nodes[name] for name in endpoints}  # without the others of the team
+        self._topics = {name: pose_topic(team, name) for name in endpoints}  # None: it has none
         with ExitStack() as stack:
             for name, endpoint in endpoints.items():
                 served = stack.enter_context(ServiceServer(nodes[name], endpoint))
@@ -90,6 +90,7 @@ class RosSpeech:
 
     def __init__(self, team: Team) -> None:
         self._team = team
+        # None: no robot says anything in ROS types.
         self._types = Types(team.definitions) if any(map(self._ros_topics, team.robots)) else None
 
     def topics(self, name: str) -> set[str]:

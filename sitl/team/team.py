@@ -177,9 +177,9 @@ class TeamSimulation:
         self._mission = mission
         self._team = team
         self._pace = TeamPace()
-        self._ground_amsl_m = mission.home_altitude_amsl_m
-        self._started = False
-        self._others: dict[str, VehicleState] = {}
+        self._ground_amsl_m = mission.home_altitude_amsl_m  # None: where the vehicle is first
+        self._greeted = False  # the vehicle was heard, and how far from home it is was looked at
+        self._others: dict[str, VehicleState] = {}  # as heard last
         with ExitStack() as stack:
             self._truth = TruthReceiver(places.truth)
             stack.callback(self._truth.close)
@@ -262,8 +262,8 @@ class TeamSimulation:
         if truth is None:
             return  # the next packet will be better
         self._pace.stepped(truth.time_s, time.monotonic())
-        if not self._started:
-            self._started = True
+        if not self._greeted:
+            self._greeted = True
             self._greet(truth)
         others = {
             name: other

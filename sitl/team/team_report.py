@@ -141,9 +141,9 @@ class TeamPace:
     """How fast the world went, and in what steps."""
 
     def __init__(self) -> None:
-        self._began: tuple[float, float] | None = None
-        self._now = (0.0, 0.0)
-        self._longest_step_s = 0.0
+        self._began: tuple[float, float] | None = None  # simulated and wall time of the first step
+        self._now = (0.0, 0.0)  # the same, of the last step
+        self._longest_step_s = 0.0  # simulated
 
     def stepped(self, time_s: float, wall_s: float) -> None:
         """The world was moved on to this simulated time, at this time of a steady clock."""

@@ -55,7 +55,7 @@ class Patrol:
         self.stops = tuple(stops)
         lengths = (math.dist(a, b) for a, b in self.legs())
         self._starts_m = tuple(itertools.accumulate(lengths, initial=0.0))
-        self.length_m = self._starts_m[-1]
+        self.length_m = self._starts_m[-1]  # of a whole round; there and back if it is not closed
 
     def legs(self) -> tuple[tuple[Point, Point], ...]:
         """Start and end of every leg of one whole round; empty for a single point."""

@@ -142,7 +142,7 @@ class Every:
 
     def __init__(self, interval_s: float) -> None:
         self._interval_s = interval_s
-        self._next_s = -math.inf
+        self._next_s = -math.inf  # of the caller's clock; the first look is due
 
     def due(self, now_s: float) -> bool:
         """Whether it is time; a yes takes the turn."""
@@ -209,19 +209,20 @@ class World:
         topics: Mapping[str, Collection[str]],
     ) -> None:
         self.settings = settings
+        # By name; a pair is in the order of vehicle, other vehicles, robots.
         self._ugvs = {name: _Ugv(robot, topics[name]) for name, robot in robots.items()}
-        self._pairs = {
+        self._pairs = {  # who hears whom
             pair: Contact()
             for pair in itertools.combinations((settings.vehicle, *settings.others, *robots), 2)
         }
-        self.approaches = {
+        self.approaches = {  # of vehicles; `sitl.team.team_report` reads them
             pair: Approach()
             for pair in itertools.combinations((settings.vehicle, *settings.others), 2)
         }
         self._reading = Every(settings.reading_interval_s)
         self._picture = Every(settings.camera_interval_s)
-        self._now_s: float | None = None
-        self._took_off_s: float | None = None
+        self._now_s: float | None = None  # of the last step
+        self._took_off_s: float | None = None  # the first vehicle; from then on robots drive
 
     @property
     def robots(self) -> Mapping[str, GroundRobot]:

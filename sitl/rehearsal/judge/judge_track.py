@@ -124,7 +124,7 @@ class Track:
         first_m = samples[0].altitude_amsl_m
         texts = [(-math.inf, evidence.mission_text)]
         texts += [(h.time_s, str(h.value)) for h in evidence.told(SceneEventKind.MISSION_FILE)]
-        self._first_m = first_m
+        self._first_m = first_m  # where the vehicle was started: home's AMSL, unless the file says
         self.skies = [Sky(at_s, self.read(text)) for at_s, text in texts]
         self.mission = self.skies[0].mission
         self.ground_m = first_m

@@ -156,16 +156,16 @@ class _YamlReader:
         own = (data.get("uavs") or {}).get(uav) or {}
         if data.get("uavs") and uav is None:
             own = next(iter(data["uavs"].values())) or {}
-        self._data = {**data, **own}
-        self._local = data.get("coordinates", "degrees") == "local"
+        self._data = {**data, **own}  # the UAV's own values come first
+        self._local = data.get("coordinates", "degrees") == "local"  # pairs are metres, not degrees
         planner = data.get("planner") or {}
-        self._planner = planner
+        self._planner = planner  # section of the file
         self._clearance_m = float(planner.get("clearance_m", _CLEARANCE_M))
         origin = (data.get("frame") or {}).get("origin")
-        self._source = Frame(tuple(origin)) if origin is not None else None
+        self._source = Frame(tuple(origin)) if origin is not None else None  # of local pairs
         home = self._data["home"]
         amsl = home.get("altitude_amsl_m") if isinstance(home, dict) else None
-        self._ground_m = ground_amsl_m if amsl is None else float(amsl)
+        self._ground_m = ground_amsl_m if amsl is None else float(amsl)  # AMSL, at home
         self._home = self._degrees(home["position"] if isinstance(home, dict) else home)
         self._frame = Frame(self._home)
 

@@ -71,15 +71,15 @@ class RealFlight:
         self._path = path
         self._speed = speed
         self._px4 = px4
-        self._happenings: list[SceneEvent] = []
-        self._lines: list[Line] = []
-        self._awaited: tuple[SceneEvent, Callable[[], bool]] | None = None
-        self._sticks_moved_s: tuple[float, float] | None = None
-        self._relay: LossyRelay
-        self._companion: Companion
-        self._station: Station
-        self._arguments: list[str] = []
-        self._programs: Programs
+        self._happenings: list[SceneEvent] = []  # for the judge
+        self._lines: list[Line] = []  # of companions that were killed
+        self._awaited: tuple[SceneEvent, Callable[[], bool]] | None = None  # not shown yet
+        self._sticks_moved_s: tuple[float, float] | None = None  # None: no sticks
+        self._relay: LossyRelay  # from `fly` on, as the others that have no value here
+        self._companion: Companion  # the last that was started
+        self._station: Station  # the pilot's, too
+        self._arguments: list[str] = []  # of every companion
+        self._programs: Programs  # all but the companion
 
     @property
     def _seen(self) -> Recording:

@@ -58,9 +58,9 @@ class Companion:
         )
         os.close(terminal)
         self.lines: list[Line] = []
-        self.outcome = ""
+        self.outcome = ""  # of the JSON line that ends its output; empty until then
         self._now_s = now_s
-        self._readers = [
+        self._readers = [  # one thread for each of its streams
             threading.Thread(target=self._read, args=(stream, keep), daemon=True)
             for stream, keep in (
                 (self.process.stderr, self._line),
@@ -120,7 +120,7 @@ class Brake:
 
     def __init__(self, group: int) -> None:
         self._group = group
-        self._held = self._released = False
+        self._held = self._released = False  # stopped now; free for good
         self._lock = threading.Lock()
 
     def hold(self, waits: bool) -> None:
@@ -194,10 +194,10 @@ class Programs:
         self._mission = mission
         self._speed = speed
         self._px4 = px4
-        self._vehicle: subprocess.Popen[bytes] | None = None
-        self._second: subprocess.Popen[bytes] | None = None
-        self._instance = 0
-        self._brakes: list[Brake] = []
+        self._vehicle: subprocess.Popen[bytes] | None = None  # the last that was started
+        self._second: subprocess.Popen[bytes] | None = None  # on the same radio
+        self._instance = 0  # of the first PX4: it is started anew as the same
+        self._brakes: list[Brake] = []  # of all PX4s
 
     def start_vehicle(self) -> None:
         """Start `sitl vehicle`."""

@@ -21,6 +21,7 @@ from sitl.rehearsal.programs.recording import MISSION, Recording
 
 _BUFFER: Final = 2**22
 _PAUSE_S: Final = 0.2
+_VEHICLE: Final = 1  # its system id
 _READY_SPEED: Final = 1.0
 """Times real time until it is armed: only from then on the companion says how far it is."""
 
@@ -72,8 +73,9 @@ class LossyRelay:
     def __init__(
         self, companion_port: int, seed: int, ports: tuple[int, int] = (0, 0), speed: float = 1.0
     ) -> None:
-        self._companion = ("127.0.0.1", companion_port)
+        self._companion = ("127.0.0.1", companion_port)  # its address
         self._chance = random.Random(f"relay {seed}")  # noqa: S311 - weather
+        # Where the vehicle's API link and truth come in, and the companion's; then other vehicles'.
         self._ends = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
         for end, port in zip(self._ends, (*ports, 0), strict=True):
             end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
@@ -89,11 +91,10 @@ class LossyRelay:
         self._pace = PaceServer(("127.0.0.1", 0), expected=0)
         self.pace_port = self._pace.port
         self._speed = speed
-        self._granted = (0.0, time.monotonic())
-        self._flown = False
-        self._system = 1
-        self._vehicle: Any = None
-        self._first: dict[int, bytes] = {}
+        self._granted = (0.0, time.monotonic())  # vehicle's time it may reach; when
+        self._flown = False  # it was armed once: `_READY_SPEED` is over
+        self._vehicle: Any = None  # address that it sent from last; None: not heard yet
+        self._first: dict[int, bytes] = {}  # frames that stand for the frozen, by number
         self._waiting: deque[tuple[float, bytes]] = deque()
         self._stop = threading.Event()
         self._paused = threading.Event()
@@ -195,7 +196,7 @@ class LossyRelay:
             if passes and self._vehicle is not None:
                 self._api.sendto(data, self._vehicle)
             return
-        if any(frame.system_id != self._system for frame in itertools.islice(frames(data), 1)):
+        if any(frame.system_id != _VEHICLE for frame in itertools.islice(frames(data), 1)):
             self._outside.sendto(data, self._companion)  # another vehicle on the same radio
             return
         self._vehicle = sender

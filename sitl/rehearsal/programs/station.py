@@ -68,9 +68,9 @@ class Station:
         self._relay = relay
         self._sender = mavlink.MAVLink(None, srcSystem=system, srcComponent=190)
         self._vehicle = vehicle
-        self._plan: Sequence[Mapping[str, Any]] = ()
-        self._kind = _MISSION
-        self._stored: Callable[[], object] = lambda: None
+        self._plan: Sequence[Mapping[str, Any]] = ()  # items of the last upload
+        self._kind = _MISSION  # their MAV_MISSION_TYPE
+        self._stored: Callable[[], object] = lambda: None  # called at their MISSION_ACK
 
     def beat(self) -> None:
         """A station's HEARTBEAT."""

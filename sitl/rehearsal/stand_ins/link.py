@@ -84,12 +84,12 @@ class Link:
         self.burst: Burst | None = None
         self._in_burst, self._turns_s = False, 0.0
         self._count = itertools.count()
-        self._under_way: list[tuple[float, int, Callable[[], object]]] = []
+        self._under_way: list[tuple[float, int, Callable[[], object]]] = []  # heap: when, order
         self._arrives_s = dict.fromkeys(Way, 0.0)
         self._delay_s, self._other_delay_s = 0.0, 0.0
-        self._troubles: dict[tuple[Way, str], _ActiveFault] = {}
-        self._frozen: dict[tuple[Way, str], Fields] = {}
-        self._booted_s = 0.0
+        self._troubles: dict[tuple[Way, str], _ActiveFault] = {}  # one for each stream
+        self._frozen: dict[tuple[Way, str], Fields] = {}  # what a stream repeats
+        self._booted_s = 0.0  # when the vehicle's clock began anew; 0: with ours
 
     @property
     def next_s(self) -> float:
@@ -152,10 +152,6 @@ class Link:
         """What arrives until now."""
         while self._under_way and self._under_way[0][0] <= now_s:
             heapq.heappop(self._under_way)[2]()
-
-    def cut(self) -> None:
-        """What is under way is lost."""
-        self._under_way.clear()
 
     def _trouble_of(self, way: Way, name: str, now_s: float) -> _ActiveFault | None:
         trouble = self._troubles.get((way, name))

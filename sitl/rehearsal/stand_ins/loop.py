@@ -35,7 +35,7 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
     def __init__(self, world: World) -> None:
         self.world = world
         super().__init__(_Waiting(self))
-        self._clock_resolution = _SOON_S
+        self._clock_resolution = _SOON_S  # asyncio's own: a timer is due so much early
 
     def time(self) -> float:
         """Simulated seconds."""

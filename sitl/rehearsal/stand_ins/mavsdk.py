@@ -83,7 +83,7 @@ class StandIn(Px4Connection):
         self.wire = wire
         self._listeners: defaultdict[str, list[Callable[[Fields], None]]] = defaultdict(list)
         self._heard = asyncio.Event()
-        self._tasks: list[asyncio.Task[None]] = []
+        self._tasks: list[asyncio.Task[None]] = []  # until it is closed
         self._transfers = asyncio.Lock()
         self.listen("HEARTBEAT", lambda _: self._heard.set())
 
@@ -175,7 +175,7 @@ class _Transfer:
         self._link = link
         self._type = mission_type
         self._inbox: asyncio.Queue[tuple[str, Fields]] = asyncio.Queue()
-        self._ends: list[Callable[[], None]] = []
+        self._ends: list[Callable[[], None]] = []  # end its listening
 
     def __enter__(self) -> Self:
         for name in _TRANSFER:

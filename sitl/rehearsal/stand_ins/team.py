@@ -39,8 +39,8 @@ class NodeStandIn:
         self._team = team
         self._name = name
         self._unix_s = unix_s
-        self._listener: Callable[[LinkEvent], None] | None = None
-        self._messages: dict[tuple[str, str], Message] = {}
+        self._listener: Callable[[LinkEvent], None] | None = None  # the flight's; None: closed
+        self._messages: dict[tuple[str, str], Message] = {}  # by robot and topic
 
     @property
     def robot(self) -> Robot:
