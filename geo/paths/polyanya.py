@@ -18,8 +18,9 @@ from typing import NamedTuple
 from geo.frame import Point
 from geo.paths.mesh import ON_M, Mesh, Place
 
-_PATIENCE = 200
-"""After so many nodes a path is looked for from its end too, by turns: one end may be walled in."""
+_PATIENCE = 100
+"""After so many nodes a path is looked for from its end too, as one end may be walled in. Then, so
+many at a time, the search goes on that knows the path to be longer: it is likely the nearer one."""
 
 _SPECK_M = 1e-9
 """Corners that are reached so little sooner than before are not looked at again."""
@@ -73,10 +74,11 @@ def shortest(
     if ahead.run(patience):
         return ahead.path
     back = _Search(mesh, [Source(sources[0].length_m, goal)], sources[0].place)
-    while not back.run(patience):
-        if ahead.run(patience):
-            return ahead.path
-    return None if back.path is None else back.path[::-1]
+    search = back
+    while not search.run(patience):
+        search = max(ahead, back, key=lambda one: one.least_m)
+    path = search.path
+    return path[::-1] if path is not None and search is back else path
 
 
 def seen_corners(mesh: Mesh, place: Point, goal: Point) -> list[Point]:
@@ -112,6 +114,11 @@ class _Search:
         self._allowed = allowed
         self._waiting = self._by_estimate(sources if self._goal_triangles else ())
         self._next = next(self._waiting, None)
+
+    @property
+    def least_m(self) -> float:
+        """No path that is still to be found is shorter."""
+        return self._queue[0][0] if self._queue else math.inf
 
     def run(self, most: float) -> bool:
         """Look at so many nodes more at most; whether that was the end of the search."""
