@@ -124,7 +124,7 @@ class UdpLine:
         self.now_s = 0.0  # 0: not heard yet
         self._sockets: dict[Link, socket.socket] = {}  # empty once it is closed
         self._partners: dict[Link, tuple[str, int]] = {}  # whence it sent last
-        self._heard_s = time.monotonic()
+        self._heard_s = time.monotonic()  # wall clock
         try:
             for link, port in ports.items():
                 end = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -41,8 +41,8 @@ class EventQueue:
 
     def __init__(self) -> None:
         self.now_s = 0.0
-        self._number = 0
-        self._events: list[tuple[float, int, Callable[[], None]]] = []
+        self._number = 0  # of the newest: those of one time happen in their order
+        self._events: list[tuple[float, int, Callable[[], None]]] = []  # heap
 
     def at(self, time_s: float, event: Callable[[], None]) -> None:
         """Have something happen at a time; what is past happens now, after what is due already."""
@@ -96,9 +96,9 @@ class EventLog:
         self.actions = 0
         self._queue = queue
         self._keep = keep
-        self._lines: list[str] = []
-        self._motions: list[Motion] = []
-        self._digest = hashlib.sha256()
+        self._lines: list[str] = []  # empty if they are not kept
+        self._motions: list[Motion] = []  # all that were asked for: `of` is the place here
+        self._digest = hashlib.sha256()  # of all lines, kept or not
 
     @property
     def digest(self) -> str:

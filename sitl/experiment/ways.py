@@ -64,8 +64,8 @@ class Ways:
         costs, before = dijkstra(
             _graph(lattice, ground), indices=start, return_predecessors=True, limit=_FARTHEST
         )
-        self.costs: Floats = costs
-        self._before: npt.NDArray[np.int32] = before
+        self.costs: Floats = costs  # by cell; inf: none leads there
+        self._before: npt.NDArray[np.int32] = before  # by cell: the one before it on the way
 
     def nearest(self, place: Point, within_m: float) -> Cell | None:
         """The cell within a distance of a place that is cheapest to reach; None: there is none."""

@@ -218,7 +218,7 @@ class Receiver:
     """Parses the datagrams of one link."""
 
     def __init__(self) -> None:
-        self._parser = self._fresh()
+        self._parser = self._fresh()  # pymavlink's, empty between datagrams
 
     def parse(self, datagram: bytes) -> list[Any]:
         """The valid messages in a datagram; a frame never goes over two datagrams."""

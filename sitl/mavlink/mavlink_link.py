@@ -73,10 +73,10 @@ class MavlinkLink:
         self._reporter = MissionReporter(autopilot) if reports_mission else None  # truth: none
         self._streams = StreamSchedule(rates_hz)
         self._queue: list[Outgoing | bytes] = []  # to be taken; bytes: passed on
-        self._delayed: deque[tuple[float, Outgoing]] = deque()
+        self._delayed: deque[tuple[float, Outgoing]] = deque()  # until when
         self._texts = TextChannel(time_scale)
         self._listing: int | None = None  # next param_index of PARAM_REQUEST_LIST; None: over
-        self._passed_over: set[str] = set()
+        self._passed_over: set[str] = set()  # names that were warned of
         self._handlers: dict[str, Callable[[Any], None]] = {  # by message name
             "HEARTBEAT": self._on_heartbeat,
             "COMMAND_LONG": self._on_command_long,

@@ -34,7 +34,7 @@ class TextChannel:
 
     def __init__(self, time_scale: float) -> None:
         self._window_s = _WINDOW_S * time_scale  # simulated; within it the station counts as there
-        self._texts: deque[tuple[float, Notice]] = deque(maxlen=_MOST)
+        self._texts: deque[tuple[float, Notice]] = deque(maxlen=_MOST)  # with when it was said
         self._heard_s = -math.inf  # its last heartbeat, simulated time
         self._identifier = 0  # of the next STATUSTEXT, by which its chunks are joined
 

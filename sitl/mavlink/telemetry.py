@@ -27,8 +27,8 @@ class StreamSchedule:
 
     def __init__(self, rates_hz: Mapping[str, float]) -> None:
         self._defaults_s = {name: 1.0 / rate for name, rate in rates_hz.items()}  # for interval 0
-        self._intervals_s = dict(self._defaults_s)
-        self._due_s = dict.fromkeys(self._intervals_s, 0.0)
+        self._intervals_s = dict(self._defaults_s)  # what is not sent is missing
+        self._due_s = dict.fromkeys(self._intervals_s, 0.0)  # simulated time, of the same
 
     def set_interval(self, name: str, interval_us: float) -> None:
         """SET_MESSAGE_INTERVAL: microseconds; 0 is the default, below 0 is never."""

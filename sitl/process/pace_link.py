@@ -65,7 +65,7 @@ class PaceServer(WorldPace):
     def __init__(self, bind: Address, expected: int) -> None:
         super().__init__(expected)
         self._unread: dict[socket.socket, bytes] = {}  # by connection: the begun line
-        self._followers: set[socket.socket] = set()
+        self._followers: set[socket.socket] = set()  # vehicles that want the limit told
         self._last: Limit | None = None  # that the followers were told
         try:
             self._listener = socket.create_server(bind)

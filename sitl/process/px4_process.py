@@ -94,7 +94,7 @@ class Px4Process(Closeable):
             temporary = tempfile.TemporaryDirectory(prefix="px4-", ignore_cleanup_errors=True)
             folder = Path(self._stack.enter_context(temporary))
         folder.mkdir(parents=True, exist_ok=True)
-        self._folder = folder.absolute()
+        self._folder = folder.absolute()  # PX4's working directory, with its parameters and logs
         self.log = self._folder / "px4.log"
         variables = environment(settings)
         command = install.command(self.instance, self._folder, variables)

@@ -72,7 +72,7 @@ class VehicleProcess(Closeable):
         self, settings: VehicleSettings, ports: Ports, pace: WorldPace | None = None
     ) -> None:
         self._speed = settings.speed  # times real time, at most
-        self._pace = pace or WorldPace()  # alone without one
+        self._pace = pace or WorldPace()  # without one it waits for no process
         self._vehicle = MavlinkVehicle(settings)
         self._links: list[tuple[MavlinkLink, UdpLink]] = []  # those that are open
         try:

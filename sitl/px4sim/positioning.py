@@ -28,7 +28,7 @@ class Positioning:
     """
 
     def __init__(self) -> None:
-        self._lost_s: float | None = None  # simulated time of the last fix; None: fused
+        self._lost_s: float | None = None  # when the fix went; None: there is one, and it is used
         self._regained_s: float | None = None  # fix again since then, not fused yet
         self.accuracy_m = _ACCURACY_M
         self.fused = True

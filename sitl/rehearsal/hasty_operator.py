@@ -239,8 +239,8 @@ class FlyableSpace:
                 shapely.union_all(zones)
             )
 
-        self._clear, self._leaving = kept(-_MARGIN_M), kept(-_LEAVING_M)
-        self._legal = kept(_SHORT_M)
+        self._clear, self._leaving = kept(-_MARGIN_M), kept(-_LEAVING_M)  # of goals; of ways
+        self._legal = kept(_SHORT_M)  # outside of it the judge calls a way bad
         shapely.prepare([self._clear, self._leaving, self._legal])
 
     def around_a_corner(self, here: Pair, velocity_m_s: Pair, dice: random.Random) -> Pair | None:

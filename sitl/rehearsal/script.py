@@ -51,7 +51,7 @@ class Script:
         self._dice = scenario.scene.chance("script")
         self._waiting = schedule
         self._due: list[tuple[float, ScheduledFault]] = []  # simulated time, in its order
-        self._phases: set[str] = set()
+        self._phases: set[str] = set()  # that the flight has come to
         self._jump = (0.0, 0.0)  # north and east, m: sum of the jumps
         self._sticks_from_s = self._moved_until_s = math.inf  # heard from, moved until
         self._resumes_s = self._resumes_until_s = math.inf  # asked next, given up at

@@ -31,7 +31,7 @@ class RadioReadings:
             for robot in team.robots.values()
             if robot.radio is not None
         }
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)  # sends only
         self._socket.setblocking(False)
 
     def tell(self, readings: Iterable[Reading]) -> None:
@@ -119,7 +119,7 @@ class GroundNodes:
     def __init__(self, team: Team, names: Iterable[str], clock: Clock) -> None:
         self._team = team
         self._clock = clock
-        self._arrivals: queue.SimpleQueue[tuple[str, MessageStored]] = queue.SimpleQueue()
+        self._arrivals: queue.SimpleQueue[tuple[str, MessageStored]] = queue.SimpleQueue()  # maps
         self._unsubscribe: list[Callable[[], object]] = []  # from each node
         self.keepers = {name: MapKeeper() for name in names}  # the maps that reach each robot
         self.nodes: dict[str, Node] = {}

@@ -97,7 +97,7 @@ class Relay:
         self._selector = selectors.DefaultSelector()
         self._links: dict[frozenset[str], RadioLink] = {}  # one for both directions
         self._listeners: list[_Listener] = []  # one for each pair, to the end
-        self._lock = threading.Lock()
+        self._lock = threading.Lock()  # of links, listeners, flows
         self._closing = False  # under `_lock`, like all that the thread shares
         self._wake_in, self._wake_out = socket.socketpair()
         self._wake_in.setblocking(False)

@@ -52,9 +52,9 @@ class Patrol:
             stops += stops[-2:0:-1]
         elif len(stops) > 1 and stops[0] == stops[-1]:
             stops.pop()
-        self.stops = tuple(stops)
+        self.stops = tuple(stops)  # there and back if it is not closed
         lengths = (math.dist(a, b) for a, b in self.legs())
-        self._starts_m = tuple(itertools.accumulate(lengths, initial=0.0))
+        self._starts_m = tuple(itertools.accumulate(lengths, initial=0.0))  # of legs
         self.length_m = self._starts_m[-1]  # of a whole round; there and back if it is not closed
 
     def legs(self) -> tuple[tuple[Point, Point], ...]:

@@ -52,8 +52,8 @@ class RunLog:
 
     def __init__(self, folder: Path, *, fresh: bool = False) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        self.path = folder / FILE_NAME
-        self._file = self.path.open("ab+")
+        self.path = folder / FILE_NAME  # locked while this is open
+        self._file = self.path.open("ab+")  # locked: one program at a time
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:

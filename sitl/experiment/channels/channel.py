@@ -98,19 +98,19 @@ class PaperChannel:
 
     def __init__(self, model: PaperModel, radius_m: float, robots: int, seed: int) -> None:
         patience_s = {"timeout": model.timeout_s, "hold": math.inf, "drop": 0.0}
-        self.patience_s = patience_s[model.cut]
-        self.pull_every_s = model.pull_every_s
-        self._order = model.order
-        self.frame_by_frame = model.piece == "frame"
+        self.patience_s = patience_s[model.cut]  # from the loss of contact to giving up
+        self.pull_every_s = model.pull_every_s  # None: only when a contact begins
+        self._order = model.order  # of those that wait: arrival, random or by number
+        self.frame_by_frame = model.piece == "frame"  # else a piece of data is a whole message
         self._radius_m = radius_m
-        self._rates_1_s = {
+        self._rates_1_s = {  # of the exponential latencies
             Stage.HEADER: model.header_rate_1_s,
             Stage.DATA: model.data_rate_1_s,
             Stage.END: model.end_rate_1_s,
         }
         self._chance = random.Random(f"{seed} channel")  # noqa: S311 - repeatable on purpose
-        self._near = np.zeros((robots, robots), dtype=bool)
-        self._upper = np.triu(np.ones((robots, robots), dtype=bool), 1)
+        self._near = np.zeros((robots, robots), dtype=bool)  # in contact at the last look
+        self._upper = np.triu(np.ones((robots, robots), dtype=bool), 1)  # each pair once
 
     def look(self, now_s: float, places: Places) -> list[Change]:  # noqa: ARG002 - a port's
         """Who came nearer than the radius, horizontally, and who went."""

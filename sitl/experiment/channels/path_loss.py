@@ -43,10 +43,10 @@ class PathLossChannel:
     frame_by_frame = True
 
     def __init__(self, model: PathLossModel, town: Town, names: Sequence[str], seed: int) -> None:
-        self.pull_every_s = model.pull_every_s
+        self.pull_every_s = model.pull_every_s  # None: only when a contact begins
         self._model = model
         self._names = names
-        self._raster = town.raster
+        self._raster = town.raster  # buildings that block a radio
         self._radio = RadioModel(
             tx_power_dbm=model.tx_power_dbm,
             reference_loss_db=model.reference_loss_db,
@@ -57,11 +57,11 @@ class PathLossChannel:
             sensitivity_dbm=min(model.carrier_dbm, model.trigger_dbm - model.hysteresis_db),
             seed=seed,
         )
-        self._farthest_m = self._radio.longest_range_m()
-        self._rssi_dbm: dict[tuple[int, int], float] = {}
-        self._hears: list[set[int]] = [{number} for number in range(len(names))]
-        self._up: set[tuple[int, int]] = set()
-        self._look_at_s = 0.0
+        self._farthest_m = self._radio.longest_range_m()  # farther pairs are not looked at
+        self._rssi_dbm: dict[tuple[int, int], float] = {}  # at the last look; a < b
+        self._hears: list[set[int]] = [{number} for number in range(len(names))]  # and itself
+        self._up: set[tuple[int, int]] = set()  # in contact, a < b
+        self._look_at_s = 0.0  # simulated time of the next look
 
     def look(self, now_s: float, places: Places) -> list[Change]:
         """What the radios hear now, once a second."""

@@ -69,12 +69,12 @@ class TraceChannel:
     frame_by_frame = True
 
     def __init__(self, model: TraceModel, names: Sequence[str]) -> None:
-        self.pull_every_s = model.pull_every_s
+        self.pull_every_s = model.pull_every_s  # None: only when a contact begins
         self._model = model
-        self._entries = read_trace(model, names)
-        self._next = 0
-        self._rates: dict[tuple[int, int], float] = {}
-        self._up: set[tuple[int, int]] = set()
+        self._entries = read_trace(model, names)  # in order of time
+        self._next = 0  # entry that has not happened yet
+        self._rates: dict[tuple[int, int], float] = {}  # bytes/s as recorded last; a < b
+        self._up: set[tuple[int, int]] = set()  # in contact, a < b
 
     def look(self, now_s: float, places: Places) -> list[Change]:  # noqa: ARG002 - a port's
         """What has changed since the last look."""
@@ -168,8 +168,8 @@ class _Reader:
     def __init__(self, model: TraceModel, numbers: Mapping[str, int]) -> None:
         self._model = model
         self._numbers = numbers
-        self._rates: dict[tuple[int, int], float] = {}
-        self._last_s = 0.0
+        self._rates: dict[tuple[int, int], float] = {}  # bytes/s, for rows without a rate
+        self._last_s = 0.0  # of the row before
 
     def entry(self, row: Mapping[Any, Any]) -> Entry:
         """The entry of a row."""

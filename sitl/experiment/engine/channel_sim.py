@@ -54,15 +54,15 @@ class ChannelSim:
         self._queue = queue
         self._channel = channel
         self._nodes = nodes
-        self._numbers = {node.name: node.number for node in nodes}
+        self._numbers = {node.name: node.number for node in nodes}  # by name
         self._airtime = airtime
         self._contacts: dict[tuple[int, int], float] = {}  # since when
-        self._exchanges: dict[Link, Exchange] = {}
-        self._pulled_s: dict[Link, float] = {}
-        self._waiting: list[tuple[tuple[float, ...], int, Exchange]] = []
-        self._busy: list[Link] = []
-        self._count = 0
-        self._replies: list[bytes] = []
+        self._exchanges: dict[Link, Exchange] = {}  # that are not over
+        self._pulled_s: dict[Link, float] = {}  # when the last pull began
+        self._waiting: list[tuple[tuple[float, ...], int, Exchange]] = []  # in order of turns
+        self._busy: list[Link] = []  # whose exchanges are on the air
+        self._count = 0  # of turns, partings and connections, which it tells apart
+        self._replies: list[bytes] = []  # of the node that was asked last
 
     @property
     def open(self) -> int:

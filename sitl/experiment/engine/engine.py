@@ -65,7 +65,7 @@ class Run:
     """A run under way."""
 
     def __init__(self, settings: RunSettings, seed: int) -> None:
-        self._began = time.perf_counter(), time.process_time()
+        self._began = time.perf_counter(), time.process_time()  # wall, CPU seconds
         _check(settings)
         self._settings = settings
         self._seed = seed
@@ -78,28 +78,28 @@ class Run:
             base=settings.base_station,
             original=settings.protocol == "original",
         )
-        self.names = self.fleet.names
-        self._numbers = {name: number for number, name in enumerate(self.names)}
+        self.names = self.fleet.names  # by number; so are nodes, places and results
+        self._numbers = {name: number for number, name in enumerate(self.names)}  # by name
         self.robots = self._ground_robots()
         self.uavs = self._uavs()
-        self.nodes = [self._node(number, name) for number, name in enumerate(self.names)]
+        self.nodes = [self._node(*each) for each in enumerate(self.names)]  # by number
         for uav in self.uavs:
             uav.node = self.nodes[self._numbers[uav.name]]
-        self._places = np.zeros((len(self.names), 3))
+        self._places = np.zeros((len(self.names), 3))  # east, north, up in m, by number
         self._places[:, :2] = self.town.home
         self._places[:, 2] = GROUND_ANTENNA_M
         for uav in self.uavs:
             self._locate(uav)
         for name, robot in self.robots.items():
             self._places[self._numbers[name], :2] = robot.position
-        self._travelled_m = np.zeros(len(self.names))
+        self._travelled_m = np.zeros(len(self.names))  # over ground, by number
         channel = channel_of(settings, self.town, self.names, seed)
         self.airtime = AirtimeStats(self.log.sent)
         self.channel_sim = ChannelSim(self.queue, channel, self.nodes, self.airtime)
         self.samples = Samples(self.nodes, [self._numbers[uav.name] for uav in self.uavs])
-        self._goals: dict[str, GoalVisit] = {}
-        self._counted = dict.fromkeys(self.fleet.ugvs, 0)
-        self._ground_at_s = 0.0
+        self._goals: dict[str, GoalVisit] = {}  # first visits, by goal
+        self._counted = dict.fromkeys(self.fleet.ugvs, 0)  # of its `visited`
+        self._ground_at_s = 0.0  # simulated time of the ground robots' next step
 
     def finish(self) -> RunResult:
         """Let it run to its end."""

@@ -36,8 +36,8 @@ class AirtimeStats:
     def __init__(self, told: Callable[[Row], None]) -> None:
         self.complete = self.broken = 0
         self._told = told
-        self._rows: list[Row] = []
-        self._contacts: list[ContactRow] = []
+        self._rows: list[Row] = []  # in the order of their ends
+        self._contacts: list[ContactRow] = []  # that are over
 
     def sent(self, exchange: Exchange, end_s: float, part: float | None = None) -> None:
         """A transmission of an exchange ends; `part`: it was cut, and so much of it had crossed."""
@@ -91,11 +91,11 @@ class Samples:
     def __init__(self, nodes: Sequence[Node], mappers: Sequence[int]) -> None:
         self._nodes = nodes
         self._mappers = mappers
-        self._times_s: list[float] = []
-        self._places: list[_Floats] = []
-        self._pose_ages_s: list[_Floats] = []
-        self._map_ages_s: list[_Floats] = []
-        self._shares: list[float] = []
+        self._times_s: list[float] = []  # one entry for each sample, as in all of these
+        self._places: list[_Floats] = []  # by robot: east, north
+        self._pose_ages_s: list[_Floats] = []  # of the second robot's pose, at the first
+        self._map_ages_s: list[_Floats] = []  # by robot; 0 at those that publish maps
+        self._shares: list[float] = []  # of the town, known to the first UAV's map
 
     def take(self, now_s: float, places: Places, known_share: float) -> None:
         """Look at every robot now."""

@@ -103,14 +103,14 @@ class GroundRobot:
             town.frame, settings.pose_interval_s, settings.reachability_interval_s
         )
         self._start = start
-        self._mean_speed_m_s = settings.speed_m_s * settings.progress
-        self._cell: Cell = -1
-        self._way: list[Cell] = []
-        self._objects: list[Point] = []
-        self._deadline_s = math.inf
-        self._now_s = -math.inf
+        self._mean_speed_m_s = settings.speed_m_s * settings.progress  # on roads
+        self._cell: Cell = -1  # where it is; -1: before the first step
+        self._way: list[Cell] = []  # still to be driven
+        self._objects: list[Point] = []  # vehicles that it recognised itself
+        self._deadline_s = math.inf  # simulated time at which the goal is given up
+        self._now_s = -math.inf  # of the last step
         self._next_thought_s = random.Random(seed).uniform(0, settings.thinking_s)  # noqa: S311
-        self._thought_of: tuple[int, int] | None = None
+        self._thought_of: tuple[int, int] | None = None  # versions of book and knowledge
 
     def step(self, now_s: float) -> None:
         """Drive, look and decide up to this time; the first call only looks around.

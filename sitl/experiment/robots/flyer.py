@@ -58,10 +58,10 @@ class Flyer:
         self._climb_m_s = climb_m_s
         self._speed_m_s = speed_m_s
         self._acceleration_m_s2 = acceleration_m_s2
-        self._mode = FlightMode.MISSION
-        self._item: int | None = None
-        self._target: Point | None = None
-        self._now_s = 0.0
+        self._mode = FlightMode.MISSION  # PX4's, as the controller sees it
+        self._item: int | None = None  # of the plan; None: it flies to none
+        self._target: Point | None = None  # None: it brakes, or rests
+        self._now_s = 0.0  # up to which it has flown
 
     @property
     def at_rest(self) -> bool:

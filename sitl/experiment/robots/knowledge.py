@@ -250,10 +250,10 @@ class Knowledge:
             for column in range(-reach, reach + 1)
             if math.hypot(row, column) * GRAIN_M <= sight_m
         ]
-        self._reach = reach
-        self._rows = np.array([row for row, _ in steps])
+        self._reach = reach  # of its eyes, in cells
+        self._rows = np.array([row for row, _ in steps])  # of cells in sight, from its own
         self._columns = np.array([column for _, column in steps])
-        self._flat = self._rows * lattice.columns + self._columns
+        self._flat = self._rows * lattice.columns + self._columns  # the same steps, in flat indices
 
     def see(self, cell: Cell) -> bool:
         """Look around in a cell; whether that contradicts what was believed before."""

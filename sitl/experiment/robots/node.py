@@ -68,9 +68,9 @@ class Node:
         self._queue = queue
         self._publish = publish
         self._hear = hear
-        self._topics = {topic.name: topic for topic in team.topics_of(name)}
-        self._fresh_s = -REFRESH_S
-        self._known_ids: dict[tuple[str, str], tuple[int, int]] = {}
+        self._topics = {topic.name: topic for topic in team.topics_of(name)}  # that it may publish
+        self._fresh_s = -REFRESH_S  # simulated time at which its robot spoke last
+        self._known_ids: dict[tuple[str, str], tuple[int, int]] = {}  # by names
 
     @property
     def now(self) -> Instant:
@@ -141,11 +141,11 @@ class BaseStation:
                 raise ValueError(
                     f"base_goals: {town.name} has no goal '{goal}'; use {', '.join(places)}"
                 )
-        self.position = town.home
+        self.position = town.home  # it never moves
         self._queue = queue
-        self._frame = town.frame
-        self._goals = [places[goal] for goal in goals]
-        self._told = False
+        self._frame = town.frame  # for degrees
+        self._goals = [places[goal] for goal in goals]  # east, north
+        self._told = False  # once is enough: gossip carries them on
 
     def say(self) -> list[tuple[str, bytes]]:
         """What it has to say to a peer that asks now."""

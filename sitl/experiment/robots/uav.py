@@ -66,10 +66,10 @@ class Painter:
     """
 
     def __init__(self, town: Town, camera: Camera) -> None:
-        self._raster = raster = town.raster
+        self._raster = raster = town.raster  # the truth
         self._camera = camera
-        self._last: tuple[Point, float, float] | None = None
-        self._published = 0
+        self._last: tuple[Point, float, float] | None = None  # seen from
+        self._published = 0  # how many cells the last published map knew
         self.known_cells = 0
         self.grid = SemanticGrid(
             town.frame.origin,
@@ -158,14 +158,14 @@ class Uav:
         self.painter = Painter(scenery.town, CAMERA)
         self.controller = controller
         self.states: list[tuple[float, str]] = []
-        self._mission = mission
+        self._frame = mission.frame  # of degrees that it says
         self._queue = queue
         self._log = log
         self._reader = TeamMessageDecoder(mission.frame)
-        self._waiting: Motion | None = None
-        self._map_every_s = settings.map_interval_s
-        self._map_at_s = self._picture_at_s = self._seek_at_s = -math.inf
-        self._sought: str | None = None
+        self._waiting: Motion | None = None  # decided, not sent to the vehicle yet
+        self._map_every_s = settings.map_interval_s  # least time between maps for peers that ask
+        self._map_at_s = self._picture_at_s = self._seek_at_s = -math.inf  # of the last ones
+        self._sought: str | None = None  # the team was told last; None: it seeks none
 
     @property
     def heading_deg(self) -> float:
@@ -205,7 +205,7 @@ class Uav:
     def say(self) -> list[tuple[str, bytes]]:
         """What it has to say to a peer that asks now."""
         now_s = self._queue.now_s
-        latitude_deg, longitude_deg = degrees(self._mission.frame, self.flyer.position)
+        latitude_deg, longitude_deg = degrees(self._frame, self.flyer.position)
         pose = PoseMessage(
             stamp_s=EPOCH_S + now_s,
             latitude_deg=latitude_deg,

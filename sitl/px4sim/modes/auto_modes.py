@@ -147,7 +147,7 @@ class ReturnFlight:
     """AUTO.RTL: climb, go home (or to a nearer rally point), land there."""
 
     def __init__(self) -> None:
-        # All chosen anew on entering; `_phase` goes on by height and distance.
+        # Chosen anew on entering; `_phase` goes on by height and distance.
         self._phase = _ReturnPhase.CLIMB
         self._start = (0.0, 0.0)  # north, east: where it was entered and climbs
         self._goal = (0.0, 0.0)  # home or rally point (north, east)

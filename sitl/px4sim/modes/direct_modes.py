@@ -56,8 +56,8 @@ class OrbitFlight:
     """Flies a circle with even speed, looking at its centre."""
 
     def __init__(self) -> None:
-        self._centre: tuple[float, float] | None = None  # north, east; None: to be here
-        self._altitude_m: float | None = None  # AMSL; None: to be the present one
+        self._centre: tuple[float, float] | None = None  # north, east; None: where it is entered
+        self._altitude_m: float | None = None  # AMSL; None: as it is entered
         self._radius_m = _RADIUS_M  # negative: anticlockwise
         self._speed_m_s = _SPEED_M_S  # along the circle
 

@@ -57,7 +57,7 @@ class MissionFlight:
         self.result = MissionResult()
         self._flying = False  # the mode is active and not at the mission's end
         self._activated = False  # Mission mode was entered with this mission
-        self._disarmed_since = False  # since then: a flown mission starts anew
+        self._disarmed_since = False  # since then: at its end it begins anew
         self._item: MissionItem | None = None  # that is flown; None: at the end
         self._climb: Setpoint | None = None  # straight up before the first item; None: done
         self._moving_to_land = False  # NAV_LAND: on the way to where it lands

@@ -87,7 +87,7 @@ class Multirotor:
         self.north_m = self.east_m = self.up_m = 0.0  # the truth, from where it was started
         self.velocity_north_m_s = self.velocity_east_m_s = self.velocity_up_m_s = 0.0  # over ground
         self.acceleration_north_m_s2 = self.acceleration_east_m_s2 = 0.0  # without the wind's push
-        self.acceleration_up_m_s2 = 0.0  # without gravity
+        self.acceleration_up_m_s2 = 0.0  # 0 when it hovers
         self.yaw_rad = 0.0  # clockwise from north, -pi to pi
         self.yaw_rate_rad_s = 0.0  # in the last step
         self.on_ground = True  # touching it; `GroundContact` decides what counts as landed

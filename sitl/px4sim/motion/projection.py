@@ -33,7 +33,7 @@ class MapProjection:
         self.longitude_deg = longitude_deg
         latitude_rad = math.radians(latitude_deg)
         self._longitude_rad = math.radians(longitude_deg)
-        self._sin_latitude = math.sin(latitude_rad)
+        self._sin_latitude = math.sin(latitude_rad)  # of the origin
         self._cos_latitude = math.cos(latitude_rad)
 
     def to_local(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:

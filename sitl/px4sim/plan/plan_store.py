@@ -27,7 +27,7 @@ class PlanStore:
 
     def __init__(self) -> None:
         self._items: dict[MissionType, tuple[MissionItem, ...]] = dict.fromkeys(CAPACITY, ())
-        self._ids: dict[MissionType, int] = dict.fromkeys(CAPACITY, 0)
+        self._ids: dict[MissionType, int] = dict.fromkeys(CAPACITY, 0)  # checksums
         self.current: int | None = 0
         self.active = 0
         self.revision = 0

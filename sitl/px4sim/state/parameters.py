@@ -84,13 +84,13 @@ class Parameters:
     """
 
     def __init__(self, changes: Mapping[str, int | float] | None = None) -> None:
-        self._values: dict[str, int | float] = dict(DEFAULTS)
+        self._values: dict[str, int | float] = dict(DEFAULTS)  # with PX4's types
         for name, value in (changes or {}).items():
             if name not in DEFAULTS:
                 raise UnknownParameterError(f"{name}: not a parameter of this simulation")
             self._values[name] = type(DEFAULTS[name])(value)
         self._limited: dict[tuple[str, float, float], float] = {}  # asked for in every step
-        self._names = tuple(DEFAULTS)
+        self._names = tuple(DEFAULTS)  # by param_index
         self._numbers = {name: number for number, name in enumerate(self._names)}  # param_index
 
     def __getitem__(self, name: str) -> float:

@@ -46,17 +46,17 @@ class Frame:
     def __init__(self, origin: Pair) -> None:
         latitude, longitude = origin
         projection = f"+proj=aeqd +lat_0={latitude!r} +lon_0={longitude!r} +datum=WGS84 +units=m"
-        self._there = Transformer.from_crs("EPSG:4326", projection, always_xy=True)
-        self._back = Transformer.from_crs(projection, "EPSG:4326", always_xy=True)
+        self._to_metres = Transformer.from_crs("EPSG:4326", projection, always_xy=True)
+        self._to_degrees = Transformer.from_crs(projection, "EPSG:4326", always_xy=True)
 
     def metres(self, latitude_deg: Any, longitude_deg: Any) -> tuple[Any, Any]:
         """East and north of places: numbers or arrays."""
-        east, north = self._there.transform(longitude_deg, latitude_deg)
+        east, north = self._to_metres.transform(longitude_deg, latitude_deg)
         return east, north
 
     def degrees(self, east_m: float, north_m: float) -> Pair:
         """Latitude and longitude of a place."""
-        longitude, latitude = self._back.transform(east_m, north_m)
+        longitude, latitude = self._to_degrees.transform(east_m, north_m)
         return latitude, longitude
 
 
@@ -160,7 +160,7 @@ class _YamlReader:
         self._local = data.get("coordinates", "degrees") == "local"  # pairs are metres, not degrees
         planner = data.get("planner") or {}
         self._planner = planner  # section of the file
-        self._clearance_m = float(planner.get("clearance_m", _CLEARANCE_M))
+        self._clearance_m = float(planner.get("clearance_m", _CLEARANCE_M))  # of areas without one
         origin = (data.get("frame") or {}).get("origin")
         self._source = Frame(tuple(origin)) if origin is not None else None  # of local pairs
         home = self._data["home"]

@@ -121,7 +121,7 @@ class Brake:
     def __init__(self, group: int) -> None:
         self._group = group
         self._held = self._released = False  # stopped now; free for good
-        self._lock = threading.Lock()
+        self._lock = threading.Lock()  # main and relay threads
 
     def hold(self, waits: bool) -> None:
         """Stop it, or let it go on; any thread may."""

@@ -95,9 +95,9 @@ class LossyRelay:
         self._flown = False  # it was armed once: `_READY_SPEED` is over
         self._vehicle: Any = None  # address that it sent from last; None: not heard yet
         self._first: dict[int, bytes] = {}  # frames that stand for the frozen, by number
-        self._waiting: deque[tuple[float, bytes]] = deque()
+        self._waiting: deque[tuple[float, bytes]] = deque()  # late frames: when, wall clock
         self._stop = threading.Event()
-        self._paused = threading.Event()
+        self._paused = threading.Event()  # its ports are the vehicle's for a moment
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def __enter__(self) -> Self:

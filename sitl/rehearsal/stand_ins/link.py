@@ -82,11 +82,11 @@ class Link:
         self.loss = self.late_s = self.old_s = 0.0
         self.silent = False
         self.burst: Burst | None = None
-        self._in_burst, self._turns_s = False, 0.0
-        self._count = itertools.count()
+        self._in_burst, self._turns_s = False, 0.0  # `burst` is in its bad part; till when
+        self._count = itertools.count()  # keeps the order of what arrives at the same time
         self._under_way: list[tuple[float, int, Callable[[], object]]] = []  # heap: when, order
-        self._arrives_s = dict.fromkeys(Way, 0.0)
-        self._delay_s, self._other_delay_s = 0.0, 0.0
+        self._arrives_s = dict.fromkeys(Way, 0.0)  # of the last one: none overtakes it
+        self._delay_s, self._other_delay_s = 0.0, 0.0  # of what the vehicle says; till when
         self._troubles: dict[tuple[Way, str], _ActiveFault] = {}  # one for each stream
         self._frozen: dict[tuple[Way, str], Fields] = {}  # what a stream repeats
         self._booted_s = 0.0  # when the vehicle's clock began anew; 0: with ours

@@ -82,9 +82,9 @@ class StandIn(Px4Connection):
         super().__init__(url, system_id)
         self.wire = wire
         self._listeners: defaultdict[str, list[Callable[[Fields], None]]] = defaultdict(list)
-        self._heard = asyncio.Event()
+        self._heard = asyncio.Event()  # a HEARTBEAT of the vehicle
         self._tasks: list[asyncio.Task[None]] = []  # until it is closed
-        self._transfers = asyncio.Lock()
+        self._transfers = asyncio.Lock()  # one at a time
         self.listen("HEARTBEAT", lambda _: self._heard.set())
 
     async def open(self) -> Plugins:
@@ -174,7 +174,7 @@ class _Transfer:
     def __init__(self, link: StandIn, mission_type: int) -> None:
         self._link = link
         self._type = mission_type
-        self._inbox: asyncio.Queue[tuple[str, Fields]] = asyncio.Queue()
+        self._inbox: asyncio.Queue[tuple[str, Fields]] = asyncio.Queue()  # ours, of `_TRANSFER`
         self._ends: list[Callable[[], None]] = []  # end its listening
 
     def __enter__(self) -> Self:

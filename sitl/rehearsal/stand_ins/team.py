@@ -104,7 +104,6 @@ class Robots:
     Args:
         frame: The mission's.
         places: Where they are.
-        dice: For the mad.
         unix_s: The time.
 
     Attributes:
@@ -118,7 +117,7 @@ class Robots:
     ) -> None:
         self._frame = frame
         self._unix_s = unix_s
-        self._synced_s = dict.fromkeys(places, -math.inf)
+        self._synced_s = dict.fromkeys(places, -math.inf)  # simulated, by robot
         self.places = places
         self.prank: Prank | None = None
         self.others: list[tuple[str, str, bytes]] = []
