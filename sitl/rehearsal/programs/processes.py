@@ -126,14 +126,15 @@ class Brake:
     def hold(self, waits: bool) -> None:
         """Stop it, or let it go on; any thread may."""
         with self._lock, contextlib.suppress(ProcessLookupError):
-            if waits is not self._held and not self._released:
+            waits = waits and not self._released
+            if waits is not self._held:
                 self._held = waits
                 os.killpg(self._group, signal.SIGSTOP if waits else signal.SIGCONT)
 
     def release(self) -> None:
         """Let it go on for good."""
+        self._released = True  # first: the relay's thread may be about to hold it
         self.hold(waits=False)
-        self._released = True
 
 
 def started(*arguments: str) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:

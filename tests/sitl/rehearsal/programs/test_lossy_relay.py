@@ -1,4 +1,6 @@
 import json
+import os
+import signal
 import socket
 from queue import SimpleQueue
 
@@ -7,6 +9,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from sitl.rehearsal.judge.acceptance import ACCEPTED
 from sitl.rehearsal.programs.flight import RealFlight
+from sitl.rehearsal.programs.processes import Brake
 from sitl.rehearsal.programs.relay import LossyRelay, Weather, wait_until
 from sitl.rehearsal.programs.scenes import CLASSES, wire_scenes
 from sitl.rehearsal.programs.station import Station
@@ -146,6 +149,20 @@ def test_a_station_uploads_a_plan_as_the_vehicle_asks_for_it(ends):
         vehicle.sendto(done, ("127.0.0.1", relay.api_port))
         assert stored.get(timeout=LIMIT_S)
     assert (sent.get_type(), sent.x, sent.z) == ("MISSION_ITEM_INT", 5, 20.0)
+
+
+def test_a_relay_that_comes_late_does_not_stop_a_released_vehicle(monkeypatch):
+    class Overtaken(Brake):
+        def hold(self, waits):
+            super().hold(waits)
+            super().hold(waits=True)
+
+    sent = []
+    monkeypatch.setattr(os, "killpg", lambda _group, number: sent.append(number))
+    brake = Overtaken(group=0)
+    brake.hold(waits=True)
+    brake.release()
+    assert sent == [signal.SIGSTOP, signal.SIGCONT]
 
 
 def test_every_class_is_flown_in_about_three_hundred_scenes_and_has_its_row():
