@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from datetime import UTC, datetime
 
-from geo.frame import Geodetic
+from geo.frame import FrameError, Geodetic, LocalFrame
 
 
 def add_start(parser: argparse.ArgumentParser) -> None:
@@ -87,6 +87,19 @@ def place(text: str) -> Geodetic:
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text} is not LATITUDE,LONGITUDE") from None
     return Geodetic(latitude_deg, longitude_deg)
+
+
+def home(text: str) -> Geodetic:
+    """An argument LAT,LON in degrees where a mission may begin.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none, or not on Earth.
+    """
+    given = place(text)
+    try:
+        return LocalFrame(given).origin
+    except FrameError as error:
+        raise argparse.ArgumentTypeError(f"{text}: {error}") from None
 
 
 def moment(text: str) -> datetime:

@@ -8,6 +8,7 @@ import sys
 import webbrowser
 from pathlib import Path
 
+from air_router.cli.arguments import home
 from air_router.editor.mission_text import MissionText
 from air_router.editor.session import EditSession
 from air_router.editor.starter import write_starter
@@ -37,7 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_page_options(parser, "")
     parser.add_argument(
-        "--new", metavar="LAT,LON", help="begin a new mission there; MISSION must not exist yet"
+        "--new",
+        type=home,
+        metavar="LAT,LON",
+        help="begin a new mission there; MISSION must not exist yet",
     )
     parser.add_argument("--no-open", action="store_true", help="do not open a browser")
 

@@ -12,23 +12,13 @@ from typing import Any
 
 import yaml
 
-from air_router.cli.arguments import number, place
+from air_router.cli.arguments import home, number
 from air_router.errors import UsageError
 from air_router.start.texts import MOST_ROBOTS, ROVERS
-from geo.frame import FrameError, Geodetic, LocalFrame
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
 
 altitude = number("an altitude between 2 and 500 m above home", 2.0, 500.0)
-
-
-def home(text: str) -> Geodetic:
-    """A place where a mission may begin."""
-    given = place(text)
-    try:
-        return LocalFrame(given).origin
-    except FrameError as error:
-        raise argparse.ArgumentTypeError(f"{text}: {error}") from None
 
 
 def name(text: str) -> str:

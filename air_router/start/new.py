@@ -6,10 +6,11 @@ import argparse
 import sys
 from pathlib import Path
 
+from air_router.cli.arguments import home
 from air_router.errors import ExitCode, UsageError
 from air_router.files.text.rendering import degrees
 from air_router.mission.loading import load_mission
-from air_router.start.answers import altitude, answered, home, name, robots
+from air_router.start.answers import altitude, answered, name, robots
 from air_router.start.texts import ROVERS, first_places, texts_of
 from geo.frame import Geodetic, LocalFrame
 

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from air_router.files.text.first_mission import mission_text
 from air_router.files.text.rendering import degrees
-from geo.frame import Geodetic, LocalFrame, Point
+from geo.frame import Geodetic, Point
 
 ROVERS: Final = {"json": "rover_json.py", "ros1": "rover_ros1.py", "ros2": "rover_ros2.py"}
 """What robots may speak, and the program of a rover that does."""
@@ -21,24 +22,7 @@ _RADIUS_M = 100.0
 _FENCE_M = 200.0
 _PATROL_M = 8.0
 
-_MISSION = """\
-# A first mission, made by air-router new. Every key is described in docs/mission-file.md.
-
-# Where the vehicle takes off and lands: latitude, longitude.
-home: [{home}]
-
-# Cruise altitude in metres above home.
-altitude_m: {altitude_m:g}
-
-# What to explore, in order. To drag it on a map: air-router edit
-waypoints:
-{waypoints}
-
-# The area to stay in, and areas to stay out of.
-fence:
-  circle: {{centre: [{home}], radius_m: {fence_m:g}}}
-no_fly_zones: []
-
+_MISSION = """
 # Who flies, whom it seeks, and what is simulated around it.
 uav: {uav}
 seek: [{robots}]
@@ -117,22 +101,19 @@ def texts_of(
         uav: Its name.
         robots: What each robot speaks, by name: a key of `ROVERS`.
     """
-    frame, places = LocalFrame(home), first_places(len(robots))
-    waypoints = [", ".join(map(degrees, frame.to_geodetic(place))) for place in places]
-    at_home = ", ".join(map(degrees, home))
+    places = first_places(len(robots))
     spoken = dict.fromkeys(robots.values())
     texts = {
-        "mission.yaml": _MISSION.format(
-            home=at_home,
-            altitude_m=altitude_m,
-            waypoints="\n".join(f"  - [{place}]" for place in waypoints),
-            fence_m=_FENCE_M,
+        "mission.yaml": mission_text(
+            "air-router new", home, places, altitude_m=altitude_m, fence_radius_m=_FENCE_M
+        )
+        + _MISSION.format(
             uav=uav,
             robots=", ".join(robots),
             accepts=_ACCEPTS if altitude_m > _PX4_RETURN_M else "",
         ),
         "team.yaml": _TEAM.format(
-            robots=_robots(at_home, uav, robots),
+            robots=_robots(", ".join(map(degrees, home)), uav, robots),
             occupancy="" if set(spoken) == {"json"} else _OCCUPANCY,
             kinds="\n".join(_KINDS[kind] for kind in spoken),
         ),

@@ -20,13 +20,14 @@ from air_router.mission.loading import load_mission
 from air_router.record.log import RecordEntry
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from air_router.web.serving import Web
-from geo.frame import Point
+from geo.frame import Geodetic, Point
 from geo.grid import GridPatch, Terrain
 from mocha_link.links.metrics import Direction, LinkMetrics, SyncEnded, SyncStarted
 from tests.system.looker import Looker
 
 SIZES = ((1280, 720), (844, 390), (390, 844))
 END_S = 300.0
+HOME = Geodetic(39.9421, -75.1998)
 # What covers the middle or a corner of an element that should be seen, or is cut off in it.
 HIDDEN = """(selectors) => selectors.filter((selector) => {
   const shown = document.querySelector(selector);
@@ -82,7 +83,7 @@ def served(page):
 @pytest.fixture(scope="module")
 def mission(shared_folder):
     path = shared_folder / "field.yaml"
-    write_starter(path, "39.9421,-75.1998")
+    write_starter(path, HOME)
     return load_mission(path)
 
 
@@ -243,7 +244,7 @@ def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, recor
 @pytest.mark.parametrize("size", SIZES, ids=str)
 def test_a_round_fence_becomes_a_polygon_and_settings_are_set(browser, tmp_path, size):
     path = tmp_path / "field.yaml"
-    write_starter(path, "39.9421,-75.1998")
+    write_starter(path, HOME)
     with served(EditorServer(EditSession(MissionText(path)))) as (address, _):
         looker = Looker(
             browser.new_page(viewport=dict(zip(("width", "height"), size, strict=True))), address

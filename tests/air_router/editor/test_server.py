@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import json
-import shutil
 import threading
 from http import HTTPStatus
 from pathlib import Path
@@ -36,12 +35,6 @@ MOVE = {"do": "move", "keys": ["waypoints", 0, "position"], "to": FREE}
 @pytest.fixture
 def tiles(tmp_path):
     return write_tiles(tmp_path / "site.MBTILES", TILES, attribution="&copy; <i>City</i> &lt;1>")
-
-
-@pytest.fixture
-def path(tmp_path):
-    shutil.copytree(ROOT / "missions" / "pennovation", tmp_path / "pennovation")
-    return tmp_path / "pennovation" / "mission.yaml"
 
 
 class Page:

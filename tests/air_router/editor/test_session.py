@@ -2,42 +2,26 @@
 
 import difflib
 import os
-import shutil
 import stat
 from pathlib import Path
 
 import pytest
 from shapely import LineString, Polygon, make_valid
 
+from air_router.cli.arguments import home
+from air_router.cli.cli import main
 from air_router.editor import edits
 from air_router.editor.edits import EditError, read_edit
 from air_router.editor.judgement import LegKind
 from air_router.editor.mission_text import ChangedOnDiskError, MissionText, SaveError
 from air_router.editor.session import EditSession, StaleError, UnconfirmedError
 from air_router.editor.starter import write_starter
-from air_router.errors import UsageError
+from air_router.errors import ExitCode, UsageError
 from mocha_link.team.document import DocumentError
 
 ROOT = Path(__file__).parents[3]
 INSIDE_ZONE_8 = (39.9424800, -75.2005500)
 FREE = (39.9426000, -75.2002000)
-
-
-@pytest.fixture
-def path(tmp_path):
-    shutil.copytree(ROOT / "missions" / "pennovation", tmp_path / "pennovation")
-    return tmp_path / "pennovation" / "mission.yaml"
-
-
-@pytest.fixture
-def session(path):
-    return EditSession(MissionText(path))
-
-
-@pytest.fixture
-def plan(tmp_path):
-    shutil.copy(ROOT / "tests" / "data" / "pennovation.plan", tmp_path)
-    return EditSession(MissionText(tmp_path / "pennovation.plan"))
 
 
 def waypoint(number):
@@ -324,18 +308,14 @@ def test_a_new_mission_has_no_problems_and_overwrites_nothing(tmp_path):
     path = tmp_path / "field.yaml"
     for place in ("39.9421,-75.1998", "-77.85,166.7", "0,-180"):
         path.unlink(missing_ok=True)
-        write_starter(path, place)
+        write_starter(path, home(place))
         assert EditSession(MissionText(path)).view()["problems"] == []
     with pytest.raises(UsageError, match="already"):
-        write_starter(path, "1,2")
-    for name, place in (
-        ("field.plan", "1,2"),
-        ("a.yaml", "1"),
-        ("a.yaml", "91,2"),
-        ("a.yaml", "x,y"),
-    ):
-        with pytest.raises(UsageError):
-            write_starter(tmp_path / name, place)
+        write_starter(path, home("1,2"))
+    with pytest.raises(UsageError, match=r"field\.yaml"):
+        write_starter(tmp_path / "field.plan", home("1,2"))
+    for place in ("1", "91,2", "x,y"):
+        assert main(["edit", str(tmp_path / "a.yaml"), "--new", place]) == ExitCode.USAGE
     assert [entry.name for entry in tmp_path.iterdir()] == ["field.yaml"]
 
 

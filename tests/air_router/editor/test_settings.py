@@ -1,7 +1,6 @@
 """Settings and outlines that are changed on the page: what was asked for, and nothing else."""
 
 import json
-import shutil
 
 import pytest
 
@@ -10,24 +9,7 @@ from air_router.editor.edits import EditError, read_edit
 from air_router.editor.mission_text import MissionText
 from air_router.editor.session import EditSession
 from air_router.files.settings import DEFAULT_SEEK_POLICY
-from tests.air_router.editor.test_session import FREE, ROOT, changed_lines
-
-
-@pytest.fixture
-def mission(tmp_path):
-    shutil.copytree(ROOT / "missions" / "pennovation", tmp_path / "pennovation")
-    return tmp_path / "pennovation" / "mission.yaml"
-
-
-@pytest.fixture
-def session(mission):
-    return EditSession(MissionText(mission))
-
-
-@pytest.fixture
-def plan(tmp_path):
-    shutil.copy(ROOT / "tests" / "data" / "pennovation.plan", tmp_path)
-    return EditSession(MissionText(tmp_path / "pennovation.plan"))
+from tests.air_router.editor.test_session import FREE, changed_lines
 
 
 @pytest.mark.parametrize(
@@ -71,10 +53,10 @@ def test_a_setting_changes_its_line_and_no_other(session, edit, lines):
 @pytest.mark.parametrize(
     "seek", ["", "seek: []", "seek: freshest", "seek: {policy: freshest}", "seek:\n- io\n- ariel"]
 )
-def test_whom_to_seek_is_written_whatever_stood_there(mission, seek):
-    text = mission.read_text().replace("seek: [callisto, europa, io]", seek)
-    mission.write_text(text)
-    session = EditSession(MissionText(mission))
+def test_whom_to_seek_is_written_whatever_stood_there(path, seek):
+    text = path.read_text().replace("seek: [callisto, europa, io]", seek)
+    path.write_text(text)
+    session = EditSession(MissionText(path))
     session.edit(edits.Seek(do="seek", robots=("io", "europa")))
     draft = session.manuscript.draft()
     assert (draft.seek, draft.seek_policy) == (
