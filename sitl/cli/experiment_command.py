@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from air_router.errors import AirRouterError, ExitCode, UsageError
 from air_router.flight.status import StatusLine
 from sitl.experiment.campaign import results
 from sitl.experiment.campaign.campaign import Campaign
-from sitl.experiment.campaign.plan import Experiment, Record, Task
+from sitl.experiment.campaign.plan import Experiment, Record, Task, seeds_of
 from sitl.experiment.campaign.plan_file import load_experiment
 from sitl.experiment.campaign.process_pool import Failed, ProcessPool, Work
 from sitl.experiment.campaign.rows import chosen_rows
@@ -48,11 +49,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seeds", type=_count, metavar="N", help="runs per row (default: file's)")
     parser.add_argument(
+        "--first-seed",
+        type=partial(_count, least=0),
+        metavar="N",
+        help="number of each row's first run (default: file's); from the file's "
+        "confirmation_seed on, runs are for confirmation",
+    )
+    parser.add_argument(
         "--rows", nargs="+", default=[], metavar="WHICH", help="key=value[,value], or label pattern"
     )
     parser.add_argument("--jobs", type=_count, metavar="N", help="processes (default: CPUs)")
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="for runs and results (default: experiments/NAME)"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="for runs and results (default: experiments/NAME, or experiments/NAME-confirmation)",
     )
     begin = parser.add_mutually_exclusive_group()
     begin.add_argument("--fresh", action="store_true", help="forget the finished runs in DIR")
@@ -89,15 +100,18 @@ def run_with(
     experiment, _ = load_experiment(arguments.experiment)
     rows = chosen_rows(experiment, arguments.rows)
     seeds = arguments.seeds or experiment.seeds
-    folder = arguments.out or Path("experiments") / experiment.name
+    first = experiment.first_seed if arguments.first_seed is None else arguments.first_seed
+    numbers = range(first, first + seeds)
+    after = "" if experiment.phase(first) == "exploration" else "-confirmation"
+    folder = arguments.out or Path("experiments") / f"{experiment.name}{after}"
     if arguments.docs is not None:
         _has_place(arguments.docs, experiment)
     interrupted = False
     if arguments.only_evaluate:
-        campaign = Campaign(experiment, rows, seeds, read_runs(folder), folder, StatusLine())
+        campaign = Campaign(experiment, rows, numbers, read_runs(folder), folder, StatusLine())
     else:
         with RunLog(folder, fresh=arguments.fresh) as log:
-            campaign = Campaign(experiment, rows, seeds, log.records, folder, StatusLine())
+            campaign = Campaign(experiment, rows, numbers, log.records, folder, StatusLine())
             if try_out is not None:
                 for task in {task.row.label: task for task in campaign.missing}.values():
                     try_out(task)
@@ -170,13 +184,15 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
     tidy = results.tidy(records)
     found = tables.lines(experiment, records)
     results.write_csv(tidy, folder / "results.csv")
-    text = tables.as_text(experiment, found)
+    text = tables.as_text(experiment, found, seeds_of(records))
     (folder / "table.txt").write_text(text + "\n", encoding="utf-8")
     (folder / "table.md").write_text(tables.as_markdown(experiment, found) + "\n", encoding="utf-8")
 
     claims = claims_of(experiment, records)
     summary = {
         "experiment": experiment.name,
+        "phase": campaign.phase,
+        "seeds": [campaign.numbers[0], campaign.numbers[-1]],
         "runs": len(records),
         "rows": tables.as_plain(found),
         "claims": [{**dataclasses.asdict(claim), "answer": claim.answer} for claim in claims],
@@ -189,7 +205,7 @@ def _evaluate(campaign: Campaign, folder: Path, arguments: argparse.Namespace) -
     else:
         sys.stdout.write(text + "\n")
         for claim in claims:
-            sys.stdout.write(f"\nclaim {claim.number}: {claim.text}\n  {claim.answer}\n")
+            sys.stdout.write(f"\nclaim {claim.number}: {claim.text}\n  {claim.verdict}\n")
     if arguments.docs is not None:
         from sitl.experiment.analysis import document_part  # noqa: PLC0415 - only with SciPy
 
@@ -237,11 +253,11 @@ def _print_list(as_json: bool) -> None:
         sys.stdout.write(f"{entry['name']:12} {entry['title']} ({count})\n")
 
 
-def _count(text: str) -> int:
+def _count(text: str, least: int = 1) -> int:
     try:
         number = int(text)
     except ValueError:
-        number = 0
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least 1")
+        number = -1
+    if number < least:
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number of at least {least}")
     return number

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -33,7 +33,7 @@ from sitl.experiment.analysis.statistics import (
     pooled_above,
     share_interval,
 )
-from sitl.experiment.campaign.plan import Experiment, Record
+from sitl.experiment.campaign.plan import Experiment, Phase, Record
 from sitl.experiment.campaign.plan_file import load_experiment
 
 GOALS: Final = "goals_found_percent"
@@ -64,12 +64,19 @@ class Claim:
         text: what is claimed.
         parts: what it consists of.
         figure: which of the experiment's figures shows it.
+        phase: of the runs that it was tested on; only those for confirmation confirm anything.
     """
 
     number: int
     text: str
     parts: tuple[Part, ...]
     figure: str
+    phase: Phase = "exploration"
+
+    @property
+    def verdict(self) -> str:
+        """The answer, and what it is worth."""
+        return self.answer + (", on exploration seeds" if self.phase == "exploration" else "")
 
     @property
     def answer(self) -> str:
@@ -378,4 +385,6 @@ def claims_of(experiment: Experiment, records: Sequence[Record]) -> list[Claim]:
     shipped, _ = load_experiment(experiment.name)
     asked = {row.label for row in shipped.rows}
     same = asked == {row.label for row in experiment.rows}
-    return make(records) if same and asked == {record["row"] for record in records} else []
+    if not same or asked != {record["row"] for record in records}:
+        return []
+    return [replace(claim, phase=records[0]["phase"]) for claim in make(records)]

@@ -23,7 +23,7 @@ from sitl.experiment.analysis.paper import TABLE
 from sitl.experiment.analysis.tables import Line
 from sitl.experiment.campaign.campaign import in_words
 from sitl.experiment.campaign.links import comparison, halves
-from sitl.experiment.campaign.plan import Experiment, Record
+from sitl.experiment.campaign.plan import Experiment, Record, seeds_of
 
 IMAGES: Final = Path("images") / "experiments"
 _END: Final = "<!-- end -->"
@@ -40,6 +40,7 @@ def claims_text(claims: Sequence[Claim]) -> str:
         answer = claim.answer.partition(":")[0]
         but = [part.what for part in claim.parts if not part.holds and answer == "depends"]
         text.append(f"| {claim.number}. {claim.text} | {answer} | {'; '.join(but)} |")
+    text += [f"\nFrom {claim.phase} seeds." for claim in claims[:1]]
     return "\n".join(text)
 
 
@@ -63,7 +64,7 @@ def facts_text(experiment: Experiment, found: Sequence[Line], records: Sequence[
     measures = [record["measures"] for record in records]
     cpu_s = sum(run["cpu_s"] for run in measures)
     text = (
-        f"{counted(len(records), 'runs')} ({counted(len(found), 'rows')}), "
+        f"{counted(len(records), 'runs')} ({counted(len(found), 'rows')}, {seeds_of(records)}), "
         f"{in_words(cpu_s)} of processor time."
     )
     ratios = near_paper(records) if tables.of_the_paper(experiment) else []

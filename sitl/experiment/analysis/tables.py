@@ -163,12 +163,12 @@ def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
     return [[*columns], *([cell(line) for cell in columns.values()] for line in found)]
 
 
-def as_text(experiment: Experiment, found: Sequence[Line]) -> str:
-    """The table for a terminal."""
+def as_text(experiment: Experiment, found: Sequence[Line], seeds: str) -> str:
+    """The table for a terminal; `seeds` says which it is made of."""
     rows = as_rows(experiment, found)
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     text = ["  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows]
-    return "\n".join([experiment.title, "", *text, "", CAPTION])
+    return "\n".join([experiment.title, "", *text, "", f"From {seeds}.", CAPTION])
 
 
 def as_markdown(experiment: Experiment, found: Sequence[Line]) -> str:

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from air_router.counted import counted
 from air_router.flight.status import StatusLine
-from sitl.experiment.campaign.plan import Experiment, Record, Row, Task
+from sitl.experiment.campaign.plan import Experiment, Phase, Record, Row, Task
 from sitl.experiment.campaign.process_pool import (
     Failed,
     Finished,
@@ -20,7 +20,7 @@ from sitl.experiment.campaign.process_pool import (
     ProcessPool,
     Work,
 )
-from sitl.experiment.campaign.run_log import program, usable
+from sitl.experiment.campaign.run_log import MixedRunsError, program, usable
 from sitl.experiment.settings import value_of
 
 _BAR = 24
@@ -110,7 +110,7 @@ class Campaign:
     Attributes:
         experiment: all of it.
         rows: those that are wanted now.
-        seeds: how many runs of each row.
+        numbers: which seeds of each row; all of one phase.
         kept: all runs that are finished already.
         folder: where they are, for messages.
         status: where the progress is shown.
@@ -119,7 +119,7 @@ class Campaign:
 
     experiment: Experiment
     rows: tuple[Row, ...]
-    seeds: int
+    numbers: range
     kept: list[Record]
     folder: Path
     status: StatusLine
@@ -128,13 +128,24 @@ class Campaign:
 
     def __post_init__(self) -> None:
         """Look at what is finished. Raises MixedRunsError."""
-        self._finished = usable(self.kept, self.experiment, self.folder)
+        first, last = self.numbers[0], self.numbers[-1]
+        if self.experiment.phase(first) != self.phase:
+            raise MixedRunsError(
+                f"seeds {first} to {last} are of both phases: confirmation begins at "
+                f"{self.experiment.confirmation_seed}; give other --seeds or --first-seed"
+            )
+        self._finished = usable(self.kept, self.experiment, self.phase, self.folder)
+
+    @property
+    def phase(self) -> Phase:
+        """What the runs are for."""
+        return self.experiment.phase(self.numbers[-1])
 
     @property
     def wanted(self) -> list[Task]:
         """All runs of the chosen rows."""
         labels = {row.label for row in self.rows}
-        return [task for task in self.experiment.tasks(self.seeds) if task.row.label in labels]
+        return [task for task in self.experiment.tasks(self.numbers) if task.row.label in labels]
 
     @property
     def missing(self) -> list[Task]:
@@ -151,7 +162,7 @@ class Campaign:
         keys = sorted(
             (order[label], number, label)
             for label, number in self._finished
-            if label in order and number < self.seeds
+            if label in order and number in self.numbers
         )
         return [self._finished[label, number] for _, number, label in keys]
 

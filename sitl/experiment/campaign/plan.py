@@ -8,6 +8,9 @@ row and that number alone, so it is the same on every machine, today and later:
 ROW is the JSON of those settings in which the experiment's rows differ, without the `paired`
 ones, keys in alphabetical order. Rows that differ only in paired settings (the policy, say)
 therefore meet the same seeds, and so the same start places and goals: their tests may be paired.
+
+Numbers from `confirmation_seed` on are kept for confirmation: runs that answer a claim which was
+declared before they were made. Whatever else is looked at comes from the exploration seeds below.
 """
 
 from __future__ import annotations
@@ -16,13 +19,16 @@ import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 Settings = Mapping[str, Any]
 """A run's settings as the plain values that stand in the file."""
 
 Record = Mapping[str, Any]
 """What is kept of a run, in plain values."""
+
+Phase = Literal["exploration", "confirmation"]
+"""What a run is for. One table is made of runs of one phase only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +61,7 @@ class Task:
     number: int
     seed: int
     folder: str = "."
+    phase: Phase = "exploration"
 
     @property
     def name(self) -> str:
@@ -72,6 +79,8 @@ class Experiment:
         question: what it is to answer.
         rows: in the order of the table.
         seeds: how many runs of each row, unless the command line says otherwise.
+        first_seed: the number of each row's first run, unless the command line says otherwise.
+        confirmation_seed: from this number on runs are for confirmation.
         paired: settings that do not go into the seed.
         varied: the settings in which rows differ, in the file's order.
         folder: where its file is.
@@ -82,23 +91,36 @@ class Experiment:
     question: str
     rows: tuple[Row, ...]
     seeds: int
+    first_seed: int = 0
+    confirmation_seed: int = 10_001
     paired: tuple[str, ...] = ()
     varied: tuple[str, ...] = ()
     folder: str = "."
 
     def seed(self, row: Row, number: int) -> int:
-        """The seed of a row's run; numbers count from 0."""
+        """The seed of a row's run."""
         kept = {k: row.settings.get(k) for k in self.varied if k not in self.paired}
         return seed_of(self.name, canonical(kept), number)
 
     def task(self, row: Row, number: int) -> Task:
-        """A row's run; numbers count from 0."""
-        return Task(self.name, row, number, self.seed(row, number), self.folder)
+        """A row's run."""
+        seed, phase = self.seed(row, number), self.phase(number)
+        return Task(self.name, row, number, seed, self.folder, phase)
 
-    def tasks(self, seeds: int) -> Iterator[Task]:
+    def phase(self, number: int) -> Phase:
+        """What the runs with a seed's number are for."""
+        return "exploration" if number < self.confirmation_seed else "confirmation"
+
+    def tasks(self, numbers: Iterable[int]) -> Iterator[Task]:
         """All runs: every row once, then every row again, so that a part is a fair part."""
-        for number in range(seeds):
+        for number in numbers:
             yield from (self.task(row, number) for row in self.rows)
+
+
+def seeds_of(records: Sequence[Record]) -> str:
+    """Which seeds runs were made with, in words: `exploration seeds 0 to 29`."""
+    numbers = [record["number"] for record in records]
+    return f"{records[0]['phase']} seeds {min(numbers)} to {max(numbers)}"
 
 
 def seed_of(experiment: str, row: str, number: int) -> int:

@@ -86,6 +86,8 @@ class _Model(BaseModel):
     title: str
     question: str = ""
     seeds: Annotated[int, Field(ge=1, le=100_000)] = 30
+    first_seed: Annotated[int, Field(ge=0, le=1_000_000_000)] = 0
+    confirmation_seed: Annotated[int, Field(ge=1, le=1_000_000_000)] = 10_001
     settings: _Settings = _Settings()  # type: ignore[valid-type]  # made above
     cross: _Axes | None = None  # type: ignore[valid-type]
     rows: Annotated[list[_Row], Field(min_length=1)] | None = None  # type: ignore[valid-type]
@@ -135,6 +137,8 @@ class _Reading:
                 for (label, _), row in zip(variants, rows, strict=True)
             ),
             seeds=model.seeds,
+            first_seed=model.first_seed,
+            confirmation_seed=model.confirmation_seed,
             paired=tuple(model.paired),
             varied=differing,
             folder=str(self.document.path.parent.absolute()),

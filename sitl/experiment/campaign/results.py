@@ -26,6 +26,7 @@ def tidy(records: Sequence[Record]) -> list[dict[str, Any]]:
         {
             "experiment": record["experiment"],
             "row": record["row"],
+            "phase": record["phase"],
             "seed_number": record["number"],
             "seed": record["seed"],
             **{key: value_of(row, key) for key in keys},

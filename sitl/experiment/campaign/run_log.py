@@ -18,12 +18,12 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from air_router.errors import AirRouterError, ExitCode, UsageError
-from sitl.experiment.campaign.plan import Experiment, Record, Row
+from sitl.experiment.campaign.plan import Experiment, Phase, Record, Row
 
 FILE_NAME = "runs.jsonl"
 _ROOT: Final = Path(__file__).parents[3]
 _PACKAGES: Final = ("air_router", "geo", "mocha_link", "sitl")
-_KEYS: Final = {"experiment", "row", "number", "seed", "fingerprint", "measures", "curves"}
+_KEYS: Final = {"experiment", "row", "number", "phase", "seed", "fingerprint", "measures"}
 
 
 class RunLogError(AirRouterError):
@@ -31,7 +31,7 @@ class RunLogError(AirRouterError):
 
 
 class MixedRunsError(UsageError):
-    """The finished runs belong to other settings or seeds than those that are asked for."""
+    """The finished runs belong to other settings, seeds or a phase other than what is asked for."""
 
 
 class InUseError(AirRouterError):
@@ -123,16 +123,24 @@ def read_runs(folder: Path) -> list[Record]:
     return [read_line(line, path, number) for number, line in enumerate(lines, start=1)]
 
 
-def usable(records: list[Record], experiment: Experiment, folder: Path) -> dict[Any, Record]:
+def usable(
+    records: list[Record], experiment: Experiment, phase: Phase, folder: Path
+) -> dict[Any, Record]:
     """The finished runs of this very experiment, by row's label and seed's number.
 
     Raises:
-        MixedRunsError: rows of the same name were run with other settings, or with other seeds:
-            what the file's rows differ in, and what is paired, has changed.
+        MixedRunsError: there are runs of the other phase; or rows of the same name were run with
+            other settings, or with other seeds: what the file's rows differ in, what is paired, or
+            where confirmation begins has changed.
     """
     rows: dict[str, Row] = {row.label: row for row in experiment.rows}
     found: dict[Any, Record] = {}
     for record in records:
+        if record["phase"] != phase:
+            raise MixedRunsError(
+                f"{folder} holds {record['phase']} runs, and {phase} runs are asked for; give "
+                "another --out"
+            )
         row = rows.get(record["row"])
         if row is None:
             continue
@@ -140,6 +148,7 @@ def usable(records: list[Record], experiment: Experiment, folder: Path) -> dict[
         same = (
             record["experiment"] == experiment.name
             and record["fingerprint"] == row.fingerprint
+            and record["phase"] == experiment.phase(number)
             and record["seed"] == experiment.seed(row, number)
         )
         if not same:

@@ -104,6 +104,7 @@ def recorded(task: Task, settings: RunSettings, result: RunResult) -> Record:
         "experiment": task.experiment,
         "row": task.row.label,
         "number": task.number,
+        "phase": task.phase,
         "seed": task.seed,
         "fingerprint": task.row.fingerprint,
         "settings": dict(task.row.settings),

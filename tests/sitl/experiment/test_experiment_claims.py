@@ -66,6 +66,7 @@ def runs(goals, wait, seeds=6, time=lambda _: 15.0):
                 {
                     "row": ours.label,
                     "number": number,
+                    "phase": "confirmation",
                     "settings": {"radius_m": row.radius_m, "uavs": row.uavs, "ugvs": row.ugvs},
                     "measures": measures,
                 }
@@ -128,7 +129,12 @@ def test_spikes_and_complete_interactions_are_seen():
 def test_claims_are_for_the_rows_that_they_are_about(tmp_path):
     experiment, _ = load_experiment("table1")
     records = runs(lambda _: 80.0, lambda _: 1.0, seeds=2)
-    assert len(claims.claims_of(experiment, records)) == 5
+    found = claims.claims_of(experiment, records)
+    assert [claim.number for claim in found] == [1, 2, 3, 4, 5]
+    assert all(claim.verdict == claim.answer for claim in found)
+    explored = [{**record, "phase": "exploration"} for record in records]
+    told = [claim.verdict for claim in claims.claims_of(experiment, explored)]
+    assert all(verdict.endswith(", on exploration seeds") for verdict in told)
     assert claims.claims_of(experiment, records[2:]) == []  # a row has no runs
     path = tmp_path / "mine.yaml"
     path.write_text("name: table1\ntitle: My own\nrows: [{ugvs: 3}]\n", encoding="utf-8")

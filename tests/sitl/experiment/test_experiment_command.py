@@ -121,6 +121,30 @@ def test_runs_of_other_settings_are_not_mixed_in(sitl, tmp_path):
         RunLog(tmp_path / "other")
 
 
+def test_exploration_and_confirmation_are_never_mixed(sitl, tmp_path, capsys):
+    sitl.path.write_text(SMALL + "confirmation_seed: 2\n", encoding="utf-8")
+    with pytest.raises(MixedRunsError, match="seeds 0 to 2 are of both phases"):
+        sitl()
+    sitl("--seeds", "2", "--json")
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["phase"], summary["seeds"]) == ("exploration", [0, 1])
+    with pytest.raises(MixedRunsError, match="out holds exploration runs, and confirmation runs"):
+        sitl("--seeds", "2", "--first-seed", "2")
+    after = str(tmp_path / "after")
+    _, pool = sitl("--seeds", "2", "--first-seed", "2", "--out", after)
+    assert {number for _, number in pool.made} == {2, 3}
+    assert "From confirmation seeds 2 to 3." in capsys.readouterr().out
+    with (tmp_path / "after" / "results.csv").open(encoding="utf-8") as file:
+        assert {row["phase"] for row in csv.DictReader(file)} == {"confirmation"}
+    # What has been looked at stays what it was, whatever the file says later.
+    sitl.path.write_text(SMALL + "confirmation_seed: 1\n", encoding="utf-8")
+    with pytest.raises(MixedRunsError, match="holds exploration runs"):
+        sitl("--seeds", "1", "--first-seed", "1")
+    sitl.path.write_text(SMALL + "confirmation_seed: 3\n", encoding="utf-8")
+    with pytest.raises(MixedRunsError, match="other settings or seeds"):
+        sitl("--seeds", "1", "--first-seed", "3", "--out", after)
+
+
 def test_a_fault_of_the_model_is_told_and_the_others_go_on(sitl, capsys):
     code, _ = sitl("--seeds", "2", work=made_up.failing_work)
     assert code == 1
@@ -253,7 +277,7 @@ def test_intervals_hold_what_they_say(monkeypatch):
 
 def test_remaining_time_follows_the_robots_of_what_is_left(sitl):
     experiment, _ = load_experiment(str(sitl.path))
-    tasks = tuple(experiment.tasks(2))
+    tasks = tuple(experiment.tasks(range(2)))
     now = [0.0]
     progress = Progress(tasks, lambda: now[0])
     assert progress.left_s is None

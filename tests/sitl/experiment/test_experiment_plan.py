@@ -41,7 +41,7 @@ def test_the_papers_table_has_its_24_rows():
     assert rows == [row[:3] for row in TABLE]
     assert experiment.rows[-1].label == "30 m, 2 UAVs, 10 UGVs"
     assert experiment.seeds == 30
-    assert len(list(experiment.tasks(30))) == 720
+    assert len(list(experiment.tasks(range(30)))) == 720
 
 
 @pytest.mark.parametrize("name", experiment_names())
@@ -49,7 +49,7 @@ def test_every_shipped_experiment_can_be_run(name):
     experiment, _ = load_experiment(name)
     assert experiment.name == name
     assert experiment.question
-    seeds = {task.seed for task in experiment.tasks(2)}
+    seeds = {task.seed for task in experiment.tasks(range(2))}
     assert len(seeds) >= 2
     for row in experiment.rows:
         assert isinstance(run_settings(experiment.task(row, 0)), RunSettings)
@@ -59,7 +59,18 @@ def test_seeds_follow_from_names_alone():
     assert seed_of("table1", '{"radius_m":5.0,"uavs":1,"ugvs":3}', 0) == 8601995132206558445
     experiment, _ = load_experiment("table1")
     assert experiment.seed(experiment.rows[0], 0) == 8601995132206558445
-    assert len({task.seed for task in experiment.tasks(30)}) == 720
+    assert len({task.seed for task in experiment.tasks(range(30))}) == 720
+
+
+def test_seeds_from_a_number_on_are_for_confirmation(tmp_path):
+    text = PAIRED + "first_seed: 7\nconfirmation_seed: 9\n"
+    experiment = load(tmp_path, text)
+    assert experiment.first_seed == 7
+    tasks = experiment.tasks(range(7, 11))
+    assert [task.phase for task in tasks][::4] == ["exploration"] * 2 + ["confirmation"] * 2
+    shipped, _ = load_experiment("table1")
+    assert (shipped.first_seed, shipped.phase(10_000)) == (0, "exploration")
+    assert shipped.phase(10_001) == "confirmation"
 
 
 def test_rows_that_differ_in_paired_settings_only_share_their_seeds(tmp_path):
@@ -197,5 +208,5 @@ def test_what_no_run_can_be_made_of_is_told_before_any_begins(tmp_path, wrong, t
     text = f"name: a\ntitle: b\nsettings: {{{wrong}}}\nrows: [{{ugvs: 0}}]\n"
     experiment = load(tmp_path, text)
     with pytest.raises(AirRouterError, match=told) as error:
-        put_together(next(experiment.tasks(1)))
+        put_together(next(experiment.tasks(range(1))))
     assert error.value.exit_code is ExitCode.INVALID_FILE
