@@ -233,7 +233,7 @@ def _mission(arguments: argparse.Namespace, kind: str, report: _Report) -> str |
     if draft.problems or draft.frame is None or draft.home is None:
         raise MissionFileError(draft.problems)
     _check_options(arguments, kind)
-    if kind != _PLAN or not isinstance(draft.document, JsonDocument):
+    if kind != _PLAN or not isinstance(draft.source, JsonDocument):
         for note in draft.notes:
             if note.code == NOT_FLOWN:
                 report.warnings.add(f"{note.path}:{note.line}", note.message, "item-lost")
@@ -264,7 +264,7 @@ def _written(
     kind: str,
     report: _Report,
 ) -> str | bytes:
-    document = draft.document
+    document = draft.source
     if kind in _MAP_WRITERS:
         chart = chart_of(draft)
         mission = judge(draft)

@@ -9,7 +9,7 @@ import webbrowser
 from pathlib import Path
 
 from air_router.cli.arguments import home
-from air_router.editor.mission_text import MissionText
+from air_router.editor.mission_file import MissionFile
 from air_router.editor.session import EditSession
 from air_router.editor.starter import write_starter
 from air_router.errors import ExitCode
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         from air_router.editor.server import EditorServer  # noqa: PLC0415 - an extra
     if arguments.new is not None:
         write_starter(arguments.mission, arguments.new)
-    file = MissionText(arguments.mission)
+    file = MissionFile(arguments.mission)
     session = EditSession(file)
 
     def ready(address: str) -> None:
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     show(EditorServer(session, web), ready)
     if session.dirty:
-        kept = file.keep_aside(session.manuscript.text)
+        kept = file.keep_aside(session.editable.text)
         _say(f"what was not saved is in {kept}")
     return ExitCode.DONE
 

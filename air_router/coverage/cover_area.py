@@ -145,7 +145,7 @@ def _of_area(path: Path, terms: CoverOptions) -> Field:
     if terms.clearance_m is not None:
         settings = replace(settings, clearance_m=terms.clearance_m)
     draft = MissionDocument(
-        document=zones[0].source,
+        source=zones[0].source,
         name=path.stem,
         frame=frame,
         altitude_m=terms.altitude_m,

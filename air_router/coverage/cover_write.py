@@ -66,7 +66,7 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
     draft = field.draft
     if draft.home is None:
         raise UsageError("a mission needs a home; give --home LAT,LON, or leave --out away")
-    old = _mission_text(source) if draft.document.path == source else None
+    old = _mission_text(source) if draft.source.path == source else None
     if old is not None:
         if folder.resolve() != source.parent.resolve() and (draft.team or draft.world):
             raise UsageError(

@@ -12,7 +12,7 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 from air_router.editor.edits import EditError, read_edit
-from air_router.editor.mission_text import ChangedOnDiskError, SaveError
+from air_router.editor.mission_file import ChangedOnDiskError, SaveError
 from air_router.editor.session import EditSession, StaleError, UnconfirmedError
 from air_router.errors import AirRouterError
 from air_router.web.browsers import Browsers

@@ -1,4 +1,4 @@
-"""One person's work on one mission: edits, undo, redo, and saving."""
+"""The work on one mission: edits, undo, redo, and saving."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from air_router.editor import edits
+from air_router.editor.analysis import MissionAnalysis
+from air_router.editor.editable_mission import EditableMission
 from air_router.editor.edits import Edit, EditError
-from air_router.editor.judgement import Judgement
-from air_router.editor.manuscript import Manuscript
-from air_router.editor.mission_text import MissionText
+from air_router.editor.mission_file import MissionFile
 from air_router.editor.view import Viewer, route_view
 from air_router.errors import AirRouterError
 from mocha_link.team.document import DocumentError
@@ -29,7 +29,7 @@ class UnconfirmedError(AirRouterError):
 class _Step:
     """A state of the text, and what led from the one before to it."""
 
-    manuscript: Manuscript
+    editable: EditableMission
     what: str
     gesture: str | None
 
@@ -43,7 +43,7 @@ class EditSession:
         DocumentError: the file cannot be read at all.
     """
 
-    def __init__(self, file: MissionText) -> None:
+    def __init__(self, file: MissionFile) -> None:
         self._file = file
         self._viewer = Viewer()
         self.revision = 0
@@ -53,19 +53,19 @@ class EditSession:
         self._begin()
 
     @property
-    def manuscript(self) -> Manuscript:
+    def editable(self) -> EditableMission:
         """The text as it is now."""
-        return self._steps[self._now].manuscript
+        return self._steps[self._now].editable
 
     @property
     def dirty(self) -> bool:
         """Whether there is something to save."""
-        return self.manuscript.text != self._saved
+        return self.editable.text != self._saved
 
     @property
     def wrong(self) -> bool:
         """Whether the mission has problems."""
-        return bool(self._judgement.draft.problems)
+        return bool(self._analysis.document.problems)
 
     def edit(self, edit: Edit, *, revision: int | None = None, gesture: str | None = None) -> None:
         """Change the mission.
@@ -83,13 +83,13 @@ class EditSession:
             raise StaleError("the mission has changed meanwhile; try again")
         last = self._steps[self._now]
         goes_on = gesture is not None and self._now > 0 and last.gesture == gesture
-        base = self.manuscript
+        base = self.editable
         if goes_on and isinstance(edit, edits.Shift):  # from where it began: no rounding adds up
-            base = self._steps[self._now - 1].manuscript
+            base = self._steps[self._now - 1].editable
         after = base.edited(edit)
-        if after.text == self.manuscript.text:
+        if after.text == self.editable.text:
             return
-        judgement = Judgement.of(after)
+        analysis = MissionAnalysis.of(after)
         step = _Step(after, _WORDS[type(edit)], gesture)
         del self._steps[self._now + 1 :]
         if goes_on:
@@ -98,21 +98,21 @@ class EditSession:
             self._steps.append(step)
             del self._steps[:-_MOST_STEPS]
             self._now = len(self._steps) - 1
-        self._show(judgement)
+        self._show(analysis)
 
     def undo(self) -> None:
         """Take the last step back. Raises EditError if there is none."""
         if not self._now:
             raise EditError("there is nothing to undo")
         self._now -= 1
-        self._show(Judgement.of(self.manuscript))
+        self._show(MissionAnalysis.of(self.editable))
 
     def redo(self) -> None:
         """Make the step again that was taken back. Raises EditError if there is none."""
         if self._now + 1 == len(self._steps):
             raise EditError("there is nothing to redo")
         self._now += 1
-        self._show(Judgement.of(self.manuscript))
+        self._show(MissionAnalysis.of(self.editable))
 
     def save(self, *, confirmed: bool = False, overwrite: bool = False) -> None:
         """Write the file.
@@ -125,13 +125,13 @@ class EditSession:
             UnconfirmedError, ChangedOnDiskError, SaveError: the file is as it was.
         """
         if self.wrong and not confirmed:
-            count = len(set(self._judgement.draft.problems))
+            count = len(set(self._analysis.document.problems))
             raise UnconfirmedError(
                 f"the mission has {count} problem{'s' if count > 1 else ''} and cannot be flown "
                 "as it is; save it all the same?"
             )
-        self._file.write(self.manuscript.text, overwrite=overwrite)
-        self._saved = self.manuscript.text
+        self._file.write(self.editable.text, overwrite=overwrite)
+        self._saved = self.editable.text
 
     def reload(self) -> None:
         """Begin again with what is on the disk. Raises DocumentError if it cannot be read."""
@@ -143,7 +143,7 @@ class EditSession:
 
     def route(self, start: int, end: int) -> dict[str, Any]:
         """The route between two waypoints (0: home)."""
-        return route_view(self._judgement, start, end)
+        return route_view(self._analysis, start, end)
 
     def view(self) -> dict[str, Any]:
         """The state, for the page."""
@@ -160,19 +160,19 @@ class EditSession:
     def _begin(self) -> None:
         text = self._file.read()
         try:
-            manuscript = Manuscript.read(text, self._file.path)
+            editable = EditableMission.read(text, self._file.path)
         except DocumentError:
             self._file.forget()
             raise
         self._saved = text
-        self._steps = [_Step(manuscript, "", None)]
+        self._steps = [_Step(editable, "", None)]
         self._now = 0
-        self._show(Judgement.of(manuscript))
+        self._show(MissionAnalysis.of(editable))
 
-    def _show(self, judgement: Judgement) -> None:
+    def _show(self, analysis: MissionAnalysis) -> None:
         self.revision += 1
-        self._judgement = judgement
-        self._view = self._viewer.view(self.manuscript.drawing, judgement)
+        self._analysis = analysis
+        self._view = self._viewer.view(self.editable.editor, analysis)
 
 
 _WORDS: dict[type[Edit], str] = {

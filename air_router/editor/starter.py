@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from air_router.editor.mission_text import MissionText
+from air_router.editor.mission_file import MissionFile
 from air_router.errors import UsageError
 from air_router.files.text.first_mission import mission_text
 from geo.frame import Geodetic, Point
@@ -26,4 +26,4 @@ def write_starter(path: Path, home: Geodetic) -> None:
     text = mission_text(
         "air-router edit", home, [_FIRST_WAYPOINT], altitude_m=40, fence_radius_m=150
     )
-    MissionText(path).write(text, overwrite=True)
+    MissionFile(path).write(text, overwrite=True)

@@ -7,9 +7,9 @@ from dataclasses import asdict
 from os.path import relpath
 from typing import Any
 
-from air_router.editor.drawing import Drawing
-from air_router.editor.judgement import Judgement
-from air_router.editor.sketch import Handle, Pair, Region
+from air_router.editor.analysis import MissionAnalysis
+from air_router.editor.features import Handle, Pair, Region
+from air_router.editor.text_editor import TextEditor
 from air_router.files.mission_document import Area, Keys, MissionDocument
 from air_router.mission.found_by import UAV_KIND
 from air_router.mission.mission import Mission
@@ -30,57 +30,61 @@ class Viewer:
     def __init__(self) -> None:
         self._buffers: dict[tuple[LocalFrame, Shape, float], list[Rings]] = {}
 
-    def view(self, drawing: Drawing, judgement: Judgement) -> dict[str, Any]:
+    def view(self, editor: TextEditor, analysis: MissionAnalysis) -> dict[str, Any]:
         """Everything that the page draws."""
-        problems = sorted(set(judgement.draft.problems)), sorted(set(judgement.draft.notes))
-        marks = _Marks(drawing)
+        problems = sorted(set(analysis.document.problems)), sorted(set(analysis.document.notes))
+        marks = _Marks(editor)
         shown = [marks.problem(problem, note=False) for problem in problems[0]]
         wrong = {tuple(keys) for entry in shown if (keys := entry["feature"])}
         shown += [marks.problem(problem, note=True) for problem in problems[1]]
         return {
-            "places": list(_places(drawing, judgement, wrong)),
-            "areas": list(self._areas(drawing, judgement, wrong)),
-            "graph": _graph(judgement),
-            "legs": _legs(judgement),
+            "places": list(_places(editor, analysis, wrong)),
+            "areas": list(self._areas(editor, analysis, wrong)),
+            "graph": _graph(analysis),
+            "legs": _legs(analysis),
             "problems": shown,
-            "settings": _settings(drawing, judgement),
+            "settings": _settings(editor, analysis),
         }
 
     def _areas(
-        self, drawing: Drawing, judgement: Judgement, wrong: set[Keys]
+        self, editor: TextEditor, analysis: MissionAnalysis, wrong: set[Keys]
     ) -> Iterable[dict[str, Any]]:
-        draft = judgement.draft
-        areas = {area.keys: area for area in (*draft.fences, *draft.zones) if area.place is None}
-        for region in drawing.sketch.regions:
+        document = analysis.document
+        areas = {
+            area.keys: area for area in (*document.fences, *document.zones) if area.place is None
+        }
+        for region in editor.features.regions:
             area = areas.get(region.keys)
             yield {
-                **_region(drawing, region),
+                **_region(editor, region),
                 "wrong": any(keys[: len(region.keys)] == region.keys for keys in wrong),
-                "notes": _notes(area, judgement.mission),
+                "notes": _notes(area, analysis.mission),
                 "crosses": area is not None and area.crosses_fence,
-                "buffers": self._kept(judgement, area, is_fence=region.is_fence),
+                "buffers": self._kept(analysis, area, is_fence=region.is_fence),
             }
-        for area in (area for area in draft.zones if area.place is not None):
-            if draft.frame is not None:  # from another file: to be seen, not to be edited
+        for area in (area for area in document.zones if area.place is not None):
+            if document.frame is not None:  # from another file: to be seen, not to be edited
                 yield area_beside(
                     area.name,
-                    self._buffer(draft.frame, area.shape, 0.0),
-                    self._kept(judgement, area, is_fence=False),
-                    _notes(area, judgement.mission),
+                    self._buffer(document.frame, area.shape, 0.0),
+                    self._kept(analysis, area, is_fence=False),
+                    _notes(area, analysis.mission),
                 )
 
     def _kept(
-        self, judgement: Judgement, area: Area | None, *, is_fence: bool
+        self, analysis: MissionAnalysis, area: Area | None, *, is_fence: bool
     ) -> list[list[Rings]]:
         """How far to keep away, at least and when planning; as polygons with holes."""
-        draft = judgement.draft
-        if area is None or draft.frame is None or "planner" in draft.unread:
+        document = analysis.document
+        if area is None or document.frame is None or "planner" in document.unread:
             return []
-        planner = draft.planner
+        planner = document.planner
         clearance_m = planner.clearance_m if area.clearance_m is None else area.clearance_m
         kept_m = (clearance_m, clearance_m + planner.tracking_margin_m)
         sign = -1 if is_fence else 1
-        return [self._buffer(draft.frame, area.shape, sign * distance_m) for distance_m in kept_m]
+        return [
+            self._buffer(document.frame, area.shape, sign * distance_m) for distance_m in kept_m
+        ]
 
     def _buffer(self, frame: LocalFrame, shape: Shape, distance_m: float) -> list[Rings]:
         key = (frame, shape, distance_m)
@@ -91,9 +95,9 @@ class Viewer:
         return self._buffers[key]
 
 
-def route_view(judgement: Judgement, start: int, end: int) -> dict[str, Any]:
+def route_view(analysis: MissionAnalysis, start: int, end: int) -> dict[str, Any]:
     """The route between two nodes (0: home), or why there is none."""
-    graph, router = judgement.graph, judgement.router
+    graph, router = analysis.graph, analysis.router
     if graph is None or router is None:
         return {"reason": "the mission cannot be planned yet; correct its problems first"}
     if start not in graph.positions or end not in graph.positions:
@@ -119,17 +123,17 @@ def route_view(judgement: Judgement, start: int, end: int) -> dict[str, Any]:
 class _Marks:
     """Finds what a problem is about, and where to look."""
 
-    def __init__(self, drawing: Drawing) -> None:
+    def __init__(self, editor: TextEditor) -> None:
         self._places: dict[Keys, list[Degrees]] = {}
-        for handle in drawing.sketch.handles():
-            self._places[handle.keys] = _known([_on_map(drawing, handle.pair)])
+        for handle in editor.features.handles():
+            self._places[handle.keys] = _known([_on_map(editor, handle.pair)])
             if handle.entry:
                 self._places[handle.entry] = self._places[handle.keys]
-        self._names = {handle.entry: handle.keys for handle in drawing.sketch.handles()}
-        for region in drawing.sketch.regions:
+        self._names = {handle.entry: handle.keys for handle in editor.features.handles()}
+        for region in editor.features.regions:
             corners = [corner for ring in region.rings for corner in ring.corners]
             corners += [region.circle.centre] if region.circle else []
-            places = _known(_on_map(drawing, corner.pair) for corner in corners)
+            places = _known(_on_map(editor, corner.pair) for corner in corners)
             self._places[region.keys] = places
 
     def problem(self, problem: Problem, *, note: bool) -> dict[str, Any]:
@@ -154,14 +158,16 @@ class _Marks:
         }
 
 
-def _places(drawing: Drawing, judgement: Judgement, wrong: set[Keys]) -> Iterable[dict[str, Any]]:
-    sketch, draft = drawing.sketch, judgement.draft
-    spots = {spot.keys: spot for spot in draft.waypoints}
-    numbers = {spot.keys: number for number, spot in enumerate(draft.waypoints, start=1)}
-    kinds = [("home", [sketch.home] if sketch.home else []), ("waypoint", sketch.waypoints)]
-    for kind, handles in [*kinds, ("rally", sketch.rally_points)]:
+def _places(
+    editor: TextEditor, analysis: MissionAnalysis, wrong: set[Keys]
+) -> Iterable[dict[str, Any]]:
+    features, document = editor.features, analysis.document
+    spots = {spot.keys: spot for spot in document.waypoints}
+    numbers = {spot.keys: number for number, spot in enumerate(document.waypoints, start=1)}
+    kinds = [("home", [features.home] if features.home else []), ("waypoint", features.waypoints)]
+    for kind, handles in [*kinds, ("rally", features.rally_points)]:
         for index, handle in enumerate(handles, start=1):
-            at = _on_map(drawing, handle.pair)
+            at = _on_map(editor, handle.pair)
             if at is None:
                 continue
             spot = spots.get(handle.keys)
@@ -175,29 +181,29 @@ def _places(drawing: Drawing, judgement: Judgement, wrong: set[Keys]) -> Iterabl
                 "wrong": handle.keys in wrong,
                 "removable": handle.entry is not None,
             }
-    own = {handle.keys for handle in sketch.waypoints}
-    for spot in draft.waypoints:  # out of surveys: to be seen, not to be edited
-        if spot.keys not in own and draft.frame is not None:
+    own = {handle.keys for handle in features.waypoints}
+    for spot in document.waypoints:  # out of surveys: to be seen, not to be edited
+        if spot.keys not in own and document.frame is not None:
             yield {
                 "keys": None,
                 "kind": "waypoint",
                 "index": numbers[spot.keys],
                 "node": numbers[spot.keys],
-                "at": degrees(draft.frame, spot.position),
+                "at": degrees(document.frame, spot.position),
                 "altitude_m": spot.altitude_m,
                 "wrong": spot.keys in wrong,
                 "removable": False,
             }
 
 
-def _region(drawing: Drawing, region: Region) -> dict[str, Any]:
+def _region(editor: TextEditor, region: Region) -> dict[str, Any]:
     rings = [
         {"keys": list(ring.keys), "corners": corners}
         for ring in region.rings
-        if len(corners := _corners(drawing, ring.corners)) == len(ring.corners)
+        if len(corners := _corners(editor, ring.corners)) == len(ring.corners)
     ]
     circle = None
-    if region.circle and (centre := _on_map(drawing, region.circle.centre.pair)):
+    if region.circle and (centre := _on_map(editor, region.circle.centre.pair)):
         circle = {
             "keys": list(region.circle.centre.keys),
             "centre": list(centre),
@@ -215,8 +221,8 @@ def _region(drawing: Drawing, region: Region) -> dict[str, Any]:
     }
 
 
-def _corners(drawing: Drawing, corners: Iterable[Handle]) -> list[Degrees]:
-    return _known(_on_map(drawing, corner.pair) for corner in corners)
+def _corners(editor: TextEditor, corners: Iterable[Handle]) -> list[Degrees]:
+    return _known(_on_map(editor, corner.pair) for corner in corners)
 
 
 def _known(places: Iterable[tuple[float, float] | None]) -> list[Degrees]:
@@ -233,8 +239,8 @@ def _notes(area: Area | None, mission: Mission | None) -> list[str]:
     return notes
 
 
-def _graph(judgement: Judgement) -> dict[str, Any]:
-    graph = judgement.graph
+def _graph(analysis: MissionAnalysis) -> dict[str, Any]:
+    graph = analysis.graph
     if graph is None:
         return {"edges": [], "detours": [], "cut": False}
     detours = list(graph.detours)
@@ -253,8 +259,8 @@ def _graph(judgement: Judgement) -> dict[str, Any]:
     }
 
 
-def _legs(judgement: Judgement) -> list[dict[str, Any]]:
-    mission = judgement.mission
+def _legs(analysis: MissionAnalysis) -> list[dict[str, Any]]:
+    mission = analysis.mission
     if mission is None:
         return []
     return [
@@ -264,49 +270,51 @@ def _legs(judgement: Judgement) -> list[dict[str, Any]]:
             "way": leg.way.value,
             "points": [degrees(mission.frame, point) for point in leg.points],
         }
-        for leg in judgement.legs
+        for leg in analysis.legs
     ]
 
 
-def _settings(drawing: Drawing, judgement: Judgement) -> dict[str, Any]:
-    draft, length_m = judgement.draft, judgement.length_m()
+def _settings(editor: TextEditor, analysis: MissionAnalysis) -> dict[str, Any]:
+    document, length_m = analysis.document, analysis.length_m()
     return {
-        "name": draft.name,
-        "settable": drawing.settable,
-        "altitude_m": draft.altitude_m,
-        "speed_m_s": draft.speed_m_s,
-        "duration_s": draft.duration_s,
-        "endurance_s": draft.endurance_s,
-        "battery_reserve": draft.battery_reserve,
-        **asdict(draft.timers),
-        "clearance_m": draft.planner.clearance_m,
-        "tracking_margin_m": draft.planner.tracking_margin_m,
-        "max_edge_m": draft.planner.max_edge_m,
-        "team": None if draft.team is None else relpath(draft.team, draft.document.path.parent),
-        "uav": draft.uav,
-        "robots": _robots(draft),
+        "name": document.name,
+        "settable": editor.settable,
+        "altitude_m": document.altitude_m,
+        "speed_m_s": document.speed_m_s,
+        "duration_s": document.duration_s,
+        "endurance_s": document.endurance_s,
+        "battery_reserve": document.battery_reserve,
+        **asdict(document.timers),
+        "clearance_m": document.planner.clearance_m,
+        "tracking_margin_m": document.planner.tracking_margin_m,
+        "max_edge_m": document.planner.max_edge_m,
+        "team": None
+        if document.team is None
+        else relpath(document.team, document.source.path.parent),
+        "uav": document.uav,
+        "robots": _robots(document),
         "length_m": round(length_m),
-        "time_s": round(length_m / draft.speed_m_s) if draft.speed_m_s > 0 else None,
+        "time_s": round(length_m / document.speed_m_s) if document.speed_m_s > 0 else None,
     }
 
 
-def _robots(draft: MissionDocument) -> list[dict[str, Any]]:
+def _robots(document: MissionDocument) -> list[dict[str, Any]]:
     """Whom the mission may seek, and whether it does; those that are sought in their order."""
-    if draft.team is None:
+    if document.team is None:
         return []
     try:
-        team = Team.load(draft.team)
+        team = Team.load(document.team)
     except (DocumentError, OSError):
         return []  # the team's problems are told
-    others = [name for name in team.robots if name != draft.uav]
-    sought = draft.seek or [name for name in others if team.robots[name].kind != UAV_KIND]
+    others = [name for name in team.robots if name != document.uav]
+    sought = document.seek or [name for name in others if team.robots[name].kind != UAV_KIND]
     names = dict.fromkeys([*sought, *others])
     return [{"name": name, "sought": name in sought} for name in names]
 
 
-def _on_map(drawing: Drawing, pair: Pair) -> Pair | None:
+def _on_map(editor: TextEditor, pair: Pair) -> Pair | None:
     """A pair of the file as it is drawn; None if it is not on Earth."""
-    place, origin = drawing.geodetic(pair), drawing.sketch.origin
+    place, origin = editor.geodetic(pair), editor.features.origin
     return place if place is None or origin is None else beside(origin, place)
 
 

@@ -133,7 +133,7 @@ class MissionDocument:
     from because of the others; `uav` and `explore` are those of the one that is meant.
     """
 
-    document: DocumentSource
+    source: DocumentSource
     name: str = ""
     frame: LocalFrame | None = None
     in_metres: bool = False
@@ -168,11 +168,11 @@ class MissionDocument:
 
     def complain(self, keys: Keys, message: str, code: str) -> None:
         """Note a problem with the value at these keys."""
-        self.problems.append(self.document.problem(keys, message, code))
+        self.problems.append(self.source.problem(keys, message, code))
 
     def note(self, keys: Keys, message: str, code: str) -> None:
         """Note something that the operator should know about the value at these keys."""
-        self.notes.append(self.document.problem(keys, message, code))
+        self.notes.append(self.source.problem(keys, message, code))
 
     def complain_area(self, area: Area, message: str, code: str) -> None:
         """Note a problem with an area, in the file that it comes from."""

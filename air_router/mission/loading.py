@@ -87,7 +87,7 @@ def choose(draft: MissionDocument, uav: str) -> None:
     names = [each.name for each in draft.uavs]
     if names and uav not in names:
         known = " and ".join(names)
-        raise UsageError(f"{draft.document.path}: is flown by {known}, not by '{uav}'")
+        raise UsageError(f"{draft.source.path}: is flown by {known}, not by '{uav}'")
     draft.uav = uav
 
 
@@ -127,7 +127,7 @@ def mission_of(
         return None
     return Mission(
         name=sanitize(draft.name),
-        path=draft.document.path,
+        path=draft.source.path,
         frame=draft.frame,
         home=draft.home.position,
         home_altitude_amsl_m=draft.home_altitude_amsl_m,

@@ -72,7 +72,7 @@ def _choose(draft: MissionDocument, team: Team) -> None:
         draft.uav = flying[0]
         return
     advice = f"give the one that flies this mission the kind {UAV_KIND} in {team.path}"
-    if flying and draft.document.path.suffix.lower() == ".plan":
+    if flying and draft.source.path.suffix.lower() == ".plan":
         advice = f"say which one flies this plan: {' or '.join(f'--uav {n}' for n in flying)}"
     elif flying:
         advice = "add 'uav' with the name of the robot that flies this mission"

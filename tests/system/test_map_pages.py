@@ -10,7 +10,7 @@ import pytest
 
 from air_router.control.command_request import CommandRequestError
 from air_router.controller.flight_setup import FlightSetup
-from air_router.editor.mission_text import MissionText
+from air_router.editor.mission_file import MissionFile
 from air_router.editor.server import EditorServer
 from air_router.editor.session import EditSession
 from air_router.editor.starter import write_starter
@@ -245,7 +245,7 @@ def test_a_circle_is_round_and_buttons_say_why_they_are_of_no_use(browser, recor
 def test_a_round_fence_becomes_a_polygon_and_settings_are_set(browser, tmp_path, size):
     path = tmp_path / "field.yaml"
     write_starter(path, HOME)
-    with served(EditorServer(EditSession(MissionText(path)))) as (address, _):
+    with served(EditorServer(EditSession(MissionFile(path)))) as (address, _):
         looker = Looker(
             browser.new_page(viewport=dict(zip(("width", "height"), size, strict=True))), address
         )

@@ -141,14 +141,14 @@ def _drop(data: Any, keys: tuple[str | int, ...]) -> None:
 
 
 def _fill(draft: MissionDocument, model: MissionForm, places: dict[str, list[int]]) -> None:
-    draft.name = model.name or draft.document.path.resolve().parent.name
+    draft.name = model.name or draft.source.path.resolve().parent.name
     draft.altitude_m, draft.speed_m_s = model.altitude_m, model.speed_m_s
     draft.timers = Timers(**model.timers.model_dump())
     draft.planner = PlannerSettings(**model.planner.model_dump())
     draft.uav = model.uav
     draft.seek, draft.seek_policy = tuple(model.seek.robots), model.seek.policy
     draft.goals_from = tuple(model.goals_from)
-    folder = draft.document.path.parent
+    folder = draft.source.path.parent
     draft.team = None if model.team is None else folder / model.team
     draft.world = None if model.world is None else folder / model.world
     draft.duration_s, draft.endurance_s = model.duration_s, model.endurance_s

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from air_router.editor.mission_text import MissionText
+from air_router.editor.mission_file import MissionFile
 from air_router.editor.session import EditSession
 
 ROOT = Path(__file__).parents[3]
@@ -19,10 +19,10 @@ def path(tmp_path):
 
 @pytest.fixture
 def session(path):
-    return EditSession(MissionText(path))
+    return EditSession(MissionFile(path))
 
 
 @pytest.fixture
 def plan(tmp_path):
     shutil.copy(ROOT / "tests" / "data" / "pennovation.plan", tmp_path)
-    return EditSession(MissionText(tmp_path / "pennovation.plan"))
+    return EditSession(MissionFile(tmp_path / "pennovation.plan"))

@@ -12,7 +12,7 @@ import pytest
 from yarl import URL
 
 from air_router.cli.cli import main
-from air_router.editor.mission_text import MissionText
+from air_router.editor.mission_file import MissionFile
 from air_router.editor.server import EditorServer
 from air_router.editor.session import EditSession
 from air_router.errors import ExitCode, UsageError
@@ -76,7 +76,7 @@ def visit(path, talk, *, host="127.0.0.1", token=None, backdrop=None):
     """Run a conversation with a server of its own."""
 
     async def run():
-        server = EditorServer(EditSession(MissionText(path)), Web(host, 0, backdrop, token))
+        server = EditorServer(EditSession(MissionFile(path)), Web(host, 0, backdrop, token))
         async with server.serving(lambda _: None) as address, aiohttp.ClientSession() as client:
             await talk(Page(client, address))
 
@@ -425,7 +425,7 @@ def test_where_a_picture_lies_must_be_known(tmp_path):
 def test_a_taken_port_is_said(path):
     async def talk(page):
         port = int(page.address.rstrip("/").rpartition(":")[2])
-        taken = EditorServer(EditSession(MissionText(path)), Web(port=port)).serving(print)
+        taken = EditorServer(EditSession(MissionFile(path)), Web(port=port)).serving(print)
         with pytest.raises(ServeError, match="another port"):
             await contextlib.AsyncExitStack().enter_async_context(taken)
 
@@ -447,4 +447,4 @@ def test_wrong_usage_and_unreadable_files_end_the_command(path, capsys):
 
 
 def test_all_messages_to_the_page_are_json(path):
-    assert json.loads(EditorServer(EditSession(MissionText(path)))._state)
+    assert json.loads(EditorServer(EditSession(MissionFile(path)))._state)

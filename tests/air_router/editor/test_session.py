@@ -1,4 +1,4 @@
-"""A person's work on a mission: edits, problems, undo, and saving without a loss."""
+"""The work on a mission: edits, problems, undo, and saving without a loss."""
 
 import difflib
 import os
@@ -11,9 +11,9 @@ from shapely import LineString, Polygon, make_valid
 from air_router.cli.arguments import home
 from air_router.cli.cli import main
 from air_router.editor import edits
+from air_router.editor.analysis import LegKind
 from air_router.editor.edits import EditError, read_edit
-from air_router.editor.judgement import LegKind
-from air_router.editor.mission_text import ChangedOnDiskError, MissionText, SaveError
+from air_router.editor.mission_file import ChangedOnDiskError, MissionFile, SaveError
 from air_router.editor.session import EditSession, StaleError, UnconfirmedError
 from air_router.editor.starter import write_starter
 from air_router.errors import ExitCode, UsageError
@@ -48,7 +48,7 @@ def test_a_mission_without_problems_shows_them_all_clear(session):
 
 
 def test_a_waypoint_in_a_zone_is_a_problem_and_so_are_its_legs(session):
-    before = session.manuscript.text
+    before = session.editable.text
     session.edit(move(waypoint(3), INSIDE_ZONE_8))
     view = session.view()
     (problem,) = view["problems"]
@@ -58,7 +58,7 @@ def test_a_waypoint_in_a_zone_is_a_problem_and_so_are_its_legs(session):
     blocked = [(leg["from"], leg["to"]) for leg in view["legs"] if leg["way"] == LegKind.BLOCKED]
     assert blocked == [(2, 3), (3, 4)]
     assert [place["index"] for place in view["places"] if place["wrong"]] == [3]
-    assert changed_lines(before, session.manuscript.text) == [
+    assert changed_lines(before, session.editable.text) == [
         "-   - [39.9428113, -75.2005838]",
         "+   - [39.9424800, -75.2005500]",
     ]
@@ -102,37 +102,37 @@ def test_without_a_readable_fence_nothing_is_planned(session):
 
 
 def test_steps_are_undone_and_made_again(session):
-    texts = [session.manuscript.text]
+    texts = [session.editable.text]
     for edit in (
         move(waypoint(1), FREE),
         edits.AddWaypoint(do="add_waypoint", index=2, at=(39.9427, -75.2005)),
         edits.Remove(do="remove", keys=("no_fly_zones", 4)),
     ):
         session.edit(edit)
-        texts.append(session.manuscript.text)
+        texts.append(session.editable.text)
     assert session.view()["undo"] == "remove"
     for text in reversed(texts[:-1]):
         session.undo()
-        assert session.manuscript.text == text
+        assert session.editable.text == text
     assert not session.dirty
     with pytest.raises(EditError, match="nothing to undo"):
         session.undo()
     session.redo()
-    assert session.manuscript.text == texts[1]
+    assert session.editable.text == texts[1]
     session.edit(move(waypoint(2), FREE))
     with pytest.raises(EditError, match="nothing to redo"):
         session.redo()
 
 
 def test_one_drag_is_one_step_and_a_zone_keeps_its_shape(session):
-    before = session.manuscript.text
+    before = session.editable.text
     origin = (39.9424, -75.2005)
     shift = {"do": "shift", "keys": ("no_fly_zones", 7), "origin": origin}
     for step in range(1, 12):
         to = (origin[0] + step * 3.3e-7, origin[1] - step * 1.7e-7)
         session.edit(edits.Shift(**shift, to=to), gesture="drag")
     session.edit(edits.Shift(**shift, to=origin), gesture="drag")
-    assert session.manuscript.text == before
+    assert session.editable.text == before
     session.undo()
     assert session.view()["undo"] is None
 
@@ -164,10 +164,10 @@ def test_an_edit_for_another_state_is_refused(session):
     ],
 )
 def test_what_cannot_be_done_changes_nothing(session, edit, why):
-    text = session.manuscript.text
+    text = session.editable.text
     with pytest.raises(Exception, match=why):
         session.edit(edit)
-    assert session.manuscript.text == text
+    assert session.editable.text == text
     assert not session.dirty
 
 
@@ -177,16 +177,16 @@ def test_a_ring_keeps_three_corners_and_a_mission_one_waypoint(tmp_path):
         "home: [39.0, -75.0]\naltitude_m: 40\nwaypoints: [[39.0005, -75.0]]\nfence: null\n"
         "no_fly_zones: [[[39.001, -75.0], [39.001, -75.001], [39.002, -75.0]]]\n"
     )
-    session = EditSession(MissionText(path))
+    session = EditSession(MissionFile(path))
     for keys in (("no_fly_zones", 0, "polygon", 1), waypoint(1)):
         with pytest.raises(EditError, match="needs"):
             session.edit(edits.Remove(do="remove", keys=keys))
     session.edit(edits.AddArea(do="add_area", fence=True, corners=(FREE,), radius_m=500.0))
     assert "fence:\n  circle:\n    centre: [39.9426000, -75.2002000]\n    radius_m: 500\n" in (
-        session.manuscript.text
+        session.editable.text
     )
     session.edit(edits.Rename(do="rename", keys=("no_fly_zones", 0), name="hall"))
-    assert "no_fly_zones: [{polygon: [[39.001, -75.0]," in session.manuscript.text
+    assert "no_fly_zones: [{polygon: [[39.001, -75.0]," in session.editable.text
     assert session.view()["areas"][-1]["name"] == "hall"
 
 
@@ -196,11 +196,11 @@ def test_metres_are_edited_as_metres(tmp_path):
         "coordinates: local\nframe: {origin: [39.94, -75.2]}\nhome: [0, 0]\naltitude_m: 40\n"
         "waypoints:\n  - [10, 20]  # east, north\nfence: null\nno_fly_zones: []\n"
     )
-    session = EditSession(MissionText(path))
+    session = EditSession(MissionFile(path))
     (place,) = [place for place in session.view()["places"] if place["kind"] == "waypoint"]
     latitude_deg, longitude_deg = place["at"]
     session.edit(move(waypoint(1), (latitude_deg + 1e-4, longitude_deg)))
-    assert "  - [10, 31.1]  # east, north\n" in session.manuscript.text
+    assert "  - [10, 31.1]  # east, north\n" in session.editable.text
     assert session.view()["problems"] == []
 
 
@@ -210,7 +210,7 @@ def test_circles_of_other_files_are_shown_round(path):
         ' "geometry": {"type": "Point", "coordinates": [-75.2030, 39.9400]}}'
     )
     path.write_text(path.read_text() + "no_fly_files: [mast.geojson]\n")
-    mast = EditSession(MissionText(path)).view()["areas"][-1]
+    mast = EditSession(MissionFile(path)).view()["areas"][-1]
     assert (mast["name"], mast["keys"]) == ("mast", None)
     ((ring,),) = mast["outline"]
     apart_deg = [abs(place[0] - 39.94) for place in ring]
@@ -226,7 +226,7 @@ def test_a_mission_on_the_antimeridian_is_drawn_in_one_place(tmp_path):
         "[-16.49, 179.99]]\n"
         "no_fly_zones:\n  - circle: {centre: [-16.4980, -179.9990], radius_m: 20}\n"
     )
-    session = EditSession(MissionText(path))
+    session = EditSession(MissionFile(path))
     view = session.view()
     fence, zone = view["areas"]
     drawn = [place["at"] for place in view["places"]]
@@ -236,28 +236,28 @@ def test_a_mission_on_the_antimeridian_is_drawn_in_one_place(tmp_path):
     assert all(179.98 < longitude_deg < 180.02 for _, longitude_deg in drawn)
     added = '{"do": "add_waypoint", "index": 1, "at": [-16.4985, 180.0002]}'
     session.edit(read_edit(added))
-    assert "  - [-16.4985000, -179.9998000]\n" in session.manuscript.text
+    assert "  - [-16.4985000, -179.9998000]\n" in session.editable.text
 
 
 def test_numbers_and_altitudes(session):
     session.edit(edits.SetValue(do="set_value", name="clearance_m", value=9.5))
-    assert "clearance_m: 9.5 " in session.manuscript.text
+    assert "clearance_m: 9.5 " in session.editable.text
     assert session.view()["settings"]["clearance_m"] == 9.5
     assert session.wrong
     session.undo()
     altitude = {"do": "set_altitude", "keys": waypoint(5)}
     session.edit(edits.SetAltitude(**altitude, altitude_m=30.0))
     line = "  - {position: [39.9427630, -75.2016829], altitude_m: 30}  # 5\n"
-    assert line in session.manuscript.text
+    assert line in session.editable.text
     session.edit(edits.SetAltitude(**altitude, altitude_m=None))
-    assert "  - {position: [39.9427630, -75.2016829]}  # 5\n" in session.manuscript.text
+    assert "  - {position: [39.9427630, -75.2016829]}  # 5\n" in session.editable.text
 
 
 def test_a_plan_is_edited_in_place(plan):
-    before = plan.manuscript.text
+    before = plan.editable.text
     places = [place for place in plan.view()["places"] if place["kind"] == "waypoint"]
     plan.edit(move(tuple(places[4]["keys"]), (39.9427001, -75.2016)))
-    lines = changed_lines(before, plan.manuscript.text)
+    lines = changed_lines(before, plan.editable.text)
     assert [line[1:].strip() for line in lines if line[0] == "+"] == ["39.9427001,", "-75.2016000,"]
     plan.edit(edits.AddWaypoint(do="add_waypoint", index=5, at=FREE))
     plan.edit(edits.AddArea(do="add_area", corners=(FREE,), radius_m=4.0))
@@ -270,15 +270,15 @@ def test_a_plan_is_edited_in_place(plan):
     assert view["places"][1]["altitude_m"] == 31.5
     assert view["problems"] == []
     plan.save()
-    assert EditSession(MissionText(plan.manuscript.path)).view()["places"] == view["places"]
+    assert EditSession(MissionFile(plan.editable.path)).view()["places"] == view["places"]
 
 
 def test_every_part_of_a_plan_can_be_taken_hold_of(plan):
-    handles = list(plan.manuscript.drawing.sketch.handles())
+    handles = list(plan.editable.editor.features.handles())
     assert len(handles) > 90
     for handle in handles[::20]:
         plan.edit(move(handle.keys, FREE))
-        (moved,) = [h for h in plan.manuscript.drawing.sketch.handles() if h.keys == handle.keys]
+        (moved,) = [h for h in plan.editable.editor.features.handles() if h.keys == handle.keys]
         assert moved.pair == FREE
 
 
@@ -309,7 +309,7 @@ def test_a_new_mission_has_no_problems_and_overwrites_nothing(tmp_path):
     for place in ("39.9421,-75.1998", "-77.85,166.7", "0,-180"):
         path.unlink(missing_ok=True)
         write_starter(path, home(place))
-        assert EditSession(MissionText(path)).view()["problems"] == []
+        assert EditSession(MissionFile(path)).view()["problems"] == []
     with pytest.raises(UsageError, match="already"):
         write_starter(path, home("1,2"))
     with pytest.raises(UsageError, match=r"field\.yaml"):
@@ -353,7 +353,7 @@ def test_what_others_wrote_is_not_lost(path, session):
     assert path.read_text().endswith("# by hand\n")
     session.reload()
     assert not session.dirty
-    assert session.manuscript.text.endswith("# by hand\n")
+    assert session.editable.text.endswith("# by hand\n")
     session.edit(move(waypoint(1), FREE))
     path.unlink()
     with pytest.raises(ChangedOnDiskError):
@@ -375,7 +375,7 @@ def test_an_unreadable_file_is_not_taken_over_and_not_overwritten(path, session)
 def test_line_breaks_and_marks_stay(path):
     text = path.read_text()
     path.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
-    session = EditSession(MissionText(path))
+    session = EditSession(MissionFile(path))
     session.edit(edits.AddWaypoint(do="add_waypoint", index=39, at=FREE))
     session.save()
     raw = path.read_bytes()
@@ -401,6 +401,6 @@ def test_a_failed_save_leaves_file_and_folder_as_they_were(path, session, monkey
 
 def test_what_was_not_saved_is_kept_aside(path, session):
     session.edit(move(waypoint(1), FREE))
-    kept = MissionText(path).keep_aside(session.manuscript.text)
+    kept = MissionFile(path).keep_aside(session.editable.text)
     assert kept.name == "mission.yaml.unsaved"
-    assert kept.read_text() == session.manuscript.text
+    assert kept.read_text() == session.editable.text

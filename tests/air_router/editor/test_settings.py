@@ -6,7 +6,7 @@ import pytest
 
 from air_router.editor import edits
 from air_router.editor.edits import EditError, read_edit
-from air_router.editor.mission_text import MissionText
+from air_router.editor.mission_file import MissionFile
 from air_router.editor.session import EditSession
 from air_router.files.settings import DEFAULT_SEEK_POLICY
 from tests.air_router.editor.test_session import FREE, changed_lines
@@ -40,14 +40,14 @@ from tests.air_router.editor.test_session import FREE, changed_lines
     ],
 )
 def test_a_setting_changes_its_line_and_no_other(session, edit, lines):
-    before = session.manuscript.text
+    before = session.editable.text
     session.edit(read_edit(json.dumps(edit)))
-    changed = changed_lines(before, session.manuscript.text)
+    changed = changed_lines(before, session.editable.text)
     assert len(changed) == len(lines)
     for line, begin in zip(changed, lines, strict=True):
         assert line.startswith(begin)
     session.undo()
-    assert session.manuscript.text == before
+    assert session.editable.text == before
 
 
 @pytest.mark.parametrize(
@@ -56,10 +56,10 @@ def test_a_setting_changes_its_line_and_no_other(session, edit, lines):
 def test_whom_to_seek_is_written_whatever_stood_there(path, seek):
     text = path.read_text().replace("seek: [callisto, europa, io]", seek)
     path.write_text(text)
-    session = EditSession(MissionText(path))
+    session = EditSession(MissionFile(path))
     session.edit(edits.Seek(do="seek", robots=("io", "europa")))
-    draft = session.manuscript.draft()
-    assert (draft.seek, draft.seek_policy) == (
+    document = session.editable.mission_document()
+    assert (document.seek, document.seek_policy) == (
         ("io", "europa"),
         "freshest" if "freshest" in seek else DEFAULT_SEEK_POLICY,
     )
@@ -80,13 +80,13 @@ def test_a_fence_gets_another_outline(tmp_path, fence):
     path = tmp_path / "mission.yaml"
     head = "home: [39.942, -75.2]\naltitude_m: 40\nwaypoints: [[39.9421, -75.2]]\n"
     path.write_text(f"{head}{fence}\nno_fly_zones: []\n")
-    session = EditSession(MissionText(path))
+    session = EditSession(MissionFile(path))
     corners = ((39.941, -75.201), (39.943, -75.201), (39.943, -75.199), (39.941, -75.199))
     session.edit(edits.Redraw(do="redraw", keys=("fence",), corners=corners))
-    (region,) = session.manuscript.drawing.sketch.regions
+    (region,) = session.editable.editor.features.regions
     assert region.circle is None
     assert tuple(corner.pair for corner in region.rings[0].corners) == corners
-    text = session.manuscript.text
+    text = session.editable.text
     assert text.startswith(head)
     assert text.endswith("\nno_fly_zones: []\n")
     assert "# round" in text
@@ -96,10 +96,10 @@ def test_a_fence_gets_another_outline(tmp_path, fence):
 def test_a_plan_s_round_fence_becomes_a_polygon(plan):
     circle = edits.AddArea(do="add_area", fence=True, corners=(FREE,), radius_m=400.0)
     plan.edit(circle)
-    fences = [r for r in plan.manuscript.drawing.sketch.regions if r.is_fence and r.circle]
+    fences = [r for r in plan.editable.editor.features.regions if r.is_fence and r.circle]
     corners = ((39.95, -75.21), (39.95, -75.19), (39.93, -75.19), (39.93, -75.21))
     plan.edit(edits.Redraw(do="redraw", keys=fences[0].keys, corners=corners))
-    after = plan.manuscript.drawing.sketch.regions
+    after = plan.editable.editor.features.regions
     assert not [r for r in after if r.is_fence and r.circle]
     assert corners in [tuple(c.pair for c in r.rings[0].corners) for r in after if r.rings]
     with pytest.raises(EditError, match="QGroundControl"):

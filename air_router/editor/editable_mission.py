@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from air_router.editor import edits
-from air_router.editor.drawing import Drawing
 from air_router.editor.edits import Edit, EditError
-from air_router.editor.plan_drawing import PlanDrawing
-from air_router.editor.yaml_drawing import YamlDrawing
+from air_router.editor.plan_editor import PlanEditor
+from air_router.editor.text_editor import TextEditor
+from air_router.editor.yaml_editor import YamlEditor
 from air_router.files.json_document import JsonDocument, json_from_text
 from air_router.files.mission_document import MissionDocument
 from air_router.files.qgc.qgc_read import plan_draft
@@ -21,16 +21,16 @@ _BY_HAND = "this cannot be done here, as the file is written; edit it by hand"
 
 
 @dataclass(frozen=True, slots=True)
-class Manuscript:
+class EditableMission:
     """A text that can be read. Never changes: an edit makes another one."""
 
     path: Path
     text: str
     document: Document
-    drawing: Drawing
+    editor: TextEditor
 
     @classmethod
-    def read(cls, text: str, path: Path) -> Manuscript:
+    def read(cls, text: str, path: Path) -> EditableMission:
         """The text of a mission file, its path names it and says its kind.
 
         Raises:
@@ -38,17 +38,17 @@ class Manuscript:
         """
         if _is_plan(path):
             plan = json_from_text(text, path)
-            return cls(path, text, plan, PlanDrawing(text, plan))
+            return cls(path, text, plan, PlanEditor(text, plan))
         document = Document.from_text(text, path)
-        return cls(path, text, document, YamlDrawing(text, document))
+        return cls(path, text, document, YamlEditor(text, document))
 
-    def draft(self) -> MissionDocument:
-        """What the text says, not yet judged."""
+    def mission_document(self) -> MissionDocument:
+        """What the text says, not yet validated."""
         if isinstance(self.document, JsonDocument):
             return plan_draft(self.document)
         return read_mission(self.document)
 
-    def edited(self, edit: Edit) -> Manuscript:
+    def edited(self, edit: Edit) -> EditableMission:
         """The text after an edit.
 
         Raises:
@@ -57,11 +57,11 @@ class Manuscript:
             SourceError: likewise.
         """
         try:
-            new = Manuscript.read(spliced(self.text, self.drawing.splices(edit)), self.path)
+            new = EditableMission.read(spliced(self.text, self.editor.splices(edit)), self.path)
         except (DocumentError, ValueError):
             raise EditError(_BY_HAND) from None
-        before = sum(1 for _ in self.drawing.sketch.handles())
-        after = sum(1 for _ in new.drawing.sketch.handles())
+        before = sum(1 for _ in self.editor.features.handles())
+        after = sum(1 for _ in new.editor.features.handles())
         if after - before != self._more(edit):
             raise EditError(_BY_HAND)
         return new
@@ -74,12 +74,12 @@ class Manuscript:
             case edits.AddArea():
                 return len(edit.corners)
             case edits.Redraw():
-                (region,) = (r for r in self.drawing.sketch.regions if r.keys == edit.keys)
+                (region,) = (r for r in self.editor.features.regions if r.keys == edit.keys)
                 outline = region.rings[0].corners if region.circle is None else [region.circle]
                 return len(edit.corners) - len(outline)
             case edits.Remove():
                 prefix = edit.keys
-                handles = self.drawing.sketch.handles()
+                handles = self.editor.features.handles()
                 return -sum(handle.keys[: len(prefix)] == prefix for handle in handles)
             case _:
                 return 0

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from air_router.editor import edits
+from air_router.editor.editable_mission import EditableMission
 from air_router.editor.edits import EditError
-from air_router.editor.manuscript import Manuscript
 from air_router.files.text.nodes import SourceError
 
 ROOT = Path(__file__).parents[3]
@@ -61,20 +61,20 @@ def remarks(text):
     return re.findall(r"#[^\r\n]*", text)
 
 
-def handles(manuscript):
-    return list(manuscript.drawing.sketch.handles())
+def handles(editable):
+    return list(editable.editor.features.handles())
 
 
-def pairs(manuscript):
-    return sorted(handle.pair for handle in handles(manuscript))
+def pairs(editable):
+    return sorted(handle.pair for handle in handles(editable))
 
 
 class Hand:
     """Does something to a mission, and looks whether just that has happened."""
 
-    def __init__(self, draw, manuscript):
+    def __init__(self, draw, editable):
         self.draw = draw
-        self.manuscript = manuscript
+        self.editable = editable
 
     def pick(self, things):
         return self.draw(st.sampled_from(list(things)))
@@ -85,45 +85,45 @@ class Hand:
         self.pick(ways)()
 
     def do(self, edit):
-        before = self.manuscript
-        self.manuscript = before.edited(edit)
+        before = self.editable
+        self.editable = before.edited(edit)
         return before
 
     def move(self):
-        handle, to = self.pick(handles(self.manuscript)), self.draw(places)
+        handle, to = self.pick(handles(self.editable)), self.draw(places)
         before = self.do(edits.Move(do="move", keys=handle.keys, to=to))
-        for old, new in zip(handles(before), handles(self.manuscript), strict=True):
+        for old, new in zip(handles(before), handles(self.editable), strict=True):
             assert new.pair == pytest.approx(to if old.keys == handle.keys else old.pair, abs=6e-8)
-        assert remarks(self.manuscript.text) == remarks(before.text)
-        lines = before.text.split("\n"), self.manuscript.text.split("\n")
+        assert remarks(self.editable.text) == remarks(before.text)
+        lines = before.text.split("\n"), self.editable.text.split("\n")
         changed = sum(old != new for old, new in zip(*lines, strict=True))
         assert changed <= (1 if "[" in before.text and "plan" not in before.path.name else 2) + 1
 
     def remove(self):
-        handle = self.pick(handles(self.manuscript))
+        handle = self.pick(handles(self.editable))
         try:
             before = self.do(edits.Remove(do="remove", keys=handle.keys))
         except EditError:
             return
         left = pairs(before)
         left.remove(handle.pair)
-        assert pairs(self.manuscript) == left
+        assert pairs(self.editable) == left
 
     def remove_area(self):
-        region = self.pick(self.manuscript.drawing.sketch.regions)
-        if region.entry is None or len(self.manuscript.drawing.sketch.regions) < 3:
+        region = self.pick(self.editable.editor.features.regions)
+        if region.entry is None or len(self.editable.editor.features.regions) < 3:
             return
         before = self.do(edits.Remove(do="remove", keys=region.keys))
         kept = [h.pair for h in handles(before) if h.keys[: len(region.keys)] != region.keys]
-        assert pairs(self.manuscript) == sorted(kept)
+        assert pairs(self.editable) == sorted(kept)
 
     def added(self, edit, *new):
         before = self.do(edit)
-        assert pairs(self.manuscript) == sorted([*pairs(before), *new])
-        assert remarks(self.manuscript.text) == remarks(before.text)
+        assert pairs(self.editable) == sorted([*pairs(before), *new])
+        assert remarks(self.editable.text) == remarks(before.text)
 
     def add_corner(self):
-        rings = [r for region in self.manuscript.drawing.sketch.regions for r in region.rings]
+        rings = [r for region in self.editable.editor.features.regions for r in region.rings]
         if rings:
             ring, at = self.pick(rings), self.draw(places)
             index = self.draw(st.integers(0, len(ring.corners)))
@@ -131,9 +131,9 @@ class Hand:
 
     def add_waypoint(self):
         at = self.draw(places)
-        index = self.draw(st.integers(0, len(self.manuscript.drawing.sketch.waypoints)))
+        index = self.draw(st.integers(0, len(self.editable.editor.features.waypoints)))
         self.added(edits.AddWaypoint(do="add_waypoint", index=index, at=at), at)
-        assert self.manuscript.drawing.sketch.waypoints[index].pair == at
+        assert self.editable.editor.features.waypoints[index].pair == at
 
     def add_rally_point(self):
         at = self.draw(places)
@@ -146,55 +146,55 @@ class Hand:
         self.added(edits.AddArea(do="add_area", corners=corners, radius_m=radius_m), *corners)
 
     def resize(self):
-        circles = [r for r in self.manuscript.drawing.sketch.regions if r.circle]
+        circles = [r for r in self.editable.editor.features.regions if r.circle]
         if circles:
             region = self.pick(circles)
             self.do(edits.Resize(do="resize", keys=region.keys, radius_m=12.345))
-            after = {r.keys: r for r in self.manuscript.drawing.sketch.regions}
+            after = {r.keys: r for r in self.editable.editor.features.regions}
             assert after[region.keys].circle.radius_m == pytest.approx(12.3)
 
     def name(self):
-        zones = [r for r in self.manuscript.drawing.sketch.regions if not r.is_fence]
+        zones = [r for r in self.editable.editor.features.regions if not r.is_fence]
         if not zones:
             return
         region, name = self.pick(zones), self.draw(st.sampled_from(["hall", "no: 1", "#2", "true"]))
         try:
             before = self.do(edits.Rename(do="rename", keys=region.keys, name=name))
         except EditError:
-            assert self.manuscript.path.suffix == ".plan"
+            assert self.editable.path.suffix == ".plan"
             return
-        after = {r.keys: r.name for r in self.manuscript.drawing.sketch.regions}
+        after = {r.keys: r.name for r in self.editable.editor.features.regions}
         assert after[region.keys] == name
-        assert pairs(self.manuscript) == pairs(before)
+        assert pairs(self.editable) == pairs(before)
 
     def set_altitude(self):
-        handle = self.pick(self.manuscript.drawing.sketch.waypoints)
+        handle = self.pick(self.editable.editor.features.waypoints)
         altitude_m = self.draw(st.sampled_from([None, 30.0, 41.25]))
-        if altitude_m is None and self.manuscript.path.suffix == ".plan":
+        if altitude_m is None and self.editable.path.suffix == ".plan":
             return
         edit = edits.SetAltitude(do="set_altitude", keys=handle.keys, altitude_m=altitude_m)
         before = self.do(edit)
-        assert pairs(self.manuscript) == pairs(before)
+        assert pairs(self.editable) == pairs(before)
 
 
 @pytest.mark.parametrize("name", TEXTS)
 @settings(max_examples=4)
 @given(data=st.data())
 def test_any_edits_in_any_order(name, data):
-    hand = Hand(data.draw, Manuscript.read(TEXTS[name], Path(name)))
+    hand = Hand(data.draw, EditableMission.read(TEXTS[name], Path(name)))
     for _ in range(8):
         hand.act()
-    again = Manuscript.read(hand.manuscript.text, Path(name))
-    assert handles(again) == handles(hand.manuscript)
+    again = EditableMission.read(hand.editable.text, Path(name))
+    assert handles(again) == handles(hand.editable)
 
 
 def test_what_an_alias_shares_is_not_edited():
     text = HARBOUR.replace("[54.3205, 10.1405],", "&a [54.3205, 10.1405],").replace(
         "[54.3220, 10.1390]", "*a"
     )
-    manuscript = Manuscript.read(text, Path("harbour.yaml"))
-    assert len(manuscript.drawing.sketch.waypoints) == 3
+    editable = EditableMission.read(text, Path("harbour.yaml"))
+    assert len(editable.editor.features.waypoints) == 3
     for number in (0, 2):
         keys = ("waypoints", number, "position")
         with pytest.raises(SourceError, match="alias"):
-            manuscript.edited(edits.Move(do="move", keys=keys, to=(54.0, 10.0)))
+            editable.edited(edits.Move(do="move", keys=keys, to=(54.0, 10.0)))

@@ -1,17 +1,17 @@
-"""What of a QGroundControl plan can be taken hold of; see `sketch`."""
+"""What of a QGroundControl plan can be moved; see `features`."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from air_router.editor.sketch import (
+from air_router.editor.features import (
+    Features,
     Handle,
     Region,
-    Sketch,
     as_number,
+    circle_of,
     handle_of,
     ring_of,
-    round_of,
 )
 from air_router.files.mission_document import Keys
 from air_router.files.qgc.qgc_items import MavCommand
@@ -22,24 +22,24 @@ CIRCLES: Keys = ("geoFence", "circles")
 RALLY_POINTS: Keys = ("rallyPoints", "points")
 
 
-def sketch_plan(data: Any) -> Sketch:
-    """A sketch of a plan's data; what surveys are made of stays with QGroundControl."""
-    sketch = Sketch()
+def plan_features(data: Any) -> Features:
+    """The features of a plan's data; what surveys are made of stays with QGroundControl."""
+    features = Features()
     home: Keys = ("mission", "plannedHomePosition")
-    sketch.home = handle_of(_at(data, home), home)
-    sketch.origin = sketch.home.pair if sketch.home else None
+    features.home = handle_of(_at(data, home), home)
+    features.origin = features.home.pair if features.home else None
     for index, item in enumerate(_list(data, ITEMS)):
         handle = _waypoint(item, (*ITEMS, index))
-        sketch.waypoints += [handle] if handle else []
+        features.waypoints += [handle] if handle else []
     for index, point in enumerate(_list(data, RALLY_POINTS)):
         keys = (*RALLY_POINTS, index)
         handle = handle_of(point, keys, keys)
-        sketch.rally_points += [handle] if handle else []
+        features.rally_points += [handle] if handle else []
     for path in (POLYGONS, CIRCLES):
         for index, value in enumerate(_list(data, path)):
             if isinstance(value, dict):
-                sketch.regions.append(_region(sketch, value, (*path, index)))
-    return sketch
+                features.regions.append(_region(features, value, (*path, index)))
+    return features
 
 
 def _waypoint(item: Any, keys: Keys) -> Handle | None:
@@ -55,12 +55,12 @@ def _waypoint(item: Any, keys: Keys) -> Handle | None:
     return Handle(first, first, second, (pair[0], pair[1]), keys)
 
 
-def _region(sketch: Sketch, value: dict[Any, Any], keys: Keys) -> Region:
+def _region(features: Features, value: dict[Any, Any], keys: Keys) -> Region:
     is_fence = value.get("inclusion") is True
-    number = sum(not region.is_fence for region in sketch.regions) + 1
+    number = sum(not region.is_fence for region in features.regions) + 1
     name = "fence" if is_fence else f"zone {number}"
     ring = ring_of(value.get("polygon"), (*keys, "polygon"))
-    circle = round_of(value.get("circle"), (*keys, "circle"), centre="center", radius="radius")
+    circle = circle_of(value.get("circle"), (*keys, "circle"), centre="center", radius="radius")
     return Region(keys, name, is_fence, (ring,) if ring else (), circle, keys)
 
 

@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from air_router.editor import edits
-from air_router.editor.drawing import Drawing
 from air_router.editor.edits import EditError
-from air_router.editor.plan_sketch import (
+from air_router.editor.features import Handle, Region, as_number
+from air_router.editor.plan_features import (
     CIRCLES,
     ITEMS,
     POLYGONS,
     RALLY_POINTS,
-    sketch_plan,
+    plan_features,
 )
-from air_router.editor.sketch import Handle, Region, as_number
+from air_router.editor.text_editor import TextEditor
 from air_router.files.qgc.qgc_items import MavCommand
 from air_router.files.qgc.qgc_write import simple_item
 from air_router.files.text.rendering import METRE_DECIMALS, Digits, metres
@@ -26,18 +26,18 @@ _RELATIVE_FRAMES = (3, 6)
 _DEFAULT_ALTITUDE_M = 30.0
 
 
-class PlanDrawing(Drawing):
+class PlanEditor(TextEditor):
     """A `.plan` file; keys are written in the order of the alphabet, as QGroundControl does."""
 
     settable: ClassVar[bool] = False
 
     def __init__(self, text: str, document: Document) -> None:
         self._data = document.data
-        super().__init__(TextSource(text, document.node(), json=True), sketch_plan(document.data))
+        super().__init__(TextSource(text, document.node(), json=True), plan_features(document.data))
 
     def waypoint_added(self, edit: edits.AddWaypoint) -> list[Splice]:
         """Insert a simple item behind the waypoint before it, at the same altitude."""
-        waypoints = self.sketch.waypoints
+        waypoints = self.features.waypoints
         if edit.index > len(waypoints):
             raise EditError(f"the mission has only {len(waypoints)} waypoints")
         items = self._data["mission"]["items"]
@@ -81,7 +81,7 @@ class PlanDrawing(Drawing):
 
     def altitude_set(self, handle: Handle, altitude_m: float | None) -> list[Splice]:
         """Write the altitude, and QGroundControl's copy of it."""
-        if handle.entry is None or handle not in self.sketch.waypoints:
+        if handle.entry is None or handle not in self.features.waypoints:
             raise EditError("only waypoints have altitudes of their own")
         if altitude_m is None:
             raise EditError("in a plan every waypoint has its own altitude")

@@ -12,9 +12,9 @@ from itertools import pairwise
 import numpy as np
 from shapely import Polygon, make_valid
 
-from air_router.editor.drawing import Drawing
-from air_router.editor.manuscript import Manuscript
-from air_router.editor.sketch import Region
+from air_router.editor.editable_mission import EditableMission
+from air_router.editor.features import Region
+from air_router.editor.text_editor import TextEditor
 from air_router.files.mission_document import Area, MissionDocument
 from air_router.mission.loading import judge
 from air_router.mission.mission import Mission
@@ -48,35 +48,35 @@ class OperatorLeg:
 
 
 @dataclass(frozen=True, slots=True)
-class Judgement:
-    """A draft with its problems noted, and what could be planned with it all the same.
+class MissionAnalysis:
+    """A document with its problems noted, and what could be planned with it all the same.
 
     `mission`, `graph` and `router` are None if the text says too little for them.
     """
 
-    draft: MissionDocument
+    document: MissionDocument
     mission: Mission | None
     graph: WaypointGraph | None
     router: Router | None
     legs: tuple[OperatorLeg, ...]
 
     @classmethod
-    def of(cls, manuscript: Manuscript) -> Judgement:
+    def of(cls, editable: EditableMission) -> MissionAnalysis:
         """Judge a text."""
-        draft = manuscript.draft()
-        mission = judge(draft)
-        drawing = manuscript.drawing
-        known = {area.keys for area in (*draft.fences, *draft.zones)}
-        unread = [region for region in drawing.sketch.regions if region.keys not in known]
-        if mission is None or "planner" in draft.unread or any(r.is_fence for r in unread):
-            return cls(draft, None, None, None, ())
+        document = editable.mission_document()
+        mission = judge(document)
+        editor = editable.editor
+        known = {area.keys for area in (*document.fences, *document.zones)}
+        unread = [region for region in editor.features.regions if region.keys not in known]
+        if mission is None or "planner" in document.unread or any(r.is_fence for r in unread):
+            return cls(document, None, None, None, ())
         if unread:  # what is no area yet must not be planned across all the same
-            standing = [area for region in unread for area in _stand_ins(region, drawing, draft)]
-            zones = [*draft.zones, *standing]
-            mission = judge(replace(draft, zones=zones, problems=[], notes=[])) or mission
+            standing = [area for region in unread for area in _stand_ins(region, editor, document)]
+            zones = [*document.zones, *standing]
+            mission = judge(replace(document, zones=zones, problems=[], notes=[])) or mission
         graph = WaypointGraph(mission)
         router = Router(graph)
-        return cls(draft, mission, graph, router, tuple(_legs(draft, mission, graph, router)))
+        return cls(document, mission, graph, router, tuple(_legs(document, mission, graph, router)))
 
     def length_m(self) -> float:
         """Of all legs that can be flown."""
@@ -84,13 +84,13 @@ class Judgement:
         return sum(math.dist(a, b) for points in flown for a, b in pairwise(points))
 
 
-def _stand_ins(region: Region, drawing: Drawing, draft: MissionDocument) -> Iterator[Area]:
+def _stand_ins(region: Region, editor: TextEditor, document: MissionDocument) -> Iterator[Area]:
     """Areas that cover what is drawn of a zone that is none: one that crosses itself, say."""
-    if draft.frame is None:
+    if document.frame is None:
         return
     for ring in region.rings[:1]:
-        places = [drawing.geodetic(corner.pair) for corner in ring.corners]
-        points = [draft.frame.to_local(*place) for place in places if place is not None]
+        places = [editor.geodetic(corner.pair) for corner in ring.corners]
+        points = [document.frame.to_local(*place) for place in places if place is not None]
         if len(points) < _LEAST_CORNERS:
             continue
         for polygon in polygons_of(make_valid(Polygon(points))):
@@ -100,7 +100,7 @@ def _stand_ins(region: Region, drawing: Drawing, draft: MissionDocument) -> Iter
 
 
 def _legs(
-    draft: MissionDocument, mission: Mission, graph: WaypointGraph, router: Router
+    document: MissionDocument, mission: Mission, graph: WaypointGraph, router: Router
 ) -> Iterator[OperatorLeg]:
     airspace = mission.planning_airspace
     nodes = sorted(graph.positions)  # home, then the waypoints in their order
@@ -108,8 +108,8 @@ def _legs(
         return
     places = np.array([graph.position(node) for node in nodes])
     straight = airspace.legs_clear_between(places[:-1], places[1:])
-    wrong = {problem.keys for problem in draft.problems}
-    spots = [*([draft.home] if draft.home else []), *draft.waypoints]
+    wrong = {problem.keys for problem in document.problems}
+    spots = [*([document.home] if document.home else []), *document.waypoints]
     legal = [
         spot.keys not in wrong and airspace.point_clear(graph.position(node))
         for node, spot in zip(nodes, spots, strict=True)

@@ -1,6 +1,6 @@
-"""What of a mission can be taken hold of: every place, corner and radius that its file spells out.
+"""What of a mission can be moved: every place, corner and radius that its file spells out.
 
-Read leniently from the bare data, before anything is judged: a zone that crosses itself, or a
+Read leniently from the bare data, before anything is validated: a zone that crosses itself, or a
 waypoint on another continent, can still be seen and dragged back.
 """
 
@@ -47,7 +47,7 @@ class CircleHandle:
 
 
 @dataclass(frozen=True, slots=True)
-class Corners:
+class Ring:
     """A ring of corners, of an area or of a hole in it."""
 
     keys: Keys
@@ -61,13 +61,13 @@ class Region:
     keys: Keys
     name: str
     is_fence: bool
-    rings: tuple[Corners, ...] = ()
+    rings: tuple[Ring, ...] = ()
     circle: CircleHandle | None = None
     entry: Keys | None = None
 
 
 @dataclass(slots=True)
-class Sketch:
+class Features:
     """Everything in a mission's file that can be moved; `origin` is that of metres, in degrees."""
 
     home: Handle | None = None
@@ -89,29 +89,31 @@ class Sketch:
                 yield region.circle.centre
 
 
-def sketch_yaml(data: Any) -> Sketch:
-    """A sketch of a YAML mission's data."""
-    sketch = Sketch()
+def yaml_features(data: Any) -> Features:
+    """The features of a YAML mission's data."""
+    features = Features()
     if not isinstance(data, dict):
-        return sketch
+        return features
     frame = data.get("frame")
     origin = as_pair(frame.get("origin")) if isinstance(frame, dict) else None
-    sketch.home = _spot(data.get("home"), ("home",), removable=False)
-    sketch.in_metres = data.get("coordinates") == "local"
-    sketch.origin = origin or (None if sketch.in_metres or not sketch.home else sketch.home.pair)
-    sketch.waypoints = _spots(data, "waypoints")
-    sketch.rally_points = _spots(data, "rally_points")
+    features.home = _spot(data.get("home"), ("home",), removable=False)
+    features.in_metres = data.get("coordinates") == "local"
+    features.origin = origin or (
+        None if features.in_metres or not features.home else features.home.pair
+    )
+    features.waypoints = _spots(data, "waypoints")
+    features.rally_points = _spots(data, "rally_points")
     if data.get("fence") is not None:
-        sketch.regions.append(_region(data["fence"], ("fence",), "fence", None, is_fence=True))
+        features.regions.append(_region(data["fence"], ("fence",), "fence", None, is_fence=True))
     for index, value in enumerate(_items(data, "fences")):
         fence: Keys = ("fences", index)
-        sketch.regions.append(_region(value, fence, "fence", fence, is_fence=True))
+        features.regions.append(_region(value, fence, "fence", fence, is_fence=True))
     for index, value in enumerate(_items(data, "no_fly_zones")):
         name = value.get("name") if isinstance(value, dict) else None
         name = name if isinstance(name, str) else f"zone {index + 1}"
         keys: Keys = ("no_fly_zones", index)
-        sketch.regions.append(_region(value, keys, name, keys, is_fence=False))
-    return sketch
+        features.regions.append(_region(value, keys, name, keys, is_fence=False))
+    return features
 
 
 def as_pair(value: Any) -> Pair | None:
@@ -138,16 +140,16 @@ def handle_of(value: Any, keys: Keys, entry: Keys | None = None) -> Handle | Non
     return Handle(keys, (*keys, 0), (*keys, 1), pair, entry) if pair else None
 
 
-def ring_of(value: Any, keys: Keys) -> Corners | None:
+def ring_of(value: Any, keys: Keys) -> Ring | None:
     """The corners of a list of pairs; None if it is none."""
     if not isinstance(value, list):
         return None
     corners = [handle_of(pair, (*keys, i), (*keys, i)) for i, pair in enumerate(value)]
     known = tuple(corner for corner in corners if corner)
-    return Corners(keys, known) if len(known) == len(value) else None
+    return Ring(keys, known) if len(known) == len(value) else None
 
 
-def round_of(value: Any, keys: Keys, *, centre: str, radius: str) -> CircleHandle | None:
+def circle_of(value: Any, keys: Keys, *, centre: str, radius: str) -> CircleHandle | None:
     """A circle, its parts under these names."""
     if not isinstance(value, dict):
         return None
@@ -180,5 +182,5 @@ def _region(value: Any, keys: Keys, name: str, entry: Keys | None, *, is_fence: 
         return Region(keys, name, is_fence, entry=entry)
     rings = [ring_of(area.get("polygon"), (*keys, "polygon"))]
     rings += [ring_of(h, (*keys, "holes", i)) for i, h in enumerate(_items(area, "holes"))]
-    circle = round_of(area.get("circle"), (*keys, "circle"), centre="centre", radius="radius_m")
+    circle = circle_of(area.get("circle"), (*keys, "circle"), centre="centre", radius="radius_m")
     return Region(keys, name, is_fence, tuple(r for r in rings if r), circle, entry)

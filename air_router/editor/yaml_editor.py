@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from air_router.editor import edits
-from air_router.editor.drawing import Drawing
 from air_router.editor.edits import EditError
-from air_router.editor.sketch import Handle, Region, sketch_yaml
+from air_router.editor.features import Handle, Region, yaml_features
+from air_router.editor.text_editor import TextEditor
 from air_router.files.mission_document import Keys
 from air_router.files.text.rendering import METRE_DECIMALS, metres
 from air_router.files.text.source import Splice, TextSource
@@ -21,13 +21,15 @@ _SECTION_OF = {name: section for section, names in _SECTIONS.items() for name in
 _WORDS = ("name", "team", "uav")
 
 
-class YamlDrawing(Drawing):
+class YamlEditor(TextEditor):
     """A mission file in YAML; see docs/mission-file.md."""
 
     settable: ClassVar[bool] = True
 
     def __init__(self, text: str, document: Document) -> None:
-        super().__init__(TextSource(text, document.node(), json=False), sketch_yaml(document.data))
+        super().__init__(
+            TextSource(text, document.node(), json=False), yaml_features(document.data)
+        )
         data = document.data
         self._only_policy = isinstance(data, dict) and isinstance(data.get("seek"), str)
 

@@ -19,7 +19,7 @@ class ChangedOnDiskError(SaveError):
     """Another program has changed, or removed, the file since it was read."""
 
 
-class MissionText:
+class MissionFile:
     """A file whose text is edited. Links are followed: the file they lead to is replaced."""
 
     def __init__(self, path: Path) -> None:
@@ -77,7 +77,7 @@ class MissionText:
 
     def keep_aside(self, text: str) -> Path:
         """Write what was not saved into a file beside; gives its path. Raises SaveError."""
-        aside = MissionText(self.path.with_name(f"{self.path.name}.unsaved"))
+        aside = MissionFile(self.path.with_name(f"{self.path.name}.unsaved"))
         aside.write(text, overwrite=True)
         return aside.path
 

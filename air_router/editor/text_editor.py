@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from air_router.editor import edits
 from air_router.editor.edits import Edit, EditError
-from air_router.editor.sketch import Corners, Handle, Pair, Region, Sketch
+from air_router.editor.features import Features, Handle, Pair, Region, Ring
 from air_router.files.mission_document import Keys
 from air_router.files.text.rendering import (
     DEGREE_DECIMALS,
@@ -22,8 +22,8 @@ from geo.frame import FrameError, Geodetic, LocalFrame, Point
 _LEAST_CORNERS = 3
 
 
-class Drawing(ABC):
-    """A mission's text, what can be taken hold of in it, and how edits change it.
+class TextEditor(ABC):
+    """A mission's text, what can be moved in it, and how edits change it.
 
     Attributes:
         settable: whether settings and names are possible in this kind of file.
@@ -31,12 +31,12 @@ class Drawing(ABC):
 
     settable: ClassVar[bool]
 
-    def __init__(self, source: TextSource, sketch: Sketch) -> None:
+    def __init__(self, source: TextSource, features: Features) -> None:
         self.source = source
-        self.sketch = sketch
-        self._handles = {handle.keys: handle for handle in sketch.handles()}
-        self._regions = {region.keys: region for region in sketch.regions}
-        self._rings = {ring.keys: ring for region in sketch.regions for ring in region.rings}
+        self.features = features
+        self._handles = {handle.keys: handle for handle in features.handles()}
+        self._regions = {region.keys: region for region in features.regions}
+        self._rings = {ring.keys: ring for region in features.regions for ring in region.rings}
 
     def splices(self, edit: Edit) -> list[Splice]:  # noqa: C901, PLR0911, PLR0912 - one line per edit
         """The pieces of the text that an edit changes.
@@ -116,30 +116,32 @@ class Drawing(ABC):
     @property
     def decimals(self) -> int:
         """How fine the file's pairs are."""
-        return METRE_DECIMALS if self.sketch.in_metres else DEGREE_DECIMALS
+        return METRE_DECIMALS if self.features.in_metres else DEGREE_DECIMALS
 
     def pair(self, place: Pair) -> Pair:
         """Latitude and longitude as the file's pair."""
-        return self._frame().to_local(*place) if self.sketch.in_metres else place
+        return self._frame().to_local(*place) if self.features.in_metres else place
 
     def digits(self, place: Pair) -> list[Digits]:
         """Latitude and longitude as the file would write them."""
-        return [(metres if self.sketch.in_metres else degrees)(value) for value in self.pair(place)]
+        return [
+            (metres if self.features.in_metres else degrees)(value) for value in self.pair(place)
+        ]
 
     def geodetic(self, pair: Pair) -> Pair | None:
         """The file's pair as latitude and longitude; None if it is not on Earth."""
         try:
-            if self.sketch.in_metres:
+            if self.features.in_metres:
                 return self._frame().to_geodetic(Point(*pair))
         except (EditError, FrameError):
             return None
         return pair if abs(pair[0]) <= 90 and abs(pair[1]) <= 180 else None
 
     def _frame(self) -> LocalFrame:
-        if self.sketch.origin is None:
+        if self.features.origin is None:
             raise EditError("the mission's frame is not known; write frame.origin first")
         try:
-            return LocalFrame(Geodetic(*self.sketch.origin))
+            return LocalFrame(Geodetic(*self.features.origin))
         except FrameError as error:
             raise EditError(f"frame.origin: {error}; correct it first") from None
 
@@ -177,7 +179,7 @@ class Drawing(ABC):
         decimals = 1 if edit.radius_m >= 1 else METRE_DECIMALS
         return self.source.number(region.circle.radius_keys, edit.radius_m, decimals)
 
-    def _corner_added(self, ring: Corners, edit: edits.AddCorner) -> list[Splice]:
+    def _corner_added(self, ring: Ring, edit: edits.AddCorner) -> list[Splice]:
         if edit.index > len(ring.corners):
             raise EditError(f"the ring has only {len(ring.corners)} corners")
         return self.source.insert(ring.keys, edit.index, self.digits(edit.at))
@@ -194,7 +196,7 @@ class Drawing(ABC):
         ring = self._rings.get(keys[:-1])
         if ring and len(ring.corners) <= _LEAST_CORNERS:
             raise EditError("an area needs three corners; remove the whole area instead")
-        if len(self.sketch.waypoints) == 1 and handle is self.sketch.waypoints[0]:
+        if len(self.features.waypoints) == 1 and handle is self.features.waypoints[0]:
             raise EditError("a mission needs a waypoint; move it instead")
         return self.source.remove(handle.entry)
 
@@ -212,15 +214,15 @@ class Drawing(ABC):
             raise EditError("the mission has no such area any more")
         return self._regions[keys]
 
-    def _ring(self, keys: Keys) -> Corners:
+    def _ring(self, keys: Keys) -> Ring:
         if keys not in self._rings:
             raise EditError("the mission has no such border any more")
         return self._rings[keys]
 
     def unused_name(self) -> str:
         """A name for a new zone."""
-        names = {region.name for region in self.sketch.regions}
-        number = sum(not region.is_fence for region in self.sketch.regions) + 1
+        names = {region.name for region in self.features.regions}
+        number = sum(not region.is_fence for region in self.features.regions) + 1
         while f"zone {number}" in names:
             number += 1
         return f"zone {number}"
