@@ -10,7 +10,7 @@ from air_router.cli.arguments import add_start, add_uav
 from air_router.cli.command_line import print_json
 from air_router.errors import ExitCode, MissionFileError
 from air_router.files.mission_document import MissionDocument
-from air_router.mission.loading import choose, judge, read_draft
+from air_router.mission.loading import choose, read_draft, validate
 from air_router.mission.mission import Mission
 from air_router.preflight.check_facts import facts_of, summary
 from air_router.preflight.survey import MissionSurvey
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     draft.start = arguments.at
     if arguments.uav is not None:
         choose(draft, arguments.uav)
-    mission = judge(draft)
+    mission = validate(draft)
     if draft.problems or mission is None:
         refusal = MissionFileError(draft.problems)
         _print_problems(refusal.problems, draft.notes, as_json=arguments.json)

@@ -36,7 +36,7 @@ from air_router.files.yaml.mission_write import mission_text
 from air_router.files.zip_document import kmz_of
 from air_router.files.zones.zone_files import add_zones, read_zones
 from air_router.mission.foreign import foreign_draft
-from air_router.mission.loading import judge, read_draft
+from air_router.mission.loading import read_draft, validate
 from air_router.mission.mission import Mission
 from air_router.record.log import Log
 from air_router.record.recording import viewer_file
@@ -267,7 +267,7 @@ def _written(
     document = draft.source
     if kind in _MAP_WRITERS:
         chart = chart_of(draft)
-        mission = judge(draft)
+        mission = validate(draft)
         if mission is not None:
             _draw(chart, mission, arguments, drawable=not draft.problems)
         tell_settings(draft, report.warnings, f"a {kind} file")
@@ -285,7 +285,7 @@ def _written(
         text = with_zones(document, more)
     else:
         text = json_text(plan_of(draft, report.warnings))
-    judge(draft)
+    validate(draft)
     return text
 
 

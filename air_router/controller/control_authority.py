@@ -73,8 +73,8 @@ class Levelling:
         if not low(mission, telemetry):
             return None
         drift_m = mission.planner.tracking_margin_m
-        column = mission.column_airspace.as_drawn().with_margin(drift_m)
-        names = column.blockers(here, here) or _layers_between(mission, telemetry)
+        airspace = mission.climb_airspace.as_drawn().with_margin(drift_m)
+        names = airspace.blockers(here, here) or _layers_between(mission, telemetry)
         if not names:
             return None
         return (

@@ -18,7 +18,7 @@ from air_router.files.yaml.mission_form import AreaForm
 from air_router.files.zones.reading import FileZone, MapCircle, MapOutline
 from air_router.files.zones.zone_files import add_zones, place_zone, read_zones
 from air_router.mission.airspaces import FlightWindow, airspaces_of
-from air_router.mission.loading import judge, read_draft
+from air_router.mission.loading import read_draft, validate
 from geo.airspace.airspace import FENCE, Airspace
 from geo.airspace.zone import Outline, ZoneError
 from geo.frame import FrameError, Geodetic, LocalFrame, Point
@@ -105,7 +105,7 @@ def _of_mission(path: Path, area: Path | None, terms: CoverOptions) -> Field:
             raise UsageError(f"{option} is the mission's to say; write it into {path}")
     draft = read_draft(path)
     if draft.home is None or draft.frame is None:
-        judge(draft)
+        validate(draft)
         raise MissionFileError(draft.problems)
     if draft.uavs and terms.altitude_m is not None:
         raise UsageError(f"--altitude is that of a UAV's layer: write it into {path}")
@@ -113,7 +113,7 @@ def _of_mission(path: Path, area: Path | None, terms: CoverOptions) -> Field:
     own_m = None if draft.uavs else altitude_m  # of several UAVs each flies its own layer
     draft.waypoints = [MissionPoint("waypoint 1", draft.home.position, draft.home.keys, own_m)]
     draft.speed_m_s = terms.speed_m_s or draft.speed_m_s
-    mission = judge(draft)
+    mission = validate(draft)
     problems = [p for p in draft.problems if not p.code.startswith(_ABOUT_WAYPOINTS)]
     if problems or mission is None:
         raise MissionFileError(problems)

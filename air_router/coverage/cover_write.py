@@ -15,7 +15,7 @@ from air_router.files.mission_document import MissionPoint
 from air_router.files.text.source import TextSource, spliced
 from air_router.files.yaml.mission_file import read_mission
 from air_router.files.yaml.mission_write import mission_text
-from air_router.mission.loading import judge
+from air_router.mission.loading import validate
 from geo.coverage.coverage import Coverage
 from geo.frame import Point
 from mocha_link.team.document import Document
@@ -79,7 +79,9 @@ def written(field: Field, waypoints: Sequence[Point], source: Path, folder: Path
         MissionPoint(f"waypoint {number}", place, (), None if draft.uavs else field.altitude_m)
         for number, place in enumerate(waypoints, start=1)
     ]
-    judge(draft)  # home may be too near to a zone, the sea's level that limits count from not known
+    validate(
+        draft
+    )  # home may be too near to a zone, the sea's level that limits count from not known
     if draft.problems:
         raise MissionFileError(draft.problems)
     return mission_text(draft, folder)
@@ -96,7 +98,7 @@ def _mission_text(path: Path) -> TextSource | None:
 def _check_mission(text: str, source: Path) -> None:
     """The mission with its new waypoints has no other problems than it had."""
     draft = read_mission(Document.from_text(text, source))
-    judge(draft)
+    validate(draft)
     if draft.problems:
         raise MissionFileError(draft.problems)
 

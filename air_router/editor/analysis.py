@@ -16,7 +16,7 @@ from air_router.editor.editable_mission import EditableMission
 from air_router.editor.features import Region
 from air_router.editor.text_editor import TextEditor
 from air_router.files.mission_document import Area, MissionDocument
-from air_router.mission.loading import judge
+from air_router.mission.loading import validate
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Route, Router
@@ -64,7 +64,7 @@ class MissionAnalysis:
     def of(cls, editable: EditableMission) -> MissionAnalysis:
         """Judge a text."""
         document = editable.mission_document()
-        mission = judge(document)
+        mission = validate(document)
         editor = editable.editor
         known = {area.keys for area in (*document.fences, *document.zones)}
         unread = [region for region in editor.features.regions if region.keys not in known]
@@ -73,7 +73,7 @@ class MissionAnalysis:
         if unread:  # what is no area yet must not be planned across all the same
             standing = [area for region in unread for area in _stand_ins(region, editor, document)]
             zones = [*document.zones, *standing]
-            mission = judge(replace(document, zones=zones, problems=[], notes=[])) or mission
+            mission = validate(replace(document, zones=zones, problems=[], notes=[])) or mission
         graph = WaypointGraph(mission)
         router = Router(graph)
         return cls(document, mission, graph, router, tuple(_legs(document, mission, graph, router)))

@@ -90,7 +90,7 @@ def gpx_draft(document: GpxDocument, altitude_m: float) -> MissionDocument:
     lines = [line for line in (*document.routes, *document.tracks) if line.points]
     by_points = bool(free) and not any(route.points for route in document.routes)
     if not free and not lines:
-        draft.complain((), "no route, no waypoints and no track in it", "no-waypoints")
+        draft.report((), "no route, no waypoints and no track in it", "no-waypoints")
         return draft
     spots = free if by_points else list(lines[0].points)
     home = next((point for point in document.points if point.kind == HOME), None)
@@ -103,7 +103,7 @@ def gpx_draft(document: GpxDocument, altitude_m: float) -> MissionDocument:
         if not by_points and lines[0] in document.tracks:
             spots = _thinned(spots, draft.frame)
     except FrameError as error:
-        draft.complain(home.keys, f"home: {error}; correct it", "not-on-earth")
+        draft.report(home.keys, f"home: {error}; correct it", "not-on-earth")
         return draft
     draft.home = draft.spot("home", home.place, home.keys)
     draft.waypoints = _spots(draft, "waypoint", spots)

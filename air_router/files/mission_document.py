@@ -124,49 +124,44 @@ class RefusedRing:
 class MissionDocument:
     """Everything that a mission file says.
 
-    What could not be read is missing here and has its problem noted; `unread` holds the names of
-    such sections, so that nothing is concluded from their absence. Altitudes are above home.
-    `in_metres` says that pairs are metres east and north of the frame's origin, not degrees.
-    `notes` are what the operator should know, though the mission may be flown all the same.
-    Problems are found by `legality`, and noted here in the same way. `refused` are the rings that
-    are no areas. `uavs` are those of a mission for several, `columns` what one of them keeps away
-    from because of the others; `uav` and `explore` are those of the one that is meant.
+    What could not be read is missing here and has its problem noted. `air_router.mission` validates
+    what was read, and notes its problems here in the same way. Altitudes are metres above home.
     """
 
-    source: DocumentSource
+    source: DocumentSource  # where it was read
     name: str = ""
     frame: LocalFrame | None = None
-    in_metres: bool = False
+    in_metres: bool = False  # pairs are metres east and north of the frame's origin, not degrees
     home: MissionPoint | None = None
     home_altitude_amsl_m: float | None = None
     waypoints: list[MissionPoint] = field(default_factory=list)
     rally_points: list[MissionPoint] = field(default_factory=list)
-    fences: list[Area] = field(default_factory=list)
+    fences: list[Area] = field(default_factory=list)  # none: it may fly anywhere but in zones
     zones: list[Area] = field(default_factory=list)
     altitude_m: float = 0.0
-    speed_m_s: float = 0.0
+    speed_m_s: float = 0.0  # over ground, in cruise
     timers: Timers = field(default_factory=Timers)
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     seek: tuple[str, ...] = ()
     seek_policy: SeekPolicy = DEFAULT_SEEK_POLICY
-    goals_from: tuple[str, ...] = ()
-    uav: str | None = None
-    uavs: tuple[Uav, ...] = ()
-    explore: bool = True
-    columns: list[Area] = field(default_factory=list)
+    goals_from: tuple[str, ...] = ()  # robots whose goals, sent by gossip, are flown to
+    uav: str | None = None  # whose mission; of several UAVs the one that is meant
+    uavs: tuple[Uav, ...] = ()  # of a mission for several
+    explore: bool = True  # that UAV explores, and does not only search
+    climb_corridors: list[Area] = field(default_factory=list)  # kept away from like zones
     team: Path | None = None
-    world: Path | None = None
+    world: Path | None = None  # what `air-router sim` simulates
     battery_reserve: float = DEFAULT_BATTERY_RESERVE
-    accepts: tuple[Accepted, ...] = ()
-    endurance_s: float | None = None
-    duration_s: float | None = None
-    start: datetime | None = None
-    unread: set[str] = field(default_factory=set)
-    problems: list[Problem] = field(default_factory=list)
-    notes: list[Problem] = field(default_factory=list)
-    refused: list[RefusedRing] = field(default_factory=list)
+    accepts: tuple[Accepted, ...] = ()  # pre-flight findings that do not refuse the flight
+    endurance_s: float | None = None  # of a full battery
+    duration_s: float | None = None  # after which it returns; None: never
+    start: datetime | None = None  # of the flight, UTC; None: soon
+    unread: set[str] = field(default_factory=set)  # sections that could not be read
+    problems: list[Problem] = field(default_factory=list)  # that keep it from being flown
+    notes: list[Problem] = field(default_factory=list)  # no reason not to fly it
+    refused: list[RefusedRing] = field(default_factory=list)  # rings that bound no area
 
-    def complain(self, keys: Keys, message: str, code: str) -> None:
+    def report(self, keys: Keys, message: str, code: str) -> None:
         """Note a problem with the value at these keys."""
         self.problems.append(self.source.problem(keys, message, code))
 
@@ -174,10 +169,10 @@ class MissionDocument:
         """Note something that the operator should know about the value at these keys."""
         self.notes.append(self.source.problem(keys, message, code))
 
-    def complain_area(self, area: Area, message: str, code: str) -> None:
+    def report_area(self, area: Area, message: str, code: str) -> None:
         """Note a problem with an area, in the file that it comes from."""
         if area.place is None:
-            self.complain(area.keys, message, code)
+            self.report(area.keys, message, code)
         else:
             self.problems.append(Problem(*area.place, message, code))
 
@@ -196,7 +191,7 @@ class MissionDocument:
             return MissionPoint(label, self._to_local(pair), keys, altitude_m)
         except FrameError as error:
             order = "" if self.in_metres else " (latitude comes first)"
-            self.complain(keys, f"{label}: {error}; correct it{order}", "not-on-earth")
+            self.report(keys, f"{label}: {error}; correct it{order}", "not-on-earth")
             return None
 
     def polygon(
@@ -221,7 +216,7 @@ class MissionDocument:
         except ZoneError as error:
             where = "" if error.place is None else f" near {self._words(error.place)}"
             message = f"{name} cannot be an area: {error}{where}; draw it again"
-            self.complain(holes_keys if "hole" in str(error) else keys, message, error.code)
+            self.report(holes_keys if "hole" in str(error) else keys, message, error.code)
             self.refused.append(RefusedRing(name, ring, error.place))
             return None
 
@@ -235,7 +230,7 @@ class MissionDocument:
         try:
             return Circle(spot.position, radius_m)
         except ZoneError as error:
-            self.complain(keys, f"{name} cannot be an area: {error}; correct it", error.code)
+            self.report(keys, f"{name} cannot be an area: {error}; correct it", error.code)
             return None
 
     def _ring(self, name: str, corners: Sequence[Sequence[float]], keys: Keys) -> Ring | None:

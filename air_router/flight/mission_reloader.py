@@ -25,7 +25,7 @@ from air_router.errors import (
 )
 from air_router.mission.fence_plan import FENCE_POINTS
 from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.loading import DRAWN_OVER, choose, judge, read_draft
+from air_router.mission.loading import DRAWN_OVER, choose, read_draft, validate
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -38,7 +38,7 @@ BOARD_S: Final = 60.0
 """Wall-clock limit for the changed plan to be on board; over a poor link it is begun again."""
 
 _AREAS: Final = frozenset(
-    {"fences", "zones", "idle_zones", "airspace", "planning_airspace", "column_airspace"}
+    {"fences", "zones", "idle_zones", "airspace", "planning_airspace", "climb_airspace"}
     | {"above_airspace", "window", "notes", "path", "name"}
 )
 """Fields of a mission that follow from its fences and zones, or that nothing flies by."""
@@ -68,7 +68,7 @@ def changed_areas(mission: Mission) -> AirspaceChanged:
         choose(draft, mission.uav)
     draft.start = mission.window.start  # the zones of this flight, not of one that begins now
     draft.duration_s = mission.duration_s
-    now = judge(draft)
+    now = validate(draft)
     problems = [problem for problem in draft.problems if problem.code not in DRAWN_OVER]
     if problems or now is None:
         raise MissionFileError(problems or draft.problems)

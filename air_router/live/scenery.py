@@ -29,7 +29,7 @@ def scenery(mission: Mission, router: Router) -> dict[str, Any]:
         return area_beside(name, outline, buffers, [*notes], is_fence=sign < 0)
 
     areas = [area("fence", fence, planner.clearance_m, sign=-1) for fence in mission.fences]
-    for zone in (*mission.zones, *mission.columns):
+    for zone in (*mission.zones, *mission.climb_corridors):
         own_m = zone.clearance_m
         notes = [] if own_m is None else [f"clearance {own_m:g} m"]
         notes += [idle[zone.name]] if zone.name in idle else []

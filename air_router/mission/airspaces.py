@@ -1,7 +1,7 @@
 """Which zones apply to a mission: where it cruises, where it climbs and lands, and which not.
 
 The vehicle cruises between the lowest and the highest altitude of the mission, and what it may be
-off them (`planner.vertical_margin_m`). Below that it is in the column: it takes off, lands, or
+off them (`planner.vertical_margin_m`). Below that it climbs or descends: it takes off, lands, or
 returns, and heeds every zone from the ground up.
 """
 
@@ -68,18 +68,18 @@ class Airspaces:
 
     Attributes:
         zones: All zones of the mission, in the file's order.
-        columns: What is kept from beside them, because of other UAVs.
+        climb_corridors: What is kept from beside them, because of other UAVs.
         cruise: What applies where the mission flies, with its clearance.
-        column: What applies from the ground to there.
+        climb: What applies from the ground to there.
         above: What applies there and higher.
         idle: The zones that are not in `cruise`.
         altitudes: The cruise altitudes, margin included, in metres above home.
     """
 
     zones: tuple[Zone, ...]
-    columns: tuple[Zone, ...]
+    climb_corridors: tuple[Zone, ...]
     cruise: Airspace
-    column: Airspace
+    climb: Airspace
     above: Airspace
     idle: tuple[IdleZone, ...]
     altitudes: Band
@@ -90,25 +90,27 @@ def airspaces_of(draft: MissionDocument, window: FlightWindow) -> Airspaces:
     altitudes = cruise_altitudes(draft)
     zones = tuple(_zone(area, draft) for area in draft.zones)
     fences = [area.shape for area in draft.fences]
-    columns = tuple(_zone(area, draft) for area in draft.columns)
-    return airspaces_within(fences, zones, columns, draft.planner.clearance_m, window, altitudes)
+    climb_corridors = tuple(_zone(area, draft) for area in draft.climb_corridors)
+    return airspaces_within(
+        fences, zones, climb_corridors, draft.planner.clearance_m, window, altitudes
+    )
 
 
 def airspaces_within(  # noqa: PLR0913, PLR0917 - all that counts
     fences: Sequence[Shape],
     zones: tuple[Zone, ...],
-    columns: tuple[Zone, ...],
+    climb_corridors: tuple[Zone, ...],
     clearance_m: float,
     window: FlightWindow,
     altitudes: Band,
 ) -> Airspaces:
     """The airspaces that fences and zones make for a flight at these altitudes in that time."""
-    everything = Airspace(fences, (*zones, *columns), clearance_m)
+    everything = Airspace(fences, (*zones, *climb_corridors), clearance_m)
     active = everything.during(window.start, window.end)
-    column = active.at(-math.inf, altitudes.upper_m)
+    climb = active.at(-math.inf, altitudes.upper_m)
     cruise = active.at(altitudes.lower_m, altitudes.upper_m)
     above = active.at(altitudes.lower_m, math.inf)
-    heeded, below = {id(zone) for zone in cruise.zones}, {id(zone) for zone in column.zones}
+    heeded, below = {id(zone) for zone in cruise.zones}, {id(zone) for zone in climb.zones}
     in_time = {id(zone) for zone in active.zones}
     idle = []
     for zone in zones:
@@ -117,7 +119,7 @@ def airspaces_within(  # noqa: PLR0913, PLR0917 - all that counts
         elif id(zone) not in heeded and zone.band is not None:
             reason = _out_of_height(zone.band, altitudes)
             idle.append(IdleZone(zone, reason, below=id(zone) in below))
-    return Airspaces(zones, columns, cruise, column, above, tuple(idle), altitudes)
+    return Airspaces(zones, climb_corridors, cruise, climb, above, tuple(idle), altitudes)
 
 
 def cruise_altitudes(draft: MissionDocument) -> Band:

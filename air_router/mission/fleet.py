@@ -2,7 +2,7 @@
 
 Two vehicles keep apart because of where they may be, not because they hear of each other. Each
 flies at its own altitude; only above its own home it climbs and descends. A vehicle that flies
-lower keeps away from the columns above the homes of those that fly higher, as from no-fly zones.
+lower keeps away from the climb corridors above the homes of those that fly higher, as from zones.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mocha_link.team.document import Problem
 
 STANDING_SHARE: Final = 0.25
 """A vehicle takes off where it stands: that is at most this share of the homes' separation away
-from its home, which leaves as much between it and the border of its column."""
+from its home, which leaves as much between it and the border of its climb corridor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ def variants(draft: MissionDocument) -> list[MissionDocument]:
                 home_altitude_amsl_m=uav.home_altitude_amsl_m,
                 altitude_m=layer.altitude_m,
                 explore=uav.explore,
-                columns=_columns(draft, layers, layer),
+                climb_corridors=_climb_corridors(draft, layers, layer),
                 # Two that return by themselves must not meet on one of them.
                 rally_points=draft.rally_points if len(layers) == 1 else [],
             )
@@ -118,7 +118,7 @@ def check_fleet(draft: MissionDocument) -> None:
     for (_, lower), (uav, layer) in itertools.combinations(levels, 2):
         apart_m = abs(layer.level_m - lower.level_m)
         if apart_m < planner.vertical_separation_m:
-            draft.complain(
+            draft.report(
                 uav.keys,
                 f"'{layer.uav}' flies {apart_m:g} m from the layer of '{lower.uav}', "
                 f"{planner.vertical_separation_m:g} m are to lie between two "
@@ -127,7 +127,7 @@ def check_fleet(draft: MissionDocument) -> None:
             )
         apart_m = math.dist(layer.home, lower.home)
         if apart_m < homes_m:
-            draft.complain(
+            draft.report(
                 uav.keys if uav.home is None else uav.home.keys,
                 f"the homes of '{lower.uav}' and '{layer.uav}' are {apart_m:.1f} m apart, it takes "
                 f"{homes_m:g} m (planner.home_separation_m, the clearance and the tracking "
@@ -140,7 +140,7 @@ def check_fleet(draft: MissionDocument) -> None:
                 f"{spot.label} has an altitude of its own, and several UAVs fly here, each in its "
                 "own layer; remove it"
             )
-            draft.complain(spot.keys, message, "altitude-in-layers")
+            draft.report(spot.keys, message, "altitude-in-layers")
     if draft.rally_points:
         message = "rally points are not put on board: two UAVs could return to the same one"
         draft.note(("rally_points",), message, "rally-points-shared")
@@ -171,7 +171,7 @@ def _merged(
     return merged
 
 
-def _columns(draft: MissionDocument, layers: Sequence[Layer], own: Layer) -> list[Area]:
+def _climb_corridors(draft: MissionDocument, layers: Sequence[Layer], own: Layer) -> list[Area]:
     """What a UAV keeps away from: where those that fly higher come through its layer."""
     return [
         Area(f"home of {uav.name}", Circle(layer.home, column_radius_m(draft)), uav.keys)

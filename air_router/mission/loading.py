@@ -58,7 +58,7 @@ def load_mission(
         choose(draft, uav)
     draft.start = start
     draft.duration_s = draft.duration_s if duration_s is None else duration_s
-    mission = judge(draft)
+    mission = validate(draft)
     problems = [p for p in draft.problems if not (in_flight and p.code in DRAWN_OVER)]
     if problems or mission is None:
         raise MissionFileError(problems or draft.problems)
@@ -66,7 +66,7 @@ def load_mission(
 
 
 def read_draft(path: Path) -> MissionDocument:
-    """What a file says, not yet judged.
+    """What a file says, not yet validated.
 
     Raises:
         DocumentError: it cannot be read at all.
@@ -91,25 +91,25 @@ def choose(draft: MissionDocument, uav: str) -> None:
     draft.uav = uav
 
 
-def judge(draft: MissionDocument) -> Mission | None:
+def validate(draft: MissionDocument) -> Mission | None:
     """Note every problem of a draft in it; the mission that it describes, however wrong.
 
-    A mission for several UAVs is judged as each of them flies it; `draft.uav` is whose is returned.
-    None if it says too little: the frame or home is missing. Do not fly one with problems.
+    A mission for several UAVs is validated as each of them flies it; returned is that of
+    `draft.uav`. None if the frame or home is missing. Do not fly one with problems.
     """
     if not draft.uavs or draft.frame is None or draft.home is None:
-        return _judge(draft)
+        return _validate(draft)
     check_fleet(draft)
     each = variants(draft)
     for variant in each:
         variant.problems, variant.notes = list(draft.problems), list(draft.notes)
-    missions = [_judge(variant) for variant in each]
+    missions = [_validate(variant) for variant in each]
     merge(draft, each)
     draft.uav = each[0].uav
     return None if missions[0] is None else replace(missions[0], notes=tuple(draft.notes))
 
 
-def _judge(draft: MissionDocument) -> Mission | None:
+def _validate(draft: MissionDocument) -> Mission | None:
     window = FlightWindow.of(datetime.now(UTC), draft.start, draft.duration_s)
     airspaces = airspaces_of(draft, window)
     check_geometry(draft, airspaces)
@@ -158,9 +158,9 @@ def mission_of(
         cruise=airspaces.altitudes,
         airspace=airspaces.cruise,
         planning_airspace=airspaces.cruise.with_margin(draft.planner.tracking_margin_m),
-        column_airspace=airspaces.column,
+        climb_airspace=airspaces.climb,
         above_airspace=airspaces.above,
-        columns=airspaces.columns,
+        climb_corridors=airspaces.climb_corridors,
         idle_zones=airspaces.idle,
         notes=tuple(draft.notes),
     )
@@ -169,7 +169,7 @@ def mission_of(
 def _note_fence(draft: MissionDocument, mission: Mission) -> None:
     """Note what of the mission's areas its fence on board will not be."""
     plan = fence_plan(mission)
-    areas = {area.name: area for area in (*draft.zones, *draft.columns, *draft.fences)}
+    areas = {area.name: area for area in (*draft.zones, *draft.climb_corridors, *draft.fences)}
     if len(plan.items) > FENCE_POINTS:
         draft.note_area(
             next(iter(draft.fences or draft.zones)),

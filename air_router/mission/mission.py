@@ -61,11 +61,11 @@ class Mission:
         airspace: Fences, and the zones that apply at these altitudes and in that time, with the
             clearance that every flown metre keeps.
         planning_airspace: The same with the tracking margin on top: what routes are checked with.
-        column_airspace: As `airspace`, with the zones that apply below the cruise altitudes too:
+        climb_airspace: As `airspace`, with the zones that apply below the cruise altitudes too:
             for taking off and landing.
         above_airspace: As `airspace`, with the zones that apply above the cruise altitudes too: for
             a vehicle that a pilot has flown higher.
-        columns: What it keeps away from as from zones because other UAVs climb and descend there.
+        climb_corridors: Where other UAVs climb and descend; kept away from like zones.
         idle_zones: The zones that are not in `airspace`, and why.
         notes: What the operator should know.
     """
@@ -98,9 +98,9 @@ class Mission:
     cruise: Band
     airspace: Airspace
     planning_airspace: Airspace
-    column_airspace: Airspace
+    climb_airspace: Airspace
     above_airspace: Airspace
-    columns: tuple[Zone, ...]
+    climb_corridors: tuple[Zone, ...]
     idle_zones: tuple[IdleZone, ...]
     notes: tuple[Problem, ...]
     accepts: tuple[Accepted, ...] = ()
@@ -109,7 +109,7 @@ class Mission:
         """The airspace that counts at an altitude above home, with its clearance."""
         if altitude_m > self.cruise.upper_m:
             return self.above_airspace
-        return self.airspace if altitude_m >= self.cruise.lower_m else self.column_airspace
+        return self.airspace if altitude_m >= self.cruise.lower_m else self.climb_airspace
 
     @property
     def ceiling_m(self) -> float:
@@ -122,16 +122,18 @@ class Mission:
         return top_m(self.layers, self.uav)
 
     def with_areas(self, fences: tuple[Shape, ...], zones: tuple[Zone, ...]) -> Mission:
-        """The same mission among other fences and zones; columns of other UAVs stay."""
+        """The same mission among other fences and zones; climb_corridors of other UAVs stay."""
         clearance_m = self.planner.clearance_m
-        areas = airspaces_within(fences, zones, self.columns, clearance_m, self.window, self.cruise)
+        areas = airspaces_within(
+            fences, zones, self.climb_corridors, clearance_m, self.window, self.cruise
+        )
         return replace(
             self,
             fences=areas.cruise.fences,
             zones=areas.zones,
             airspace=areas.cruise,
             planning_airspace=areas.cruise.with_margin(self.planner.tracking_margin_m),
-            column_airspace=areas.column,
+            climb_airspace=areas.climb,
             above_airspace=areas.above,
             idle_zones=areas.idle,
         )
@@ -154,7 +156,7 @@ class Mission:
     @property
     def landings(self) -> tuple[Point, ...]:
         """The rally points that nothing was drawn over in flight."""
-        airspace = self.column_airspace.with_margin(self.planner.tracking_margin_m)
+        airspace = self.climb_airspace.with_margin(self.planner.tracking_margin_m)
         return tuple(place for place in self.rally_points if airspace.point_clear(place))
 
     @property

@@ -18,18 +18,16 @@ def check_team(draft: MissionDocument) -> None:
     Enters the only flying robot of the team as the draft's `uav`, if the mission names none.
     """
     if draft.world is not None and not draft.world.is_file():
-        draft.complain(
+        draft.report(
             ("world",), f"there is no file {draft.world}; correct the path", "no-such-file"
         )
     if len(set(draft.seek)) < len(draft.seek):
         message = "a robot is named twice; each is sought in turn anyway"
-        draft.complain(("seek", "robots"), message, "named-twice")
+        draft.report(("seek", "robots"), message, "named-twice")
     if draft.team is None:
         return
     if not draft.team.is_file():
-        draft.complain(
-            ("team",), f"there is no file {draft.team}; correct the path", "no-such-file"
-        )
+        draft.report(("team",), f"there is no file {draft.team}; correct the path", "no-such-file")
         return
     try:
         document = Document.load(draft.team)
@@ -62,7 +60,7 @@ def _check_flies(draft: MissionDocument, name: str, team: Team, keys: Keys) -> N
         f"'{name}' is of kind {team.robot(name).kind} in the team file and does not fly; "
         f"{named}give it the kind {UAV_KIND}"
     )
-    draft.complain(keys, message, "does-not-fly")
+    draft.report(keys, message, "does-not-fly")
 
 
 def _choose(draft: MissionDocument, team: Team) -> None:
@@ -77,7 +75,7 @@ def _choose(draft: MissionDocument, team: Team) -> None:
     elif flying:
         advice = "add 'uav' with the name of the robot that flies this mission"
     message = f"the team has {len(flying)} robots of kind {UAV_KIND}; {advice}"
-    draft.complain((), message, "who-flies")
+    draft.report((), message, "who-flies")
 
 
 def _check_others(draft: MissionDocument, team: Team) -> None:
@@ -86,7 +84,7 @@ def _check_others(draft: MissionDocument, team: Team) -> None:
         _check_robot(draft, name, team.robots, ("seek", "robots", index))
         if name == draft.uav:
             message = f"'{name}' flies this mission; take it off the list"
-            draft.complain(("seek", "robots", index), message, "seeks-itself")
+            draft.report(("seek", "robots", index), message, "seeks-itself")
     for index, name in enumerate(draft.goals_from):
         _check_goals(draft, name, team, ("goals_from", index))
 
@@ -95,7 +93,7 @@ def _check_goals(draft: MissionDocument, name: str, team: Team, keys: Keys) -> N
     _check_robot(draft, name, team.robots, keys)
     if name == draft.uav:
         message = f"'{name}' flies this mission; goals come from others: take it off the list"
-        draft.complain(keys, message, "seeks-itself")
+        draft.report(keys, message, "seeks-itself")
     elif name in team.robots and GOALS_TOPIC not in {t.name for t in team.topics_of(name)}:
         message = (
             f"'{name}' has no topic {GOALS_TOPIC} in the team file, so that it can send none; "
@@ -131,4 +129,4 @@ def _check_robot(draft: MissionDocument, name: str, known: Collection[str], keys
         return
     close = difflib.get_close_matches(name, known, n=1)
     hint = f"did you mean '{close[0]}'?" if close else f"use one of {', '.join(sorted(known))}"
-    draft.complain(keys, f"the team has no robot '{name}'; {hint}", "unknown-robot")
+    draft.report(keys, f"the team has no robot '{name}'; {hint}", "unknown-robot")

@@ -34,7 +34,7 @@ def check_geometry(draft: MissionDocument, airspaces: Airspaces) -> None:
         return
     if not draft.waypoints and "waypoints" not in draft.unread and not draft.problems:
         message = "a mission needs at least one waypoint; add one"
-        draft.complain(("waypoints",), message, "no-waypoints")
+        draft.report(("waypoints",), message, "no-waypoints")
     _check_names(draft)
     _check_altitudes(draft)
     _check_fence_crossings(draft)
@@ -49,7 +49,7 @@ def _check_names(draft: MissionDocument) -> None:
     for area in draft.zones:
         if area.name in first or area.name == FENCE:
             message = f"another area is called '{area.name}' too; rename one"
-            draft.complain_area(area, message, "same-name")
+            draft.report_area(area, message, "same-name")
         first.setdefault(area.name, area)
 
 
@@ -63,9 +63,9 @@ def _check_altitudes(draft: MissionDocument) -> None:
                 f"{label} has limits above the sea, and home's altitude is not known; "
                 "add 'altitude_amsl_m' to home"
             )
-            draft.complain_area(area, message, "home-altitude-unknown")
+            draft.report_area(area, message, "home-altitude-unknown")
         except ZoneError as error:
-            draft.complain_area(area, f"{label}: {error}", error.code)
+            draft.report_area(area, f"{label}: {error}", error.code)
         else:
             _note_contradiction(draft, area)
 
@@ -98,20 +98,20 @@ def _check_distances(draft: MissionDocument) -> set[str]:
     together = all(math.dist(spot.position, spots[0].position) <= _FAR_M for spot in spots)
     if nearest_m > _FAR_M and len(spots) > 1 and together:
         message = f"home is {nearest_m / 1000:.0f} km from every other place; {advice}"
-        draft.complain(draft.home.keys, message, "far-from-home")
+        draft.report(draft.home.keys, message, "far-from-home")
         areas = [_label(draft, area) for area in (*draft.zones, *draft.fences)]
         return {draft.home.label, *(spot.label for spot in spots), *areas}
     for spot in spots:
         if (far_m := math.dist(spot.position, home)) > _FAR_M:
             message = f"{spot.label} is {far_m / 1000:.0f} km from home; {advice}"
-            draft.complain(spot.keys, message, "far-from-home")
+            draft.report(spot.keys, message, "far-from-home")
             far.add(spot.label)
     for area in (*draft.zones, *draft.fences):
         far_m = max(math.dist(corner, home) for corner in area.shape.corners)
         if far_m > _FAR_M and area.place is None:  # zones of other files may be of any size
             label = _label(draft, area)
             message = f"{label} reaches {far_m / 1000:.0f} km from home; {advice}"
-            draft.complain_area(area, message, "far-from-home")
+            draft.report_area(area, message, "far-from-home")
             far.add(label)
     return far
 
@@ -129,7 +129,7 @@ def _check_fence_crossings(draft: MissionDocument) -> None:
         beyond = zone.difference(inside).area > _SLIVER_M2
         within = zone.intersection(inside).area > _SLIVER_M2
         if beyond and within and not area.crosses_fence:
-            draft.complain_area(
+            draft.report_area(
                 area,
                 f"no-fly zone '{area.name}' crosses the fence; move its corners inside, "
                 "or confirm that it is meant with 'crosses_fence: true'",
@@ -155,19 +155,19 @@ def _check_same_places(draft: MissionDocument) -> None:
     for number, other in sorted(on.items()):
         spot, before = draft.waypoints[number], draft.waypoints[other]
         message = f"{spot.label} lies on {before.label}; remove one of them"
-        draft.complain(spot.keys, message, "same-place")
+        draft.report(spot.keys, message, "same-place")
 
 
 def _check_spots(draft: MissionDocument, airspaces: Airspaces, far: Collection[str]) -> bool:
     """Whether home, waypoints and rally points all keep their distance."""
     margin_m = draft.planner.tracking_margin_m
-    cruise, column = airspaces.cruise.with_margin(margin_m), airspaces.column.with_margin(margin_m)
+    cruise, climb = airspaces.cruise.with_margin(margin_m), airspaces.climb.with_margin(margin_m)
     if "planner" in draft.unread:
-        cruise, column = airspaces.cruise.as_drawn(), airspaces.column.as_drawn()
+        cruise, climb = airspaces.cruise.as_drawn(), airspaces.climb.as_drawn()
     landings = [*([draft.home] if draft.home else []), *draft.rally_points]
     wrong = [
         (spot, airspace)
-        for spots, airspace in ((landings, column), (draft.waypoints, cruise))
+        for spots, airspace in ((landings, climb), (draft.waypoints, cruise))
         for spot in spots
         if spot.label not in far and not airspace.point_clear(spot.position)
     ]
@@ -180,15 +180,13 @@ def _complain_of_spot(draft: MissionDocument, spot: MissionPoint, airspace: Airs
     holders = airspace.holders(spot.position)
     outside, inside, near = _CODES[spot.label.rstrip(" 0123456789")]
     if FENCE in holders:
-        draft.complain(
-            spot.keys, f"{spot.label} lies outside of the fence; move it inside", outside
-        )
+        draft.report(spot.keys, f"{spot.label} lies outside of the fence; move it inside", outside)
     elif holders:
         zones = " and ".join(f"'{name}'" for name in holders)
         kept_m = max(airspace.kept_m(name) for name in holders)
         to = f", to {_needs(draft, kept_m)}" if "planner" not in draft.unread else ""
         message = f"{spot.label} lies inside no-fly zone {zones}; move it out{to}"
-        draft.complain(spot.keys, message, inside)
+        draft.report(spot.keys, message, inside)
     else:
         spare_m, name = airspace.spare_m(spot.position)
         kept_m = airspace.kept_m(name)
@@ -199,7 +197,7 @@ def _complain_of_spot(draft: MissionDocument, spot: MissionPoint, airspace: Airs
             f"{spot.label} is {_metres(kept_m + spare_m)} from {what}, it needs "
             f"{_needs(draft, kept_m)}; move it by {_metres(-spare_m)} or lower {setting}"
         )
-        draft.complain(spot.keys, message, near)
+        draft.report(spot.keys, message, near)
 
 
 def _needs(draft: MissionDocument, kept_m: float) -> str:
@@ -223,7 +221,7 @@ def _check_ways(draft: MissionDocument, airspaces: Airspaces) -> None:
             continue
         if region not in answers:
             answers[region] = _walls(regions, draft.home.position, spot.position)
-        draft.complain(
+        draft.report(
             spot.keys,
             f"no clear way leads from home to {spot.label}: {answers[region]} at "
             f"{_needs(draft, draft.planner.distance_m)}; open a gap, or move or remove the "

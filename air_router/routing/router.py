@@ -140,7 +140,7 @@ class Router:
 
     @cached_property
     def _below_cruise(self) -> Airspace | None:
-        return self._with_more_zones(self._mission.column_airspace)
+        return self._with_more_zones(self._mission.climb_airspace)
 
     @cached_property
     def _above_cruise(self) -> Airspace | None:

@@ -55,7 +55,7 @@ def straight_returns(mission: Mission) -> tuple[StraightReturn, ...]:
 def return_airspace(mission: Mission) -> Airspace:
     """What the autopilot's own return may cut: as drawn, at the altitudes where it flies."""
     every = Airspace(
-        mission.fences, (*mission.zones, *mission.columns), mission.planner.clearance_m
+        mission.fences, (*mission.zones, *mission.climb_corridors), mission.planner.clearance_m
     )
     active = every.during(mission.window.start, mission.window.end)
     highest_m = max(mission.cruise.upper_m, RETURN_ALTITUDE_M)

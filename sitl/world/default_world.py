@@ -67,7 +67,7 @@ def default_patrols(
         taken: Patrols of other robots, to stay away from.
     """
     chance = random.Random(f"{seed} {mission.name}")  # noqa: S311 - repeatable, not secret
-    ground = mission.column_airspace.as_drawn()
+    ground = mission.climb_airspace.as_drawn()
     places = [waypoint.position for waypoint in mission.waypoints] or [mission.home]
     used = [plan.patrol.stops[0] for plan in taken]
     plans: dict[str, PatrolPlan] = {}

@@ -134,10 +134,10 @@ def test_one_page_shows_both_and_asks_the_one_that_is_chosen(browser, flight):
     looker.shows("#news li:has(b.uav1)", "→ SEARCH")
     looker.shows("#news li", ": found")
     looker.shows("#facts", "titan · ")
-    column = page.locator("path.area.zone[data-name='home of titan']")
-    assert column.count() == 0
+    corridor = page.locator("path.area.zone[data-name='home of titan']")
+    assert corridor.count() == 0
     looker.choose("atlas", lambda: page.keyboard.press("2"))
-    column.wait_for(state="attached")
+    corridor.wait_for(state="attached")
     if PICTURED:
         take_pictures(looker)
         return

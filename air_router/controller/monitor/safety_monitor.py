@@ -104,7 +104,7 @@ class SafetyMonitor:
         if clear is not None and clear[2] is mission and math.dist(here, clear[0]) < clear[1]:
             return None
         # What is near neither below nor above is near at no altitude.
-        everywhere = (mission.column_airspace, mission.above_airspace)
+        everywhere = (mission.climb_airspace, mission.above_airspace)
         clear_m = min(airspace.distance_m(here) for airspace in everywhere)
         self._clear = (here, clear_m, mission)
         inside = mission.airspace_at(telemetry.altitude_m).holders(here)

@@ -230,7 +230,7 @@ class ReturnState(StateHandler):
         if commanded.pending or setpoints.open(telemetry) or drift_m > LANDING_M:
             return "it does not hover yet; ask again in a moment"
         margin_m = mission.planner.tracking_margin_m
-        for airspace in (mission.column_airspace, mission.airspace_at(telemetry.altitude_m)):
+        for airspace in (mission.climb_airspace, mission.airspace_at(telemetry.altitude_m)):
             if not airspace.with_margin(margin_m).point_clear(telemetry.position):
                 _, what = airspace.with_margin(margin_m).spare_m(telemetry.position)
                 return f"it would come too near to {names_of((what,))}; fly to another place first"

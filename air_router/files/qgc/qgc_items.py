@@ -85,7 +85,7 @@ class ItemsReader(PlanValues):
         else:
             found = shown(item if kind is None else kind)
             message = f"an item must be a SimpleItem or a ComplexItem, found {found}; remove it"
-            self.draft.complain((*keys, "type"), message, "unknown-item")
+            self.draft.report((*keys, "type"), message, "unknown-item")
 
     def _read_complex(self, keys: Keys) -> None:
         kind = self.at(*keys, "complexItemType")
@@ -109,7 +109,7 @@ class ItemsReader(PlanValues):
         command = self.at(*keys, "command")
         if not isinstance(command, int) or isinstance(command, bool):
             message = f"an item's command must be a whole number, found {shown(command)}; remove it"
-            self.draft.complain((*keys, "command"), message, "wrong-type")
+            self.draft.report((*keys, "command"), message, "wrong-type")
         elif command == MavCommand.WAYPOINT or command in _AS_WAYPOINTS:
             self._read_waypoint(keys, command)
         elif command in _TAKEOFFS:
@@ -122,7 +122,7 @@ class ItemsReader(PlanValues):
             self._others.setdefault(command, []).append(keys)
         else:
             message = f"command {command} is not read yet; remove the item in QGroundControl"
-            self.draft.complain((*keys, "command"), message, "unknown-command")
+            self.draft.report((*keys, "command"), message, "unknown-command")
 
     def _read_waypoint(self, keys: Keys, command: int) -> None:
         draft = self.draft
@@ -131,7 +131,7 @@ class ItemsReader(PlanValues):
         altitude_m = self._altitude(keys)
         if self._end is not None:
             message = "the plan returns or lands before this waypoint; put that item last"
-            draft.complain((*self._end, "command"), message, "end-before-waypoint")
+            draft.report((*self._end, "command"), message, "end-before-waypoint")
             self._end = None
         if latitude_deg is None or longitude_deg is None or altitude_m is None:
             return
@@ -176,16 +176,16 @@ class ItemsReader(PlanValues):
         elif frame in _TERRAIN_FRAMES:
             message = "the height of the terrain here is not in the plan; "
             message += "choose altitudes relative to launch in QGroundControl"
-            self.draft.complain((*keys, "frame"), message, "altitude-frame")
+            self.draft.report((*keys, "frame"), message, "altitude-frame")
             return None
         elif frame not in _RELATIVE_FRAMES:
             message = f"altitude frame {shown(frame)} is not read; "
             message += "choose altitudes relative to launch in QGroundControl"
-            self.draft.complain((*keys, "frame"), message, "altitude-frame")
+            self.draft.report((*keys, "frame"), message, "altitude-frame")
             return None
         if altitude_m is not None and not altitude_m > 0:
             message = f"the altitude is {altitude_m:g} m above home; it must be more than 0"
-            self.draft.complain((*keys, "params", 6), message, "out-of-range")
+            self.draft.report((*keys, "params", 6), message, "out-of-range")
             return None
         return altitude_m
 
@@ -193,7 +193,7 @@ class ItemsReader(PlanValues):
         home_amsl_m = self.draft.home_altitude_amsl_m
         if home_amsl_m is None:
             message = "an altitude above the sea, and home has none; give 'plannedHomePosition' one"
-            self.draft.complain((*keys, "params", 6), message, "home-altitude-unknown")
+            self.draft.report((*keys, "params", 6), message, "home-altitude-unknown")
             return None
         return altitude_amsl_m - home_amsl_m
 
@@ -204,7 +204,7 @@ class ItemsReader(PlanValues):
         if kind != _GROUND_SPEED or not 0 < speed_m_s <= _FASTEST_M_S:
             message = f"a speed of {speed_m_s:g} m/s of type {kind:g}; write a ground speed up to "
             message += f"{_FASTEST_M_S:g} m/s"
-            self.draft.complain((*keys, "params", 1), message, "out-of-range")
+            self.draft.report((*keys, "params", 1), message, "out-of-range")
             return
         self._speeds.append((speed_m_s, (*keys, "params", 1)))
 
@@ -247,7 +247,7 @@ class ItemsReader(PlanValues):
             draft.speed_m_s = hover_m_s
             if not 0 < hover_m_s <= _FASTEST_M_S:
                 message = f"the speed must be more than 0 and at most {_FASTEST_M_S:g} m/s"
-                draft.complain(("mission", "hoverSpeed"), f"{message}; correct it", "out-of-range")
+                draft.report(("mission", "hoverSpeed"), f"{message}; correct it", "out-of-range")
 
 
 def _decides_where(command: int) -> bool:

@@ -34,7 +34,7 @@ def plan_draft(document: JsonDocument) -> MissionDocument:
     data = document.data
     if not isinstance(data, dict) or data.get("fileType") != PLAN_TYPE:
         message = 'not a QGroundControl plan: "fileType" is not "Plan"; choose another file'
-        draft.complain(("fileType",), message, "not-a-plan")
+        draft.report(("fileType",), message, "not-a-plan")
         return draft
     draft.name = document.path.stem
     _PlanReader(draft, data).read()
@@ -68,7 +68,7 @@ class _PlanReader(PlanValues):
         if isinstance(self._data.get(name), dict):
             return True
         message = f"missing section '{name}'; {EXPORT_AGAIN}"
-        self.draft.complain((name,), message, "missing-key")
+        self.draft.report((name,), message, "missing-key")
         return False
 
     def _optional_section(self, name: str, without: str) -> bool:
@@ -83,7 +83,7 @@ class _PlanReader(PlanValues):
         keys = ("mission", "plannedHomePosition")
         if not isinstance(self.at(*keys), list):
             message = f"missing key '{keys[-1]}'; {EXPORT_AGAIN}"
-            self.draft.complain(keys, message, "missing-key")
+            self.draft.report(keys, message, "missing-key")
             return False
         pair = self.pair(*keys)
         if pair is None:
@@ -91,7 +91,7 @@ class _PlanReader(PlanValues):
         try:
             self.draft.frame = LocalFrame(Geodetic(*pair))
         except FrameError as error:
-            self.draft.complain(keys, f"home: {error}; correct it", "not-on-earth")
+            self.draft.report(keys, f"home: {error}; correct it", "not-on-earth")
             return False
         self.draft.home = self.draft.spot("home", pair, keys)
         if self.at(*keys, 2) is not None:
@@ -105,7 +105,7 @@ class _PlanReader(PlanValues):
         current = self.at("geoFence", "version") == 2
         if not current and self.at("geoFence", "polygon"):
             message = f"a fence as QGroundControl drew it years ago is not read; {EXPORT_AGAIN}"
-            self.draft.complain(("geoFence", "polygon"), message, "plan-version")
+            self.draft.report(("geoFence", "polygon"), message, "plan-version")
             self.draft.unread.add("fence")
         for kind in ("polygons", "circles"):
             if not current and self.at("geoFence", kind) is None:
@@ -123,7 +123,7 @@ class _PlanReader(PlanValues):
         if not isinstance(inclusion, bool):
             message = f"'inclusion' must be true (a fence) or false (a zone); {EXPORT_AGAIN}"
             code = "missing-key" if inclusion is None else "wrong-type"
-            draft.complain((*keys, "inclusion"), message, code)
+            draft.report((*keys, "inclusion"), message, code)
             return
         name = FENCE if inclusion else f"zone {len(draft.zones) + 1}"
         area = self._area(name, keys, zone=not inclusion)

@@ -30,7 +30,7 @@ class PlanValues:
         if isinstance(value, int | float) and not isinstance(value, bool):
             return float(value)
         message = f"{named(keys)} must be a number, found {shown(value)}; correct it"
-        self.draft.complain(keys, message, "missing-key" if value is None else "wrong-type")
+        self.draft.report(keys, message, "missing-key" if value is None else "wrong-type")
         return None
 
     def entries(self, *keys: str | int) -> list[Any]:
@@ -39,7 +39,7 @@ class PlanValues:
         if isinstance(value, list):
             return value
         message = f"missing list {named(keys)}; {EXPORT_AGAIN}"
-        self.draft.complain(keys, message, "missing-key" if value is None else "wrong-type")
+        self.draft.report(keys, message, "missing-key" if value is None else "wrong-type")
         return []
 
     def pair(self, *keys: str | int) -> tuple[float, float] | None:
@@ -59,8 +59,8 @@ class PlanValues:
         return self.draft.polygon(label, corners, keys)
 
     def version(self, keys: Keys, known: int) -> None:
-        """Complain unless the part of the plan at `keys` has this version."""
-        self._version(keys, known, self.draft.complain, EXPORT_AGAIN)
+        """Report unless the part of the plan at `keys` has this version."""
+        self._version(keys, known, self.draft.report, EXPORT_AGAIN)
 
     def note_version(self, keys: Keys, known: int) -> None:
         """Note that QGroundControl drops the part at `keys`, unless it has this version."""

@@ -94,7 +94,7 @@ def read_waypoints(text: str, path: Path) -> MissionDocument:
     items = document.items()
     places = [row for row, item in enumerate(items) if item["params"][4] or item["params"][5]]
     if not places:
-        draft.complain((), "no waypoints in it; export the file again", "no-waypoints")
+        draft.report((), "no waypoints in it; export the file again", "no-waypoints")
         return draft
     home = items[places[0]]
     keys = ("mission", "items", places[0], "params", 4)
@@ -102,7 +102,7 @@ def read_waypoints(text: str, path: Path) -> MissionDocument:
     try:
         draft.frame = LocalFrame(Geodetic(latitude_deg, longitude_deg))
     except FrameError as error:
-        draft.complain(keys, f"home: {error}; correct it", "not-on-earth")
+        draft.report(keys, f"home: {error}; correct it", "not-on-earth")
         return draft
     draft.home = draft.spot("home", (latitude_deg, longitude_deg), keys)
     if home is items[0] and (home["command"], home["frame"]) == (MavCommand.WAYPOINT, _AMSL_FRAME):

@@ -60,11 +60,11 @@ def read_mission(document: Document) -> MissionDocument:
     draft = MissionDocument(document)
     if not isinstance(document.data, dict):
         message = "a mission is a mapping of keys and values; see docs/mission-file.md"
-        draft.complain((), message, "no-mission")
+        draft.report((), message, "no-mission")
         return draft
     if {"robots", "kinds"} <= document.data.keys() and "waypoints" not in document.data:
         message = "this is a team file: name the mission, which says 'team: ...' for this file"
-        draft.complain((), message, "no-mission")
+        draft.report((), message, "no-mission")
         return draft
     _write_out(document.data)
     places = {name: list(range(_length(document.data, name))) for name in _LISTS}
@@ -186,7 +186,7 @@ def _fill(draft: MissionDocument, model: MissionForm, places: dict[str, list[int
 def _fill_uavs(draft: MissionDocument, model: MissionForm) -> None:
     if model.uav is not None and model.uavs:
         message = "'uav' and 'uavs' are given; keep one of them"
-        draft.complain(("uavs",), message, "one-uav-key")
+        draft.report(("uavs",), message, "one-uav-key")
         return
     uavs = []
     for name, uav in model.uavs.items():
@@ -205,9 +205,9 @@ def _fill_fences(draft: MissionDocument, model: MissionForm, places: list[int]) 
         message = (
             "missing key 'fence' (the area to stay in; 'fence: null' if there is none); add it"
         )
-        draft.complain((), message, "missing-key")
+        draft.report((), message, "missing-key")
     elif len(given) > 1:
-        draft.complain(
+        draft.report(
             ("fences",), "'fence' and 'fences' are given; list all in 'fences'", "one-fence-key"
         )
     areas: list[tuple[AreaForm, Keys]] = [] if model.fence is None else [(model.fence, ("fence",))]
@@ -227,7 +227,7 @@ def _fill_frame(draft: MissionDocument, model: MissionForm) -> None:
     if model.frame is not None:
         origin, keys = model.frame.origin, ("frame", "origin")
     elif draft.in_metres:
-        draft.complain(
+        draft.report(
             ("coordinates",),
             "local coordinates need to know where they are; add frame: {origin: [lat, lon]}",
             "frame-missing",
@@ -243,7 +243,7 @@ def _fill_frame(draft: MissionDocument, model: MissionForm) -> None:
         draft.frame = LocalFrame(Geodetic(*origin))
     except FrameError as error:
         message = f"{keys[0]}: {error}; correct it (latitude comes first)"
-        draft.complain(keys, message, "not-on-earth")
+        draft.report(keys, message, "not-on-earth")
 
 
 def _check_origin(draft: MissionDocument) -> None:
@@ -252,7 +252,7 @@ def _check_origin(draft: MissionDocument) -> None:
     polar = draft.frame is not None and abs(draft.frame.origin.latitude_deg) > _POLAR_DEG
     if far_m > (_POLAR_ORIGIN_M if polar else _ORIGIN_M):
         message = f"the frame's origin is {far_m / 1000:.0f} km from home; put it near home"
-        draft.complain(("frame", "origin"), message, "far-from-home")
+        draft.report(("frame", "origin"), message, "far-from-home")
 
 
 def _shape(draft: MissionDocument, area: AreaForm, name: str, keys: Keys) -> Shape | None:

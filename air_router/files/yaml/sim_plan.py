@@ -30,7 +30,7 @@ def sim_plan_draft(document: Document, origin: Geodetic) -> MissionDocument:
     try:
         draft.frame = LocalFrame(origin)
     except FrameError as error:
-        draft.complain((), f"the origin: {error}; correct it", "not-on-earth")
+        draft.report((), f"the origin: {error}; correct it", "not-on-earth")
         return draft
     _Reader(draft, document.data).read()
     return draft
@@ -45,7 +45,7 @@ class _Reader(PlanValues):
         waypoints = self.at("waypoints")
         if not isinstance(waypoints, dict):
             message = f"'waypoints' must be a mapping of numbers, found {shown(waypoints)}"
-            self.draft.complain(("waypoints",), f"{message}; correct it", "wrong-type")
+            self.draft.report(("waypoints",), f"{message}; correct it", "wrong-type")
             return
         for number in waypoints:
             self._read_waypoint(("waypoints", number))
@@ -55,7 +55,7 @@ class _Reader(PlanValues):
         inclusion = self.at(*keys, "inclusion")
         if not isinstance(inclusion, bool):
             message = "'inclusion' must be true (a fence) or false (a zone); add it"
-            self.draft.complain(keys, message, "missing-key")
+            self.draft.report(keys, message, "missing-key")
             return
         name = FENCE if inclusion else f"zone {len(self.draft.zones) + 1}"
         label = "the fence" if inclusion else f"no-fly zone '{name}'"
@@ -72,7 +72,7 @@ class _Reader(PlanValues):
             return
         if not altitude_m > 0:
             message = f"the altitude is {altitude_m:g} m above home; it must be more than 0"
-            self.draft.complain((*keys, 2), message, "out-of-range")
+            self.draft.report((*keys, 2), message, "out-of-range")
             return
         label = f"waypoint {len(self.draft.waypoints) + 1}"
         spot = self.draft.spot(label, pair, keys, altitude_m)

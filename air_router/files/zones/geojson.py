@@ -51,7 +51,7 @@ class GeometryReader(JsonReader):
         if kind == "Point":
             return self._kept(keys, self.point(keys))
         if kind in _GEOMETRIES:
-            self.reading.complain(
+            self.reading.report(
                 (*keys, "type"),
                 f"a {kind} has no area; draw a polygon, or give a point a radius",
                 "no-area",
@@ -63,7 +63,7 @@ class GeometryReader(JsonReader):
     def point(self, keys: Keys) -> MapCircle | None:
         """A point as a circle, if it has a radius."""
         message = "a point without a radius; add the property radius_m, or draw a polygon"
-        self.reading.complain(keys, message, "no-area")
+        self.reading.report(keys, message, "no-area")
         return None
 
     def _kept(self, keys: Keys, shape: MapOutline | MapCircle | None) -> Shapes:
@@ -91,7 +91,7 @@ class _Reader(GeometryReader):
         name = self.at("crs", "properties", "name")
         if name is not None and not str(name).endswith(_WGS84_NAMES):
             message = f"coordinates are in {str(name)[:60]!r}, not in WGS-84 degrees; export again"
-            self.reading.complain(("crs",), message, "other-coordinates")
+            self.reading.report(("crs",), message, "other-coordinates")
 
     def _feature(self, keys: Keys, number: int) -> None:
         properties = self.at(*keys, "properties") or {}
@@ -112,13 +112,13 @@ class _Reader(GeometryReader):
     def _add(self, keys: Keys, properties_keys: Keys, name: str, properties: Any) -> None:
         self._properties = properties_keys
 
-        def complain(key: str, message: str, code: str) -> None:
-            self.reading.complain((*properties_keys, key), message, code)
+        def report(key: str, message: str, code: str) -> None:
+            self.reading.report((*properties_keys, key), message, code)
 
         def note(key: str, message: str, code: str) -> None:
             self.reading.note((*properties_keys, key), message, code)
 
-        terms: ZoneTerms = terms_of(properties, complain, note)
+        terms: ZoneTerms = terms_of(properties, report, note)
         self.reading.add(
             name,
             self.shapes(keys),

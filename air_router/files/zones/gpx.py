@@ -18,7 +18,7 @@ def read_gpx_zones(raw: bytes, path: Path) -> ZoneReading:
     document = read_gpx(raw, path)
     reading = ZoneReading(document.source, "GPX")
     for problem in document.problems:
-        reading.complain((problem.line, problem.column), problem.message, problem.code)
+        reading.report((problem.line, problem.column), problem.message, problem.code)
     lines = [*document.routes, *document.tracks]
     zones = [line for line in lines if line.kind == "zone"] or lines
     for number, line in enumerate(zones, start=1):
@@ -41,7 +41,7 @@ def _add(reading: ZoneReading, line: GpxLine, name: str) -> None:
             f"'{name}' ends {gap_m:.0f} m from where it begins, so it has no area; close it, or "
             "draw a polygon"
         )
-        reading.complain(line.keys, message, "no-area")
+        reading.report(line.keys, message, "no-area")
         return
     ring = reading.ring(places, line.keys)
     if ring is not None:

@@ -47,7 +47,7 @@ def read_kml(raw: bytes, path: Path) -> ZoneReading:
         reader.read(root)
     else:
         message = f"the outermost element is <{root.name[:30]}>, not <kml>; choose another file"
-        reader.reading.complain(root.keys, message, "not-kml")
+        reader.reading.report(root.keys, message, "not-kml")
     return reader.reading
 
 
@@ -88,7 +88,7 @@ class _Reader:
 
         terms: ZoneTerms = terms_of(
             data,
-            lambda key, message, code: self.reading.complain(place(key), message, code),
+            lambda key, message, code: self.reading.report(place(key), message, code),
             lambda key, message, code: self.reading.note(place(key), message, code),
         )
         circle = self._circle(element, data)
@@ -118,7 +118,7 @@ class _Reader:
             return None
         if not _is_number(radius_m) or not 0 < radius_m <= MAX_RADIUS_M:
             message = f"'radius_m' must be more than 0 metres, found {str(radius_m)[:20]!r}"
-            self.reading.complain(element.keys, f"{message}; correct it", "out-of-range")
+            self.reading.report(element.keys, f"{message}; correct it", "out-of-range")
             return None
         point = element.child("Point", "coordinates")
         if point is not None:
@@ -149,7 +149,7 @@ class _Reader:
                 yield from self._polygons(child)
             elif child.name in _NO_AREAS:
                 found = True
-                self.reading.complain(
+                self.reading.report(
                     child.keys,
                     f"a {child.name} has no area; draw a polygon, or give a point the data "
                     "'radius_m'",
@@ -163,7 +163,7 @@ class _Reader:
         outer = list(polygon.all("outerBoundaryIs"))
         if len(outer) != 1:
             message = f"a polygon has one outer boundary, found {len(outer)}; draw it again"
-            self.reading.complain(polygon.keys, message, "missing-key")
+            self.reading.report(polygon.keys, message, "missing-key")
             return None
         rings = [self._ring(ring) for ring in [*outer, *polygon.all("innerBoundaryIs")]]
         first, *holes = rings
@@ -174,7 +174,7 @@ class _Reader:
         coordinates = boundary.child("LinearRing", "coordinates")
         if coordinates is None:
             message = "a boundary without coordinates; draw it again"
-            self.reading.complain(boundary.keys, message, "missing-key")
+            self.reading.report(boundary.keys, message, "missing-key")
             return None
         places = self._places(coordinates)
         if places is None:
@@ -189,17 +189,17 @@ class _Reader:
                 longitude_deg, latitude_deg, altitude_m = _numbers(word)
             except ValueError:
                 message = f"'{word[:40]}' is not longitude,latitude or longitude,latitude,altitude"
-                self.reading.complain(element.keys, f"{message}; correct it", "wrong-type")
+                self.reading.report(element.keys, f"{message}; correct it", "wrong-type")
                 return None
             if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180):
                 swapped = abs(longitude_deg) <= 90 and abs(latitude_deg) <= 180
                 advice = "exchange them (longitude comes first)" if swapped else "correct it"
                 message = f"there is no place '{word[:40]}'; {advice}"
-                self.reading.complain(element.keys, message, "not-on-earth")
+                self.reading.report(element.keys, message, "not-on-earth")
                 return None
             places.append((Geodetic(latitude_deg, longitude_deg), altitude_m))
         if not places:
-            self.reading.complain(
+            self.reading.report(
                 element.keys, "no coordinates; draw it again", "zone-too-few-corners"
             )
             return None

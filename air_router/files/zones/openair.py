@@ -41,7 +41,7 @@ def read_openair(text: str, path: Path, allow: Collection[str] = ()) -> ZoneRead
     reading = ZoneReading(PlacedSource(path), "OpenAir")
     if re.search(r"^\s*AC\s", text, re.MULTILINE) is None:
         message = "no airspace begins in it (no line 'AC'); choose another file"
-        reading.complain((), message, "unknown-format")
+        reading.report((), message, "unknown-format")
         return reading
     reader = _Reader(reading, AllowedZones(allow))
     for number, line in enumerate(text.splitlines(), start=1):
@@ -189,7 +189,7 @@ class _Reader:
     def _wrong(self, at: Place, message: str, code: str = "wrong-form") -> None:
         if self._zone is not None:
             self._zone.broken = True
-        self._reading.complain(at, f"{message}; correct it", code)
+        self._reading.report(at, f"{message}; correct it", code)
 
 
 class _Airspace:

@@ -16,7 +16,7 @@ from air_router.files.zones.reading import MAX_ALTITUDE_M
 from air_router.files.zones.schedule import days_of, hours_of, period_of
 from geo.validity import Hours, Period, Validity
 
-Complain = Callable[[str, str, str], None]
+Report = Callable[[str, str, str], None]
 """Takes the property's name, the message and its code."""
 
 _MAX_CLEARANCE_M = 1_000.0
@@ -34,18 +34,18 @@ class ZoneTerms:
     validity: Validity | None = None
 
 
-def terms_of(properties: Mapping[str, Any], complain: Complain, note: Complain) -> ZoneTerms:
+def terms_of(properties: Mapping[str, Any], report: Report, note: Report) -> ZoneTerms:
     """The terms in these properties; what is wrong with one is complained of, doubts are noted."""
-    clearance_m = _number(properties, "clearance_m", 0.0, _MAX_CLEARANCE_M, complain)
+    clearance_m = _number(properties, "clearance_m", 0.0, _MAX_CLEARANCE_M, report)
     limits = [
-        _limit(properties, ("lower_m", "lower"), "lower_reference", complain),
-        _limit(properties, ("upper_m", "upper"), "upper_reference", complain),
+        _limit(properties, ("lower_m", "lower"), "lower_reference", report),
+        _limit(properties, ("upper_m", "upper"), "upper_reference", report),
     ]
     if properties.keys() & _OWN_LIMITS:
         altitudes = Altitudes(*limits) if any(limits) else None
     else:
         altitudes = limits_in_properties(properties, note)
-    return ZoneTerms(clearance_m, altitudes, _validity(properties.get("active"), complain))
+    return ZoneTerms(clearance_m, altitudes, _validity(properties.get("active"), report))
 
 
 def active_of(validity: Validity | None) -> list[dict[str, Any]] | None:
@@ -72,43 +72,41 @@ _DAY_NAMES = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday"
 
 
 def _limit(
-    properties: Mapping[str, Any], names: tuple[str, ...], own_reference: str, complain: Complain
+    properties: Mapping[str, Any], names: tuple[str, ...], own_reference: str, report: Report
 ) -> AltitudeLimit | None:
     name = next((name for name in names if properties.get(name) is not None), None)
     if name is None:
         return None
-    metres = _number(properties, name, -MAX_ALTITUDE_M, MAX_ALTITUDE_M, complain)
+    metres = _number(properties, name, -MAX_ALTITUDE_M, MAX_ALTITUDE_M, report)
     key = own_reference if properties.get(own_reference) is not None else "reference"
     word = properties.get(key)
     try:
         reference = Reference(word) if word is not None else Reference.HOME
     except ValueError:
         choices = ", ".join(Reference)
-        complain(
-            key, f"'{key}' must be one of {choices}, found {word!r}; correct it", "unknown-word"
-        )
+        report(key, f"'{key}' must be one of {choices}, found {word!r}; correct it", "unknown-word")
         return None
     return None if metres is None else AltitudeLimit(metres, reference)
 
 
 def _number(
-    properties: Mapping[str, Any], name: str, lowest: float, highest: float, complain: Complain
+    properties: Mapping[str, Any], name: str, lowest: float, highest: float, report: Report
 ) -> float | None:
     value = properties.get(name)
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float):
         message = f"'{name}' must be a number, found {str(value)[:40]!r}; correct it"
-        complain(name, message, "wrong-type")
+        report(name, message, "wrong-type")
         return None
     if not lowest <= value <= highest:
         message = f"'{name}' must be from {lowest:g} to {highest:g}, found {value:g}; correct it"
-        complain(name, message, "out-of-range")
+        report(name, message, "out-of-range")
         return None
     return float(value)
 
 
-def _validity(active: Any, complain: Complain) -> Validity | None:
+def _validity(active: Any, report: Report) -> Validity | None:
     if active is None:
         return None
     entries = active if isinstance(active, list) else [active]
@@ -116,12 +114,12 @@ def _validity(active: Any, complain: Complain) -> Validity | None:
     for entry in entries:
         if not isinstance(entry, dict):
             message = "'active' must be a list of {from, until, days, between}; correct it"
-            complain("active", message, "wrong-type")
+            report("active", message, "wrong-type")
             return None
         try:
             periods.append(_period(entry))
         except ValueError as error:
-            complain("active", f"'active': {error}; correct it", "not-a-time")
+            report("active", f"'active': {error}; correct it", "not-a-time")
     return Validity(tuple(periods)) if periods else None
 
 

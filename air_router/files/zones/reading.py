@@ -108,7 +108,7 @@ class ZoneReading:
         """The file."""
         return self.source.path
 
-    def complain(self, keys: Keys, message: str, code: str) -> None:
+    def report(self, keys: Keys, message: str, code: str) -> None:
         """Note a problem."""
         self._problems.add(self.path, code, lambda: self.source.problem(keys, message, code))
 
@@ -123,13 +123,13 @@ class ZoneReading:
         different = len(set(places))
         if different < 3:
             message = f"a ring has {different} different corners, an area needs 3; draw it again"
-            self.complain(keys, message, "zone-too-few-corners")
+            self.report(keys, message, "zone-too-few-corners")
             return None
         if len(places) > MAX_CORNERS:
             message = (
                 f"a ring of {len(places)} corners, at most {MAX_CORNERS} are read; simplify it"
             )
-            self.complain(keys, message, "too-large")
+            self.report(keys, message, "too-large")
             return None
         return tuple(places)
 
@@ -217,7 +217,7 @@ class JsonReader:
             return None
         if not lowest <= value <= highest:
             message = f"{what} must be from {lowest:g} to {highest:g}, found {value:.10g}"
-            self.reading.complain(keys, f"{message}; correct it", "out-of-range")
+            self.reading.report(keys, f"{message}; correct it", "out-of-range")
             return None
         return float(value)
 
@@ -244,7 +244,7 @@ class JsonReader:
         longitude_deg, latitude_deg = float(value[0]), float(value[1])
         swapped = abs(longitude_deg) <= 90 and abs(latitude_deg) <= 180
         advice = "exchange them (longitude comes first)" if swapped else "correct it"
-        self.reading.complain(
+        self.reading.report(
             keys, f"there is no longitude {value[0]:.10g}, latitude {value[1]:.10g}; {advice}",
             "not-on-earth",
         )  # fmt: skip
@@ -257,7 +257,7 @@ class JsonReader:
             for index in range(len(self.entries(keys, "a polygon's coordinates")))
         ]
         if not rings and self.at(*keys) == []:
-            self.reading.complain(
+            self.reading.report(
                 keys, "a polygon without a ring; draw it again", "zone-too-few-corners"
             )
         first, *holes = rings or [None]
@@ -271,11 +271,11 @@ class JsonReader:
         return None if centre is None or radius_m is None else MapCircle(centre, radius_m)
 
     def wrong(self, keys: Keys, message: str) -> None:
-        """Complain about a value of the wrong kind, or its absence."""
+        """Report about a value of the wrong kind, or its absence."""
         value = self.at(*keys)
         found = "nothing" if value is None else json.dumps(value, ensure_ascii=False)[:40]
         code = "missing-key" if value is None else "wrong-type"
-        self.reading.complain(keys, f"{message}, found {found}; correct it", code)
+        self.reading.report(keys, f"{message}, found {found}; correct it", code)
 
     def _ring(self, keys: Keys) -> MapRing | None:
         values = self.entries(keys, "a polygon's ring")

@@ -13,7 +13,7 @@ from typing import Final
 from air_router.errors import MissionFileError
 from air_router.files.settings import SeekPolicy, Timers
 from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.loading import judge, read_draft
+from air_router.mission.loading import read_draft, validate
 from air_router.mission.mission import Mission
 from air_router.routing.graph import WaypointGraph
 from air_router.routing.router import Router
@@ -92,7 +92,7 @@ def _mission(path: Path, *, speed_m_s: float, altitude_m: float) -> Mission:
     draft.start = _DAY
     draft.speed_m_s, draft.altitude_m = speed_m_s, altitude_m
     draft.waypoints = [dataclasses.replace(spot, altitude_m=None) for spot in draft.waypoints]
-    mission = judge(draft)
+    mission = validate(draft)
     if draft.problems or mission is None:
         raise MissionFileError(draft.problems)
     return mission

@@ -12,7 +12,7 @@ import yaml
 
 from air_router.errors import MissionFileError
 from air_router.files.yaml.mission_file import read_mission
-from air_router.mission.loading import judge
+from air_router.mission.loading import validate
 from air_router.mission.mission import Mission
 from geo.frame import Point
 from mocha_link.team.document import Document
@@ -35,7 +35,7 @@ def mission_over(town: Town, *, altitude_m: float = 60.0, speed_m_s: float = 5.0
     """
     text = mission_text(town, altitude_m=altitude_m, speed_m_s=speed_m_s)
     draft = read_mission(Document.from_text(text, Path(f"(mission over {town.name})")))
-    mission = judge(draft)
+    mission = validate(draft)
     if draft.problems or mission is None:
         raise MissionFileError(draft.problems)
     return mission

@@ -6,7 +6,7 @@ import pytest
 
 from air_router.cli.cli import main
 from air_router.mission.faults import blocked_legs, faults_of
-from air_router.mission.loading import judge, load_mission, read_draft
+from air_router.mission.loading import load_mission, read_draft, validate
 from geo.frame import Point
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -61,7 +61,7 @@ def draft_of(folder, changes):
     path = folder / "mission.yaml"
     path.write_text(json.dumps(SOUND | changes))
     draft = read_draft(path)
-    return draft, judge(draft)
+    return draft, validate(draft)
 
 
 def test_illegal_places_and_the_legs_to_them(tmp_path):

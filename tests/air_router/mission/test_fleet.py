@@ -14,7 +14,7 @@ from air_router.errors import MissionFileError, UsageError
 from air_router.files.yaml.mission_write import mission_text
 from air_router.mission.fence_plan import fence_plan
 from air_router.mission.flight_plan import FlightPlan
-from air_router.mission.loading import judge, load_mission, read_draft
+from air_router.mission.loading import load_mission, read_draft, validate
 from air_router.preflight.preflight import CheckVerdict, altitude, place
 from air_router.preflight.preflight_parameters import parameters
 from air_router.routing.graph import WaypointGraph
@@ -85,9 +85,11 @@ def test_zones_with_altitudes_follow_the_layer(tmp_path):
 def test_the_lower_one_keeps_away_from_where_the_higher_one_climbs(tmp_path):
     path = write(tmp_path)
     titan, atlas = (load_mission(path, uav=name) for name in ("titan", "atlas"))
-    assert titan.columns == ()
-    (column,) = atlas.columns
-    assert column not in atlas.zones, "no part of the file, of pictures of the ground, of buildings"
+    assert titan.climb_corridors == ()
+    (corridor,) = atlas.climb_corridors
+    assert corridor not in atlas.zones, (
+        "no part of the file, of pictures of the ground, of buildings"
+    )
     assert not atlas.airspace.point_clear(Point(0, 14.9))
     assert atlas.airspace.point_clear(Point(0, 15.1))
     route = Router(WaypointGraph(atlas)).route(atlas.home, Point(40, 0))
@@ -234,7 +236,7 @@ def test_what_is_written_back_is_the_same_mission(tmp_path):
         assert two.altitude_above_home_m == one.altitude_above_home_m
         assert (two.explore, two.uav) == (one.explore, one.uav)
         assert len(two.layers) == 2
-    judge(draft)
+    validate(draft)
     assert mission_text(draft, tmp_path) == text, "judging leaves the file's own words alone"
 
 

@@ -79,4 +79,4 @@ def test_any_value_in_any_place_is_read_or_refused(changes):
     margin_m = mission.planner.tracking_margin_m
     for waypoint in mission.waypoints:
         assert mission.planning_airspace.point_clear(waypoint.position)
-    assert mission.column_airspace.with_margin(margin_m).point_clear(mission.home)
+    assert mission.climb_airspace.with_margin(margin_m).point_clear(mission.home)

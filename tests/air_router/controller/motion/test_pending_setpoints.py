@@ -81,7 +81,7 @@ def bend(pretend, pennovation):
         waypoints=pennovation.waypoints[:1],
         airspace=airspace,
         planning_airspace=airspace.with_margin(1.5),
-        column_airspace=airspace,
+        climb_airspace=airspace,
         above_airspace=airspace,
     )
     return pretend(mission)

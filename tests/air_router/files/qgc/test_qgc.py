@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from air_router.errors import MissionFileError
 from air_router.files.json_document import json_from_text
 from air_router.files.qgc.qgc_read import plan_draft, read_plan
-from air_router.mission.loading import judge, load_mission
+from air_router.mission.loading import load_mission, validate
 
 DATA = Path(__file__).parents[3] / "data"
 MISSIONS = Path(__file__).parents[4] / "missions"
@@ -362,7 +362,7 @@ def test_no_plan_crashes_the_reader(changes):
         except (TypeError, LookupError):
             continue  # an earlier change took the place away
     draft = plan_draft(json_from_text(json.dumps(data), Path("any.plan")))
-    judge(draft)
+    validate(draft)
     for problem in (*draft.problems, *draft.notes):
         assert problem.code
         assert problem.line == 1

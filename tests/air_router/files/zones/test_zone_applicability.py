@@ -41,7 +41,7 @@ def zone(at, more):
 
 def heeded(mission):
     """Whether the only zone counts in cruise, and from the ground up."""
-    return bool(mission.airspace.zones), bool(mission.column_airspace.zones)
+    return bool(mission.airspace.zones), bool(mission.climb_airspace.zones)
 
 
 @pytest.mark.parametrize(
@@ -191,7 +191,7 @@ def test_a_zone_has_its_own_clearance(tmp_path):
 def test_the_airspace_at_an_altitude(tmp_path):
     mission = load(tmp_path, zone([50, 200], "altitude: {upper_m: 10}"))
     assert mission.airspace_at(35) is mission.airspace
-    assert mission.airspace_at(34.9) is mission.column_airspace
+    assert mission.airspace_at(34.9) is mission.climb_airspace
 
 
 def telemetry(altitude_m):
