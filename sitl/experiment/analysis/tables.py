@@ -6,10 +6,10 @@ Means with 95 % confidence intervals, the paper's beside them. Needs SciPy.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,12 +35,72 @@ _HEADS: Final = {
     "uavs": "UAVs",
     "ugvs": "UGVs",
 }
+_WIDTH: Final = 160
+"""Letters in a line of a terminal that is opened wide."""
+
 _MOST_SETTINGS: Final = 3
 """Where rows differ in more settings than that, their labels say more."""
 
 CAPTION: Final = (
     "Means over all runs of a row; waits and times over all messages and all goals of its runs.\n"
     "In brackets: 95 % confidence interval (expanded percentile bootstrap over whole runs)."
+)
+
+
+class Column(NamedTuple):
+    """A number of a row, made of a measure of its runs: docs/experiments.md says what they are.
+
+    Attributes:
+        key: its name for programs.
+        head: its name in tables.
+        digits: decimals in tables.
+        measure: of each run.
+        per: a measure by which each run counts as much; None: all count alike.
+        sd: a measure, the standard deviation about `measure`: that is what the column is about.
+        paper: what the paper says of it in `PaperRow`.
+    """
+
+    key: str
+    head: str
+    digits: int
+    measure: str
+    per: str | None = None
+    sd: str | None = None
+    paper: str | None = None
+
+    def estimate(self, runs: Sequence[Mapping[str, Any]]) -> Interval:
+        """The number of some runs, by their measures."""
+        runs = [run for run in runs if self.per or run[self.measure] is not None]
+        values = np.array([run[self.measure] or 0.0 for run in runs], dtype=np.float64)
+        if self.per is None:
+            return interval(values)
+        counts = np.array([run[self.per] for run in runs], dtype=np.float64)
+        if self.sd is None:
+            return interval(np.stack([values * counts, counts], axis=1), ratio)
+        spreads = np.array([run[self.sd] or 0.0 for run in runs], dtype=np.float64)
+        squares = (spreads**2 + values**2) * counts
+        return interval(np.stack([values * counts, counts, squares], axis=1), spread)
+
+
+COLUMNS: Final = (
+    Column("goals_percent", "goals %", 1, "goals_found_percent", paper="goals_percent"),
+    Column("goal_area_percent", "goals over time %", 1, "goal_rate_area_percent"),
+    Column(
+        *("time_min", "time min", 1, "time_to_goal_mean_min", "goals_found"), paper="mean_time_min"
+    ),
+    Column("wait_mean_s", "wait s", 2, "wait_mean_s", "waits", paper="wait_mean_s"),
+    Column("wait_sd_s", "wait SD s", 2, "wait_mean_s", "waits", "wait_sd_s", paper="wait_sd_s"),
+    Column("data_wait_s", "data wait s", 2, "data_wait_mean_s", "data_waits"),
+    Column("header_wait_s", "header wait s", 2, "header_wait_mean_s", "header_waits"),
+    Column("complete", "complete exchanges", 0, "exchanges_complete"),
+    Column("broken", "broken exchanges", 0, "exchanges_broken"),
+    Column("pose_age_s", "pose age s", 0, "pose_age_mean_s"),
+    Column("pose_peak_s", "pose peak s", 0, "pose_age_peak_s"),
+    Column("map_age_s", "map age s", 0, "map_age_mean_s"),
+    Column("map_peak_s", "map peak s", 0, "map_age_peak_s"),
+    Column("claims_age_s", "claims age s", 0, "claims_age_mean_s"),
+    Column("claims_peak_s", "claims peak s", 0, "claims_age_peak_s"),
+    Column("sent_mb", "sent MB", 2, "sent_MB"),
 )
 
 
@@ -52,11 +112,7 @@ class Line:
         label: the row's.
         settings: its settings, flat.
         runs: how many runs.
-        goals_percent: of the goals that were reached.
-        time_min: to the goals that were reached.
-        wait_mean_s, wait_sd_s: of the messages.
-        pose_age_s, map_age_s: age of information, see docs/experiments.md.
-        sent_mb: what arrived, in all.
+        values: by the columns' keys.
         speed_up: simulated seconds per second of one process.
         paper: the paper's row, where it has one for this team.
     """
@@ -64,13 +120,7 @@ class Line:
     label: str
     settings: dict[str, Any]
     runs: int
-    goals_percent: Interval
-    time_min: Interval
-    wait_mean_s: Interval
-    wait_sd_s: Interval
-    pose_age_s: Interval
-    map_age_s: Interval
-    sent_mb: Interval
+    values: dict[str, Interval]
     speed_up: float
     paper: PaperRow | None
 
@@ -79,45 +129,22 @@ def lines(experiment: Experiment, records: Sequence[Record]) -> list[Line]:
     """The rows of an experiment that have runs."""
     found = []
     for row in experiment.rows:
-        own = [record for record in records if record["row"] == row.label]
+        own = [record["measures"] for record in records if record["row"] == row.label]
         if own:
-            found.append(_line(row.label, flat(row.settings), [r["measures"] for r in own]))
+            settings = flat(row.settings)
+            wall_s = sum(run["wall_s"] for run in own)
+            simulated_s = sum((run["speed_up"] or 0.0) * run["wall_s"] for run in own)
+            found.append(
+                Line(
+                    label=row.label,
+                    settings=settings,
+                    runs=len(own),
+                    values={column.key: column.estimate(own) for column in COLUMNS},
+                    speed_up=simulated_s / max(wall_s, 1e-9),
+                    paper=paper_row(*(value_of(settings, key) for key in _HEADS)),
+                )
+            )
     return found
-
-
-def _line(label: str, settings: dict[str, Any], runs: list[dict[str, Any]]) -> Line:
-    time_min = [
-        [(run["time_to_goal_mean_min"] or 0.0) * run["goals_found"], run["goals_found"]]
-        for run in runs
-    ]
-    waits = [
-        [
-            (run["wait_mean_s"] or 0.0) * run["waits"],
-            run["waits"],
-            ((run["wait_sd_s"] or 0.0) ** 2 + (run["wait_mean_s"] or 0.0) ** 2) * run["waits"],
-        ]
-        for run in runs
-    ]
-    simulated_s = sum((run["speed_up"] or 0.0) * run["wall_s"] for run in runs)
-    return Line(
-        label=label,
-        settings=settings,
-        runs=len(runs),
-        goals_percent=interval(_column(runs, "goals_found_percent")),
-        time_min=interval(np.array(time_min, dtype=np.float64), ratio),
-        wait_mean_s=interval(np.array(waits, dtype=np.float64), ratio),
-        wait_sd_s=interval(np.array(waits, dtype=np.float64), spread),
-        pose_age_s=interval(_column(runs, "pose_age_mean_s")),
-        map_age_s=interval(_column(runs, "map_age_mean_s")),
-        sent_mb=interval(_column(runs, "sent_MB")),
-        speed_up=simulated_s / max(sum(run["wall_s"] for run in runs), 1e-9),
-        paper=paper_row(*(value_of(settings, key) for key in ("radius_m", "uavs", "ugvs"))),
-    )
-
-
-def _column(runs: Sequence[dict[str, Any]], name: str) -> Any:
-    values = [run[name] for run in runs if run[name] is not None]
-    return np.array(values, dtype=np.float64)
 
 
 def of_the_paper(experiment: Experiment) -> bool:
@@ -138,21 +165,10 @@ def _columns(experiment: Experiment, found: Sequence[Line]) -> dict[str, _Cell]:
     if not columns or len(columns) > _MOST_SETTINGS:
         columns = {"row": lambda line: line.label}
     columns["runs"] = lambda line: str(line.runs)
-    columns["goals %"] = lambda line: _shown(line.goals_percent, 1)
-    if paper:
-        columns["paper %"] = lambda line: f"{line.paper.goals_percent:.1f}" if line.paper else ""
-    columns["time min"] = lambda line: _shown(line.time_min, 1)
-    if paper:
-        columns["paper min"] = lambda line: f"{line.paper.mean_time_min:.1f}" if line.paper else ""
-    columns["wait s"] = lambda line: _shown(line.wait_mean_s, 2)
-    if paper:
-        columns["paper s"] = lambda line: f"{line.paper.wait_mean_s:.2f}" if line.paper else ""
-    columns["wait SD s"] = lambda line: _shown(line.wait_sd_s, 2)
-    if paper:
-        columns["paper SD s"] = lambda line: f"{line.paper.wait_sd_s:.2f}" if line.paper else ""
-    else:
-        columns["pose age s"] = lambda line: _shown(line.pose_age_s, 0)
-        columns["map age s"] = lambda line: _shown(line.map_age_s, 0)
+    for column in COLUMNS:
+        columns[column.head] = partial(_shown, column)
+        if paper and column.paper:
+            columns[f"paper: {column.head}"] = partial(_papers, column)
     columns["x real time"] = lambda line: f"{line.speed_up:,.0f}"
     return columns
 
@@ -164,11 +180,17 @@ def as_rows(experiment: Experiment, found: Sequence[Line]) -> list[list[str]]:
 
 
 def as_text(experiment: Experiment, found: Sequence[Line], seeds: str) -> str:
-    """The table for a terminal; `seeds` says which it is made of."""
+    """The table for a terminal, in parts that fit into it; `seeds` says which it is made of."""
     rows = as_rows(experiment, found)
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    text = ["  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows]
-    return "\n".join([experiment.title, "", *text, "", f"From {seeds}.", CAPTION])
+    names, columns = rows[0].index("runs") + 1, zip(*rows, strict=True)
+    padded = [[cell.rjust(max(map(len, column))) for cell in column] for column in columns]
+    parts = [padded[:names]]
+    for column in padded[names:]:
+        if sum(len(other[0]) + 2 for other in parts[-1]) + len(column[0]) > _WIDTH:
+            parts.append(padded[:names])
+        parts[-1] = [*parts[-1], column]
+    text = ["\n".join("  ".join(row) for row in zip(*part, strict=True)) for part in parts]
+    return "\n\n".join([experiment.title, *text, f"From {seeds}.\n{CAPTION}"])
 
 
 def as_markdown(experiment: Experiment, found: Sequence[Line]) -> str:
@@ -179,20 +201,11 @@ def as_markdown(experiment: Experiment, found: Sequence[Line]) -> str:
 
 def as_plain(found: Sequence[Line]) -> list[dict[str, Any]]:
     """The table for other programs."""
-    names = (
-        "goals_percent",
-        "time_min",
-        "wait_mean_s",
-        "wait_sd_s",
-        "pose_age_s",
-        "map_age_s",
-        "sent_mb",
-    )
     return [
         {
             "row": line.label,
             "runs": line.runs,
-            **{name: getattr(line, name)._asdict() for name in names},
+            **{key: estimate._asdict() for key, estimate in line.values.items()},
             "speed_up": line.speed_up,
             "paper": line.paper._asdict() if line.paper else None,
         }
@@ -207,13 +220,18 @@ def _plain(key: str, line: Line) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _shown(estimate: Interval, digits: int) -> str:
+def _shown(column: Column, line: Line) -> str:
+    estimate = line.values[column.key]
     if math.isnan(estimate.value):
         return "none"
-    text = f"{estimate.value:.{digits}f}"
-    if math.isnan(estimate.low):
-        return text
-    return f"{text} [{estimate.low:.{digits}f}, {estimate.high:.{digits}f}]"
+    value, low, high = (f"{number:.{column.digits}f}" for number in estimate)
+    return value if math.isnan(estimate.low) else f"{value} [{low}, {high}]"
+
+
+def _papers(column: Column, line: Line) -> str:
+    """The paper's number, as precise as the paper has it."""
+    digits = 2 if column.paper and column.paper.startswith("wait") else 1
+    return f"{getattr(line.paper, column.paper or ''):.{digits}f}" if line.paper else ""
 
 
 Numbers = npt.NDArray[np.float64]

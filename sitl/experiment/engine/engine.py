@@ -15,22 +15,26 @@ import random
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from air_router.controller.motion.pending_setpoints import REACTION_S
+from air_router.messages import MAP_TOPIC
 from geo.frame import Point
 from mocha_link.links.link_events import LinkEvent, MessageStored
 from sitl.experiment.channels.channel import Channel, PaperChannel
 from sitl.experiment.channels.path_loss import PathLossChannel
 from sitl.experiment.channels.trace import TraceChannel
+from sitl.experiment.engine.ages import Ages
 from sitl.experiment.engine.channel_sim import ChannelSim
 from sitl.experiment.engine.result import GoalVisit, RunResult
 from sitl.experiment.engine.statistics import AirtimeStats, Samples
 from sitl.experiment.events import EventLog, EventQueue
 from sitl.experiment.robots.explorer import GroundRobot
 from sitl.experiment.robots.fleet import fleet_of
+from sitl.experiment.robots.messages import CLAIMS_TOPIC
 from sitl.experiment.robots.node import BaseStation, Node
 from sitl.experiment.robots.scenery import Scenery, scenery_of
 from sitl.experiment.robots.uav import COMMAND_S, Uav, controllers_of
@@ -82,6 +86,7 @@ class Run:
         self._numbers = {name: number for number, name in enumerate(self.names)}  # by name
         self.robots = self._ground_robots()
         self.uavs = self._uavs()
+        self.ages = self._ages()
         self.nodes = [self._node(*each) for each in enumerate(self.names)]  # by number
         for uav in self.uavs:
             uav.node = self.nodes[self._numbers[uav.name]]
@@ -96,7 +101,7 @@ class Run:
         channel = channel_of(settings, self.town, self.names, seed)
         self.airtime = AirtimeStats(self.log.sent)
         self.channel_sim = ChannelSim(self.queue, channel, self.nodes, self.airtime)
-        self.samples = Samples(self.nodes, [self._numbers[uav.name] for uav in self.uavs])
+        self.samples = Samples()
         self._goals: dict[str, GoalVisit] = {}  # first visits, by goal
         self._counted = dict.fromkeys(self.fleet.ugvs, 0)  # of its `visited`
         self._ground_at_s = 0.0  # simulated time of the ground robots' next step
@@ -123,8 +128,7 @@ class Run:
             exchanges_open=self.channel_sim.open,
             sample_times_s=self.samples.times_s,
             positions_m=self.samples.positions_m,
-            pose_age_s=self.samples.pose_age_s,
-            map_age_s=self.samples.map_age_s,
+            held=self.ages.held(self.names, self.fleet.kinds),
             known_share=self.samples.known_share,
             states=tuple((uav.name, *state) for uav in self.uavs for state in uav.states),
             decisions=self.log.actions,
@@ -167,14 +171,22 @@ class Run:
             for name, controller in controllers.items()
         ]
 
+    def _ages(self) -> Ages:
+        ages = Ages(self.queue)
+        for uav in self.uavs:
+            ages.watch(uav.name, MAP_TOPIC, partial(getattr, uav.painter, "known_cells"))
+        for name, robot in self.robots.items():
+            ages.watch(name, CLAIMS_TOPIC, robot.book.claims.copy)
+        return ages
+
     def _node(self, number: int, name: str) -> Node:
         publish: Callable[[], list[tuple[str, bytes]]]
         hear: Callable[[LinkEvent], None]
         uav = next((each for each in self.uavs if each.name == name), None)
         if uav is not None:
-            publish, hear = uav.say, uav.hear
+            publish, hear = uav.say, self.ages.listener(name, uav.hear)
         elif name in self.robots:
-            publish, hear = self.robots[name].outbox, self._ear(name)
+            publish, hear = self.robots[name].outbox, self.ages.listener(name, self._ear(name))
         else:
             station = BaseStation(self.town, self._settings.base_goals, self.queue)
             publish, hear = station.say, _deaf
@@ -206,6 +218,7 @@ class Run:
                 self._places[self._numbers[name], :2] = robot.position
                 self._count_goals(name, robot)
         self._travelled_m += np.sqrt(((self._places[:, :2] - before) ** 2).sum(axis=1))
+        self.ages.look()
         self.channel_sim.settle()
         self.channel_sim.look(self._places)
 

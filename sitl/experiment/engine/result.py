@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from geo.frame import Point
+from sitl.experiment.engine.ages import USES, Held, Pair, ages_at, mean_age_s, peak_age_s
 
 TRANSMISSION: Final = np.dtype(
     [
@@ -59,10 +61,7 @@ class RunResult:
         exchanges_open: Pulls that were still under way, or waiting, when the run ended.
         sample_times_s: When the following were sampled.
         positions_m: (samples, robots, 2): east, north.
-        pose_age_s: (samples, robots, robots): at [i, a, b] the age of the newest pose of b that a
-            has, inf while it has none; 0 of itself.
-        map_age_s: (samples, robots): the age of the newest map of any UAV that a robot has, inf
-            while it has none; 0 for UAVs.
+        held: What robots held of each other, as `ages` has it.
         known_share: (samples,): share of the town's ground that the first UAV's map shows.
         states: (UAV, time, state) for every change of a UAV's mission.
         decisions: How many actions the controllers asked for.
@@ -86,8 +85,7 @@ class RunResult:
     exchanges_open: int
     sample_times_s: npt.NDArray[np.float64]
     positions_m: npt.NDArray[np.float32]
-    pose_age_s: npt.NDArray[np.float32]
-    map_age_s: npt.NDArray[np.float32]
+    held: Mapping[Pair, Held]
     known_share: npt.NDArray[np.float32]
     states: tuple[tuple[str, float, str], ...]
     decisions: int
@@ -96,16 +94,20 @@ class RunResult:
     wall_s: float
     cpu_s: float
 
-    @property
-    def waits_s(self) -> npt.NDArray[np.float64]:
+    def waits_s(self, *stages: str) -> npt.NDArray[np.float64]:
         """The paper's message wait: how long each message that got through waited for the channel.
 
         From the moment when it was its turn in its own exchange to the beginning of the
         transmission that brought it over. Time out of contact counts where exchanges are held.
-        Requests and ends of exchanges are messages too; of several that crossed together each
-        has waited.
+        In the paper's counting requests and ends of exchanges are messages too. Of several that
+        crossed together each has waited.
+
+        Args:
+            stages: of these only; default: all.
         """
         rows = self.transmissions[self.transmissions["complete"]]
+        if stages:
+            rows = rows[np.isin(rows["stage"], [STAGES.index(stage) for stage in stages])]
         waits: npt.NDArray[np.float64] = rows["start_s"] - rows["ready_s"]
         return np.repeat(waits, np.maximum(rows["messages"], 1))
 
@@ -143,14 +145,12 @@ CURVE_S: Final = 60.0
 
 def measured(result: RunResult, duration_s: float) -> dict[str, float | int | None]:
     """The columns of a run; each name carries its unit. None: not defined in this run."""
-    waits_s = result.waits_s
+    waits_s, data_s, header_s = (result.waits_s(*own) for own in ((), ("data",), ("header",)))
     rows = result.transmissions
     contacts_s = result.contacts["ended_s"] - result.contacts["began_s"]
     ended = result.exchanges_complete + result.exchanges_broken
     time_s = result.mean_time_to_goal_s
-    ages_s = _ages_s(result)
-    ground = _of_kind(result, "ugv")
-    pair = ~np.eye(len(result.robots), dtype=bool)
+    busy = np.sort(result.bytes_per_bin(BIN_S, duration_s))[::-1]
     return {
         "goals_total": result.goals_total,
         "goals_found": len(result.goals),
@@ -163,19 +163,26 @@ def measured(result: RunResult, duration_s: float) -> dict[str, float | int | No
         "wait_median_s": _or_none(waits_s, np.median),
         "wait_p95_s": _or_none(waits_s, lambda values: np.percentile(values, 95)),
         "wait_max_s": _or_none(waits_s, np.max),
+        "data_waits": len(data_s),
+        "data_wait_mean_s": _or_none(data_s, np.mean),
+        "header_waits": len(header_s),
+        "header_wait_mean_s": _or_none(header_s, np.mean),
         "exchanges_complete": result.exchanges_complete,
         "exchanges_broken": result.exchanges_broken,
         "exchanges_open": result.exchanges_open,
-        "exchanges_complete_percent": 100 * result.exchanges_complete / ended if ended else None,
+        "exchanges_complete_percent": _share_percent(result.exchanges_complete, ended),
         "transmissions": len(rows),
         "sent_MB": float(rows["bytes"][rows["complete"]].sum()) / 1e6,
         "channel_busy_percent": 100 * float((rows["end_s"] - rows["start_s"]).sum()) / duration_s,
         "contacts": len(contacts_s),
         "contact_total_s": float(contacts_s.sum()),
         "contact_median_s": _or_none(contacts_s, np.median),
-        "pose_age_mean_s": float(ages_s[:, pair].mean()) if pair.any() and len(ages_s) else None,
-        "map_age_mean_s": _or_none(_map_ages_s(result)[:, ground], np.mean),
-        "map_known_percent": 100 * float(result.known_share[-1]) if len(ages_s) else None,
+        "busiest_tenth_percent": _share_percent(busy[: len(busy) // 10].sum(), busy.sum()),
+        "silent_percent": _share_percent((busy == 0).sum(), len(busy)),
+        **_ages(result, duration_s),
+        "map_known_percent": 100 * float(result.known_share[-1])
+        if result.known_share.size
+        else None,
         "driven_km": _way_m(result, "ugv") / 1e3,
         "flown_km": _way_m(result, "uav") / 1e3,
         "decisions": result.decisions,
@@ -193,11 +200,9 @@ def curves(result: RunResult, duration_s: float, *, places: bool) -> dict[str, A
         duration_s: its simulated time.
         places: keep positions and the states of UAVs too, which are long.
     """
-    counts, _ = np.histogram(result.waits_s, bins=WAIT_EDGES_S)
+    counts, _ = np.histogram(result.waits_s(), bins=WAIT_EDGES_S)
     times_s = result.sample_times_s
     step = max(1, round(CURVE_S / (times_s[1] - times_s[0]))) if len(times_s) > 1 else 1
-    ages_s, count = _ages_s(result), len(result.robots)
-    others = max(count - 1, 1)
     kept: dict[str, Any] = {
         "robots": list(result.robots),
         "kinds": list(result.kinds),
@@ -206,8 +211,12 @@ def curves(result: RunResult, duration_s: float, *, places: bool) -> dict[str, A
         "bin_bytes": [int(v) for v in result.bytes_per_bin(BIN_S, duration_s)],
         "contacts": _meetings(result),
         "curve_times_s": [round(float(v), 1) for v in times_s[::step]],
-        "pose_age_s": _rounded(ages_s.sum(axis=1)[::step] / others),  # [time][whose pose]
-        "map_age_s": _rounded(_map_ages_s(result)[::step]),
+        "pairs": [
+            [*pair, mean_age_s(held, duration_s), peak_age_s(held, duration_s)]
+            for pair, held in result.held.items()
+        ],
+        "pose_age_s": _age_curves(result, "pose", 1, times_s[::step]),  # [ground robot][time]
+        "map_age_s": _age_curves(result, "map", 2, times_s[::step]),
         "known_share": _rounded(result.known_share[::step], 4),
     }
     if places:
@@ -218,18 +227,28 @@ def curves(result: RunResult, duration_s: float, *, places: bool) -> dict[str, A
     return kept
 
 
-def _of_kind(result: RunResult, kind: str) -> npt.NDArray[np.bool_]:
-    return np.array([own == kind for own in result.kinds], dtype=bool)
+def _ages(result: RunResult, duration_s: float) -> dict[str, float | None]:
+    """Columns for each topic: means over its pairs of their mean and of their peak age."""
+    found: dict[str, float | None] = {}
+    for name, _, _ in USES.values():
+        held = [own for (topic, _, _), own in result.held.items() if topic == name]
+        for what, age_s in (("mean", mean_age_s), ("peak", peak_age_s)):
+            ages_s = [age for own in held if (age := age_s(own, duration_s)) is not None]
+            found[f"{name}_age_{what}_s"] = _or_none(np.array(ages_s), np.mean)
+    return found
 
 
-def _ages_s(result: RunResult) -> Numbers:
-    """(samples, who knows, of whom): who has never heard of a robot is as old as the run."""
-    times_s = result.sample_times_s[:, None, None]
-    return np.minimum(result.pose_age_s.astype(np.float64), times_s)
+def _age_curves(result: RunResult, topic: str, by: int, times_s: Numbers) -> list[Any]:
+    """Ages of a topic over time, by the first or second robot of a pair: means over the others."""
+    found: dict[str, list[Numbers]] = {}
+    for pair, held in result.held.items():
+        if pair[0] == topic:
+            found.setdefault(pair[by], []).append(ages_at(held, times_s))
+    return [_rounded(np.mean(own, axis=0)) for own in found.values()]
 
 
-def _map_ages_s(result: RunResult) -> Numbers:
-    return np.minimum(result.map_age_s.astype(np.float64), result.sample_times_s[:, None])
+def _share_percent(part: Any, whole: Any) -> float | None:
+    return 100 * float(part) / float(whole) if whole else None
 
 
 def _area_percent(result: RunResult, duration_s: float) -> float:

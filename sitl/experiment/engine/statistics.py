@@ -1,17 +1,15 @@
-"""What is counted while a run goes on: transmissions, contacts, places, how old knowledge is."""
+"""What is counted while a run goes on: transmissions, contacts, places."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import numpy.typing as npt
 
-from air_router.messages import MAP_TOPIC, POSE_TOPIC
 from sitl.experiment.channels.channel import Places
 from sitl.experiment.engine.exchange import Exchange
 from sitl.experiment.engine.result import CONTACT, TRANSMISSION
-from sitl.experiment.robots.node import Node
 
 Row = tuple[float, float, float, int, int, int, int, int, bool]
 """A transmission, in the order of `result.TRANSMISSION`."""
@@ -81,20 +79,11 @@ _Floats = npt.NDArray[np.float32]
 
 
 class Samples:
-    """Takes samples; every array has one row per sample.
+    """Takes samples; every array has one row per sample."""
 
-    Args:
-        nodes: In the order of their numbers.
-        mappers: Numbers of those that publish maps.
-    """
-
-    def __init__(self, nodes: Sequence[Node], mappers: Sequence[int]) -> None:
-        self._nodes = nodes
-        self._mappers = mappers
+    def __init__(self) -> None:
         self._times_s: list[float] = []  # one entry for each sample, as in all of these
         self._places: list[_Floats] = []  # by robot: east, north
-        self._pose_ages_s: list[_Floats] = []  # of the second robot's pose, at the first
-        self._map_ages_s: list[_Floats] = []  # by robot; 0 at those that publish maps
         self._shares: list[float] = []  # of the town, known to the first UAV's map
 
     def take(self, now_s: float, places: Places, known_share: float) -> None:
@@ -102,20 +91,6 @@ class Samples:
         self._times_s.append(now_s)
         self._places.append(places[:, :2].astype(np.float32))
         self._shares.append(known_share)
-        count = len(self._nodes)
-        ages_s = np.zeros((count, count), dtype=np.float32)
-        maps_s = np.zeros(count, dtype=np.float32)
-        for node in self._nodes:
-            for other in self._nodes:
-                if other is not node:
-                    ages_s[node.number, other.number] = node.age_s(other.name, POSE_TOPIC)
-            if node.number not in self._mappers:
-                maps_s[node.number] = min(
-                    (node.age_s(self._nodes[each].name, MAP_TOPIC) for each in self._mappers),
-                    default=np.inf,
-                )
-        self._pose_ages_s.append(ages_s)
-        self._map_ages_s.append(maps_s)
 
     @property
     def times_s(self) -> npt.NDArray[np.float64]:
@@ -126,16 +101,6 @@ class Samples:
     def positions_m(self) -> _Floats:
         """(samples, robots, 2)."""
         return np.array(self._places, dtype=np.float32)
-
-    @property
-    def pose_age_s(self) -> _Floats:
-        """(samples, robots, robots)."""
-        return np.array(self._pose_ages_s, dtype=np.float32)
-
-    @property
-    def map_age_s(self) -> _Floats:
-        """(samples, robots)."""
-        return np.array(self._map_ages_s, dtype=np.float32)
 
     @property
     def known_share(self) -> _Floats:

@@ -94,30 +94,25 @@ def plot_bandwidth(one: Axes, runs: Sequence[Record]) -> None:
 
 
 def plot_ages(one: Axes, runs: Sequence[Record]) -> None:
-    """Age of information: how old the others' newest word of each robot is."""
+    """Age of information over time: thin, each ground robot's; thick, their mean."""
     curves = runs[0]["curves"]
     times_min = np.array(curves["curve_times_s"]) / 60
-    ages_s = np.mean([run["curves"]["pose_age_s"] for run in runs], axis=0)
-    maps_s = np.mean([run["curves"]["map_age_s"] for run in runs], axis=0)
-    ground = [kind == "ugv" for kind in curves["kinds"]]
-    aerial = [kind == "uav" for kind in curves["kinds"]]
-    for ages_min, colour, what in (
-        (ages_s[:, ground] / 60, COLOURS[0], "ground robots' poses"),
-        (ages_s[:, aerial] / 60, COLOURS[1], "UAVs' poses"),
+    top_min = 1.0
+    for key, colour, dash, what in (
+        ("pose_age_s", COLOURS[0], DASHES[0], "ground robots' poses at UAVs"),
+        ("map_age_s", COLOURS[2], DASHES[1], "UAVs' maps at ground robots"),
     ):
+        ages_min = np.mean([run["curves"][key] for run in runs], axis=0).T / 60
         if ages_min.size:
             one.plot(times_min, ages_min, color=colour, lw=0.7, alpha=0.35)
-            one.plot(times_min, ages_min.mean(axis=1), color=colour, lw=2, label=what)
-    if any(ground):
-        mean_min = maps_s[:, ground].mean(axis=1) / 60
-        dashed: dict[str, Any] = {"color": COLOURS[2], "linestyle": (0, (4, 1.6)), "lw": 2}
-        one.plot(times_min, mean_min, label="the UAV's map at ground robots", **dashed)
+            mean_min = ages_min.mean(axis=1)
+            one.plot(times_min, mean_min, color=colour, linestyle=dash, lw=2, label=what)
+            top_min = max(top_min, float(np.max(ages_min)))
     one.plot(times_min, times_min, color=FAINT, lw=0.8, ls=":", label="never heard")
     one.set_title(f"{runs[0]['row']} ({counted(len(runs), 'runs')})", loc="left")
     end_min = max(float(times_min[-1]), 1.0)
     one.set_xlim(0, end_min)
-    top = max(float(np.max(ages_s)), float(np.max(maps_s))) / 60
-    one.set_ylim(0, min(max(top, 1) * 1.25, end_min))
+    one.set_ylim(0, min(top_min * 1.25, end_min))
 
 
 def draw_links(experiment: Experiment, records: Sequence[Record]) -> Figure | None:

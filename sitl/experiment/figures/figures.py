@@ -50,8 +50,9 @@ _MEASURES: Final = (
 _COMPARED: Final = (
     ("goals_percent", "goals reached (%)"),
     ("time_min", "time to a goal (min)"),
-    ("pose_age_s", "age of poses (s)"),
-    ("map_age_s", "age of the map at ground robots (s)"),
+    ("goal_area_percent", "goals reached, mean over time (%)"),
+    ("pose_age_s", "age of poses at UAVs (s)"),
+    ("map_age_s", "age of maps at ground robots (s)"),
     ("wait_mean_s", "message wait, mean (s)"),
     ("sent_mb", "sent (MB)"),
 )
@@ -107,7 +108,7 @@ def _draw_team(one: Axes, team: Sequence[Line], ours: str, theirs: str) -> None:
             continue
         radii_m = np.array([line.settings["radius_m"] for line in own]) + shift
         style: dict[str, Any] = {"color": colour, "marker": marker, "ms": 5}
-        values = [getattr(line, ours) for line in own]
+        values = [line.values[ours] for line in own]
         _bars(one, radii_m, values, {**style, "label": f"{counted(uavs, 'UAVs')}, ours"})
         paper = [getattr(line.paper, theirs) if line.paper else np.nan for line in own]
         hollow: dict[str, Any] = {"linestyle": (0, (3, 2)), "mfc": "white", "lw": 1, "zorder": 2}
@@ -139,7 +140,7 @@ def draw_comparison(experiment: Experiment, records: Sequence[Record]) -> Figure
     height = np.arange(len(found))[::-1]
     for one, (measure, label) in zip(axes, _COMPARED, strict=True):
         for index, line in enumerate(found):
-            estimate = getattr(line, measure)
+            estimate = line.values[measure]
             colour = COLOURS[
                 groups.index(words({last: line.settings.get(last)}, [last])) % len(COLOURS)
             ]
@@ -187,7 +188,7 @@ _CONTACTS: Final = Chart(
 )
 _AGES: Final = Chart(
     "Age of information",
-    "age of the others' newest word of each robot, mean of the runs",
+    "thin: of each ground robot, thick: their mean; mean of the runs",
     "time (min)",
     "age (min)",
     legend="upper left",

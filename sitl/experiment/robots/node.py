@@ -7,7 +7,6 @@ which goals it knows.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable
 from typing import Final
 
@@ -70,7 +69,6 @@ class Node:
         self._hear = hear
         self._topics = {topic.name: topic for topic in team.topics_of(name)}  # that it may publish
         self._fresh_s = -REFRESH_S  # simulated time at which its robot spoke last
-        self._known_ids: dict[tuple[str, str], tuple[int, int]] = {}  # by names
 
     @property
     def now(self) -> Instant:
@@ -109,19 +107,6 @@ class Node:
         """The message that an event tells of."""
         record = self.gossip.database.get(event.header)
         return b"" if record is None else payload.unpack(record.body)
-
-    def age_s(self, robot: str, topic: str) -> float:
-        """The age of the newest message of a robot's topic that is here; inf: there is none."""
-        record = self.gossip.database.newest(*self._ids(robot, topic))
-        return math.inf if record is None else self.now.unix_s - record.stamp_s
-
-    def _ids(self, robot: str, topic: str) -> tuple[int, int]:
-        key = robot, topic
-        known = self._known_ids.get(key)
-        if known is None:
-            robot_id = self._team.robot(robot).robot_id
-            known = self._known_ids[key] = (robot_id, self._team.topic(robot, topic).topic_id)
-        return known
 
 
 class BaseStation:

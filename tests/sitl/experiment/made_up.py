@@ -4,6 +4,7 @@ import numpy as np
 
 from geo.frame import Point
 from sitl.experiment.campaign.running import recorded, run_settings
+from sitl.experiment.engine.ages import USES
 from sitl.experiment.engine.result import CONTACT, TRANSMISSION, GoalVisit, RunResult
 from sitl.experiment.settings import RunSettings
 
@@ -29,11 +30,6 @@ def made_up_result(settings: RunSettings, seed: int) -> RunResult:
     starts_m = chance.uniform(-100, 100, (1, team, 2))
     steps_m = chance.normal(0, 0.5, (len(times_s), team, 2)) * settings.sample_s
     steps_m += 1.5 * settings.sample_s * np.sin(times_s / 97)[:, None, None]
-    ages_s = chance.exponential(90, (len(times_s), team, team))
-    ages_s[: len(times_s) // 10] = np.inf
-    ages_s[:, np.arange(team), np.arange(team)] = 0
-    map_ages_s = ages_s[:, :, 0].copy()
-    map_ages_s[:, [kind == "uav" for kind in kinds]] = 0
     return RunResult(
         seed=seed,
         robots=robots,
@@ -49,8 +45,7 @@ def made_up_result(settings: RunSettings, seed: int) -> RunResult:
         exchanges_open=1,
         sample_times_s=times_s,
         positions_m=(starts_m + np.cumsum(steps_m, axis=0) / 8).astype(np.float32),
-        pose_age_s=ages_s.astype(np.float32),
-        map_age_s=map_ages_s.astype(np.float32),
+        held=_held(chance, robots, kinds, duration_s),
         known_share=np.clip(times_s / duration_s * 1.4, 0, 0.95).astype(np.float32),
         states=(("uav01", 0.0, "INIT"), ("uav01", 150.0, "SEARCH"), ("uav01", 190.0, "COMM")),
         decisions=99,
@@ -77,6 +72,16 @@ def _transmissions(chance, settings, team):
     rows["bytes"] = chance.integers(50, 40_000, count)
     rows["complete"] = chance.random(count) < 0.98
     return rows
+
+
+def _held(chance, robots, kinds, duration_s):
+    times_s = [np.append(0.0, np.sort(chance.uniform(0, duration_s, 9))) for _ in range(100)]
+    return {
+        (name, a, b): np.stack([own, own - chance.exponential(20, 10) * (own > 0)], axis=1)
+        for name, maker, user in USES.values()
+        for a, b, own in zip(robots, robots[::-1], times_s, strict=False)
+        if a != b and (a[:3], b[:3]) == (maker, user)
+    }
 
 
 def _contacts(chance, team, duration_s):

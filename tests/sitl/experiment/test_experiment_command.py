@@ -94,6 +94,9 @@ def test_a_stopped_experiment_goes_on_where_it_was(sitl, tmp_path, capsys):
     out = capsys.readouterr()
     assert "5 of 12 runs are there" in out.err
     assert "A small experiment" in out.out
+    assert max(map(len, out.out.splitlines())) <= 160
+    for head in ("goals over time %", "data wait s", "complete exchanges", "map peak s"):
+        assert head in out.out
     code, third = sitl()
     assert (code, third.made) == (0, [])
     _, more = sitl("--seeds", "4", "--rows", "radius_m=5")
@@ -249,8 +252,13 @@ def test_the_table_sums_up_messages_and_goals_not_runs(sitl, tmp_path):
     measures = [record["measures"] for record in records]
     waits = sum(m["waits"] for m in measures)
     mean_s = sum(m["waits"] * m["wait_mean_s"] for m in measures) / waits
-    assert line.wait_mean_s.value == pytest.approx(mean_s)
-    assert line.wait_mean_s.low <= mean_s <= line.wait_mean_s.high
+    wait_s = line.values["wait_mean_s"]
+    assert wait_s.value == pytest.approx(mean_s)
+    assert wait_s.low <= mean_s <= wait_s.high
+    assert line.values["broken"].value == np.mean([m["exchanges_broken"] for m in measures])
+    own = sum(m["data_waits"] * m["data_wait_mean_s"] for m in measures)
+    requests = sum(m["header_waits"] * m["header_wait_mean_s"] for m in measures)
+    assert own + requests < mean_s * waits
     assert line.paper.goals_percent == 66.7
     assert "paper" not in tables.as_markdown(experiment, [line])  # its table varies UAVs too
     whole, _ = load_experiment("table1")

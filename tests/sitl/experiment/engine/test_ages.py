@@ -1,0 +1,165 @@
+"""Ages of information: saw teeth by hand, and against a simulation second by second."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mocha_link.links.link_events import MessageStored
+from sitl.experiment.engine.ages import Ages, ages_at, mean_age_s, peak_age_s
+
+ROBOTS = ("uav01", "ugv01", "ugv02")
+KINDS = ("uav", "ugv", "ugv")
+
+
+class World:
+    """A map that a UAV makes, or a pose of a ground robot, and who holds it."""
+
+    def __init__(self, topic="/map", maker="uav01", user="ugv01", *, watched=True):
+        self.queue = SimpleNamespace(now_s=0.0)
+        self.ages = Ages(self.queue)
+        self.topic, self.maker, self.user = topic, maker, user
+        self.state = 0
+        if watched:
+            self.ages.watch(maker, topic, lambda: self.state)
+        self.passed_on = []
+
+    def at(self, time_s):
+        self.queue.now_s = float(time_s)
+        return self
+
+    def become(self, state):
+        self.state = state
+        self.ages.look()
+        return self
+
+    def store(self, robot, header):
+        event = MessageStored("peer", 0.0, self.maker, self.topic, header, 1)
+        self.ages.listener(robot, self.passed_on.append)(event)
+        return self
+
+    def say(self, header):
+        return self.store(self.maker, header)
+
+    def hear(self, header):
+        return self.store(self.user, header)
+
+    @property
+    def held(self):
+        (found,) = [
+            held
+            for pair, held in self.ages.held(ROBOTS, KINDS).items()
+            if pair == (self.topic[1:], self.maker, self.user)
+        ]
+        return found
+
+
+def test_poses_age_from_when_they_were_made():
+    world = World("/pose", "ugv01", "uav01", watched=False)
+    world.at(2).say("a").at(4).hear("a").at(5).say("b").at(10).hear("b").at(11).hear("a")
+    # 0..4 s: 0 to 4; 4..10 s: 2 to 8; 10..20 s: 5 to 15; an older one that comes late is none
+    assert mean_age_s(world.held, 20.0) == pytest.approx((8 + 30 + 100) / 20)
+    assert peak_age_s(world.held, 20.0) == pytest.approx((4 + 8 + 15) / 3)
+    assert ages_at(world.held, np.array([0.0, 3.0, 4.0, 9.0, 10.0, 20.0])).tolist() == [
+        0,
+        3,
+        2,
+        7,
+        5,
+        15,
+    ]
+    assert len(world.passed_on) == 5
+
+
+def test_a_map_ages_from_when_there_is_more_to_show():
+    world = World().at(3).become(1).at(4).say("a").at(6).hear("a")
+    # 3..6 s: 0 to 3; until 9 s the map is as it was; told at 12 s and heard at 14 s: 0 to 5; then 0
+    world.at(9).become(2).at(12).say("b").at(14).hear("b")
+    assert mean_age_s(world.held, 20.0) == pytest.approx((4.5 + 12.5) / 20)
+    assert peak_age_s(world.held, 20.0) == pytest.approx((3 + 5) / 2)
+    # what is not heard of ages to the end, and that is a peak
+    world.at(16).become(3)
+    assert mean_age_s(world.held, 20.0) == pytest.approx((4.5 + 12.5 + 8) / 20)
+    assert peak_age_s(world.held, 20.0) == pytest.approx((3 + 5 + 4) / 3)
+
+
+def test_who_never_hears_is_as_old_as_what_there_was_to_hear():
+    world = World().at(3).become(1)
+    assert mean_age_s(world.held, 13.0) == pytest.approx(50 / 13)
+    assert peak_age_s(world.held, 13.0) == 10.0
+    silent = World()
+    assert (mean_age_s(silent.held, 13.0), peak_age_s(silent.held, 13.0)) == (0.0, None)
+    pose = World("/pose", "ugv01", "uav01", watched=False)
+    assert (mean_age_s(pose.held, 10.0), peak_age_s(pose.held, 10.0)) == (5.0, 10.0)
+
+
+STEPS = st.lists(
+    st.tuples(st.integers(0, 2), st.booleans(), st.none() | st.integers(0, 60)),
+    min_size=1,
+    max_size=60,
+)
+
+
+class Slow:
+    """The same by the definition: states and messages are kept, and looked through every second."""
+
+    def __init__(self):
+        self.states, self.told = [], []  # by second; seconds of messages
+
+    def false_s(self, message):
+        """When the last stretch began in which there was another state to tell, until it was."""
+        state, made = (0, -1) if message is None else (self.state(message), self.told[message])
+        later = [t for t in self.told if t > made and (message is None or self.states[t] != state)]
+        last = later[0] if later else len(self.states) - 1
+        if message is None and later and self.states[last] == state:
+            return last
+        first = math.inf
+        for second in range(last, made, -1):
+            if self.states[second] == state:
+                break
+            first = second
+        return first
+
+    def state(self, message):
+        return self.states[self.told[message]]
+
+    def is_news(self, message, newest):
+        """Whether a message tells of another state than the newest that was heard."""
+        if newest is None or message <= newest:
+            return newest is None
+        return len({self.state(each) for each in range(newest, message + 1)}) > 1
+
+    def area_and_peaks(self, heard):
+        """The area under the ages, and the peaks; `heard`: a message by second."""
+        area, peaks, newest, end = 0.0, [], None, len(self.states)
+        for second in range(end):
+            message = heard.get(second)
+            if message is not None and self.is_news(message, newest):
+                peaks.append(max(0.0, second - self.false_s(newest)))
+                newest = message
+            if self.false_s(newest) <= second:
+                area += second - self.false_s(newest) + 0.5
+        last = end - self.false_s(newest)
+        return area, peaks + [last] * (last > 0)
+
+
+@given(STEPS)
+def test_ages_are_those_of_a_simulation_second_by_second(steps):
+    """Each second the state may change, be told, and one of the messages told so far be heard."""
+    world, slow, heard = World(), Slow(), {}
+    for second, (state, says, hears) in enumerate(steps):
+        world.at(second).become(state)
+        slow.states.append(state)
+        if says:
+            world.say(str(len(slow.told)))
+            slow.told.append(second)
+        if hears is not None and slow.told:
+            heard[second] = hears % len(slow.told)
+            world.hear(str(heard[second]))
+    area, peaks = slow.area_and_peaks(heard)
+    assert mean_age_s(world.held, float(len(steps))) == pytest.approx(area / len(steps))
+    peak_s = peak_age_s(world.held, float(len(steps)))
+    assert peak_s is None if not peaks else peak_s == pytest.approx(np.mean(peaks))
