@@ -49,7 +49,7 @@ sabotage: setup
 
 # One of each class, each caught in its first scene
 SLICE = "every leg is clear" "no clearance" "straight lines" "the loader drops a zone" "it lands where it is" \
-	"a go-to flies at 3 m" "the pilot's mode is ignored" "a stranger's order goes unnoticed" \
+	"a go-to flies at 3 m" "the pilot's mode is ignored" "an order of another sender goes unnoticed" \
 	"breaches are never seen" "satellites are ignored" "the battery is ignored" "braking takes no way" \
 	"a leg is not checked again when it leaves"
 sabotage-slice: setup

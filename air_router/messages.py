@@ -1,7 +1,7 @@
 """What robots tell each other, in JSON: where they are, where they go, what they see.
 
 Latitude and longitude, because robots need not share a local frame. Everything that comes from
-the network is bounded and checked here before anybody uses it.
+the network is bounded and checked here before it is used.
 """
 
 from __future__ import annotations

@@ -103,7 +103,7 @@ class _Flight:
 
 
 def _fly(wire: Connection, robots: int, uavs: int) -> None:
-    """Serve pages, and tell them where everybody is, until asked to end; sends times taken."""
+    """Serve pages, and tell them where all robots are, until asked to end; sends times taken."""
     mission = load_mission(MISSION)
     router = Router(WaypointGraph(mission))
     flights = {f"uav{n}": _Flight(mission, router, n, robots) for n in range(uavs)}

@@ -95,7 +95,7 @@ MUTANTS = (
          "airspace_update mission_reloader"),
     _row("fix back at once", "air_router.input_limits", "BACK_S: Final = 3.0",
          "BACK_S: Final = 0.0", "input_limits telemetry_handler"),
-    _row("late stranger", "air_router.safety_monitor", "STRANGE_S: Final = 1.5", "STRANGE_S: Final = 15.0",
+    _row("late foreign order", "air_router.safety_monitor", "FOREIGN_ORDER_S: Final = 1.5", "FOREIGN_ORDER_S: Final = 15.0",
          "safety_monitor telemetry_handler"),
     _row("oldest alike", "air_router.seeking", "self.age_s >= oldest_s", "self.age_s > oldest_s",
          "seeking"),

@@ -141,7 +141,7 @@ class TelemetryHandler:
         gate = self._gate
         found = self._monitor.look(telemetry, gate.commanded_mode, self._airspace_update.leaving)
         match found.kind:
-            case EventKind.STRANGER:
+            case EventKind.FOREIGN_ORDER:
                 self._authority.take_over(ControlHolder.PILOT, found.words)
             case EventKind.BREACH:
                 self._authority.give_up(f"{found.words} is not resumed by itself")

@@ -134,7 +134,7 @@ class EditorServer:
             return {"type": "refused", "id": number, "kind": kind, "why": str(error)}
         except (ValueError, RecursionError):
             return {"type": "refused", "id": number, "kind": "edit", "why": "not a request"}
-        except Exception:  # noqa: BLE001 - a fault of ours must not cost anybody's work
+        except Exception:  # noqa: BLE001 - a fault of ours must not cost the user's work
             _LOG.exception("a request of the page failed: %s", text[:500])
             why = "this failed, the mission is as it was; see the program's log"
             return {"type": "refused", "id": number, "kind": "fault", "why": why}

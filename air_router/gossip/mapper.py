@@ -1,4 +1,4 @@
-"""The semantic map that the UAV paints as it flies and hands to everybody it meets."""
+"""The semantic map that the UAV paints as it flies and hands to every peer it meets."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def check_team(draft: MissionDocument) -> None:
     if draft.uav is not None:
         of_several = [uav.keys for uav in draft.uavs if uav.name == draft.uav]
         _check_flies(draft, draft.uav, team, (of_several or [("uav",)])[0])
-        _note_strangers(draft, team)
+        _note_unlinked_uavs(draft, team)
     else:
         _choose(draft, team)
     _check_others(draft, team)
@@ -102,15 +102,15 @@ def _check_goals(draft: MissionDocument, name: str, team: Team, keys: Keys) -> N
         draft.note(keys, message, "no-goals-topic")
 
 
-def _note_strangers(draft: MissionDocument, team: Team) -> None:
+def _note_unlinked_uavs(draft: MissionDocument, team: Team) -> None:
     """Note UAVs of one mission that cannot tell each other whom they seek."""
     own = next((uav for uav in draft.uavs if uav.name == draft.uav), None)
     if own is None or own.name not in team.robots or len(draft.uavs) == 1:
         return
     known = {own.name, *team.robot(own.name).peers}
-    strangers = [uav.name for uav in draft.uavs if uav.name not in known]
-    if strangers:
-        names = " and ".join(f"'{name}'" for name in strangers)
+    unlinked = [uav.name for uav in draft.uavs if uav.name not in known]
+    if unlinked:
+        names = " and ".join(f"'{name}'" for name in unlinked)
         message = (
             f"'{own.name}' has no link with {names} in the team file, so that they may seek the "
             "same robot; make them clients of each other"

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 # An original node is ready for the next trigger 12.4 s after a cut in the middle of an exchange:
-# with a longer gap every contact begins with everybody ready.
+# with a longer gap every contact begins with all nodes ready.
 GAP_S = 13.0
 CONTACTS = {1.0: 6, 3.0: 4, 10.0: 3}  # by the length of a contact: more of the short ones
 QUEUE_PACKETS = 20

@@ -14,7 +14,7 @@ TOPICS_PER_ROBOT = 250  # a team has at most 256 topics; the rest are messages o
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """Incompressible messages of log-uniform sizes, the same for everybody who knows the seed.
+    """Incompressible messages of log-uniform sizes, the same for the same seed.
 
     100 of them (1.5 MB) on a slow link, more of the same sizes where the contacts carry more.
     """

@@ -109,7 +109,7 @@ class Types:
         value = _guarded(codec.decode, kind, data, from_ros)
         if from_ros == to_ros == 1:
             return data
-        # CDR is written anew: another byte order or padding at its end is not for everybody.
+        # CDR is written anew: another byte order or padding at its end is not read by all.
         changed: bytes = _guarded(codec.encode, kind, value, to_ros)
         return changed
 

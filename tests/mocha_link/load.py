@@ -210,6 +210,6 @@ def hung_up() -> Iterator[None]:
 
 
 def say(connection: socket.socket, data: bytes) -> None:
-    """Send, if anybody is there to hear it."""
+    """Send, if a peer is there to receive it."""
     with hung_up():
         connection.sendall(data)

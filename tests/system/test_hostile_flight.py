@@ -79,10 +79,10 @@ def visit_a_bad_page(browser, control, live):
 
 
 def post_without_a_browser(control):
-    with socket.create_connection(("127.0.0.1", control)) as stranger:
-        stranger.sendall(post(control, HOME))
+    with socket.create_connection(("127.0.0.1", control)) as intruder:
+        intruder.sendall(post(control, HOME))
         with contextlib.suppress(ConnectionError):
-            while stranger.recv(4096):
+            while intruder.recv(4096):
                 pass
 
 
@@ -101,10 +101,10 @@ def pretend_to_be_the_vehicle(port):
         mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0, -1, 0, 0, 0, 0, 0, 0, 0),
         mavlink.MAVLink_mission_current_message(9),
     ]
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as intruder:
         for message in messages * 20:
-            stranger.sendto(message.pack(link), ("127.0.0.1", port))
-        stranger.sendto(b"\xfd" * 700, ("127.0.0.1", port))
+            intruder.sendto(message.pack(link), ("127.0.0.1", port))
+        intruder.sendto(b"\xfd" * 700, ("127.0.0.1", port))
 
 
 def go_mad(team):
@@ -150,7 +150,7 @@ def without_relays(path):
     return Team.load(path)
 
 
-def test_strangers_move_nothing_and_end_nothing(vehicle, command, short_mission, udp_port, browser):
+def test_intruders_move_nothing_and_end_nothing(vehicle, command, short_mission, udp_port, browser):
     team = without_relays(short_mission.parent / "team.yaml")
     vehicle(speed=6)
     control = free_port()

@@ -89,7 +89,7 @@ class Flight:
     """A simulated flight that goes on while tests look at it.
 
     Attributes:
-        sought: Who was asked for on the page, if anybody was.
+        sought: The robot that was asked for on the page, if any.
     """
 
     def __init__(self, command, mission, folder):

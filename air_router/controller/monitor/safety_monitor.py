@@ -20,10 +20,10 @@ from air_router.mission.mission import Mission
 from air_router.vehicle.vehicle import FlightMode, Telemetry
 from geo.frame import Point
 
-STRANGE_S: Final = 1.5
+FOREIGN_ORDER_S: Final = 1.5
 """How long an order that is not ours has to show: our own shows late on a slow link."""
 
-STRANGE_M: Final = 4.0
+FOREIGN_TARGET_M: Final = 4.0
 """A target so far from ours is not ours; the autopilot's position estimate wanders less."""
 
 BRAKED_S: Final = 3.0
@@ -39,7 +39,7 @@ class EventKind(Enum):
     """What was found."""
 
     GOOD = "the mission may go on"
-    STRANGER = "the vehicle follows an order that is not ours"
+    FOREIGN_ORDER = "the vehicle follows an order that is not ours"
     BREACH = "in a no-fly zone or outside a fence"
 
 
@@ -64,7 +64,7 @@ class SafetyMonitor:
 
     _context: MissionContext
     _plan: FlightPlan
-    _strange_since_s: float | None = None
+    _foreign_since_s: float | None = None
     _jump: tuple[FlyToNode, int] | None = None
     _held: tuple[HoldHere, float, Point | None] | None = None
     # Nothing is near this place, so far, among the zones of this mission.
@@ -73,7 +73,7 @@ class SafetyMonitor:
     @property
     def doubts(self) -> bool:
         """Whether an order that is not ours shows, if not for long enough to be sure of it."""
-        return self._strange_since_s is not None
+        return self._foreign_since_s is not None
 
     def look(
         self, telemetry: Telemetry, commanded_mode: CommandedMode, leaving: Collection[str] = ()
@@ -82,17 +82,17 @@ class SafetyMonitor:
 
         To be in a zone of `leaving` is no breach: it was drawn over the vehicle, which leaves it.
         """
-        strange = self._strange_order(telemetry, commanded_mode)
-        if strange is None:
-            self._strange_since_s = None
+        foreign = self._foreign_order(telemetry, commanded_mode)
+        if foreign is None:
+            self._foreign_since_s = None
         else:
-            order, told_s = strange
-            if self._strange_since_s is None:
-                self._strange_since_s = telemetry.told_s
-            shown_s = telemetry.told_s - self._strange_since_s
+            order, told_s = foreign
+            if self._foreign_since_s is None:
+                self._foreign_since_s = telemetry.told_s
+            shown_s = telemetry.told_s - self._foreign_since_s
             # One message, that may be of before our own order, is no proof.
-            if told_s < shown_s and shown_s >= STRANGE_S:
-                return MonitorEvent(EventKind.STRANGER, order)
+            if told_s < shown_s and shown_s >= FOREIGN_ORDER_S:
+                return MonitorEvent(EventKind.FOREIGN_ORDER, order)
         breach = self.breach(telemetry, leaving)
         return _GOOD if breach is None else MonitorEvent(EventKind.BREACH, breach)
 
@@ -111,7 +111,7 @@ class SafetyMonitor:
         holders = [name for name in inside if name not in leaving]
         return f"breach of {', '.join(holders)}" if holders else None
 
-    def _strange_order(
+    def _foreign_order(
         self, telemetry: Telemetry, commanded_mode: CommandedMode
     ) -> tuple[str, float] | None:
         """An order that is not ours and needed no other mode, and the age of what shows it.
@@ -150,7 +150,7 @@ class SafetyMonitor:
 
 def _elsewhere(telemetry: Telemetry, ours: Point) -> str | None:
     target = telemetry.target
-    if target is None or math.dist(target, ours) <= STRANGE_M:
+    if target is None or math.dist(target, ours) <= FOREIGN_TARGET_M:
         return None
     return _ELSEWHERE
 

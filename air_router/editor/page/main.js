@@ -1,7 +1,7 @@
 // The edit page: puts its parts together.
 
 import { AirspaceLayer } from "/page/airspace.js";
-import { Desk } from "/page/desk.js";
+import { Layout } from "/page/layout.js";
 import { byId, element } from "/page/element.js";
 import { AIRSPACE, addLegend } from "/page/legend.js";
 import { addBackdrop, createMap } from "/page/map.js";
@@ -38,7 +38,7 @@ startTheme();
 addLegend(byId("legend"), SIGNS);
 const map = createMap(byId("map"));
 let fitted = false;
-const desk = new Desk(map, () => fitted && fit());
+const layout = new Layout(map, () => fitted && fit());
 const store = new Store();
 const selection = new Selection();
 const legs = new Legs(map);
@@ -73,7 +73,7 @@ function fit() {
       points.push(...boundsOf(area.circle));
     }
   }
-  if (points.length) desk.show(L.latLngBounds(points).pad(0.02));
+  if (points.length) layout.show(L.latLngBounds(points).pad(0.02));
 }
 
 /** @param {{centre: number[], radius_m: number}} circle @returns {any[]} two corners */
@@ -87,7 +87,7 @@ function boundsOf({ centre, radius_m: radius }) {
 function visit(keys, at) {
   if (at.length) {
     const zoom = at.length === 1 ? Math.max(map.getZoom(), 19) : 21;
-    desk.show(L.latLngBounds(at).pad(0.3), { maxZoom: zoom });
+    layout.show(L.latLngBounds(at).pad(0.3), { maxZoom: zoom });
   }
   if (keys && store.state) selection.find(store.state, keys);
 }

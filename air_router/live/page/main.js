@@ -1,6 +1,6 @@
 // The live page: puts its parts together.
 
-import { Desk } from "/page/desk.js";
+import { Layout } from "/page/layout.js";
 import { byId } from "/page/element.js";
 import { AIRSPACE, addLegend } from "/page/legend.js";
 import { addBackdrop, createMap } from "/page/map.js";
@@ -51,7 +51,7 @@ let isDue = false;
 
 const shown = await listing();
 const isOne = shown.flights.length === 1;
-const desk = new Desk(map, fit);
+const layout = new Layout(map, fit);
 const watcher = { told, due, pressed: (flight) => verbs.choosing || choose(flight), connected };
 const grounds = new Grounds(map);
 /** @type {Flight[]} */
@@ -83,7 +83,7 @@ async function listing() {
 function told(flight, message) {
   if (message.type === "news") news.add(flight, message);
   if (message.type === "welcome") welcomed(flight, message);
-  if (message.type === "scenery" && !flight.seen && !desk.touched) fit();
+  if (message.type === "scenery" && !flight.seen && !layout.touched) fit();
   flight.seen ||= message.type === "scenery";
   if (flight !== chosen) return;
   if (message.type === "scenery") scenery.show(message);
@@ -153,7 +153,7 @@ function fit() {
   const bounds = flights.reduce((all, flight) => (flight.bounds ? all.extend(flight.bounds) : all), L.latLngBounds([]));
   if (!bounds.isValid()) return;
   follow(false);
-  desk.show(bounds.pad(0.02));
+  layout.show(bounds.pad(0.02));
 }
 
 /** @param {boolean} on */
@@ -176,11 +176,11 @@ map.on("mousemove", ({ latlng }) => {
 });
 byId("theme").addEventListener("click", switchTheme);
 byId("fit").addEventListener("click", () => {
-  desk.touched = false;
+  layout.touched = false;
   fit();
 });
 byId("follow").addEventListener("click", () => {
-  desk.touched = true;
+  layout.touched = true;
   follow(!following);
 });
 byId("hold-all").addEventListener("click", () => verbs.holdAll(flights));

@@ -110,7 +110,7 @@ class Sent:
 
     Attributes:
         order: What the vehicle was told.
-        before: What the vehicle had been told by anybody when it left.
+        before: What the vehicle had been told, by any sender, when it left.
         first_s: When it left.
         last_s: When it left last.
         heard_s: When the vehicle said last that it is about it.

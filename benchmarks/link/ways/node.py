@@ -1,4 +1,4 @@
-"""Our node on both sides, through what it offers to everybody: publish, a radio, its events."""
+"""Our node on both sides, through its public interface: publish, a radio, its events."""
 
 import threading
 

@@ -352,7 +352,7 @@ class RealFlight:
         self._programs.start_second_vehicle()
 
     def do_intrude(self, value: str) -> None:
-        """A stranger sends something to the companion."""
+        """An intruder sends something to the companion."""
         for data in intrusion(value, self.scene.chance("intruder")):
             self._relay.intrude(data)
 

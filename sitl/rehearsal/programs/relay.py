@@ -120,8 +120,8 @@ class LossyRelay:
 
     def intrude(self, data: bytes) -> None:
         """Send something to the companion, from a place where no vehicle is."""
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-            stranger.sendto(data, self._companion)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as intruder:
+            intruder.sendto(data, self._companion)
 
     def move(self) -> None:
         """From now on the vehicle is heard from another port, as after a radio's restart."""

@@ -47,7 +47,7 @@ from tests.stray_post import post
 
 
 class Served:
-    """The desk of a pretended flight in the air, at an endpoint of its own thread."""
+    """The control endpoint of a pretended flight in the air, at an endpoint of its own thread."""
 
     def __init__(self, flight, endpoint):
         self.flight = flight
@@ -369,13 +369,13 @@ def test_who_asks_for_a_reload_is_told_what_came_of_it(served, client, capsys):
 
 
 def test_who_answers_but_is_no_flight_is_told_as_such():
-    with zmq.Context() as context, context.socket(zmq.ROUTER) as stranger:
-        endpoint = bind(stranger, "tcp://127.0.0.1:*")
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as intruder:
+        endpoint = bind(intruder, "tcp://127.0.0.1:*")
 
         def answer():
             for reply in (b"[]", b'{"ok":true}', b"\xff"):
-                frames = stranger.recv_multipart()
-                stranger.send_multipart([frames[0], reply])
+                frames = intruder.recv_multipart()
+                intruder.send_multipart([frames[0], reply])
 
         thread = threading.Thread(target=answer)
         thread.start()

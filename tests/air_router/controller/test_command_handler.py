@@ -24,7 +24,7 @@ from air_router.controller.model.events import (
 )
 from air_router.controller.model.requests import ComeHome, ExploreNow, GoOn, GoTo, HoldNow, SeekNow
 from air_router.controller.model.states import State
-from air_router.controller.monitor.safety_monitor import STRANGE_M
+from air_router.controller.monitor.safety_monitor import FOREIGN_TARGET_M
 from air_router.vehicle.vehicle import Ages, FlightMode, LinkSilent
 from geo.frame import Point
 from mocha_link.links.metrics import Direction, SyncEnded, SyncStarted
@@ -334,7 +334,7 @@ def test_nothing_leaves_while_it_is_not_certain_whose_the_vehicle_is(in_state, o
     flight = in_state(State.GOTO)
     flight.fly_until(lambda: isinstance(flight.motions[-1], FlyToPoint))
     commanded, goal = len(flight.motions), flight.motions[-1].position
-    strange = goal._replace(east_m=goal.east_m + 2 * STRANGE_M)
+    strange = goal._replace(east_m=goal.east_m + 2 * FOREIGN_TARGET_M)
 
     def flies_to(target):
         flight.now_s += 0.1

@@ -104,7 +104,7 @@ def test_the_share_of_the_map_is_what_was_there_to_be_fetched(stats, mapper):
     assert stats.report("done", 0.0)["robots"]["io"]["map_share"] == 1.0
 
 
-def test_syncs_are_counted_by_direction_and_strangers_only_as_interactions(stats):
+def test_syncs_are_counted_by_direction_and_unknown_robots_only_as_interactions(stats):
     sync(stats, "io", Direction.IN, 1.0, size=70)
     sync(stats, "io", Direction.OUT, 2.0, size=500)
     sync(stats, "basestation", Direction.IN, 3.0)

@@ -191,7 +191,7 @@ def test_what_is_no_flight_and_what_says_too_much_is_given_up():
             stack.callback(mail.close)
             places = {
                 "titan": titan,
-                "stranger": PageAddress("127.0.0.1", titan.port, "guess"),
+                "intruder": PageAddress("127.0.0.1", titan.port, "guess"),
                 "odd": PageAddress("127.0.0.1", titan.port, "a\r\nHost: b"),
                 "mail": PageAddress("127.0.0.1", mail.sockets[0].getsockname()[1]),
                 "elsewhere": await serve(stack, elsewhere),
@@ -210,7 +210,7 @@ def test_what_is_no_flight_and_what_says_too_much_is_given_up():
             return said
 
     assert asyncio.run(look()) == {
-        "stranger": "asks for another token",
+        "intruder": "asks for another token",
         "odd": "is no flight's page",
         "mail": "is no flight's page",
         "elsewhere": "is no flight's page",

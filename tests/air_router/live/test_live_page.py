@@ -79,7 +79,7 @@ def flight(pretend):
     return made
 
 
-def test_a_page_that_is_opened_late_is_told_everything_and_asks_at_the_desk(flight):
+def test_a_page_that_is_opened_late_is_told_everything_and_sends_requests(flight):
     shown = Shown(flight)
 
     def paint(west_m, cells):

@@ -50,7 +50,7 @@ LASTING = Policy.Durability.TransientLocal
 STANDARD, CODEC = DdsTypes({}), RosCodec()
 
 
-class Desk(ControlClient):
+class FakeClient(ControlClient):
     """Asks a pretended flight in this thread."""
 
     def __init__(self, flight):
@@ -253,17 +253,17 @@ class RosProgram:
 
 
 @pytest.fixture
-def desk(pretend):
+def client(pretend):
     flight = pretend()
     flight.robots = dict(ROBOTS)
     flight.take_off()
-    return Desk(flight)
+    return FakeClient(flight)
 
 
 @pytest.fixture
-def bridge(desk, domain):
+def bridge(client, domain):
     graph = RosGraph(domain)
-    bridge = Ros2Bridge(desk, graph, requests=True, say=lambda _: None, unix_s=lambda: 1.75e9)
+    bridge = Ros2Bridge(client, graph, requests=True, say=lambda _: None, unix_s=lambda: 1.75e9)
     bridge.look()
     yield bridge
     graph.close()
@@ -278,13 +278,13 @@ def program(bridge, domain):
     return RosProgram(domain, serve)
 
 
-def test_the_flight_in_standard_messages(desk, bridge, program):
-    flight = desk.flight
-    grid = desk.mapper.grid
+def test_the_flight_in_standard_messages(client, bridge, program):
+    flight = client.flight
+    grid = client.mapper.grid
     cells = np.full((1, 2), Terrain.BUILDING, dtype=np.uint8)
     cells[0, 1] = Terrain.ROAD
-    desk.mapper.paint(GridPatch(grid.west_m + 3, grid.south_m + 2, 1.0, cells).encode())
-    flight.fly_until(lambda: desk.request({"request": "view"})["heard"])
+    client.mapper.paint(GridPatch(grid.west_m + 3, grid.south_m + 2, 1.0, cells).encode())
+    flight.fly_until(lambda: client.request({"request": "view"})["heard"])
     for _ in range(MAP_LOOKS):
         bridge.look()
     at = pytest.approx((*flight.position, flight.altitude_m), abs=0.02)
@@ -294,7 +294,7 @@ def test_the_flight_in_standard_messages(desk, bridge, program):
     (turn,) = program.standard("/tf").transforms
     assert (turn.transform.translation.x, turn.child_frame_id) == (place.x, "titan/base_link")
     fix = program.standard("~/fix")
-    assert desk.flight.mission.frame.to_local(fix.latitude, fix.longitude) == pytest.approx(
+    assert client.flight.mission.frame.to_local(fix.latitude, fix.longitude) == pytest.approx(
         flight.position, abs=0.02
     )
     assert fix.header.stamp.sec == 1_750_000_000
@@ -318,18 +318,18 @@ def test_the_flight_in_standard_messages(desk, bridge, program):
     assert told["titan: mission"].level == 0
 
 
-def test_services_answer_in_the_flights_words(desk, program):
+def test_services_answer_in_the_flights_words(client, program):
     call = {
         verb: program.client(f"/titan/{verb}", TriggerRequest, TriggerResponse)
         for verb in ("hold", "resume", "home")
     }
     answer = call["resume"]()
-    assert (answer.success, answer.message) == (False, desk.resume().why)
+    assert (answer.success, answer.message) == (False, client.resume().why)
     answer = call["hold"]()
     assert (answer.success, answer.message) == (True, "it stops and hovers")
-    assert desk.flight.controller.state is State.HOLD
+    assert client.flight.controller.state is State.HOLD
     assert call["home"]().success
-    desk.gone = True
+    client.gone = True
     answer = call["hold"]()
     assert (answer.success, answer.message) == (False, "no answer")
 
@@ -339,7 +339,7 @@ class String(IdlStruct, typename="std_msgs.msg.dds_.String_"):
     data: str
 
 
-def test_words_are_answered_to_programs_of_any_middleware(desk, program):
+def test_words_are_answered_to_programs_of_any_middleware(client, program):
     answers = program.reader("rt/titan/answer", String)
     asking = DataWriter(
         program.participant, Topic(program.participant, "rt/titan/ask", String), qos=Qos(RELIABLE)
@@ -358,7 +358,7 @@ def test_words_are_answered_to_programs_of_any_middleware(desk, program):
         "accepted": False,
         "why": "goto where? type 'goto LAT,LON', more places behind it, in degrees",
     }
-    assert desk.flight.controller.state is State.HOLD
+    assert client.flight.controller.state is State.HOLD
 
 
 ACTION = "/titan/goto/_action"
@@ -390,12 +390,12 @@ class GoTo:
 
 
 @pytest.fixture
-def goto(program, desk):
-    return GoTo(program, desk.flight.mission.frame)
+def goto(program, client):
+    return GoTo(program, client.flight.mission.frame)
 
 
-def test_a_goal_is_flown_to_and_its_result_waited_for(desk, bridge, program, goto):
-    flight, goal_id = desk.flight, Uuid(bytes([1] * 16))
+def test_a_goal_is_flown_to_and_its_result_waited_for(client, bridge, program, goto):
+    flight, goal_id = client.flight, Uuid(bytes([1] * 16))
     assert goto.go(goal_id, NEAR)
     assert not goto.go(goal_id, NEAR)  # the same once more
     assert flight.controller.state is State.GOTO
@@ -415,8 +415,8 @@ def test_a_goal_is_flown_to_and_its_result_waited_for(desk, bridge, program, got
     assert math.dist(flight.position, NEAR) < 5.0
 
 
-def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(desk, bridge, goto):
-    flight = desk.flight
+def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(client, bridge, goto):
+    flight = client.flight
     one, two, three, four = (Uuid(bytes([number] * 16)) for number in (1, 2, 3, 4))
     assert goto.go(one, NEAR, OUTSIDE)
     why = "point 2 lies outside of the fence"
@@ -437,9 +437,9 @@ def test_a_refusal_a_cancelled_goal_and_one_that_another_request_ends(desk, brid
     assert goto.ended(Uuid(bytes([9] * 16)))[0] == 0
 
 
-def test_the_command_beside_a_flight(desk, domain):
+def test_the_command_beside_a_flight(client, domain):
     """Over the flight's own endpoint, until a signal ends it."""
-    server = ControlServer("tcp://127.0.0.1:*", desk.commands.grant)
+    server = ControlServer("tcp://127.0.0.1:*", client.commands.grant)
     opened, loop = threading.Event(), asyncio.new_event_loop()
 
     async def serve():
@@ -458,7 +458,7 @@ def test_the_command_beside_a_flight(desk, domain):
         try:
             assert "ready: /titan is on ROS 2" in process.stderr.readline()
             program = RosProgram(domain, None)
-            assert program.standard("~/state").data == desk.flight.controller.state.name
+            assert program.standard("~/state").data == client.flight.controller.state.name
         finally:
             process.send_signal(signal.SIGTERM)
             loop.call_soon_threadsafe(serving.cancel)
@@ -487,27 +487,27 @@ class Silent:
         self.served.append(topic)
 
 
-def test_nothing_is_served_unless_it_is_asked_for(desk):
+def test_nothing_is_served_unless_it_is_asked_for(client):
     graph = Silent()
-    Ros2Bridge(desk, graph, requests=False, say=lambda _: None).look()
+    Ros2Bridge(client, graph, requests=False, say=lambda _: None).look()
     assert graph.served == []
     assert not any("_action" in topic for topic in graph.published)
 
 
-def test_a_flight_that_is_gone_is_said_once_and_found_again(desk):
+def test_a_flight_that_is_gone_is_said_once_and_found_again(client):
     graph, said = Silent(), []
-    bridge = Ros2Bridge(desk, graph, requests=True, say=said.append)
-    desk.gone = True
+    bridge = Ros2Bridge(client, graph, requests=True, say=said.append)
+    client.gone = True
     bridge.look()
     assert graph.published == {}
-    desk.gone = False
+    client.gone = False
     bridge.look()
     goal = bridge._actions["goto"].goals.begin("id", 0.0, 0)
-    desk.gone = True
+    client.gone = True
     bridge.look()
     bridge.look()
     assert graph.published["/diagnostics"]["status"][0]["level"] == 3
-    desk.gone = False
+    client.gone = False
     bridge._view["changes"] = [{"number": 99}]  # as of a flight that had come farther
     graph.published["/titan/areas"] = None
     for _ in range(5):

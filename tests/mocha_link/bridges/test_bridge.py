@@ -28,7 +28,7 @@ def pose(name, ros):
     return CODEC.encode(POSE, {"header": {"frame_id": name}}, ros)
 
 
-class Desk:
+class FakeMiddleware:
     """A middleware that keeps what it gets, and hands over what a test says."""
 
     ros = 1
@@ -61,13 +61,13 @@ class Desk:
 
 @contextlib.contextmanager
 def running(endpoint, progress):
-    desk = Desk()
-    bridge = Bridge(endpoint, desk, progress, patience_s=0.3)
+    middleware = FakeMiddleware()
+    bridge = Bridge(endpoint, middleware, progress, patience_s=0.3)
     thread = threading.Thread(target=bridge.run)
     thread.start()
     try:
-        assert desk.ready.wait(60)
-        yield desk
+        assert middleware.ready.wait(60)
+        yield middleware
     finally:
         bridge.stop()
         thread.join(60)
@@ -90,21 +90,21 @@ def stored(one):
 
 
 def test_what_the_robot_says(server, one, stored, progress, caplog):
-    with running(server.endpoint, progress) as desk:
-        kind, hand = desk.hands["/pose"]
+    with running(server.endpoint, progress) as middleware:
+        kind, hand = middleware.hands["/pose"]
         assert kind == POSE
         hand(b"nonsense")
         hand(pose("there", 1))
         assert stored.get(timeout=60) == "/pose"
         assert one.latest("one", "/pose").data == pose("there", 1)
-        kind, hand = desk.hands["/goal"]
+        kind, hand = middleware.hands["/goal"]
         assert kind == "std_msgs/String"
         hand(b"")
-        hand(desk.text(b"not JSON"))
-        hand(desk.text(b"[5]"))
+        hand(middleware.text(b"not JSON"))
+        hand(middleware.text(b"[5]"))
         assert stored.get(timeout=60) == "/goal"
         assert one.latest("one", "/goal").data == b"[5]"
-        assert set(desk.hands) == {"/pose", "/goal", "/log"}
+        assert set(middleware.hands) == {"/pose", "/goal", "/log"}
     assert "/pose the node refused: not a geometry_msgs/msg/PoseStamped" in caplog.text
     assert "/goal not handed on: too short" in caplog.text
     assert "grid/Map is no type of ROS 1" in caplog.text
@@ -117,9 +117,9 @@ def test_a_node_without_the_extra_for_ros(two, progress, caplog, monkeypatch):
         bare = ServiceServer(two, "tcp://127.0.0.1:*")
     with bare, ServiceClient(bare.endpoint) as client:
         team = client.team()
-    desk = Desk()
-    Bridge(bare.endpoint, desk, progress)._subscribe(team)
-    assert set(desk.hands) == {"/goal"}
+    middleware = FakeMiddleware()
+    Bridge(bare.endpoint, middleware, progress)._subscribe(team)
+    assert set(middleware.hands) == {"/goal"}
     assert "geometry_msgs/PoseStamped is unknown to the node: it needs the extra" in caplog.text
 
 
@@ -144,7 +144,7 @@ def until_said(monkeypatch, caplog):
 
 def test_what_others_say(server, two, pulled, progress, until_said):
     """One after another: only the newest of a topic is kept, and a slow bridge may miss others."""
-    with running(server.endpoint, progress) as desk:
+    with running(server.endpoint, progress) as middleware:
         pulled("/pose", b"nonsense")
         until_said("/two/pose passed over: not a geometry_msgs/msg/PoseStamped")
         pulled("/pose", pose("breaks", 2))
@@ -153,7 +153,7 @@ def test_what_others_say(server, two, pulled, progress, until_said):
         two.publish("/raw", b"grid")
         two.publish("/own", b"\0\1\0\0\7\0")
         pulled("/goal", b"{}")
-        said = [desk.said.get(timeout=60) for _ in range(3)]
+        said = [middleware.said.get(timeout=60) for _ in range(3)]
         assert said[0] == ("/two/pose", POSE, pose("here", 1))
         assert sorted(said[1:]) == [
             ("/two/goal", "std_msgs/String", b"\2\0\0\0{}"),
@@ -166,31 +166,31 @@ def test_several_messages_in_one(server, two, pulled, progress):
     for word in words:
         two.publish("/log", word)
     two.flush("/log")
-    with running(server.endpoint, progress) as desk:
+    with running(server.endpoint, progress) as middleware:
         pulled("/goal", b"1")
-        said = [desk.said.get(timeout=60)[2] for _ in range(3)]
-        assert [desk.from_text(data) for data in said] == [b"a", b"b", b"1"]
+        said = [middleware.said.get(timeout=60)[2] for _ in range(3)]
+        assert [middleware.from_text(data) for data in said] == [b"a", b"b", b"1"]
 
 
 def test_a_bridge_that_restarts(server, pulled, progress):
     pulled("/pose", pose("1", 2))
-    with running(server.endpoint, progress) as desk:
-        assert desk.said.get(timeout=60)[2] == pose("1", 1)
+    with running(server.endpoint, progress) as middleware:
+        assert middleware.said.get(timeout=60)[2] == pose("1", 1)
     pulled("/pose", pose("2", 2))
-    with running(server.endpoint, progress) as desk:
+    with running(server.endpoint, progress) as middleware:
         pulled("/goal", b"3")
-        assert desk.said.get(timeout=60)[2] == pose("2", 1)
-        assert desk.said.get(timeout=60)[2] == desk.text(b"3")
+        assert middleware.said.get(timeout=60)[2] == pose("2", 1)
+        assert middleware.said.get(timeout=60)[2] == middleware.text(b"3")
 
 
 def test_a_node_that_restarts(server, pulled, stored, progress, until_said):
     pulled("/pose", pose("1", 2))
     stored.get(timeout=60)
-    with running(server.endpoint, progress) as desk:
-        assert desk.said.get(timeout=60)[2] == pose("1", 1)
+    with running(server.endpoint, progress) as middleware:
+        assert middleware.said.get(timeout=60)[2] == pose("1", 1)
         server.close()
-        desk.hands["/pose"][1](pose("a", 1))
-        desk.hands["/pose"][1](pose("b", 1))
+        middleware.hands["/pose"][1](pose("a", 1))
+        middleware.hands["/pose"][1](pose("b", 1))
         pulled("/goal", b"2")
         assert stored.get(timeout=60) == "/goal"
         until_said("waiting for the node")
@@ -198,8 +198,8 @@ def test_a_node_that_restarts(server, pulled, stored, progress, until_said):
             assert [stored.get(timeout=60) for _ in range(2)] == ["/pose", "/pose"]
             assert server.node.latest("one", "/pose").data == pose("b", 1)
             # Numbers begin anew with the service, but nothing is handed on twice.
-            assert desk.said.get(timeout=60)[2] == desk.text(b"2")
-            assert desk.said.empty()
+            assert middleware.said.get(timeout=60)[2] == middleware.text(b"2")
+            assert middleware.said.empty()
 
 
 def test_the_outbox_is_bounded():

@@ -83,15 +83,15 @@ def test_only_who_knows_the_key_is_heard(server, other):
     endpoint = bind(server, "tcp://127.0.0.1:*")
     path = key_file(endpoint)
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    with zmq.Context() as context, context.socket(zmq.DEALER) as stranger:
-        stranger.linger = 0
-        public, stranger.curve_secretkey = zmq.curve_keypair()
-        stranger.curve_publickey = stranger.curve_serverkey = public
-        with stranger.get_monitor_socket(zmq.EVENT_DISCONNECTED) as parted:
-            stranger.connect(endpoint)
-            stranger.send(b"open")
+    with zmq.Context() as context, context.socket(zmq.DEALER) as intruder:
+        intruder.linger = 0
+        public, intruder.curve_secretkey = zmq.curve_keypair()
+        intruder.curve_publickey = intruder.curve_serverkey = public
+        with intruder.get_monitor_socket(zmq.EVENT_DISCONNECTED) as parted:
+            intruder.connect(endpoint)
+            intruder.send(b"open")
             assert parted.poll(20_000)
-            stranger.disable_monitor()
+            intruder.disable_monitor()
     assert not server.poll(0)
     assert kept_key(endpoint.replace("127.0.0.1", "localhost")) == kept_key(endpoint)
     server.close()

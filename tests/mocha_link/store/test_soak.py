@@ -1,7 +1,7 @@
-"""36 hours in the life of a team: wraps, reboots, clocks that jump. Everybody gets the newest.
+"""36 hours in the life of a team: wraps, reboots, clocks that jump. All robots get the newest.
 
 Engines without sockets: the hours pass in a second; to explore, 72. Again and again something
-happens to one of the robots; then everybody meets everybody twice, and all have to hold the newest
+happens to one of the robots; then all robots meet twice, and all have to hold the newest
 message of every topic of every robot. Between such rounds they meet now and then, often for too
 short a time.
 
@@ -136,7 +136,7 @@ class Days(NetworkSim):
                 self.publish(name, topic.name)
 
     def lose(self, name: str) -> None:
-        """What a robot has is gone: of its own the newest that anybody else has is the newest."""
+        """What a robot has is gone: of its own the newest that another robot has is the newest."""
         others = [self.held(other) for other in NAMES if other != name]
         for topic in self.team.topics_of(name):
             key = name, topic.name
@@ -147,7 +147,7 @@ class Days(NetworkSim):
         self.boot(name)
 
     def newest(self) -> dict[tuple[str, str], bytes]:
-        """What everybody should hold."""
+        """What all robots should hold."""
         newest = dict(self._newest)
         if self.shown_only:  # of what is later only by its clock no peer ever hears
             own = [key for key in newest if key[0] == self.stand_in]
@@ -255,7 +255,7 @@ def test_the_original_protocol_alone():
 
 @pytest.mark.parametrize("seed", range(2))
 def test_beside_an_original_node(seed):
-    """Ours hold the newest of everybody; the original node all that it is able to take."""
+    """Ours hold the newest of all robots; the original node all that it is able to take."""
     days = Days(seed, original=(OLD,), stand_in=OLD)
     days.shown_only = bool(seed % 2)
 

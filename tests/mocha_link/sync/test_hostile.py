@@ -158,7 +158,7 @@ def test_bad_answers_of_a_new_node(loaded, recorded):
 
 
 def test_bad_answers_of_an_original_node(loaded, recorded):
-    """It refuses the sync, offers new messages of everybody, and sends anything instead of them."""
+    """It refuses the sync, offers new messages of all robots, and sends anything instead."""
     fuzzer = Fuzzer(recorded, 5)
     checked = 0
     with Liar(loaded) as liar:

@@ -246,7 +246,7 @@ def test_few_bytes_say_what_is_new():
     pull = Pull(asker, server, room=65_536).run()
     assert pull.arrived.keys() == set(changed)
     assert asker.content == server.content
-    back = Pull(server, asker, room=65_536).run()  # as a stranger: it has never asked before
+    back = Pull(server, asker, room=65_536).run()  # as an unknown peer: it has never asked before
     assert back.data_down == 0
     strangers = headers_of(pull) + headers_of(back)
     assert strangers < 8_000, strangers
@@ -287,7 +287,7 @@ def test_what_was_listed_is_not_sent_though_it_came_from_others():
     assert Pull(server, asker).run().data_down == 0
 
 
-def test_a_small_budget_moves_something_though_strangers_have_much_to_compare():
+def test_a_small_budget_moves_something_though_unknown_peers_have_much_to_compare():
     asker, server = Node("a"), Node("b")
     for robot_id in range(30):
         for topic_id in range(20):

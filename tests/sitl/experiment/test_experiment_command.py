@@ -43,7 +43,7 @@ cross: {radius_m: [5, 30], ugvs: [3, 5]}
 
 
 class Here:
-    """A crew in this process; it can be interrupted after some runs."""
+    """A process pool in this process; it can be interrupted after some runs."""
 
     workers = 2
 
@@ -64,7 +64,7 @@ class Here:
 
 @pytest.fixture
 def sitl(tmp_path, monkeypatch):
-    """Runs the command on the small experiment; returns its exit code and its crew."""
+    """Runs the command on the small experiment; returns its exit code and its pool."""
     path = tmp_path / "small.yaml"
     path.write_text(SMALL, encoding="utf-8")
 

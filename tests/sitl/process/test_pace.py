@@ -168,16 +168,16 @@ def test_two_vehicles_keep_together(make_vehicle):
     "said",
     [b"GET / HTTP/1.1\r\n\r\n", line({"reached_s": 1}), b'{"name": "x", "reached_s": NaN}\n'],
 )
-def test_a_stranger_is_hung_up_on_and_no_program_waits_for_it(said):
+def test_an_intruder_is_hung_up_on_and_no_program_waits_for_it(said):
     with PaceServer(("127.0.0.1", 0), 0) as server:
-        stranger = socket.create_connection(("127.0.0.1", server.port))
-        stranger.sendall(said)
+        intruder = socket.create_connection(("127.0.0.1", server.port))
+        intruder.sendall(said)
         while len(server.sockets) < 2:
             server.attend(server.sockets)
         while len(server.sockets) > 1:
             server.attend(server.sockets)
-        assert stranger.recv(100) == b""
-        stranger.close()
+        assert intruder.recv(100) == b""
+        intruder.close()
         assert server.limit(100.0, 0.0) == Limit()
 
 

@@ -2,7 +2,7 @@ import pytest
 
 from air_router.controller.model.actions import FlyToNode, FlyToPoint, HoldHere
 from air_router.controller.model.mission_context import MissionContext
-from air_router.controller.monitor.safety_monitor import STRANGE_S, EventKind, SafetyMonitor
+from air_router.controller.monitor.safety_monitor import FOREIGN_ORDER_S, EventKind, SafetyMonitor
 from air_router.controller.motion.command_gate import CommandedMode
 from air_router.mission.flight_plan import FlightPlan
 from air_router.vehicle.vehicle import FlightMode, Telemetry
@@ -44,8 +44,8 @@ def watched(pennovation, plan):
 def test_an_order_of_another_while_it_hovers_in_hold(watched):
     goto = FlyToPoint(HERE, 40.0)
     assert watched(goto, (1.0,), target=Point(1.0, 1.0)) is EventKind.GOOD
-    assert watched(goto, (2.0, 2.0 + STRANGE_S - 0.1), target=THERE) is EventKind.GOOD
-    assert watched(goto, (2.0 + STRANGE_S,), target=THERE) is EventKind.STRANGER
+    assert watched(goto, (2.0, 2.0 + FOREIGN_ORDER_S - 0.1), target=THERE) is EventKind.GOOD
+    assert watched(goto, (2.0 + FOREIGN_ORDER_S,), target=THERE) is EventKind.FOREIGN_ORDER
 
 
 def test_an_old_target_that_still_shows_for_a_moment_is_no_order(watched):
@@ -64,20 +64,20 @@ def test_where_it_stopped_is_ours_and_another_place_is_not(watched):
     assert watched(hold, (1.0, 3.0), target=HERE) is EventKind.GOOD
     # It has braked: this is the place.
     assert watched(hold, (4.0, 9.0), target=THERE) is EventKind.GOOD
-    assert watched(hold, (10.0, 12.0), target=HERE) is EventKind.STRANGER
+    assert watched(hold, (10.0, 12.0), target=HERE) is EventKind.FOREIGN_ORDER
 
 
 def test_a_far_place_right_after_a_hold_is_not_where_it_stopped(watched, pennovation):
     hold, far = HoldHere("why"), Point(pennovation.home.east_m + 60.0, pennovation.home.north_m)
     assert watched(hold, (1.0, 3.9, 4.0, 5.4), target=far) is EventKind.GOOD
-    assert watched(hold, (5.5,), target=far) is EventKind.STRANGER
+    assert watched(hold, (5.5,), target=far) is EventKind.FOREIGN_ORDER
 
 
 def test_another_plan_item_in_mission_mode(watched, plan):
     jump = FlyToNode(3, HERE)
     assert watched(jump, (1.0, 9.0), item=plan.item_of(3)) is EventKind.GOOD
     assert watched(jump, (10.0, 12.0), item=None) is EventKind.GOOD
-    assert watched(jump, (20.0, 22.0), item=plan.item_of(4)) is EventKind.STRANGER
+    assert watched(jump, (20.0, 22.0), item=plan.item_of(4)) is EventKind.FOREIGN_ORDER
 
 
 def test_a_breach(watched, pennovation):

@@ -54,7 +54,7 @@ def heard(targets, robot, place, now_s, *path, given=True):
 @st.composite
 def rosters(draw):
     targets = TargetList(draw(names))
-    for name in (*targets.names, "stranger"):
+    for name in (*targets.names, "intruder"):
         now_s, stamp_s = draw(moments), draw(st.floats(0, 1e11))
         if draw(st.booleans()):
             targets.pose_heard(name, draw(points), stamp_s, now_s)

@@ -74,7 +74,7 @@ def test_old_news_changes_nothing():
     assert not robots.path_heard("io", (Point(8, 8),), stamp_s=100.0, now_s=6.0)
 
 
-def test_strangers_are_ignored():
+def test_unknown_robots_are_ignored():
     robots = targets()
     assert not robots.pose_heard("mallory", Point(1, 2), stamp_s=100.0, now_s=5.0)
     assert not robots.path_heard("mallory", (Point(1, 2),), stamp_s=100.0, now_s=5.0)

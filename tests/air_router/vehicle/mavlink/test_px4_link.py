@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from air_router.vehicle.mavlink.px4_link import ANEW_S, PeerFilter, Px4Link, frames
 
-VEHICLE, STRANGER = ("10.0.0.5", 14580), ("10.0.0.66", 14580)
+VEHICLE, INTRUDER = ("10.0.0.5", 14580), ("10.0.0.66", 14580)
 
 
 def heartbeat(system=1, component=1, version=2):
@@ -33,13 +33,13 @@ def test_frames_of_a_datagram(version):
 
 def test_the_vehicle_is_learned_by_its_heartbeat_and_others_are_not_heard(caplog):
     found = PeerFilter(system_id=1)
-    assert found.takes(heartbeat(255, 190), STRANGER, 0.0)  # what is there, for the operator
-    assert found.takes(position(5), STRANGER, 0.0)
+    assert found.takes(heartbeat(255, 190), INTRUDER, 0.0)  # what is there, for the operator
+    assert found.takes(position(5), INTRUDER, 0.0)
     assert found.peer is None
     assert found.takes(heartbeat(), VEHICLE, 1.0)
     assert found.peer == VEHICLE
     for datagram in (heartbeat(), position(5), b""):
-        assert not found.takes(datagram, STRANGER, 1.1)
+        assert not found.takes(datagram, INTRUDER, 1.1)
     assert found.takes(position(6), VEHICLE, 1.2)
     assert (found.peer, found.refused) == (VEHICLE, 3)
     assert caplog.text.count("is not listened to") == 1
@@ -51,7 +51,7 @@ def test_a_vehicle_that_was_silent_may_come_back_on_another_port_of_its_host():
     again, later_s = (VEHICLE[0], 20000), ANEW_S + 1.0
     assert not found.takes(heartbeat(), again, ANEW_S - 1.0)
     assert not found.takes(position(5), again, later_s)
-    assert not found.takes(heartbeat(), STRANGER, later_s)
+    assert not found.takes(heartbeat(), INTRUDER, later_s)
     assert found.takes(heartbeat(), again, later_s)
     assert found.peer == again
 
@@ -61,13 +61,13 @@ def test_over_real_sockets():
     bound.bind(("127.0.0.1", 0))
     here = bound.getsockname()
     heard = queue.Queue()
-    vehicle, stranger = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    vehicle, intruder = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
     link = Px4Link(bound, 1, heard.put)
-    with vehicle, stranger:
+    with vehicle, intruder:
         link.send(b"too early")
         vehicle.sendto(heartbeat(), here)
         assert heard.get(timeout=20) == heartbeat()
-        stranger.sendto(position(5), here)
+        intruder.sendto(position(5), here)
         vehicle.sendto(position(6), here)
         assert heard.get(timeout=20) == position(6)
         link.send(b"an order")

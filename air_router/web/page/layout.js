@@ -4,7 +4,7 @@ import { byId } from "./element.js";
 
 const MARGIN_PIXELS = 20;
 
-export class Desk {
+export class Layout {
   /** @param {any} map @param {() => void} changed is told when more or less of the map is free */
   constructor(map, changed) {
     this.map = map;
